@@ -4,7 +4,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use crate::motion::{MOST_STATES, Motion};
-use crate::program::Work;
+use crate::program::ProgramNumbers;
 use kalmems_core::{Lu, Mat};
 
 /// Steps of Newton's method at most.
@@ -17,7 +17,13 @@ impl Motion {
     /// from a start; `None` where none is found.
     ///
     /// Solves fᵢ(x, u) = 0 for every i that is not held. States that no rate pins down, such as a cyclic phase, are to be held.
-    pub fn rest(&self, work: &mut Work, start: &[f64], held: &[bool], inputs: &[f64]) -> Option<Vec<f64>> {
+    pub fn rest(
+        &self,
+        work: &mut ProgramNumbers,
+        start: &[f64],
+        held: &[bool],
+        inputs: &[f64],
+    ) -> Option<Vec<f64>> {
         let states = self.states();
         let is_held = |i: usize| i >= self.moving() || held.get(i).copied().unwrap_or(false);
         let mut x = start.to_vec();

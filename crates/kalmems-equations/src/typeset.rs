@@ -1,7 +1,7 @@
 //! Equations as a reader knows them, in Unicode.
 
-use crate::device::{Device, Line, Text};
-use crate::syntax::{Form, is_of_name};
+use crate::device::{Device, DeviceEquation, ParsedText};
+use crate::syntax::{TermForm, is_of_name};
 
 impl Device {
     /// Its equations, one line each: Greek letters for their names, indices, powers, roots and derivatives as they are
@@ -24,10 +24,10 @@ impl Device {
     /// # Ok::<(), kalmems_equations::EquationError>(())
     /// ```
     pub fn typeset(&self) -> Vec<String> {
-        let line = |(left, right): &(String, Line)| {
+        let line = |(left, right): &(String, DeviceEquation)| {
             let text = match right {
-                Line::Text(text) => text,
-                Line::Law(formula) => return format!("{} = {formula}", header(left)),
+                DeviceEquation::Text(text) => text,
+                DeviceEquation::Law(formula) => return format!("{} = {formula}", header(left)),
             };
             let unit = text.tree.unit.as_ref().map(|(_, span)| format!("  in {}", text.word(span)));
             format!("{} = {}{}", header(left), expression(text), unit.unwrap_or_default())
@@ -60,7 +60,7 @@ fn header(left: &str) -> String {
     }
 }
 
-fn expression(text: &Text) -> String {
+fn expression(text: &ParsedText) -> String {
     let mut parts: Vec<(String, Bond)> = Vec::with_capacity(text.tree.terms.len());
     for term in &text.tree.terms {
         let at = |id: &usize| parts.get(*id).cloned().unwrap_or((String::new(), Bond::Whole));
@@ -70,10 +70,10 @@ fn expression(text: &Text) -> String {
             if own < bond { format!("({part})") } else { part }
         };
         let written = match &term.form {
-            Form::Number(..) => (number(text.word(&term.span)), Bond::Whole),
-            Form::Name(span) => (name(text.word(span)), Bond::Whole),
-            Form::Negative(of) => (format!("−{}", within(of, Bond::Product)), Bond::Sum),
-            Form::Sum(of) => {
+            TermForm::Number(..) => (number(text.word(&term.span)), Bond::Whole),
+            TermForm::Name(span) => (name(text.word(span)), Bond::Whole),
+            TermForm::Negative(of) => (format!("−{}", within(of, Bond::Product)), Bond::Sum),
+            TermForm::Sum(of) => {
                 let mut sum = String::new();
                 for (index, (minus, id)) in of.iter().enumerate() {
                     let sign = match (index, minus) {
@@ -86,7 +86,7 @@ fn expression(text: &Text) -> String {
                 }
                 (sum, Bond::Sum)
             }
-            Form::Product(of) => {
+            TermForm::Product(of) => {
                 let mut product = String::new();
                 for (index, (over, id)) in of.iter().enumerate() {
                     let sign = match (index, over) {
@@ -102,7 +102,7 @@ fn expression(text: &Text) -> String {
                 }
                 (product, Bond::Product)
             }
-            Form::Power(base, exponent) => {
+            TermForm::Power(base, exponent) => {
                 let base = within(base, Bond::Whole);
                 let exponent = at(exponent).0;
                 match raised(&exponent) {
@@ -110,7 +110,7 @@ fn expression(text: &Text) -> String {
                     None => (format!("{base}^({exponent})"), Bond::Power),
                 }
             }
-            Form::Call(function, of) => {
+            TermForm::Call(function, of) => {
                 let arguments: Vec<String> = of.iter().map(|id| at(id).0).collect();
                 let function = text.word(function);
                 let first = arguments.first().cloned().unwrap_or_default();
@@ -124,14 +124,14 @@ fn expression(text: &Text) -> String {
                     _ => (format!("{function}({})", arguments.join(", ")), Bond::Power),
                 }
             }
-            Form::Choice { smaller, larger, then, otherwise } => {
+            TermForm::Choice { smaller, larger, then, otherwise } => {
                 let [a, b, x, y] = [smaller, larger, then, otherwise].map(|id| at(id).0);
                 (format!("{{{x} if {a} < {b}, {y} else}}"), Bond::Whole)
             }
-            Form::Partial { of, by } => {
+            TermForm::Partial { of, by } => {
                 (format!("∂{}/∂{}", within(of, Bond::Whole), name(text.word(by))), Bond::Power)
             }
-            Form::Rate { of } => (format!("d{}/dt", within(of, Bond::Whole)), Bond::Power),
+            TermForm::Rate { of } => (format!("d{}/dt", within(of, Bond::Whole)), Bond::Power),
         };
         parts.push(written);
     }

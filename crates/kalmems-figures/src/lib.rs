@@ -43,11 +43,11 @@ mod svg;
 mod table;
 mod text;
 
-pub use decimate::{Decimated, Thinning, decimate, decimate_band, pairs, triples};
+pub use decimate::{DecimatedSignal, Thinning, decimate, decimate_band, pairs, triples};
 pub use error::ReportError;
-pub use figure::{Axis, Figure, Grid, Panel, Role, Scale, Series, Shape};
-pub use page::{Block, Explanation, Page, Part, Section, Severity};
+pub use figure::{Axis, AxisScale, Figure, MapGrid, Panel, Series, SeriesRole, Shape};
+pub use page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection};
 pub use record::Track;
 pub use significant::{number, significant, with_short_numbers};
-pub use table::{Column, Table};
+pub use table::{ColumnHead, TextTable};
 pub use text::unit_sign;

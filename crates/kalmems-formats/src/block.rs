@@ -75,12 +75,12 @@ pub struct CellFault {
     /// The column of the description; `None` where it is about the row.
     pub column: Option<usize>,
     /// What it is.
-    pub fault: Fault,
+    pub fault: CellFinding,
 }
 
 /// What can be wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Fault {
+pub enum CellFinding {
     /// Nothing is there.
     Missing,
     /// It says that it is no number: `nan` in any spelling.

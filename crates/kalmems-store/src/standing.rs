@@ -11,7 +11,7 @@ use std::time::SystemTime;
 
 /// What stands at the target of a result, where a result may be put there.
 #[derive(Debug)]
-pub(crate) enum Standing {
+pub(crate) enum TargetState {
     /// Nothing, or an empty folder.
     Nothing,
     /// A result.
@@ -20,31 +20,31 @@ pub(crate) enum Standing {
         /// Its files that are not as they were written.
         changed: Vec<String>,
         /// Its files that are, as they were when that was found.
-        seen: BTreeMap<String, Seen>,
+        seen: BTreeMap<String, FileStamp>,
     },
 }
 
 /// By what it is known that a file was not touched, without reading it again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Seen {
+pub(crate) struct FileStamp {
     bytes: u64,
     modified: Option<SystemTime>,
 }
 
-impl Seen {
+impl FileStamp {
     fn of(there: &Metadata) -> Self {
         Self { bytes: there.len(), modified: there.modified().ok() }
     }
 }
 
 /// Looks at a target; what may not be replaced is an error. What an earlier look has seen is not read again.
-pub(crate) fn look(target: &Path, place: &Path, before: &Standing) -> Result<Standing, OutputError> {
+pub(crate) fn look(target: &Path, place: &Path, before: &TargetState) -> Result<TargetState, OutputError> {
     let error = |source| OutputError::Io { path: target.to_owned(), source };
     let names = match names(place) {
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Standing::Nothing),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(TargetState::Nothing),
         names => names.map_err(error)?,
     };
-    let Some(first) = names.first() else { return Ok(Standing::Nothing) };
+    let Some(first) = names.first() else { return Ok(TargetState::Nothing) };
     let wrong = |why| OutputError::Manifest { path: target.join(MANIFEST), why };
     let Some(manifest) = Manifest::read(place).map_err(wrong)? else {
         let path = target.to_owned();
@@ -59,8 +59,8 @@ pub(crate) fn look(target: &Path, place: &Path, before: &Standing) -> Result<Sta
         return Err(OutputError::Stranger { path: target.to_owned(), file });
     }
     let known = match before {
-        Standing::Result { seen, .. } => Some(seen),
-        Standing::Nothing => None,
+        TargetState::Result { seen, .. } => Some(seen),
+        TargetState::Nothing => None,
     };
     let (mut changed, mut seen) = (Vec::new(), BTreeMap::new());
     for (name, written) in &manifest.files {
@@ -70,7 +70,7 @@ pub(crate) fn look(target: &Path, place: &Path, before: &Standing) -> Result<Sta
             Err(e) if e.kind() == io::ErrorKind::NotFound => continue,
             there => there.map_err(error)?,
         };
-        let now = Seen::of(&there);
+        let now = FileStamp::of(&there);
         let untouched = known.and_then(|known| known.get(name)).is_some_and(|seen| *seen == now);
         if there.is_file() && (untouched || checksum_within(place, name).map_err(error)? == *written) {
             seen.insert(name.clone(), now);
@@ -78,7 +78,7 @@ pub(crate) fn look(target: &Path, place: &Path, before: &Standing) -> Result<Sta
             changed.push(name.clone());
         }
     }
-    Ok(Standing::Result { manifest, changed, seen })
+    Ok(TargetState::Result { manifest, changed, seen })
 }
 
 /// The first thing in a result's folder that is not the result's, as seen from the folder.
@@ -111,12 +111,12 @@ fn names(folder: &Path) -> io::Result<Vec<String>> {
 pub(crate) fn remove_owned(
     folder: &Path,
     manifest: &Manifest,
-    seen: &BTreeMap<String, Seen>,
+    seen: &BTreeMap<String, FileStamp>,
 ) -> io::Result<()> {
     for (name, written) in &manifest.files {
         let path = folder.join(name);
         let Ok(there) = fs::symlink_metadata(&path) else { continue };
-        let untouched = seen.get(name).is_some_and(|seen| *seen == Seen::of(&there));
+        let untouched = seen.get(name).is_some_and(|seen| *seen == FileStamp::of(&there));
         if there.is_file() && (untouched || checksum_within(folder, name)? == *written) {
             fs::remove_file(&path)?;
         }

@@ -9,9 +9,9 @@ use std::sync::Mutex;
 
 /// What is kept: each different value once.
 #[derive(Debug)]
-pub struct Known<T: ?Sized + 'static>(Mutex<Vec<&'static T>>);
+pub struct Interner<T: ?Sized + 'static>(Mutex<Vec<&'static T>>);
 
-impl<T: ?Sized + PartialEq + 'static> Known<T> {
+impl<T: ?Sized + PartialEq + 'static> Interner<T> {
     /// Nothing yet.
     pub const fn new() -> Self {
         Self(Mutex::new(Vec::new()))
@@ -30,7 +30,7 @@ impl<T: ?Sized + PartialEq + 'static> Known<T> {
     }
 }
 
-impl<T: ?Sized + PartialEq + 'static> Default for Known<T> {
+impl<T: ?Sized + PartialEq + 'static> Default for Interner<T> {
     fn default() -> Self {
         Self::new()
     }
@@ -43,7 +43,7 @@ impl<T: ?Sized + PartialEq + 'static> Default for Known<T> {
 /// assert!(std::ptr::eq(kalmems_units::name(&own), kalmems_units::name("deflection")));
 /// ```
 pub fn name(text: &str) -> &'static str {
-    static NAMES: Known<str> = Known::new();
+    static NAMES: Interner<str> = Interner::new();
     NAMES.get(text, || text.into())
 }
 
@@ -98,7 +98,7 @@ impl Kind {
     }
 
     fn among(kinds: &[&'static Self], dimension: Dimension, (what, text): (&str, &str)) -> &'static Self {
-        static OTHERS: Known<Kind> = Known::new();
+        static OTHERS: Interner<Kind> = Interner::new();
         if let Some(kind) = kinds.iter().find(|kind| kind.dimension == dimension) {
             return kind;
         }
@@ -115,14 +115,14 @@ impl Kind {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Dimension, Header, Kind, Unit, kind};
+    use crate::{ColumnHeader, Dimension, Kind, Unit, kind};
 
     #[test]
     fn the_ending_of_a_kind_is_read_back_as_its_unit() {
         // A noise density, of half a power of a unit, is no column of a recording.
         for kind in kind::ALL.iter().filter(|kind| !kind.ending().contains("rt")) {
             let column = format!("value_{}", kind.ending());
-            let unit = Header::parse(&column).unit;
+            let unit = ColumnHeader::parse(&column).unit;
             assert_eq!(unit.map(|unit| unit.dimension()), Some(kind.dimension), "{column}");
         }
     }

@@ -21,8 +21,8 @@ mod unit;
 mod value;
 
 pub use dimension::Dimension;
-pub use header::Header;
+pub use header::ColumnHeader;
 pub use kind::Kind;
-pub use known::{Known, name};
+pub use known::{Interner, name};
 pub use unit::{Unit, UnitError};
 pub use value::{Value, number_length};

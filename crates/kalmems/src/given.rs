@@ -1,6 +1,6 @@
 //! An experiment of which recordings are given as arrays, in the place of the files that it names.
 
-use crate::config::{ArraysByFile, ConfigError, Experiment, Fault, Key, Place, Source};
+use crate::config::{ArraysByFile, ConfigError, ConfigFault, ConfigPlace, Experiment, Key, Source};
 use crate::diagnose::{DiagnoseError, FoundNoise, with_noise};
 use crate::progress::Progress;
 use crate::recording::Arrays;
@@ -11,7 +11,7 @@ use toml::{Table, Value};
 
 /// A recording as arrays, and what is said of them beside the experiment.
 #[derive(Clone, Debug)]
-pub struct GivenRecording {
+pub struct ArrayRecording {
     /// Its columns, by the names that the experiment has for them.
     pub arrays: Arrays,
     /// Units of the numbers of columns, where that is not what their names end with.
@@ -19,12 +19,12 @@ pub struct GivenRecording {
     /// The column that tells records apart, where that is not for the experiment to say.
     pub segments: Option<String>,
     /// When the samples were taken, where the experiment does not say it.
-    pub clock: Option<GivenClock>,
+    pub clock: Option<ArrayClock>,
 }
 
 /// When samples were taken.
 #[derive(Clone, Debug, PartialEq)]
-pub enum GivenClock {
+pub enum ArrayClock {
     /// As this column says.
     Column(String),
     /// At this rate in Hz.
@@ -33,7 +33,7 @@ pub enum GivenClock {
 
 /// An experiment and the recordings that are given for it.
 #[derive(Clone, Debug)]
-pub struct Given {
+pub struct ArrayExperiment {
     path: PathBuf,
     text: String,
     document: Table,
@@ -46,7 +46,7 @@ pub struct Given {
 
 /// An experiment that is ready for work.
 #[derive(Debug)]
-pub struct Ready {
+pub struct PreparedExperiment {
     /// The devices, with the arrays in the place of files for whatever is read because of the experiment.
     pub workbench: Workbench,
     /// The experiment.
@@ -55,7 +55,7 @@ pub struct Ready {
     pub noise: Vec<FoundNoise>,
 }
 
-impl Given {
+impl ArrayExperiment {
     /// Nothing yet, for the experiment of this text; `path` is where that stands, or would stand.
     pub fn new(text: &str, path: &Path) -> Result<Self, ConfigError> {
         let source = Source::of(text, path)?;
@@ -72,7 +72,7 @@ impl Given {
 
     /// Puts arrays in the place of the file of a recording: that of this name or role, or, where nothing is said, the only one, else the only one
     /// of the role `test`.
-    pub fn recording(&mut self, of: Option<&str>, given: &GivenRecording) -> Result<(), ConfigError> {
+    pub fn recording(&mut self, of: Option<&str>, given: &ArrayRecording) -> Result<(), ConfigError> {
         let place = self.place(of)?;
         let taken: Vec<PathBuf> = self.arrays.keys().cloned().collect();
         let recording = self.table(place)?;
@@ -95,14 +95,14 @@ impl Given {
     }
 
     /// Puts arrays in the place of the file of a recording's reference; which recording, as with [`recording`](Self::recording).
-    pub fn reference(&mut self, of: Option<&str>, given: &GivenRecording) -> Result<(), ConfigError> {
+    pub fn reference(&mut self, of: Option<&str>, given: &ArrayRecording) -> Result<(), ConfigError> {
         let place = self.place(of)?;
         let taken: Vec<PathBuf> = self.arrays.keys().cloned().collect();
         let key = Key::from("recording").index(place).child("reference");
         let Some(Value::Table(reference)) = self.table(place)?.get_mut("reference") else {
             let remedy =
                 "say what its columns are, such as `reference = { channels = { angle = \"angle_rad\" } }`";
-            return Err(self.error(key, Fault::MissingKey { remedy: remedy.to_owned() }));
+            return Err(self.error(key, ConfigFault::MissingKey { remedy: remedy.to_owned() }));
         };
         let file = put_file(reference, &format!("reference {place}"), &taken);
         if let Some(segments) = &given.segments {
@@ -116,7 +116,11 @@ impl Given {
     }
 
     /// Reads the experiment with what was given, and finds the noises that it leaves to its recording.
-    pub fn ready(self, workbench: &Workbench, progress: &dyn Progress) -> Result<Ready, DiagnoseError> {
+    pub fn ready(
+        self,
+        workbench: &Workbench,
+        progress: &dyn Progress,
+    ) -> Result<PreparedExperiment, DiagnoseError> {
         for (place, recording) in
             self.document.get("recording").and_then(Value::as_array).into_iter().flatten().enumerate()
         {
@@ -124,7 +128,7 @@ impl Given {
             if !self.recordings.contains(&place) && file.is_some_and(|file| self.arrays.contains_key(file)) {
                 let why = "it is in the file of another recording, in whose place there are arrays; give arrays for this one as well";
                 let key = Key::from("recording").index(place).child("file");
-                return Err(self.error(key, Fault::Value { why: why.to_owned() }).into());
+                return Err(self.error(key, ConfigFault::Value { why: why.to_owned() }).into());
             }
         }
         let workbench = workbench.clone().with_arrays(self.arrays.into_iter().collect::<ArraysByFile>());
@@ -147,7 +151,7 @@ impl Given {
             DiagnoseError::Config(error) => without_line(error).into(),
             other => other,
         })?;
-        Ok(Ready { workbench, experiment, noise })
+        Ok(PreparedExperiment { workbench, experiment, noise })
     }
 
     /// Which recording is meant.
@@ -180,14 +184,14 @@ impl Given {
                 Some(of) => format!("no single recording has the name or the role `{of}`; there are {there}"),
                 None => format!("which recording is given is not clear; say it by name or role, of {there}"),
             };
-            self.error(Key::from("recording"), Fault::Value { why })
+            self.error(Key::from("recording"), ConfigFault::Value { why })
         })
     }
 
     fn table(&mut self, place: usize) -> Result<&mut Table, ConfigError> {
         let error = self.error(
             Key::from("recording").index(place),
-            Fault::Value { why: "a recording is a table".to_owned() },
+            ConfigFault::Value { why: "a recording is a table".to_owned() },
         );
         let recordings = self.document.get_mut("recording").and_then(Value::as_array_mut);
         recordings.and_then(|all| all.get_mut(place)).and_then(Value::as_table_mut).ok_or(error)
@@ -197,8 +201,8 @@ impl Given {
         self.is_changed = self.text.parse::<Table>().map_or(true, |told| told != self.document);
     }
 
-    fn error(&self, key: Key, fault: Fault) -> ConfigError {
-        ConfigError { place: Box::new(Place { file: self.path.clone(), position: None, key }), fault }
+    fn error(&self, key: Key, fault: ConfigFault) -> ConfigError {
+        ConfigError { place: Box::new(ConfigPlace { file: self.path.clone(), position: None, key }), fault }
     }
 }
 
@@ -214,7 +218,7 @@ fn put_file(table: &mut Table, usual: &str, taken: &[PathBuf]) -> String {
 }
 
 /// What a reference in a file of its own takes over from the recording stays as it was for that file.
-fn keep_for_reference(recording: &mut Table, given: &GivenRecording) {
+fn keep_for_reference(recording: &mut Table, given: &ArrayRecording) {
     let changed = [("clock", given.clock.is_some()), ("segments", given.segments.is_some())];
     let before: Vec<(&str, Option<Value>)> =
         changed.iter().filter(|(_, is)| *is).map(|(key, _)| (*key, recording.get(*key).cloned())).collect();
@@ -235,17 +239,17 @@ fn column(name: &str) -> (String, Value) {
     ("column".to_owned(), Value::String(name.to_owned()))
 }
 
-fn set_clock(table: &mut Table, given: &GivenRecording) {
+fn set_clock(table: &mut Table, given: &ArrayRecording) {
     let clock = match &given.clock {
-        Some(GivenClock::Column(name)) => column(name),
-        Some(GivenClock::Rate(rate_hz)) => ("rate".to_owned(), Value::String(format!("{rate_hz:e} Hz"))),
+        Some(ArrayClock::Column(name)) => column(name),
+        Some(ArrayClock::Rate(rate_hz)) => ("rate".to_owned(), Value::String(format!("{rate_hz:e} Hz"))),
         None => return,
     };
     table.insert("clock".to_owned(), Value::Table(Table::from_iter([clock])));
 }
 
 /// States the units of columns where the table names them.
-fn set_units(table: &mut Table, given: &GivenRecording) {
+fn set_units(table: &mut Table, given: &ArrayRecording) {
     if given.units.is_empty() {
         return;
     }

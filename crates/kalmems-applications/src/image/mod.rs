@@ -39,14 +39,16 @@ mod track;
 pub use accuracy::{PhaseAccuracy, ShiftHistogram, pixel_index};
 pub use file::{Fill, Image, ImageAxis, Intensity};
 pub use grey_png::{PictureError, preview, read_grey, write_grey};
-pub use lissajous::{Lissajous, Oscillation, Spot};
+pub use lissajous::{AxisOscillation, Lissajous, Spot};
 pub use merit::{edge_width, psnr_db, structural_similarity};
 pub use picture::Picture;
 pub use raster::{Passes, Raster};
 pub use reconstruct::{AxisOutcome, ImageError, ImageOutcome, reconstruct};
-pub use results::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, image_page, write_image};
-pub use scan::{Counts, Scan, ScanAxis};
-pub use scene::Scene;
-pub use search::{FoundPhase, SearchError, search_phases};
+pub use results::{
+    DevelopedImage, ImageAxisMetrics, ImageMetrics, ReferenceMetrics, image_page, write_image,
+};
+pub use scan::{ImageScan, ScanAxis, ScanSampleCounts};
+pub use scene::TissueScene;
+pub use search::{FoundPhase, PhaseSearchError, search_phases};
 pub use sharpness::Sharpness;
-pub use track::{Placed, Track, TrackError, Walk};
+pub use track::{AxisTrack, Placed, TrackError, Walk};

@@ -1,14 +1,14 @@
 //! Intensities along an estimated trajectory.
 
 use super::raster::Passes;
-use super::track::{Placed, Track};
+use super::track::{AxisTrack, Placed};
 use serde::Serialize;
 
 /// An axis of a scan.
 #[derive(Clone, Debug)]
 pub struct ScanAxis {
     /// Its angle over time.
-    pub track: Track,
+    pub track: AxisTrack,
     /// The angle at the edge of the field of view, in rad.
     pub half_field_rad: f64,
     /// Pixels along it.
@@ -24,7 +24,7 @@ impl ScanAxis {
 
 /// Intensities with their times, and where the spot was.
 #[derive(Clone, Debug)]
-pub struct Scan {
+pub struct ImageScan {
     /// When each was taken, in s, increasing; on a clock of its own rate, but with the same zero as the trajectories.
     pub time_s: Vec<f64>,
     /// The intensities; NaN where none was measured.
@@ -37,7 +37,7 @@ pub struct Scan {
 
 /// What became of the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Counts {
+pub struct ScanSampleCounts {
     /// All of them.
     pub samples: u64,
     /// Sorted into a pixel.
@@ -52,7 +52,7 @@ pub struct Counts {
     pub without_intensity: u64,
 }
 
-impl Scan {
+impl ImageScan {
     /// Width and height in pixels.
     pub fn size(&self) -> [usize; 2] {
         [self.x.pixels, self.y.as_ref().map_or(1, |y| y.pixels)]
@@ -70,9 +70,9 @@ impl Scan {
     /// Sorts all samples into pixels, in one pass, with each axis ahead of its trajectory by `phases_rad`.
     ///
     /// The passes are those of x, which is 0 in `direction_of`, or of y, which is 1.
-    pub fn reconstruct(&self, phases_rad: [f64; 2], direction_of: usize) -> (Passes, Counts) {
+    pub fn reconstruct(&self, phases_rad: [f64; 2], direction_of: usize) -> (Passes, ScanSampleCounts) {
         let mut passes = Passes::new(self.size());
-        let mut counts = Counts::default();
+        let mut counts = ScanSampleCounts::default();
         let mut walks = self.walks(phases_rad);
         for (time, intensity) in self.time_s.iter().zip(&self.intensity) {
             counts.samples += 1;
@@ -108,10 +108,10 @@ impl Scan {
         }
     }
 
-    fn walks(&self, phases_rad: [f64; 2]) -> [Option<Shifted<'_>>; 2] {
+    fn walks(&self, phases_rad: [f64; 2]) -> [Option<ShiftedAxis<'_>>; 2] {
         [0, 1].map(|axis| {
             let track = &self.axis(axis)?.track;
-            Some(Shifted { walk: track.walk(), lead_s: track.lead_s(phases_rad[axis]) })
+            Some(ShiftedAxis { walk: track.walk(), lead_s: track.lead_s(phases_rad[axis]) })
         })
     }
 
@@ -130,12 +130,12 @@ impl Scan {
 }
 
 /// An axis that is ahead of its trajectory: what it does now, the trajectory does later.
-struct Shifted<'a> {
+struct ShiftedAxis<'a> {
     walk: super::track::Walk<'a>,
     lead_s: f64,
 }
 
-impl Shifted<'_> {
+impl ShiftedAxis<'_> {
     fn at(&mut self, time_s: f64) -> Placed {
         self.walk.at(time_s + self.lead_s)
     }

@@ -12,7 +12,7 @@ const SHORTEST: usize = 4;
 /// Between samples it is the cubic through the four around; nothing is interpolated across a gap, which is a time
 /// without samples longer than [`GAP`] usual intervals or a sample without a number.
 #[derive(Clone, Debug)]
-pub struct Track {
+pub struct AxisTrack {
     time_s: Vec<f64>,
     angle_rad: Vec<f64>,
     runs: Vec<Range<usize>>,
@@ -57,7 +57,7 @@ pub enum Placed {
     Beyond,
 }
 
-impl Track {
+impl AxisTrack {
     /// From times in s, increasing, and angles in rad; NaN where there is none.
     pub fn new(time_s: Vec<f64>, angle_rad: Vec<f64>) -> Result<Self, TrackError> {
         if time_s.len() != angle_rad.len() || !time_s.is_sorted_by(|a, b| a < b) {
@@ -145,7 +145,7 @@ impl Track {
 /// Looks at a track at one time after the other; quick where they increase.
 #[derive(Clone, Debug)]
 pub struct Walk<'a> {
-    track: &'a Track,
+    track: &'a AxisTrack,
     run: usize,
     /// The sample at the end of the interval that was looked at last.
     to: usize,
@@ -189,13 +189,13 @@ mod tests {
         0.2 * (TAU * t).sin()
     }
 
-    fn with_holes() -> Track {
+    fn with_holes() -> AxisTrack {
         let mut time: Vec<f64> = (0..640).map(|k| f64::from(k) / RATE).collect();
         let mut angle: Vec<f64> = time.iter().map(|t| sine(*t)).collect();
         angle[100] = f64::NAN;
         time.drain(300..320);
         angle.drain(300..320);
-        Track::new(time, angle).unwrap()
+        AxisTrack::new(time, angle).unwrap()
     }
 
     #[test]
@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_used_is_refused() {
-        let refused = |t: &[f64], a: &[f64]| Track::new(t.to_vec(), a.to_vec()).unwrap_err();
+        let refused = |t: &[f64], a: &[f64]| AxisTrack::new(t.to_vec(), a.to_vec()).unwrap_err();
         assert_eq!(refused(&[0.0, 1.0, 1.0], &[0.0; 3]), TrackError::Times);
         assert_eq!(refused(&[0.0, 1.0], &[0.0; 3]), TrackError::Times);
         assert_eq!(refused(&[], &[]), TrackError::Short { longest: 0 });

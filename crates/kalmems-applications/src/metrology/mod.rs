@@ -17,5 +17,5 @@ pub use budget::{Budget, Combined, coverage_factor};
 pub use chance::{chi_by_freedom, drawn, shared_error};
 pub(crate) use input::or_null;
 pub use input::{Distribution, Evaluation, Input};
-pub use stated::{Stated, StatedCorrelations};
-pub use trials::{Comparison, Propagated, compared, propagated};
+pub use stated::{StandardUncertainty, StatedCorrelations};
+pub use trials::{PropagatedResult, PropagationComparison, compared, propagated};

@@ -16,8 +16,8 @@ use std::marker::PhantomData;
 /// A standard uncertainty from elsewhere, with what is known of it: `"50 ppm"`, which is that of a normal distribution, or a table such as
 /// `{ expanded = "0.01 %", coverage_factor = 2, source = "certificate 17" }` or `{ half_width = "2 um", distribution = "rectangular" }`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stated<K: KindOf> {
-    keys: Keys<K>,
+pub struct StandardUncertainty<K: KindOf> {
+    keys: UncertaintyKeys<K>,
     standard: f64,
     /// Whether it was written as a value alone.
     plain: bool,
@@ -27,7 +27,7 @@ pub struct Stated<K: KindOf> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, bound = "K: KindOf")]
 #[schemars(bound = "K: KindOf")]
-struct Keys<K: KindOf> {
+struct UncertaintyKeys<K: KindOf> {
     /// The standard uncertainty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     standard: Option<Quantity<K, NotNegative>>,
@@ -51,7 +51,7 @@ struct Keys<K: KindOf> {
     source: Option<String>,
 }
 
-impl<K: KindOf> Stated<K> {
+impl<K: KindOf> StandardUncertainty<K> {
     /// The standard uncertainty in SI.
     pub const fn standard(&self) -> f64 {
         self.standard
@@ -76,7 +76,7 @@ impl<K: KindOf> Stated<K> {
 
     fn plain(standard: Quantity<K, NotNegative>) -> Self {
         let si = standard.si();
-        let keys = Keys {
+        let keys = UncertaintyKeys {
             standard: Some(standard),
             expanded: None,
             coverage_factor: None,
@@ -88,7 +88,7 @@ impl<K: KindOf> Stated<K> {
         Self { keys, standard: si, plain: true }
     }
 
-    fn of(keys: Keys<K>) -> Result<Self, String> {
+    fn of(keys: UncertaintyKeys<K>) -> Result<Self, String> {
         let freedom = keys.degrees_of_freedom.unwrap_or(f64::INFINITY);
         if freedom.is_nan() || freedom <= 0.0 {
             return Err(format!("`degrees_of_freedom` is {freedom}; expected a number above 0"));
@@ -121,7 +121,7 @@ impl<K: KindOf> Stated<K> {
     }
 }
 
-impl<K: KindOf> Serialize for Stated<K> {
+impl<K: KindOf> Serialize for StandardUncertainty<K> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match &self.keys.standard {
             Some(standard) if self.plain => standard.serialize(serializer),
@@ -130,11 +130,11 @@ impl<K: KindOf> Serialize for Stated<K> {
     }
 }
 
-impl<'de, K: KindOf> Deserialize<'de> for Stated<K> {
+impl<'de, K: KindOf> Deserialize<'de> for StandardUncertainty<K> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Either<K>(PhantomData<K>);
-        impl<'de, K: KindOf> Visitor<'de> for Either<K> {
-            type Value = Stated<K>;
+        struct StatedVisitor<K>(PhantomData<K>);
+        impl<'de, K: KindOf> Visitor<'de> for StatedVisitor<K> {
+            type Value = StandardUncertainty<K>;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 let kind = K::kind();
@@ -146,28 +146,28 @@ impl<'de, K: KindOf> Deserialize<'de> for Stated<K> {
                 )
             }
 
-            fn visit_str<E: Error>(self, text: &str) -> Result<Stated<K>, E> {
-                Quantity::parse(text).map(Stated::plain).map_err(E::custom)
+            fn visit_str<E: Error>(self, text: &str) -> Result<StandardUncertainty<K>, E> {
+                Quantity::parse(text).map(StandardUncertainty::plain).map_err(E::custom)
             }
 
-            fn visit_i64<E: Error>(self, number: i64) -> Result<Stated<K>, E> {
+            fn visit_i64<E: Error>(self, number: i64) -> Result<StandardUncertainty<K>, E> {
                 self.visit_str(&number.to_string())
             }
 
-            fn visit_f64<E: Error>(self, number: f64) -> Result<Stated<K>, E> {
+            fn visit_f64<E: Error>(self, number: f64) -> Result<StandardUncertainty<K>, E> {
                 self.visit_str(&format!("{number:?}"))
             }
 
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Stated<K>, A::Error> {
-                let keys = Keys::deserialize(MapAccessDeserializer::new(map))?;
-                Stated::of(keys).map_err(A::Error::custom)
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<StandardUncertainty<K>, A::Error> {
+                let keys = UncertaintyKeys::deserialize(MapAccessDeserializer::new(map))?;
+                StandardUncertainty::of(keys).map_err(A::Error::custom)
             }
         }
-        deserializer.deserialize_any(Either(PhantomData))
+        deserializer.deserialize_any(StatedVisitor(PhantomData))
     }
 }
 
-impl<K: KindOf> JsonSchema for Stated<K> {
+impl<K: KindOf> JsonSchema for StandardUncertainty<K> {
     fn schema_name() -> Cow<'static, str> {
         format!("Uncertainty of {}", K::kind().name).into()
     }
@@ -178,7 +178,7 @@ impl<K: KindOf> JsonSchema for Stated<K> {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let value = Quantity::<K, NotNegative>::json_schema(generator);
-        let table = Keys::<K>::json_schema(generator);
+        let table = UncertaintyKeys::<K>::json_schema(generator);
         json_schema!({
             "description": "A standard uncertainty from elsewhere, or a table with its distribution, degrees of freedom and source.",
             "anyOf": [value, table],

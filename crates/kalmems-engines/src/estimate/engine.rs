@@ -2,13 +2,13 @@
 
 use super::any_filter::StateFilter;
 use super::error_memory::ErrorMemory;
-use super::foretell::{Foreteller, Onwards};
-use super::gate::{Decisions, Rejection, Watch};
+use super::foretell::{PhasePredictor, StatePropagation};
+use super::gate::{Decisions, Rejection, SampleGate};
 use super::linked::Linked;
 use super::transition::{Sensor, Transition};
 use super::{
-    Counts, Failure, FurtherSignal, Known, Lock, StateSeries, TakenOver, TakenOverTo, Trajectory,
-    TrajectoryKind,
+    FilterFailure, FurtherSignal, Lock, MeanAndCovariance, SampleCounts, StateSeries, TakenOver, TakenOverTo,
+    Trajectory, TrajectoryKind,
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
@@ -38,7 +38,7 @@ pub trait Course {
     }
 
     /// What is said of each sample beside the states, where there is something.
-    fn derived(&self) -> Option<Derived> {
+    fn derived(&self) -> Option<DerivedQuantities> {
         None
     }
 
@@ -57,7 +57,7 @@ pub trait Course {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError>;
 
     /// Corrects a filter by what is known at sample `k`; `None` where there is no signal.
@@ -65,7 +65,7 @@ pub trait Course {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError>;
 }
 
@@ -108,12 +108,12 @@ pub trait Filtering {
     }
 
     /// How it takes its samples, of a filter that may reject some.
-    fn watch(&mut self) -> Option<&mut Watch> {
+    fn watch(&mut self) -> Option<&mut SampleGate> {
         None
     }
 
     /// Lets zero phases be foretold from what it knows at this time in s, and from how its state goes on, where that is known.
-    fn foretell(&self, foreteller: &mut Foreteller, time_s: f64, onwards: Option<&dyn Onwards>);
+    fn foretell(&self, foreteller: &mut PhasePredictor, time_s: f64, onwards: Option<&dyn StatePropagation>);
 }
 
 /// Corrects a filter by the signal at sample `k`, if there is one.
@@ -162,7 +162,7 @@ pub fn by_signals<S: Sensor>(
 
 /// Quantities that follow from the states, such as a position from an amplitude and a phase.
 #[derive(Clone, Copy, Debug)]
-pub struct Derived {
+pub struct DerivedQuantities {
     /// What they are.
     pub names: [StateName; 2],
     /// What they need to know beside the states.
@@ -175,7 +175,7 @@ pub struct Derived {
 /// covariance.
 pub type Compute = fn(f64, &[f64], &dyn Fn(usize, usize) -> f64) -> [(f64, f64); 2];
 
-impl Derived {
+impl DerivedQuantities {
     /// The names of the states, and of what follows from them.
     pub(super) fn after(derived: Option<&Self>, states: &[StateName]) -> Vec<StateName> {
         states.iter().copied().chain(derived.into_iter().flat_map(|derived| derived.names)).collect()
@@ -184,7 +184,7 @@ impl Derived {
 
 impl Trajectory {
     /// Enters what was rejected of sample `k`: it is no innovation of the signal.
-    fn enter_rejections(&mut self, k: usize, watch: &Watch) {
+    fn enter_rejections(&mut self, k: usize, watch: &SampleGate) {
         self.gate_turns.extend(watch.turned());
         let time_s = self.time_s[k];
         for &(signal, innovation, sd) in watch.rejected() {
@@ -199,7 +199,7 @@ impl Trajectory {
     /// Enters what is known of the states at sample `k`, and what follows from it.
     pub(super) fn keep(
         &mut self,
-        derived: Option<&Derived>,
+        derived: Option<&DerivedQuantities>,
         k: usize,
         mean: &[f64],
         covariance: &dyn Fn(usize, usize) -> f64,
@@ -247,7 +247,7 @@ impl Trajectory {
             nis: blank(),
             log_likelihood: blank(),
             crossings_log_likelihood: 0.0,
-            counts: Counts { samples: n, ..Counts::default() },
+            counts: SampleCounts { samples: n, ..SampleCounts::default() },
             lock: Lock::default(),
             rejected: Vec::new(),
             gate_nis: None,
@@ -340,18 +340,18 @@ impl Trajectory {
 }
 
 /// A filter on its way through a segment.
-pub struct Followed<const N: usize> {
+pub struct FilterRun<const N: usize> {
     filter: Linked<N>,
     /// The filter at the first row of the part that was taken last, predicted and not yet corrected.
     entry: Linked<N>,
     begun: bool,
-    failure: Option<Failure>,
+    failure: Option<FilterFailure>,
     errors: ErrorMemory<N>,
 }
 
-impl<const N: usize> Followed<N> {
+impl<const N: usize> FilterRun<N> {
     /// From the segment's first sample on.
-    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: Watch) -> Self {
+    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
         let filter = Linked::new(filter, watch);
         Self { entry: filter.clone(), filter, begun: false, failure: None, errors: ErrorMemory::new() }
@@ -360,8 +360,8 @@ impl<const N: usize> Followed<N> {
     /// From a sample on at which a filter was left with this mean and covariance.
     pub(super) fn resumed(
         filter: Box<dyn StateFilter<N>>,
-        watch: Watch,
-        left: &Known,
+        watch: SampleGate,
+        left: &MeanAndCovariance,
     ) -> Result<Self, FilterError> {
         let mut followed = Self::new(filter, watch);
         followed.filter.predict(&TakenOver::<N>::from(left.gaussian()).step())?;
@@ -370,7 +370,7 @@ impl<const N: usize> Followed<N> {
     }
 
     /// What the filter knows.
-    pub(super) fn known(&self) -> Known {
+    pub(super) fn known(&self) -> MeanAndCovariance {
         self.filter.gaussian().into()
     }
 
@@ -405,7 +405,7 @@ impl<const N: usize> Followed<N> {
             names,
             TrajectoryKind::Filtered,
             (course.time_s(), course.signal(), fresh),
-            &Derived::after(course.derived().as_ref(), states),
+            &DerivedQuantities::after(course.derived().as_ref(), states),
         );
         let n = fresh.len();
         let further = course.further_signals().into_iter();
@@ -426,7 +426,7 @@ impl<const N: usize> Followed<N> {
                 break;
             }
             if let Err(why) = self.step(course, (fresh.start, k), &mut trajectory) {
-                self.failure = Some(Failure { time_s: trajectory.time_s[k], why });
+                self.failure = Some(FilterFailure { time_s: trajectory.time_s[k], why });
                 trajectory.failure = self.failure;
             }
         }

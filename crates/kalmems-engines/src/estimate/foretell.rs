@@ -1,22 +1,22 @@
 //! Zero phases that are told before they happen.
 
-use super::transition::{Numbers, Transition};
+use super::transition::{Transition, TransitionProcess};
 use kalmems_core::{Covariance, Mat, NumericProcess};
-use kalmems_models::control::{Mark, Onward, Trigger, TriggerSettings, UnusableTrigger};
+use kalmems_models::control::{Mark, StateStep, Trigger, TriggerSettings, UnusableTrigger};
 use serde::Serialize;
 
 /// What is wanted of samples that arrive beside their estimates.
 #[derive(Clone, Debug, Default)]
-pub struct Beside {
+pub struct SideOutputs {
     /// Whether amplitude and phase of the motion stand behind the states.
     pub phase: bool,
     /// Which zero phases are foretold, and the place of the filter that does.
-    pub foretelling: Option<(usize, Foretelling)>,
+    pub foretelling: Option<(usize, PhasePrediction)>,
 }
 
 /// Which zero phases are told, and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Foretelling {
+pub struct PhasePrediction {
     /// How long before it happens an event is told at least, in s, from the newest sample on that its estimate needs.
     pub ahead_s: f64,
     /// How many samples behind its own an estimate needs.
@@ -29,7 +29,7 @@ pub struct Foretelling {
 
 /// A zero phase, told before it happens.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Foretold {
+pub struct PredictedPhase {
     /// The time of the sample from which it is told, in s.
     pub told_s: f64,
     /// When it will happen, in s.
@@ -42,7 +42,7 @@ pub struct Foretold {
 
 /// How the telling went.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct ForetoldCounts {
+pub struct PhasePredictionCounts {
     /// Zero phases that were told before they happened.
     pub told: u64,
     /// Those of them that were told less long before than was asked for.
@@ -53,7 +53,7 @@ pub struct ForetoldCounts {
     pub without_drive: u64,
 }
 
-impl ForetoldCounts {
+impl PhasePredictionCounts {
     /// These and others.
     #[must_use]
     pub const fn and(self, other: Self) -> Self {
@@ -67,26 +67,26 @@ impl ForetoldCounts {
 }
 
 /// How a state goes on from now, step by step, whatever the number of states.
-pub trait Onwards {
+pub trait StatePropagation {
     /// Hands the step with this number to `with`, 0 for the one that begins now.
     fn step(&self, number: u32, with: &mut dyn FnMut(&dyn Transition));
 }
 
 /// The same for `N` states; all steps add the same noise.
-pub(super) struct OnwardOf<'a, const N: usize> {
-    onwards: &'a dyn Onwards,
+pub(super) struct SizedStatePropagation<'a, const N: usize> {
+    onwards: &'a dyn StatePropagation,
     noise: Covariance<f64, N>,
 }
 
-impl<'a, const N: usize> OnwardOf<'a, N> {
-    pub(super) fn new(onwards: &'a dyn Onwards) -> Self {
+impl<'a, const N: usize> SizedStatePropagation<'a, N> {
+    pub(super) fn new(onwards: &'a dyn StatePropagation) -> Self {
         let mut noise = Covariance::zero();
-        onwards.step(0, &mut |step| noise = *Numbers::<N>::of(step).noise_added().covariance());
+        onwards.step(0, &mut |step| noise = *TransitionProcess::<N>::of(step).noise_added().covariance());
         Self { onwards, noise }
     }
 }
 
-impl<const N: usize> Onward<f64, N> for OnwardOf<'_, N> {
+impl<const N: usize> StateStep<f64, N> for SizedStatePropagation<'_, N> {
     fn step(&self, x: &[f64; N], step: u32) -> [f64; N] {
         let mut to = [f64::NAN; N];
         self.onwards.step(step, &mut |transition| transition.advance(x, &mut to));
@@ -108,10 +108,10 @@ impl<const N: usize> Onward<f64, N> for OnwardOf<'_, N> {
 
 /// Foretells the zero phases of one filter, sample by sample, each once.
 #[derive(Clone, Debug)]
-pub struct Foreteller {
+pub struct PhasePredictor {
     /// The key of its filter.
     key: String,
-    settings: Foretelling,
+    settings: PhasePrediction,
     interval_s: f64,
     /// Of zero phases on their way up and down, as the filter has them.
     triggers: [Trigger<f64>; 2],
@@ -122,8 +122,8 @@ pub struct Foreteller {
     /// Which directions are to be told, as the filter has them.
     wanted: [bool; 2],
     /// Told by the filter, and not handed on yet.
-    events: Vec<Foretold>,
-    counts: ForetoldCounts,
+    events: Vec<PredictedPhase>,
+    counts: PhasePredictionCounts,
 }
 
 /// Over how many samples, about, the drive is compared with what had been foreseen.
@@ -131,12 +131,12 @@ const COMPARED: f64 = 32.0;
 /// How far it may stray from that, relative to its amplitude.
 const STRAYED: f64 = 0.01;
 
-impl Foreteller {
+impl PhasePredictor {
     /// By the filter with this key, of a motion with about this rate in rad/s, sampled in this interval in s, where another
     /// run told zero phases until `told_s`.
     pub fn new(
         key: &str,
-        settings: Foretelling,
+        settings: PhasePrediction,
         (interval_s, rate): (f64, f64),
         told_s: [Option<f64>; 2],
     ) -> Result<Self, UnusableTrigger> {
@@ -157,7 +157,7 @@ impl Foreteller {
             strayed: 0.0,
             wanted: [true; 2],
             events: Vec::new(),
-            counts: ForetoldCounts::default(),
+            counts: PhasePredictionCounts::default(),
         })
     }
 
@@ -195,7 +195,7 @@ impl Foreteller {
         &mut self,
         time_s: f64,
         (mean, covariance): (&[f64; N], &Covariance<f64, N>),
-        onward: Option<&dyn Onward<f64, N>>,
+        onward: Option<&dyn StateStep<f64, N>>,
     ) {
         let Self { triggers, told_s, wanted, interval_s, .. } = self;
         let elapsed = self.last_s.replace(time_s).map(|last_s| time_s - last_s);
@@ -214,7 +214,7 @@ impl Foreteller {
             };
             if let Some(event) = event {
                 let crossing = event.crossing;
-                let foretold = Foretold {
+                let foretold = PredictedPhase {
                     told_s: time_s,
                     time_s: time_s + crossing.after,
                     sd_s: crossing.sd,
@@ -227,7 +227,7 @@ impl Foreteller {
     }
 
     /// Hands on what was told since it was last asked, of a motion that is mirrored or not, and counts it.
-    pub fn hand_on(&mut self, mirrored: bool) -> Vec<Foretold> {
+    pub fn hand_on(&mut self, mirrored: bool) -> Vec<PredictedPhase> {
         let [rising, falling] = self.settings.directions;
         let needed_s = self.settings.ahead_s + f64::from(self.settings.behind) * self.interval_s;
         let mut events = std::mem::take(&mut self.events);
@@ -245,7 +245,7 @@ impl Foreteller {
     }
 
     /// How the telling went, as far as it was handed on.
-    pub const fn counts(&self) -> ForetoldCounts {
+    pub const fn counts(&self) -> PhasePredictionCounts {
         self.counts
     }
 }

@@ -2,18 +2,18 @@
 
 use super::any_filter::StateFilter;
 use super::engine::Filtering;
-use super::foretell::{Foreteller, OnwardOf, Onwards};
-use super::gate::{Decisions, Watch};
+use super::foretell::{PhasePredictor, SizedStatePropagation, StatePropagation};
+use super::gate::{Decisions, SampleGate};
 use super::transition::{Sensor, Transition};
-use kalmems_core::{FilterError, Gaussian, Innovation, Link};
+use kalmems_core::{FilterError, Gaussian, Innovation, StateTransition};
 
 /// A filter that remembers how its state hangs on the state before a few predictions: what a smoother needs.
 pub(super) struct Linked<const N: usize> {
     filter: Box<dyn StateFilter<N>>,
     /// What it says of the mean, where slices are asked for.
     mean: [f64; N],
-    link: Option<Link<f64, N>>,
-    watch: Watch,
+    link: Option<StateTransition<f64, N>>,
+    watch: SampleGate,
 }
 
 impl<const N: usize> Clone for Linked<N> {
@@ -30,7 +30,7 @@ impl<const N: usize> From<&Linked<N>> for Gaussian<f64, N> {
 
 impl<const N: usize> Linked<N> {
     /// Without a prediction yet, and how it takes its samples.
-    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: Watch) -> Self {
+    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
         Self { mean: filter.known().mean, filter, link: None, watch }
     }
 
@@ -40,7 +40,7 @@ impl<const N: usize> Linked<N> {
     }
 
     /// What it did with the present sample.
-    pub(super) const fn watched(&self) -> &Watch {
+    pub(super) const fn watched(&self) -> &SampleGate {
         &self.watch
     }
 
@@ -55,7 +55,7 @@ impl<const N: usize> Linked<N> {
     }
 
     /// How its state hangs on that when it began to remember.
-    pub(super) fn link(&self) -> Option<Link<f64, N>> {
+    pub(super) fn link(&self) -> Option<StateTransition<f64, N>> {
         self.link
     }
 
@@ -80,7 +80,7 @@ impl<const N: usize> Filtering for Linked<N> {
         self.link = Some(match &self.link {
             None => link,
             // x″ = F₂·(F₁·x + w₁) + w₂.
-            Some(first) => Link {
+            Some(first) => StateTransition {
                 transition: link.transition.times(&first.transition),
                 noise: first.noise.transformed(&link.transition).plus(&link.noise),
                 taken: first.taken && link.taken,
@@ -117,13 +117,13 @@ impl<const N: usize> Filtering for Linked<N> {
         innovation
     }
 
-    fn watch(&mut self) -> Option<&mut Watch> {
+    fn watch(&mut self) -> Option<&mut SampleGate> {
         Some(&mut self.watch)
     }
 
-    fn foretell(&self, foreteller: &mut Foreteller, time_s: f64, onwards: Option<&dyn Onwards>) {
+    fn foretell(&self, foreteller: &mut PhasePredictor, time_s: f64, onwards: Option<&dyn StatePropagation>) {
         let Gaussian { mean, covariance } = self.gaussian();
-        let onward = onwards.map(OnwardOf::<N>::new);
+        let onward = onwards.map(SizedStatePropagation::<N>::new);
         let onward = onward.as_ref().map(|onward| onward as _);
         foreteller.take(time_s, (&mean, &covariance), onward);
     }

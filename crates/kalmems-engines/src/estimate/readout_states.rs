@@ -4,11 +4,11 @@
 //! y = (1 + s)·h(x) + b + Σ (c·cos ωt + d·sin ωt), with constants s, b, c and d that may drift as random walks. A course is led with a filter of all of
 //! them; it sees those of the device alone.
 
-use super::engine::{Course, Derived, Filtering};
-use super::foretell::{Foreteller, Onwards};
-use super::gate::Watch;
-use super::{Counts, MOST_STATES, Prior, Sensor, StateName, TakenOverTo, Trajectory, Transition};
-use crate::config::{ConfigError, Experiment, Filter, Key, MOST_LINES, Sign, TrackedState};
+use super::engine::{Course, DerivedQuantities, Filtering};
+use super::foretell::{PhasePredictor, StatePropagation};
+use super::gate::SampleGate;
+use super::{MOST_STATES, SampleCounts, Sensor, StateName, StatePrior, TakenOverTo, Trajectory, Transition};
+use crate::config::{ConfigError, Experiment, FilterTable, Key, MOST_LINES, Sign, TrackedState};
 use crate::units::{Kind, kind};
 use kalmems_core::Portable;
 use kalmems_core::{FilterError, Innovation};
@@ -18,7 +18,7 @@ use std::f64::consts::TAU;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReadoutState {
     name: StateName,
-    enters: Enters,
+    enters: ReadoutEffect,
     /// Its first standard deviation, about 0.
     sd: f64,
     /// By how much its variance grows per second.
@@ -27,7 +27,7 @@ pub struct ReadoutState {
 
 /// How it enters the recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Enters {
+enum ReadoutEffect {
     Offset,
     Scale,
     /// Of a line with this rate in rad/s.
@@ -41,37 +41,38 @@ const LINES: [[&str; 2]; MOST_LINES] =
 
 impl ReadoutState {
     /// Those that the table of a filter asks for, of a signal that is a voltage or a capacitance.
-    pub fn of(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<Vec<Self>, ConfigError> {
+    pub fn of(experiment: &Experiment, at: &Key, filter: &FilterTable) -> Result<Vec<Self>, ConfigError> {
         let Some(readout) = &filter.readout else { return Ok(Vec::new()) };
         let at = at.clone().child("readout");
         let mut all = Vec::new();
-        let mut add = |key: Key, state: &TrackedState, names: &[(&'static str, Enters)], of: SignalKind| {
-            let (unit, kind, drifts) = of;
-            let sd =
-                experiment.value(key.clone().child("start_sd"), &state.start_sd, kind, Sign::Positive)?;
-            let drift = match &state.drift {
-                Some(drift) => experiment.value(key.child("drift"), drift, drifts, Sign::NotNegative)?,
-                None => 0.0,
+        let mut add =
+            |key: Key, state: &TrackedState, names: &[(&'static str, ReadoutEffect)], of: SignalKind| {
+                let (unit, kind, drifts) = of;
+                let sd =
+                    experiment.value(key.clone().child("start_sd"), &state.start_sd, kind, Sign::Positive)?;
+                let drift = match &state.drift {
+                    Some(drift) => experiment.value(key.child("drift"), drift, drifts, Sign::NotNegative)?,
+                    None => 0.0,
+                };
+                all.extend(names.iter().map(|(name, enters)| Self {
+                    name: (name, unit, kind),
+                    enters: *enters,
+                    sd,
+                    drift,
+                }));
+                Ok::<_, ConfigError>(())
             };
-            all.extend(names.iter().map(|(name, enters)| Self {
-                name: (name, unit, kind),
-                enters: *enters,
-                sd,
-                drift,
-            }));
-            Ok::<_, ConfigError>(())
-        };
         if let Some(offset) = &readout.offset {
             let of = signal_kind(offset);
-            add(at.clone().child("offset"), offset, &[("readout_offset", Enters::Offset)], of)?;
+            add(at.clone().child("offset"), offset, &[("readout_offset", ReadoutEffect::Offset)], of)?;
         }
         if let Some(scale) = &readout.scale {
             let of = ("1", &kind::RATIO, &kind::RATIO_DRIFT);
-            add(at.clone().child("scale"), scale, &[("readout_scale", Enters::Scale)], of)?;
+            add(at.clone().child("scale"), scale, &[("readout_scale", ReadoutEffect::Scale)], of)?;
         }
         for (index, (line, [cosine, sine])) in readout.lines.iter().zip(LINES).enumerate() {
             let rate = TAU * line.frequency.si();
-            let names = [(cosine, Enters::Cosine(rate)), (sine, Enters::Sine(rate))];
+            let names = [(cosine, ReadoutEffect::Cosine(rate)), (sine, ReadoutEffect::Sine(rate))];
             let key = at.clone().child("lines").index(index);
             let size = line.size();
             add(key, &size, &names, signal_kind(&size))?;
@@ -90,8 +91,8 @@ impl ReadoutState {
     }
 
     /// The same, as a search for a start takes it.
-    pub const fn prior(&self) -> Prior {
-        Prior { mean: 0.0, sd: Some(self.sd) }
+    pub const fn prior(&self) -> StatePrior {
+        StatePrior { mean: 0.0, sd: Some(self.sd) }
     }
 }
 
@@ -127,7 +128,7 @@ impl<'a> WithReadout<'a> {
         lead: impl FnOnce(&mut dyn Course, &mut dyn Filtering) -> R,
     ) -> R {
         let time_s = self.course.time_s().get(k).copied().unwrap_or(f64::NAN);
-        let mut shown = Shown { filter, states: self.states, time_s, after_s };
+        let mut shown = DeviceStateFilter { filter, states: self.states, time_s, after_s };
         lead(self.course, &mut shown)
     }
 }
@@ -149,7 +150,7 @@ impl Course for WithReadout<'_> {
         self.course.further_innovations()
     }
 
-    fn derived(&self) -> Option<Derived> {
+    fn derived(&self) -> Option<DerivedQuantities> {
         self.course.derived()
     }
 
@@ -161,7 +162,7 @@ impl Course for WithReadout<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         let time_s = self.course.time_s();
         let after_s = time_s[to] - time_s[to - 1];
@@ -172,14 +173,14 @@ impl Course for WithReadout<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         self.led(filter, (k, 0.0), |course, filter| course.correct(filter, k, counts))
     }
 }
 
 /// A filter of all states as a course sees it that knows the device's.
-struct Shown<'a> {
+struct DeviceStateFilter<'a> {
     filter: &'a mut dyn Filtering,
     states: &'a [ReadoutState],
     /// The time of the row in s.
@@ -188,13 +189,13 @@ struct Shown<'a> {
     after_s: f64,
 }
 
-impl Shown<'_> {
+impl DeviceStateFilter<'_> {
     fn own(&self) -> usize {
         self.filter.mean().len().saturating_sub(self.states.len())
     }
 }
 
-impl Filtering for Shown<'_> {
+impl Filtering for DeviceStateFilter<'_> {
     fn mean(&self) -> &[f64] {
         &self.filter.mean()[..self.own()]
     }
@@ -226,7 +227,8 @@ impl Filtering for Shown<'_> {
         variance: f64,
         largest_nis: f64,
     ) -> Result<Innovation<f64, 1>, FilterError> {
-        let sensor = Through { sensor, states: self.states, time_s: self.time_s, is_recorded: false };
+        let sensor =
+            SensorWithReadout { sensor, states: self.states, time_s: self.time_s, is_recorded: false };
         self.filter.update_within(&sensor, y, variance, largest_nis)
     }
 
@@ -237,16 +239,17 @@ impl Filtering for Shown<'_> {
         y: f64,
         variance: f64,
     ) -> Result<Innovation<f64, 1>, FilterError> {
-        let sensor = Through { sensor, states: self.states, time_s: self.time_s, is_recorded: signal == 0 };
+        let sensor =
+            SensorWithReadout { sensor, states: self.states, time_s: self.time_s, is_recorded: signal == 0 };
         self.filter.update(signal, &sensor, y, variance)
     }
 
-    fn watch(&mut self) -> Option<&mut Watch> {
+    fn watch(&mut self) -> Option<&mut SampleGate> {
         self.filter.watch()
     }
 
     /// Zero phases are foretold by filters of the motion alone.
-    fn foretell(&self, _: &mut Foreteller, _: f64, _: Option<&dyn Onwards>) {}
+    fn foretell(&self, _: &mut PhasePredictor, _: f64, _: Option<&dyn StatePropagation>) {}
 }
 
 /// A step of the device, and constants behind its states.
@@ -304,14 +307,14 @@ impl Transition for WithConstants<'_> {
 }
 
 /// A sensor, and what is between it and the recording.
-struct Through<'a> {
+struct SensorWithReadout<'a> {
     sensor: &'a dyn Sensor,
     states: &'a [ReadoutState],
     time_s: f64,
     is_recorded: bool,
 }
 
-impl Through<'_> {
+impl SensorWithReadout<'_> {
     /// What is recorded where the sensor gives this, and its derivative by that.
     fn recorded(&self, given: f64, constants: &[f64], slopes: &mut [f64]) -> (f64, f64) {
         slopes.fill(0.0);
@@ -321,13 +324,13 @@ impl Through<'_> {
         let (mut added, mut scale) = (0.0, 1.0);
         for ((state, value), slope) in self.states.iter().zip(constants).zip(slopes) {
             *slope = match state.enters {
-                Enters::Offset => 1.0,
-                Enters::Scale => given,
-                Enters::Cosine(rate) => (rate * self.time_s).portable_cos(),
-                Enters::Sine(rate) => (rate * self.time_s).portable_sin(),
+                ReadoutEffect::Offset => 1.0,
+                ReadoutEffect::Scale => given,
+                ReadoutEffect::Cosine(rate) => (rate * self.time_s).portable_cos(),
+                ReadoutEffect::Sine(rate) => (rate * self.time_s).portable_sin(),
             };
             match state.enters {
-                Enters::Scale => scale += value,
+                ReadoutEffect::Scale => scale += value,
                 _ => added += *slope * value,
             }
         }
@@ -335,7 +338,7 @@ impl Through<'_> {
     }
 }
 
-impl Sensor for Through<'_> {
+impl Sensor for SensorWithReadout<'_> {
     fn read(&self, x: &[f64]) -> f64 {
         let own = x.len() - self.states.len();
         let mut room = [0.0; MOST_STATES];

@@ -1,6 +1,6 @@
 //! A filter put into a known state.
 
-use super::{Known, Step, Transition};
+use super::{MeanAndCovariance, ProcessTransition, Transition};
 use kalmems_core::{Gaussian, Over, Process, ProcessNoise};
 
 /// A step to a known state, whatever was before.
@@ -17,8 +17,8 @@ impl<const N: usize> From<Gaussian<f64, N>> for TakenOver<N> {
 
 impl<const N: usize> TakenOver<N> {
     /// As a filter takes it.
-    pub fn step(&self) -> Step<'_, Self, N> {
-        Step::new(self, &())
+    pub fn step(&self) -> ProcessTransition<'_, Self, N> {
+        ProcessTransition::new(self, &())
     }
 }
 
@@ -42,8 +42,8 @@ pub struct TakenOverTo {
     root: Vec<f64>,
 }
 
-impl From<&Known> for TakenOverTo {
-    fn from(known: &Known) -> Self {
+impl From<&MeanAndCovariance> for TakenOverTo {
+    fn from(known: &MeanAndCovariance) -> Self {
         let n = known.mean.len();
         let mut covariance = vec![0.0; n * n];
         let places = (0..n).flat_map(|i| (0..=i).map(move |j| (i, j)));

@@ -5,14 +5,14 @@ use super::{Fit, FitError, Regression};
 
 /// An interval that a parameter may not leave.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
+pub struct ParameterBounds {
     /// Its lower end.
     pub low: f64,
     /// Its upper end.
     pub high: f64,
 }
 
-impl Bounds {
+impl ParameterBounds {
     /// All numbers.
     pub const FREE: Self = Self { low: f64::NEG_INFINITY, high: f64::INFINITY };
 }
@@ -25,7 +25,7 @@ pub struct FitSettings<const P: usize> {
     /// Which parameters are fitted; the others stay where they start.
     pub free: [bool; P],
     /// Where each parameter has to stay.
-    pub bounds: [Bounds; P],
+    pub bounds: [ParameterBounds; P],
     /// The relative change of the sum of squares and of the parameters that counts as none.
     pub tolerance: f64,
     /// The most Jacobians that are computed.
@@ -35,7 +35,13 @@ pub struct FitSettings<const P: usize> {
 impl<const P: usize> FitSettings<P> {
     /// All parameters free and without bounds.
     pub const fn from_start(start: [f64; P]) -> Self {
-        Self { start, free: [true; P], bounds: [Bounds::FREE; P], tolerance: 1e-14, iterations: 1000 }
+        Self {
+            start,
+            free: [true; P],
+            bounds: [ParameterBounds::FREE; P],
+            tolerance: 1e-14,
+            iterations: 1000,
+        }
     }
 }
 

@@ -22,6 +22,6 @@ pub use frequency_response::{ResonantResponse, ResponseModel, ResponsePoint, fit
 pub use material::{Material, require_sound};
 pub use outcome::{Correlated, Identification, Identified, Undetermined};
 pub use reach::{TWO_SIDED, reach};
-pub use standing::{CONNECTED, Likeliest, Standing, standings, standings_beside};
-pub use still::{STRETCH, Still, StillRecord, fit_still};
+pub use standing::{CONNECTED, LikelihoodSolution, NumberStatus, standings, standings_beside};
+pub use still::{STRETCH, StillNoise, StillRecord, fit_still};
 pub use whiteness::Whiteness;

@@ -6,7 +6,7 @@ pub const CONNECTED: f64 = 0.3;
 
 /// Whether a number that was sought can be put into its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
+pub enum NumberStatus {
     /// It can.
     Told,
     /// The recordings do not tell it, or not well enough.
@@ -20,17 +20,17 @@ pub fn standings(
     count: usize,
     is_told: &dyn Fn(usize) -> bool,
     correlation: &dyn Fn(usize, usize) -> f64,
-) -> Vec<Standing> {
-    let mut standings: Vec<Standing> =
-        (0..count).map(|i| if is_told(i) { Standing::Told } else { Standing::Untold }).collect();
-    let mut open: Vec<usize> = (0..count).filter(|i| standings[*i] == Standing::Untold).collect();
+) -> Vec<NumberStatus> {
+    let mut standings: Vec<NumberStatus> =
+        (0..count).map(|i| if is_told(i) { NumberStatus::Told } else { NumberStatus::Untold }).collect();
+    let mut open: Vec<usize> = (0..count).filter(|i| standings[*i] == NumberStatus::Untold).collect();
     while let Some(from) = open.pop() {
         for (to, standing) in standings.iter_mut().enumerate() {
             let together = correlation(from, to).abs();
             // What is not a number hangs on anything.
             let hangs = to != from && (together.is_nan() || together > CONNECTED);
-            if hangs && *standing == Standing::Told {
-                *standing = Standing::HangsOn(from);
+            if hangs && *standing == NumberStatus::Told {
+                *standing = NumberStatus::HangsOn(from);
                 open.push(to);
             }
         }
@@ -39,7 +39,7 @@ pub fn standings(
 }
 
 /// Numbers that make a recording the likeliest, and what is known of them.
-pub struct Likeliest<'a> {
+pub struct LikelihoodSolution<'a> {
     /// Where they are, each from what was stated of it.
     pub at: &'a [f64],
     /// Their standard errors.
@@ -58,21 +58,21 @@ pub struct Likeliest<'a> {
 /// # Errors
 /// Those of `sought`.
 pub fn standings_beside<E>(
-    likeliest: &Likeliest,
+    likeliest: &LikelihoodSolution,
     mut sought: impl FnMut(&[bool]) -> Result<Vec<f64>, E>,
-) -> Result<Vec<Standing>, E> {
-    let Likeliest { at, spread, is_told, correlation } = likeliest;
+) -> Result<Vec<NumberStatus>, E> {
+    let LikelihoodSolution { at, spread, is_told, correlation } = likeliest;
     let count = at.len();
     let mut moved = vec![false; count];
     loop {
         let mut standings = standings(count, &|i| is_told(i) && !moved[i], correlation);
-        let kept: Vec<bool> = standings.iter().map(|standing| *standing != Standing::Told).collect();
+        let kept: Vec<bool> = standings.iter().map(|standing| *standing != NumberStatus::Told).collect();
         let strongest = |i: usize| {
             let others = (0..count).filter(|j| !is_told(*j));
             others.max_by(|a, b| correlation(i, *a).abs().total_cmp(&correlation(i, *b).abs()))
         };
         for (i, standing) in standings.iter_mut().enumerate().filter(|(i, _)| moved[*i]) {
-            *standing = strongest(i).map_or(Standing::Untold, Standing::HangsOn);
+            *standing = strongest(i).map_or(NumberStatus::Untold, NumberStatus::HangsOn);
         }
         if !kept.contains(&true) || !kept.contains(&false) {
             return Ok(standings);
@@ -92,12 +92,12 @@ pub fn standings_beside<E>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Standing::{HangsOn, Told, Untold};
+    use NumberStatus::{HangsOn, Told, Untold};
 
     /// The second number is uncorrelated with the first at the likeliest values, and another beside what is stated of it.
     #[test]
     fn what_moves_beside_a_number_that_keeps_its_value_hangs_on_it() {
-        let likeliest = Likeliest {
+        let likeliest = LikelihoodSolution {
             at: &[2.0, 0.1, 0.0],
             spread: &|_| 0.05,
             is_told: &|i| i != 0,

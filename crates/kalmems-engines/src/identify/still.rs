@@ -7,7 +7,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// What a record without motion says of the noise.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Still {
+pub struct StillNoise {
     /// The mean.
     pub mean: f64,
     /// The variance of one sample.
@@ -24,7 +24,7 @@ pub struct Still {
     pub lines: Vec<[f64; 2]>,
 }
 
-impl Still {
+impl StillNoise {
     /// Whether the level moves more than noise would make it seem to, once in a thousand times.
     pub fn drifts(&self) -> bool {
         self.drift[0].abs() > 3.29 * self.drift[1]
@@ -39,7 +39,7 @@ pub const STRETCH: usize = 1 << 18;
 
 /// The variance of a record without motion; samples that are not finite are passed over. `None` of fewer than 32
 /// samples, or where nothing varies. See [`StillRecord`].
-pub fn fit_still(time_s: &[f64], y: &[f64], interval_s: f64) -> Option<Still> {
+pub fn fit_still(time_s: &[f64], y: &[f64], interval_s: f64) -> Option<StillNoise> {
     let mut record = StillRecord::new(interval_s);
     record.take(time_s, y);
     record.finish()
@@ -62,13 +62,13 @@ pub struct StillRecord {
     interval_s: f64,
     time_s: Vec<f64>,
     y: Vec<f64>,
-    stretches: Vec<Stretch>,
-    periodograms: Periodograms,
+    stretches: Vec<StillStretch>,
+    periodograms: StretchPeriodograms,
 }
 
 /// What one stretch says.
 #[derive(Debug)]
-struct Stretch {
+struct StillStretch {
     /// Finite samples.
     count: f64,
     mean: f64,
@@ -84,8 +84,13 @@ struct Stretch {
 impl StillRecord {
     /// A record of nothing yet, sampled at this interval in s.
     pub const fn new(interval_s: f64) -> Self {
-        let periodograms =
-            Periodograms { length: 0, count: 0, power: Vec::new(), square: 0.0, degrees_of_freedom: 0.0 };
+        let periodograms = StretchPeriodograms {
+            length: 0,
+            count: 0,
+            power: Vec::new(),
+            square: 0.0,
+            degrees_of_freedom: 0.0,
+        };
         Self { interval_s, time_s: Vec::new(), y: Vec::new(), stretches: Vec::new(), periodograms }
     }
 
@@ -108,7 +113,7 @@ impl StillRecord {
     }
 
     /// What all of it says.
-    pub fn finish(mut self) -> Option<Still> {
+    pub fn finish(mut self) -> Option<StillNoise> {
         self.close();
         let n: f64 = self.stretches.iter().map(|s| s.count).sum();
         let mean = self.stretches.iter().map(|s| s.count * s.mean).sum::<f64>() / n;
@@ -122,7 +127,7 @@ impl StillRecord {
         let rho = if whiteness.is_white() { 0.0 } else { whiteness.neighbours.clamp(-0.999, 0.999) };
         let degrees = ((n - 1.0) * (1.0 - rho * rho) / (1.0 + rho * rho)).max(1.0);
         let chi = ChiSquared::new(degrees).ok()?;
-        Some(Still {
+        Some(StillNoise {
             mean,
             variance,
             interval: [0.975, 0.025].map(|p| variance * degrees / chi.inverse_cdf(p)),
@@ -150,7 +155,7 @@ impl StillRecord {
             if self.stretches.is_empty() || y.len() == STRETCH {
                 self.periodograms.add(&centred, square, count - 1.0);
             }
-            self.stretches.push(Stretch {
+            self.stretches.push(StillStretch {
                 count,
                 mean,
                 square,
@@ -166,7 +171,7 @@ impl StillRecord {
 }
 
 /// The line nearest to all levels and slopes: its slope and the standard deviation of that.
-fn drift(stretches: &[Stretch]) -> [f64; 2] {
+fn drift(stretches: &[StillStretch]) -> [f64; 2] {
     let weight: f64 = stretches.iter().map(|s| 1.0 / s.level[1]).sum();
     let middle_s = stretches.iter().map(|s| s.middle_s / s.level[1]).sum::<f64>() / weight;
     let (mut information, mut sum) = (0.0, 0.0);
@@ -180,7 +185,7 @@ fn drift(stretches: &[Stretch]) -> [f64; 2] {
 
 /// The sum of the periodograms of stretches of one length.
 #[derive(Debug)]
-struct Periodograms {
+struct StretchPeriodograms {
     length: usize,
     count: u32,
     power: Vec<f64>,
@@ -189,7 +194,7 @@ struct Periodograms {
     degrees_of_freedom: f64,
 }
 
-impl Periodograms {
+impl StretchPeriodograms {
     fn add(&mut self, centred: &[f64], square: f64, degrees_of_freedom: f64) {
         let fft = RealFftPlanner::<f64>::new().plan_fft_forward(centred.len());
         let mut input: Vec<f64> = centred.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect();
@@ -234,7 +239,7 @@ mod tests {
 
     const COUNT: usize = 400;
 
-    fn record(seed: u64, extra: impl Fn(f64) -> f64) -> Still {
+    fn record(seed: u64, extra: impl Fn(f64) -> f64) -> StillNoise {
         let mut noise = WhiteNoise::new(seed, 8);
         let time: Vec<f64> = (0..COUNT).map(|k| k as f64 * 1e-6).collect();
         let y: Vec<f64> = time.iter().map(|t| 0.85 + 0.0139 * noise.sample() + extra(*t)).collect();

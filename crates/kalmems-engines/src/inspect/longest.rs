@@ -9,7 +9,7 @@ const POINTS: usize = 8192;
 /// A segment as far as it is kept: whole where it is one stretch; where it is longer, its lowest and highest values over short
 /// pieces, and its last rows.
 #[derive(Clone, Debug)]
-pub(super) struct Kept {
+pub(super) struct ReducedSegment {
     rows: usize,
     /// The times and the values of each channel: of all rows, or of the last from `first` on.
     first: usize,
@@ -17,18 +17,18 @@ pub(super) struct Kept {
     values: Vec<Vec<f64>>,
     /// Pieces of so many rows; none where the segment is whole.
     piece: usize,
-    pieces: Vec<Piece>,
+    pieces: Vec<SegmentPiece>,
     missing: Vec<usize>,
 }
 
 /// A piece: when it begins, and the lowest and highest value of each channel, infinite the other way round where it has none.
 #[derive(Clone, Debug)]
-struct Piece {
+struct SegmentPiece {
     start_s: f64,
     extremes: Vec<(f64, f64)>,
 }
 
-impl Kept {
+impl ReducedSegment {
     /// One that begins with a stretch.
     pub(super) fn begin(stretch: &Stretch) -> Self {
         let columns = stretch.recording.columns();
@@ -77,7 +77,7 @@ impl Kept {
                 }
                 if (self.rows + i).is_multiple_of(self.piece) {
                     let extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); parts.len()];
-                    self.pieces.push(Piece { start_s: *time, extremes });
+                    self.pieces.push(SegmentPiece { start_s: *time, extremes });
                 }
             }
             let Some(piece) = self.pieces.last_mut() else { continue };

@@ -2,14 +2,15 @@
 
 use super::findings::Findings;
 use super::pass::Pass;
-use super::plan::Plan;
-use super::request::{Request, Wanted};
-use super::{Layout, ReadError, Recording, Source};
+use super::plan::ReadingPlan;
+use super::request::{ColumnSelection, ReadRequest};
+use super::{ReadError, RecordingLayout, RecordingSource, SampledRecording};
 use kalmems_formats::{
-    Block, CellFault, Column, Description, Evidence, Fault, Shift, TimeReader, Wanted as Read,
+    Block, CellFault, CellFinding, Column, Shift, TableDescription, TableEvidence, TimeReader,
+    WantedColumn as Read,
 };
 
-/// Rows that would be a file's: what comes of them is what [`Recording::read`] would make of that file, diagnosis and
+/// Rows that would be a file's: what comes of them is what [`SampledRecording::read`] would make of that file, diagnosis and
 /// rounding included, but for the file's digest and length.
 ///
 /// ```
@@ -32,18 +33,18 @@ use kalmems_formats::{
 /// assert_eq!(recording.column("cap_V")?.values[1], 1.0_f64.sin());
 /// # Ok::<(), kalmems_engines::recording::ReadError>(())
 /// ```
-pub struct UnwrittenRecording {
+pub struct RecordingFromRows {
     name: String,
     pass: Pass,
     /// For each column of numbers of a block, its position in the header and what reads it.
-    columns: Vec<(usize, Reader)>,
+    columns: Vec<(usize, ColumnReader)>,
     block: Block,
     /// The line on which the next row would stand.
     line: u64,
 }
 
 /// Reads the cells of a column.
-enum Reader {
+enum ColumnReader {
     Number(Shift),
     Time(TimeReader),
 }
@@ -51,13 +52,13 @@ enum Reader {
 /// Rows that are taken together.
 const ROWS: usize = 4096;
 
-impl UnwrittenRecording {
+impl RecordingFromRows {
     /// A file of this name and header, to be read by this layout. One record: it has no column of segments.
-    pub fn new(name: &str, header: &[&str], layout: &Layout) -> Result<Self, ReadError> {
-        let request = Request {
+    pub fn new(name: &str, header: &[&str], layout: &RecordingLayout) -> Result<Self, ReadError> {
+        let request = ReadRequest {
             clock: &layout.clock,
             segment_column: None,
-            columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            columns: layout.columns.as_deref().map_or(ColumnSelection::AllBut(&[]), ColumnSelection::Named),
             declared: &layout.declared,
             hints: &layout.hints,
             nominal_rate_hz: layout.nominal_rate_hz,
@@ -65,20 +66,20 @@ impl UnwrittenRecording {
             restarts: layout.restarts,
         };
         let mut findings = Findings::default();
-        let file = Description {
+        let file = TableDescription {
             format: "computed",
             recognised: String::new(),
             columns: header.iter().map(|name| Column::new(name)).collect(),
             rows: None,
-            evidence: Evidence::Format,
+            evidence: TableEvidence::Format,
             left_out: Vec::new(),
         };
-        let plan = Plan::of(&file, &|_| None, 1, &request, &mut findings)
+        let plan = ReadingPlan::of(&file, &|_| None, 1, &request, &mut findings)
             .map_err(|findings| ReadError::Unusable { file: name.to_owned(), findings })?;
         let number = |wanted: Read| match wanted {
-            Read::Number { column, power } => Some((column, Reader::Number(Shift::new(power)))),
+            Read::Number { column, power } => Some((column, ColumnReader::Number(Shift::new(power)))),
             Read::Time { column, unit, origin } => {
-                Some((column, Reader::Time(TimeReader::new(unit, origin))))
+                Some((column, ColumnReader::Time(TimeReader::new(unit, origin))))
             }
             Read::Label { .. } => None,
         };
@@ -98,12 +99,12 @@ impl UnwrittenRecording {
         for ((column, reader), values) in self.columns.iter_mut().zip(&mut self.block.numbers) {
             let cell = cells.get(*column).copied().unwrap_or(f64::NAN);
             let number = match reader {
-                Reader::Number(shift) => shift.float(cell),
-                Reader::Time(times) => times.float(cell),
+                ColumnReader::Number(shift) => shift.float(cell),
+                ColumnReader::Time(times) => times.float(cell),
             };
             values.push(if number.is_finite() { number } else { f64::NAN });
             if !number.is_finite() {
-                let fault = if cell.is_nan() { Fault::Nan } else { Fault::Infinite };
+                let fault = if cell.is_nan() { CellFinding::Nan } else { CellFinding::Infinite };
                 let fault = fault(cell.to_string());
                 self.block.faults.push(CellFault { row, line: self.line, column: Some(*column), fault });
             }
@@ -117,7 +118,7 @@ impl UnwrittenRecording {
 
     fn flush(&mut self) {
         for (_, reader) in &self.columns {
-            if let Reader::Time(times) = reader {
+            if let ColumnReader::Time(times) = reader {
                 self.block.tell_times(times);
             }
         }
@@ -126,9 +127,9 @@ impl UnwrittenRecording {
     }
 
     /// The recording.
-    pub fn finish(mut self) -> Result<Recording, ReadError> {
+    pub fn finish(mut self) -> Result<SampledRecording, ReadError> {
         self.flush();
-        let source = Source {
+        let source = RecordingSource {
             file: self.name.clone(),
             sha256: String::new(),
             bytes: 0,

@@ -1,9 +1,9 @@
 //! A simulated recording that is handed on without a file, and how an experiment describes one.
 
-use super::{Channel, SimulateError, Simulation};
+use super::{SimulateError, SimulatedColumn, Simulation};
 use crate::config::{Channels, Clock, ColumnChoice, Experiment, Name, Recording, Reference};
 use crate::progress::Progress;
-use crate::recording::{self, Layout, ReadError, UnwrittenRecording};
+use crate::recording::{self, ReadError, RecordingFromRows, RecordingLayout};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
@@ -18,25 +18,28 @@ const PULSE: u64 = 10_000;
 
 /// The samples of a simulation: what a laboratory would have recorded, and apart from it what is true.
 ///
-/// Both become recordings as their files would, see [`UnwrittenRecording`].
+/// Both become recordings as their files would, see [`RecordingFromRows`].
 #[derive(Clone, Debug)]
-pub struct Unwritten {
+pub struct ComputedRecording {
     time_s: Vec<f64>,
-    recorded: Columns,
-    truth: Columns,
+    recorded: SimulatedColumns,
+    truth: SimulatedColumns,
 }
 
 #[derive(Clone, Debug)]
-struct Columns {
-    channels: Vec<Channel>,
+struct SimulatedColumns {
+    channels: Vec<SimulatedColumn>,
     /// Row after row.
     values: Vec<f64>,
 }
 
-impl Unwritten {
+impl ComputedRecording {
     /// Runs a simulation.
     pub fn of(simulation: &dyn Simulation, progress: &dyn Progress) -> Result<Self, SimulateError> {
-        let columns = |channels: &[Channel]| Columns { channels: channels.to_vec(), values: Vec::new() };
+        let columns = |channels: &[SimulatedColumn]| SimulatedColumns {
+            channels: channels.to_vec(),
+            values: Vec::new(),
+        };
         let (mut recorded, mut truth) = (columns(simulation.recorded()), columns(simulation.truth()));
         let mut time_s = Vec::new();
         progress.begin("simulating", simulation.samples());
@@ -51,7 +54,7 @@ impl Unwritten {
     }
 
     /// What was recorded, read by a layout.
-    pub fn recorded(&self, layout: &Layout) -> Result<recording::Recording, ReadError> {
+    pub fn recorded(&self, layout: &RecordingLayout) -> Result<recording::SampledRecording, ReadError> {
         self.recorded.read(RECORDING, &self.time_s, layout)
     }
 
@@ -69,7 +72,7 @@ impl Unwritten {
     ///
     /// False where nothing of this meaning is recorded.
     pub fn change_recorded(&mut self, meaning: &str, change: impl FnOnce(&mut [f64], &[f64])) -> bool {
-        let Columns { channels, values } = &mut self.recorded;
+        let SimulatedColumns { channels, values } = &mut self.recorded;
         let Some(place) = channels.iter().position(|channel| channel.meaning == meaning) else {
             return false;
         };
@@ -82,12 +85,12 @@ impl Unwritten {
     }
 
     /// What is true, read by a layout; for the evaluation alone.
-    pub fn truth(&self, layout: &Layout) -> Result<recording::Recording, ReadError> {
+    pub fn truth(&self, layout: &RecordingLayout) -> Result<recording::SampledRecording, ReadError> {
         self.truth.read(REFERENCE, &self.time_s, layout)
     }
 }
 
-impl Columns {
+impl SimulatedColumns {
     fn each(&self, time_s: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
         let of =
             |place: usize| self.values.iter().skip(place).step_by(self.channels.len()).copied().collect();
@@ -95,9 +98,14 @@ impl Columns {
         std::iter::once((TIME, time_s.to_vec())).chain(channels).collect()
     }
 
-    fn read(&self, name: &str, time_s: &[f64], layout: &Layout) -> Result<recording::Recording, ReadError> {
+    fn read(
+        &self,
+        name: &str,
+        time_s: &[f64],
+        layout: &RecordingLayout,
+    ) -> Result<recording::SampledRecording, ReadError> {
         let header: Vec<&str> = [TIME].into_iter().chain(self.channels.iter().map(|c| c.column)).collect();
-        let mut rows = UnwrittenRecording::new(name, &header, layout)?;
+        let mut rows = RecordingFromRows::new(name, &header, layout)?;
         let mut row = Vec::with_capacity(header.len());
         for (time, values) in time_s.iter().zip(self.values.chunks(self.channels.len().max(1))) {
             row.clear();
@@ -111,7 +119,7 @@ impl Columns {
 
 /// The experiment with the simulated recording instead of its own, ready to be estimated.
 pub fn described(experiment: &Experiment, simulation: &dyn Simulation) -> Experiment {
-    let named = |channels: &[Channel]| {
+    let named = |channels: &[SimulatedColumn]| {
         let names: BTreeMap<String, ColumnChoice> =
             channels.iter().map(|c| (c.meaning.to_owned(), c.column.into())).collect();
         Channels::try_from(names).ok()

@@ -1,11 +1,11 @@
 //! The filter as operations: the prediction, the corrections and what follows from parameters.
 
 use super::error::EmitError;
-use super::lower::{Given, Operand, lower};
-use super::model::{Linear, Model, Rarity, tidied};
-use super::names::Names;
+use super::lower::{ExternalValues, Operand, lower};
+use super::model::{EmittedModel, LinearizedNumber, Rarity, tidied};
+use super::names::SourceNames;
 use super::request::{EmitDigits, EmitGain, EmitRequest, StepMethod};
-use super::routine::{Array, Routine, Widths};
+use super::routine::{Routine, StorageArray, Widths};
 use super::runge_kutta;
 use super::scale::Units;
 use super::tape::{Id, Tape};
@@ -14,9 +14,9 @@ use crate::graph::{Graph, NodeId, Variable};
 
 /// A filter in its units, ready to be written in any language.
 #[derive(Clone, Debug)]
-pub(super) struct Program {
+pub(super) struct FilterProgram {
     pub(super) units: Units,
-    pub(super) names: Names,
+    pub(super) names: SourceNames,
     /// The means at the start, and the lower triangle of the covariance row by row; none where the gain has settled.
     pub(super) start: (Vec<f64>, Vec<f64>),
     /// From parameters to the constants of the filter, in numbers of 64 bits.
@@ -36,21 +36,21 @@ pub(super) struct Program {
 /// What is common to the parts of a filter while it is made.
 pub(super) struct Context<'a> {
     pub(super) request: &'a EmitRequest,
-    pub(super) names: &'a Names,
-    pub(super) model: Model,
+    pub(super) names: &'a SourceNames,
+    pub(super) model: EmittedModel,
     /// The constants that follow from parameters.
-    pub(super) constants: Given,
+    pub(super) constants: ExternalValues,
 }
 
 /// A matrix of operations, row by row.
-pub(super) type Matrix = Vec<Vec<Id>>;
+pub(super) type OpMatrix = Vec<Vec<Id>>;
 
-impl Program {
+impl FilterProgram {
     pub(super) fn of(device: &Device, request: &EmitRequest) -> Result<Self, EmitError> {
         request.check(device)?;
-        let names = Names::of(device, request);
+        let names = SourceNames::of(device, request);
         let (units, model) = Units::chosen(device, request)?;
-        let constants = Given::new("c", Rarity::Constant);
+        let constants = ExternalValues::new("c", Rarity::Constant);
         let mut context = Context { request, names: &names, model, constants };
         let periods = device.periods(&request.parameters)?;
         let (predict, stage) = match request.method {
@@ -118,7 +118,7 @@ impl Context<'_> {
     }
 
     /// A row of derivatives by all states.
-    pub(super) fn row(&self, row: &Linear) -> Vec<NodeId> {
+    pub(super) fn row(&self, row: &LinearizedNumber) -> Vec<NodeId> {
         let mut full = vec![Graph::ZERO; self.model.size];
         for (column, slope) in &row.slopes {
             if let Some(slot) = full.get_mut(*column) {
@@ -145,7 +145,7 @@ impl Context<'_> {
         let ids = self.lower(&mut routine.tape, &roots, "start");
         let rows: Vec<&[Id]> = ids.chunks(size + 1).collect();
         let next: Vec<Id> = rows.iter().filter_map(|row| row.first().copied()).collect();
-        let jacobian: Matrix = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
+        let jacobian: OpMatrix = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
         self.finish_prediction(&mut routine, (&next, jacobian), units, periods);
         Ok(routine)
     }
@@ -154,7 +154,7 @@ impl Context<'_> {
     pub(super) fn finish_prediction(
         &self,
         routine: &mut Routine,
-        (next, mut jacobian): (&[Id], Matrix),
+        (next, mut jacobian): (&[Id], OpMatrix),
         units: &Units,
         periods: &[(usize, f64)],
     ) {
@@ -163,7 +163,7 @@ impl Context<'_> {
         for (i, value) in next.iter().enumerate() {
             let period = periods.iter().find(|(state, _)| *state == i).map(|(_, p)| p / units.scale(i));
             let value = period.map_or(*value, |period| wrapped(tape, *value, period));
-            routine.outputs.push((Array::Mean, i, value));
+            routine.outputs.push((StorageArray::Mean, i, value));
         }
         if self.request.gain != EmitGain::Covariance {
             return;
@@ -176,7 +176,7 @@ impl Context<'_> {
             row.iter().filter_map(|id| tape.number(*id).map_or(Some(2), |n| (n != 0.0).then_some(1))).sum()
         };
         let rows: Vec<usize> = jacobian.iter().map(|row| work(tape, row)).collect();
-        let at = |matrix: &Matrix, i: usize, j: usize| {
+        let at = |matrix: &OpMatrix, i: usize, j: usize| {
             matrix.get(i).and_then(|row| row.get(j)).copied().unwrap_or(zero)
         };
         for i in 0..size {
@@ -197,7 +197,7 @@ impl Context<'_> {
                     let term = tape.multiply(product, factor);
                     sum = tape.add(sum, term);
                 }
-                routine.outputs.push((Array::Covariance, i * (i + 1) / 2 + j, sum));
+                routine.outputs.push((StorageArray::Covariance, i * (i + 1) / 2 + j, sum));
             }
         }
     }
@@ -217,7 +217,7 @@ impl Context<'_> {
         let size = self.model.size;
         let Some(reading) = self.model.readings.get(place).cloned() else { return Ok(Routine::default()) };
         let is_event = place >= self.request.measures.len();
-        let seen = self.model.graph.variable(Names::MEASURED);
+        let seen = self.model.graph.variable(SourceNames::MEASURED);
         let per_unit = if is_event { 0.0 } else { 1.0 / variance.sqrt() };
         let residual = self.model.graph.sum(0.0, &[(seen, per_unit), (reading.value, -1.0)]);
         let mut roots = vec![residual];
@@ -236,7 +236,7 @@ impl Context<'_> {
                 let gain = gains.get(place).and_then(|gain| gain.get(i)).copied().unwrap_or_default();
                 let gain = tape.literal(gain * variance.sqrt() / units.scale(i));
                 let step = tape.multiply(gain, *residual);
-                routine.outputs.push((Array::Mean, i, tape.add(*x, step)));
+                routine.outputs.push((StorageArray::Mean, i, tape.add(*x, step)));
             }
             return Ok(routine);
         }
@@ -253,19 +253,20 @@ impl Context<'_> {
         let roots = self.constants.nodes.clone();
         let names = self.names;
         let of_variable = |variable: Variable| Operand::Name(names.variable(variable, ""));
-        let mut nothing = Given::new("", Rarity::Literal);
+        let mut nothing = ExternalValues::new("", Rarity::Literal);
         let given = (&mut routine.tape, &mut nothing);
         let ids = lower(&mut self.model.graph, given, &roots, self.model.moving, &of_variable);
-        routine.outputs = ids.into_iter().enumerate().map(|(k, id)| (Array::Constants, k, id)).collect();
+        routine.outputs =
+            ids.into_iter().enumerate().map(|(k, id)| (StorageArray::Constants, k, id)).collect();
         Some(routine)
     }
 }
 
 /// The covariance as a full matrix of names.
-fn covariance(tape: &mut Tape, size: usize) -> Matrix {
-    let mut p = Matrix::new();
+fn covariance(tape: &mut Tape, size: usize) -> OpMatrix {
+    let mut p = OpMatrix::new();
     for i in 0..size {
-        p.push((0..size).map(|j| tape.named(Names::covariance(i.max(j), i.min(j)))).collect());
+        p.push((0..size).map(|j| tape.named(SourceNames::covariance(i.max(j), i.min(j)))).collect());
     }
     p
 }
@@ -313,7 +314,7 @@ fn joseph(routine: &mut Routine, residual: Id, h: &[Id], x: &[Id]) {
     }
     for (i, (x, ki)) in x.iter().zip(&k).enumerate() {
         let step = tape.multiply(*ki, residual);
-        routine.outputs.push((Array::Mean, i, tape.add(*x, step)));
+        routine.outputs.push((StorageArray::Mean, i, tape.add(*x, step)));
     }
     for (i, (row, ki)) in b.iter().zip(&k).enumerate() {
         let minus = row.iter().zip(h).fold(*ki, |sum, (entry, h)| {
@@ -322,7 +323,7 @@ fn joseph(routine: &mut Routine, residual: Id, h: &[Id], x: &[Id]) {
         });
         for (j, (entry, kj)) in row.iter().zip(&k).enumerate().take(i + 1) {
             let term = tape.multiply(minus, *kj);
-            routine.outputs.push((Array::Covariance, i * (i + 1) / 2 + j, tape.add(*entry, term)));
+            routine.outputs.push((StorageArray::Covariance, i * (i + 1) / 2 + j, tape.add(*entry, term)));
         }
     }
     routine.variance = Some(variance);

@@ -1,12 +1,12 @@
 //! A part of the filter as statements of either language.
 
 use super::error::EmitError;
-use super::tape::{Called, Id, Op, Tape};
+use super::tape::{Called, Id, Tape, TapeOp};
 use std::collections::{BTreeSet, HashMap};
 
 /// Where numbers are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Array {
+pub(super) enum StorageArray {
     Mean,
     Covariance,
     Constants,
@@ -26,12 +26,12 @@ pub(super) struct Widths {
 }
 
 impl Widths {
-    pub(super) fn of(self, array: Array) -> bool {
+    pub(super) fn of(self, array: StorageArray) -> bool {
         match array {
-            Array::Mean => self.mean,
-            Array::Covariance => self.covariance,
-            Array::Constants => self.constants,
-            Array::Stage => self.stage,
+            StorageArray::Mean => self.mean,
+            StorageArray::Covariance => self.covariance,
+            StorageArray::Constants => self.constants,
+            StorageArray::Stage => self.stage,
         }
     }
 
@@ -66,7 +66,7 @@ pub(super) struct Routine {
     /// The names of what a stage is handed, in order.
     pub(super) parameters: Vec<String>,
     pub(super) calls: Vec<StageCall>,
-    pub(super) outputs: Vec<(Array, usize, Id)>,
+    pub(super) outputs: Vec<(StorageArray, usize, Id)>,
     /// The variance of an innovation, which must be positive.
     pub(super) variance: Option<Id>,
     /// The gains of a correction.
@@ -122,7 +122,7 @@ impl Routine {
         let is_gain = |id: &Id| !widths.covariance && self.gains.contains(id);
         while let Some(id) = open.pop() {
             match self.tape.op(id) {
-                Op::Name(_) => continue,
+                TapeOp::Name(_) => continue,
                 _ if is_gain(&id) => continue,
                 _ => {}
             }
@@ -132,7 +132,7 @@ impl Routine {
             }
         }
         for (id, wide) in (0_u32..).map(Id).zip(&mut wide) {
-            if let Op::Name(name) = self.tape.op(id) {
+            if let TapeOp::Name(name) = self.tape.op(id) {
                 *wide = widths.of_name(self.tape.name_of(name));
             }
         }
@@ -153,7 +153,7 @@ impl Routine {
     /// The names that come from outside, in order.
     pub(super) fn names(&self) -> BTreeSet<String> {
         let of = |id: &Id| match self.tape.op(*id) {
-            Op::Name(name) => Some(self.tape.name_of(name).to_owned()),
+            TapeOp::Name(name) => Some(self.tape.name_of(name).to_owned()),
             _ => None,
         };
         self.tape.below(&self.roots()).iter().filter_map(of).collect()
@@ -162,7 +162,7 @@ impl Routine {
     /// The functions that it calls.
     pub(super) fn called(&self) -> BTreeSet<Called> {
         let of = |id: &Id| match self.tape.op(*id) {
-            Op::Call(called, _) => Some(called),
+            TapeOp::Call(called, _) => Some(called),
             _ => None,
         };
         self.tape.below(&self.roots()).iter().filter_map(of).collect()
@@ -173,12 +173,12 @@ impl Routine {
         let mut counts = [0; 5];
         for id in self.tape.below(&self.roots()) {
             let place = match self.tape.op(id) {
-                Op::Literal(_) | Op::Name(_) => continue,
-                Op::Add(..) | Op::Subtract(..) | Op::Negative(_) => 0,
-                Op::Multiply(..) => 1,
-                Op::Divide(..) => 2,
-                Op::Call(..) => 3,
-                Op::Choice(_) => 4,
+                TapeOp::Literal(_) | TapeOp::Name(_) => continue,
+                TapeOp::Add(..) | TapeOp::Subtract(..) | TapeOp::Negative(_) => 0,
+                TapeOp::Multiply(..) => 1,
+                TapeOp::Divide(..) => 2,
+                TapeOp::Call(..) => 3,
+                TapeOp::Choice(_) => 4,
             };
             counts[place] += 1;
         }
@@ -198,7 +198,7 @@ impl Routine {
             self.tape.op(id).parts().into_iter().for_each(&mut count);
         }
         roots.iter().copied().for_each(&mut count);
-        let mut writer = Writer {
+        let mut writer = RoutineWriter {
             routine: self,
             tape: &self.tape,
             syntax,
@@ -228,11 +228,11 @@ impl Routine {
 pub(super) struct Written {
     pub(super) statements: Vec<String>,
     /// Where each result goes, and its expression.
-    pub(super) outputs: Vec<(Array, usize, String)>,
+    pub(super) outputs: Vec<(StorageArray, usize, String)>,
     pub(super) variance: Option<String>,
 }
 
-struct Writer<'a> {
+struct RoutineWriter<'a> {
     routine: &'a Routine,
     tape: &'a Tape,
     syntax: &'a dyn Syntax,
@@ -243,10 +243,10 @@ struct Writer<'a> {
     temporaries: usize,
 }
 
-impl Writer<'_> {
+impl RoutineWriter<'_> {
     /// An expression in numbers of this width, in brackets where it binds less tightly.
     fn text(&self, id: Id, binding: u8, wide: bool) -> Result<String, EmitError> {
-        if let Op::Literal(bits) = self.tape.op(id) {
+        if let TapeOp::Literal(bits) = self.tape.op(id) {
             let value = f64::from_bits(bits);
             let text = self.syntax.literal(value, wide)?;
             return Ok(if value < 0.0 && binding > 2 { format!("({text})") } else { text });
@@ -269,12 +269,12 @@ impl Writer<'_> {
     /// Statements for what these need and is not there yet.
     fn write(&mut self, wanted: &[Id]) -> Result<(), EmitError> {
         for id in self.tape.below(wanted) {
-            if self.texts.contains_key(&id) || matches!(self.tape.op(id), Op::Literal(_)) {
+            if self.texts.contains_key(&id) || matches!(self.tape.op(id), TapeOp::Literal(_)) {
                 continue;
             }
             let wide = self.routine.is_wide(id);
             let (text, binding) = self.expression(id, wide)?;
-            let is_plain = matches!(self.tape.op(id), Op::Name(_));
+            let is_plain = matches!(self.tape.op(id), TapeOp::Name(_));
             let often = self.uses.get(id.index()).is_some_and(|uses| *uses > 1);
             if !is_plain && (often || text.len() > LONGEST) {
                 let name = format!("t{}", self.temporaries);
@@ -291,7 +291,7 @@ impl Writer<'_> {
     /// The factors of a product in 32 bits that stands in one sum alone and has no name.
     fn factors(&self, id: Id) -> Result<Option<[String; 2]>, EmitError> {
         Ok(match self.tape.op(id) {
-            Op::Multiply(a, b)
+            TapeOp::Multiply(a, b)
                 if !self.routine.is_wide(id)
                     && self.texts.get(&id).is_some_and(|(_, binding)| *binding == 2) =>
             {
@@ -302,9 +302,9 @@ impl Writer<'_> {
     }
 
     /// A sum in 32 bits with a product in it, where the language can round that once.
-    fn fused(&self, op: Op) -> Result<Option<String>, EmitError> {
-        let (Op::Add(a, b) | Op::Subtract(a, b)) = op else { return Ok(None) };
-        let is_sum = matches!(op, Op::Add(..));
+    fn fused(&self, op: TapeOp) -> Result<Option<String>, EmitError> {
+        let (TapeOp::Add(a, b) | TapeOp::Subtract(a, b)) = op else { return Ok(None) };
+        let is_sum = matches!(op, TapeOp::Add(..));
         Ok(match (self.factors(b)?, self.factors(a)?) {
             (Some([x, y]), _) => {
                 let x = if is_sum { x } else { format!("-{x}") };
@@ -327,15 +327,15 @@ impl Writer<'_> {
             Ok::<_, EmitError>(format!("{} {sign} {}", self.text(a, left, wide)?, self.text(b, right, wide)?))
         };
         Ok(match self.tape.op(id) {
-            Op::Literal(_) => (String::new(), 3),
-            Op::Name(name) => (self.tape.name_of(name).to_owned(), 3),
-            Op::Add(a, b) => (two("+", (a, 1), (b, 2))?, 1),
-            Op::Subtract(a, b) => (two("-", (a, 1), (b, 2))?, 1),
-            Op::Multiply(a, b) => (two("*", (a, 2), (b, 3))?, 2),
-            Op::Divide(a, b) => (two("/", (a, 2), (b, 3))?, 2),
-            Op::Negative(a) => (format!("-{}", self.text(a, 3, wide)?), 2),
-            Op::Call(called, at) => (self.syntax.call(called, &self.text(at, 0, wide)?, wide), 3),
-            Op::Choice([a, b, c, d]) => {
+            TapeOp::Literal(_) => (String::new(), 3),
+            TapeOp::Name(name) => (self.tape.name_of(name).to_owned(), 3),
+            TapeOp::Add(a, b) => (two("+", (a, 1), (b, 2))?, 1),
+            TapeOp::Subtract(a, b) => (two("-", (a, 1), (b, 2))?, 1),
+            TapeOp::Multiply(a, b) => (two("*", (a, 2), (b, 3))?, 2),
+            TapeOp::Divide(a, b) => (two("/", (a, 2), (b, 3))?, 2),
+            TapeOp::Negative(a) => (format!("-{}", self.text(a, 3, wide)?), 2),
+            TapeOp::Call(called, at) => (self.syntax.call(called, &self.text(at, 0, wide)?, wide), 3),
+            TapeOp::Choice([a, b, c, d]) => {
                 let [a, b, c, d] = [
                     self.text(a, 1, wide)?,
                     self.text(b, 1, wide)?,

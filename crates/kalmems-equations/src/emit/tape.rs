@@ -37,7 +37,7 @@ pub(super) enum Called {
 
 /// One operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Op {
+pub(super) enum TapeOp {
     /// A number by its bits.
     Literal(u64),
     /// Something that has a name in the source.
@@ -52,7 +52,7 @@ pub(super) enum Op {
     Choice([Id; 4]),
 }
 
-impl Op {
+impl TapeOp {
     /// What it is made of.
     pub(super) fn parts(&self) -> Vec<Id> {
         match *self {
@@ -78,14 +78,14 @@ impl Op {
 /// Operations in the order in which they can be computed.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tape {
-    ops: Vec<Op>,
-    known: HashMap<Op, Id>,
+    ops: Vec<TapeOp>,
+    known: HashMap<TapeOp, Id>,
     names: Vec<String>,
 }
 
 impl Tape {
-    pub(super) fn op(&self, id: Id) -> Op {
-        self.ops.get(id.index()).copied().unwrap_or(Op::Literal(0))
+    pub(super) fn op(&self, id: Id) -> TapeOp {
+        self.ops.get(id.index()).copied().unwrap_or(TapeOp::Literal(0))
     }
 
     pub(super) fn len(&self) -> usize {
@@ -96,7 +96,7 @@ impl Tape {
         self.names.get(name as usize).map_or("", String::as_str)
     }
 
-    fn push(&mut self, op: Op) -> Id {
+    fn push(&mut self, op: TapeOp) -> Id {
         if let Some(id) = self.known.get(&op) {
             return *id;
         }
@@ -108,7 +108,7 @@ impl Tape {
     }
 
     pub(super) fn literal(&mut self, value: f64) -> Id {
-        self.push(Op::Literal(if value == 0.0 { 0 } else { value.to_bits() }))
+        self.push(TapeOp::Literal(if value == 0.0 { 0 } else { value.to_bits() }))
     }
 
     /// Something that has this name in the source.
@@ -118,13 +118,13 @@ impl Tape {
             self.names.push(name);
             self.names.len() - 1
         });
-        self.push(Op::Name(u32::try_from(place).unwrap_or(u32::MAX)))
+        self.push(TapeOp::Name(u32::try_from(place).unwrap_or(u32::MAX)))
     }
 
     /// The number that this is.
     pub(super) fn number(&self, id: Id) -> Option<f64> {
         match self.op(id) {
-            Op::Literal(bits) => Some(f64::from_bits(bits)),
+            TapeOp::Literal(bits) => Some(f64::from_bits(bits)),
             _ => None,
         }
     }
@@ -136,7 +136,7 @@ impl Tape {
     /// The opposite of what is a negative number times something.
     fn without_sign(&mut self, id: Id) -> Option<Id> {
         match self.op(id) {
-            Op::Multiply(x, y) if self.number(x).is_some_and(|x| x < 0.0) => {
+            TapeOp::Multiply(x, y) if self.number(x).is_some_and(|x| x < 0.0) => {
                 let x = self.number(x).unwrap_or_default();
                 let x = self.literal(-x);
                 Some(self.multiply(x, y))
@@ -155,13 +155,13 @@ impl Tape {
             (Some(x), Some(y), ..) => self.literal(x + y),
             (Some(0.0), ..) => b,
             (_, Some(0.0), ..) => a,
-            (_, _, _, Op::Negative(b)) => self.push(Op::Subtract(a, b)),
-            (_, _, Op::Negative(a), _) => self.push(Op::Subtract(b, a)),
+            (_, _, _, TapeOp::Negative(b)) => self.push(TapeOp::Subtract(a, b)),
+            (_, _, TapeOp::Negative(a), _) => self.push(TapeOp::Subtract(b, a)),
             (_, Some(y), ..) if y < 0.0 => {
                 let y = self.literal(-y);
-                self.push(Op::Subtract(a, y))
+                self.push(TapeOp::Subtract(a, y))
             }
-            _ => self.push(Op::Add(a, b)),
+            _ => self.push(TapeOp::Add(a, b)),
         }
     }
 
@@ -173,12 +173,12 @@ impl Tape {
             (Some(x), Some(y), _) => self.literal(x - y),
             (_, Some(0.0), _) => a,
             (Some(0.0), ..) => self.negative(b),
-            (_, _, Op::Negative(b)) => self.add(a, b),
+            (_, _, TapeOp::Negative(b)) => self.add(a, b),
             (_, Some(y), _) if y < 0.0 => {
                 let y = self.literal(-y);
-                self.push(Op::Add(a, y))
+                self.push(TapeOp::Add(a, y))
             }
-            _ => self.push(Op::Subtract(a, b)),
+            _ => self.push(TapeOp::Subtract(a, b)),
         }
     }
 
@@ -189,22 +189,22 @@ impl Tape {
             (_, Some(0.0), ..) | (Some(1.0), ..) => b,
             (Some(-1.0), ..) => self.negative(b),
             (_, Some(-1.0), ..) => self.negative(a),
-            (Some(x), _, _, Op::Negative(b)) => {
+            (Some(x), _, _, TapeOp::Negative(b)) => {
                 let x = self.literal(-x);
-                self.push(Op::Multiply(x, b))
+                self.push(TapeOp::Multiply(x, b))
             }
             (None, Some(_), ..) => self.multiply(b, a),
-            (_, _, Op::Negative(x), _) => {
+            (_, _, TapeOp::Negative(x), _) => {
                 let product = self.multiply(x, b);
                 self.negative(product)
             }
-            (_, _, _, Op::Negative(y)) => {
+            (_, _, _, TapeOp::Negative(y)) => {
                 let product = self.multiply(a, y);
                 self.negative(product)
             }
             // Numbers stand first.
-            (Some(_), ..) => self.push(Op::Multiply(a, b)),
-            _ => self.push(Op::Multiply(a.min(b), a.max(b))),
+            (Some(_), ..) => self.push(TapeOp::Multiply(a, b)),
+            _ => self.push(TapeOp::Multiply(a.min(b), a.max(b))),
         }
     }
 
@@ -212,33 +212,33 @@ impl Tape {
         match (self.number(a), self.number(b)) {
             (Some(x), Some(y)) => self.literal(x / y),
             (_, Some(1.0)) => a,
-            _ => self.push(Op::Divide(a, b)),
+            _ => self.push(TapeOp::Divide(a, b)),
         }
     }
 
     pub(super) fn negative(&mut self, a: Id) -> Id {
         match self.op(a) {
-            Op::Literal(bits) => self.literal(-f64::from_bits(bits)),
-            Op::Negative(a) => a,
-            Op::Subtract(x, y) => self.subtract(y, x),
-            Op::Multiply(x, y) if self.number(x).is_some() => {
+            TapeOp::Literal(bits) => self.literal(-f64::from_bits(bits)),
+            TapeOp::Negative(a) => a,
+            TapeOp::Subtract(x, y) => self.subtract(y, x),
+            TapeOp::Multiply(x, y) if self.number(x).is_some() => {
                 let x = self.number(x).unwrap_or_default();
                 let x = self.literal(-x);
                 self.multiply(x, y)
             }
-            _ => self.push(Op::Negative(a)),
+            _ => self.push(TapeOp::Negative(a)),
         }
     }
 
     pub(super) fn call(&mut self, called: Called, at: Id) -> Id {
-        self.push(Op::Call(called, at))
+        self.push(TapeOp::Call(called, at))
     }
 
     pub(super) fn choice(&mut self, parts: [Id; 4]) -> Id {
         if parts[2] == parts[3] {
             return parts[2];
         }
-        self.push(Op::Choice(parts))
+        self.push(TapeOp::Choice(parts))
     }
 
     /// All operations that these need, each behind its parts.

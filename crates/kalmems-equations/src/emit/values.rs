@@ -1,13 +1,13 @@
 //! Forms of nodes as operations.
 
-use super::lower::{Coefficient, Form, Operand, Term};
+use super::lower::{Coefficient, NodeForm, Operand, ProductTerm};
 use super::pairs::{Atom, Pairs};
 use super::tape::{Called, Id, Tape};
 use crate::graph::{NodeId, Variable};
 use std::collections::HashMap;
 
 /// Nodes and pairs on the tape.
-pub(super) struct Values<'a> {
+pub(super) struct TapeValues<'a> {
     pub(super) tape: &'a mut Tape,
     pub(super) pairs: &'a Pairs,
     pub(super) prefix: &'static str,
@@ -15,7 +15,7 @@ pub(super) struct Values<'a> {
     pub(super) of_pair: HashMap<usize, Id>,
 }
 
-impl Values<'_> {
+impl TapeValues<'_> {
     pub(super) fn node(&mut self, id: NodeId) -> Id {
         match self.of.get(&id) {
             Some(value) => *value,
@@ -28,27 +28,27 @@ impl Values<'_> {
         self.tape.named(name)
     }
 
-    pub(super) fn form(&mut self, form: &Form, of_variable: &dyn Fn(Variable) -> Operand) -> Id {
+    pub(super) fn form(&mut self, form: &NodeForm, of_variable: &dyn Fn(Variable) -> Operand) -> Id {
         match form {
-            Form::Number(number) => self.tape.literal(*number),
-            Form::Given(place) => self.given(*place),
-            Form::Variable(variable) => match of_variable(*variable) {
+            NodeForm::Number(number) => self.tape.literal(*number),
+            NodeForm::Given(place) => self.given(*place),
+            NodeForm::Variable(variable) => match of_variable(*variable) {
                 Operand::Name(name) => self.tape.named(name),
                 Operand::Id(id) => id,
             },
-            Form::Sum(first, terms) => self.sum(*first, terms),
-            Form::Product((by, atoms)) => {
+            NodeForm::Sum(first, terms) => self.sum(*first, terms),
+            NodeForm::Product((by, atoms)) => {
                 let (by, product) = (self.coefficient(*by), self.product(atoms));
                 self.tape.multiply(by, product)
             }
-            Form::Call(called, at, by) => {
+            NodeForm::Call(called, at, by) => {
                 let (at, by) = (self.node(*at), self.tape.literal(*by));
                 let at = self.tape.multiply(by, at);
                 let value = self.tape.call(*called, at);
                 // The law is −ln cosh.
                 if *called == Called::LnCosh { self.tape.negative(value) } else { value }
             }
-            Form::Choice(parts) => {
+            NodeForm::Choice(parts) => {
                 let parts = parts.map(|part| self.node(part));
                 self.tape.choice(parts)
             }
@@ -62,7 +62,7 @@ impl Values<'_> {
         }
     }
 
-    fn sum(&mut self, first: Coefficient, terms: &[Term]) -> Id {
+    fn sum(&mut self, first: Coefficient, terms: &[ProductTerm]) -> Id {
         let mut terms: Vec<(Coefficient, Id)> =
             terms.iter().map(|(by, atoms)| (*by, self.product(atoms))).collect();
         // What is there first is added first, and a sum does not begin with a sign.

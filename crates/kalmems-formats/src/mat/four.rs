@@ -1,10 +1,10 @@
 //! MAT files of version 4: matrices one after the other, each behind a header of 20 bytes and its name (MathWorks,
 //! MAT-File Format, appendix on level 4).
 
-use super::array::{Value, Variable};
-use crate::element::{Element, Kind};
-use crate::source::Source;
-use crate::stream::{Packing, Stretch};
+use super::array::{MatValue, MatVariable};
+use crate::element::{Element, ElementKind};
+use crate::source::SharedFile;
+use crate::stream::{Compression, FileStretch};
 use crate::{FormatError, limits};
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ pub(super) const FORMAT: &str = "MAT 4";
 const HEADER: u64 = 20;
 
 /// What a header says.
-struct Header {
+struct Mat4Header {
     element: Element,
     /// 0 numbers, 1 text, 2 sparse.
     kind: u32,
@@ -25,14 +25,14 @@ struct Header {
 
 /// Whether bytes begin as such a file does: a header that holds what it can, and a name behind it.
 pub(crate) fn begins(beginning: &[u8]) -> bool {
-    let Some(header) = beginning.get(..20).and_then(Header::read) else { return false };
+    let Some(header) = beginning.get(..20).and_then(Mat4Header::read) else { return false };
     let name = beginning.get(20..20 + header.name_bytes).unwrap_or_default();
     let Some((0, letters)) = name.split_last() else { return false };
     letters.first().is_some_and(u8::is_ascii_alphabetic)
         && letters.iter().all(|letter| letter.is_ascii_alphanumeric() || *letter == b'_')
 }
 
-impl Header {
+impl Mat4Header {
     /// None where it is no header.
     fn read(bytes: &[u8]) -> Option<Self> {
         let words = |big_endian: bool| {
@@ -48,12 +48,12 @@ impl Header {
             let [code, rows, columns, complex, name] = words[..] else { return None };
             let (machine, zero, number, kind) = (code / 1000, code / 100 % 10, code / 10 % 10, code % 10);
             let (element, bytes) = match number {
-                0 => (Kind::Float, 8),
-                1 => (Kind::Float, 4),
-                2 => (Kind::Signed, 4),
-                3 => (Kind::Signed, 2),
-                4 => (Kind::Unsigned, 2),
-                5 => (Kind::Unsigned, 1),
+                0 => (ElementKind::Float, 8),
+                1 => (ElementKind::Float, 4),
+                2 => (ElementKind::Signed, 4),
+                3 => (ElementKind::Signed, 2),
+                4 => (ElementKind::Unsigned, 2),
+                5 => (ElementKind::Unsigned, 1),
                 _ => return None,
             };
             let name_bytes = name as usize;
@@ -76,12 +76,12 @@ impl Header {
 }
 
 /// All matrices, and the stretch that they are in.
-pub(super) fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>, FormatError> {
-    let stretch = Stretch {
+pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>, FormatError> {
+    let stretch = FileStretch {
         source: Arc::clone(source),
         format: FORMAT,
         name: "the file".to_owned(),
-        packing: Packing::Stored,
+        packing: Compression::Stored,
         start: 0,
         end: source.length(),
         crc: None,
@@ -92,7 +92,7 @@ pub(super) fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>
     while at < source.length() {
         limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
         let bytes = source.bytes(FORMAT, at, 20)?;
-        let header = Header::read(&bytes).ok_or_else(|| FormatError::Damaged {
+        let header = Mat4Header::read(&bytes).ok_or_else(|| FormatError::Damaged {
             format: FORMAT,
             place: format!("byte {at}"),
             found: format!("`{}`", bytes.escape_ascii()),
@@ -107,23 +107,23 @@ pub(super) fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>
         at = source.within(FORMAT, place, length)?;
         let (rows, columns, element) = (header.rows, header.columns, header.element);
         let value = match header.kind {
-            _ if header.complex => Value::Other("complex numbers"),
-            0 => Value::Numbers { place, element, rows, columns },
+            _ if header.complex => MatValue::Other("complex numbers"),
+            0 => MatValue::Numbers { place, element, rows, columns },
             1 => {
                 let taken = length.saturating_add(rows.saturating_mul(64));
                 limits::at_most(FORMAT, "the length of texts", taken, text_bytes)?;
                 text_bytes -= taken;
-                Value::Texts(texts(source, place, &header)?)
+                MatValue::Texts(texts(source, place, &header)?)
             }
-            _ => Value::Other("a sparse matrix"),
+            _ => MatValue::Other("a sparse matrix"),
         };
-        found.push((stretch.clone(), Variable { name, value }));
+        found.push((stretch.clone(), MatVariable { name, value }));
     }
     Ok(found)
 }
 
 /// Characters by their numbers, column after column: a text a row.
-fn texts(source: &Source, place: u64, header: &Header) -> Result<Vec<Vec<u8>>, FormatError> {
+fn texts(source: &SharedFile, place: u64, header: &Mat4Header) -> Result<Vec<Vec<u8>>, FormatError> {
     // Bounded by the length of texts.
     let small = |length: u64| usize::try_from(length).unwrap_or(0);
     let (rows, count) = (small(header.rows), small(header.rows * header.columns));

@@ -2,8 +2,8 @@
 
 use crate::FormatError;
 use crate::limits;
-use crate::source::Source;
-use crate::stream::{Packing, Stretch};
+use crate::source::SharedFile;
+use crate::stream::{Compression, FileStretch};
 use std::sync::Arc;
 
 const FORMAT: &str = "NPZ";
@@ -23,7 +23,7 @@ pub(super) struct Member {
 }
 
 /// Reads the directory.
-pub(super) fn members(source: &Source) -> Result<Vec<Member>, FormatError> {
+pub(super) fn members(source: &SharedFile) -> Result<Vec<Member>, FormatError> {
     let (entries, offset, size) = directory(source)?;
     limits::at_most(FORMAT, "the number of members", entries, limits::COLUMNS as u64)?;
     limits::at_most(FORMAT, "the length of the directory", size, limits::HEADER_BYTES)?;
@@ -89,7 +89,7 @@ impl Member {
     }
 
     /// Where its bytes are.
-    pub(super) fn stretch(&self, source: Arc<Source>) -> Result<Stretch, FormatError> {
+    pub(super) fn stretch(&self, source: Arc<SharedFile>) -> Result<FileStretch, FormatError> {
         let unsupported = |what: &str| FormatError::Unsupported {
             format: FORMAT,
             what: format!("`{}`, which is {what},", self.name),
@@ -99,8 +99,8 @@ impl Member {
             return Err(unsupported("encrypted"));
         }
         let packing = match self.method {
-            0 => Packing::Stored,
-            8 => Packing::Deflate,
+            0 => Compression::Stored,
+            8 => Compression::Deflate,
             other => return Err(unsupported(&format!("packed by method {other}"))),
         };
         let header = source.bytes(FORMAT, self.header, 30)?;
@@ -109,17 +109,17 @@ impl Member {
         }
         let start = self.header + 30 + u64::from(u16_at(&header, 26)) + u64::from(u16_at(&header, 28));
         let end = source.within(FORMAT, start, self.packed)?;
-        if packing == Packing::Stored && self.packed != self.unpacked {
+        if packing == Compression::Stored && self.packed != self.unpacked {
             return Err(damaged(self.header, "unpacked bytes of another length", "the same"));
         }
         limits::plausible_unpacked(FORMAT, &format!("`{}`", self.name), self.unpacked, self.packed)?;
         let name = format!("`{}`", self.name);
-        Ok(Stretch { source, format: FORMAT, name, packing, start, end, crc: Some(self.crc) })
+        Ok(FileStretch { source, format: FORMAT, name, packing, start, end, crc: Some(self.crc) })
     }
 }
 
 /// Members that share bytes unpack to more than the file could hold.
-fn refuse_overlaps(source: &Source, members: &[Member], directory: u64) -> Result<(), FormatError> {
+fn refuse_overlaps(source: &SharedFile, members: &[Member], directory: u64) -> Result<(), FormatError> {
     let mut places: Vec<(u64, u64)> = Vec::new();
     for member in members {
         // A header of 30 bytes and its name are before the packed bytes.
@@ -141,7 +141,7 @@ fn refuse_overlaps(source: &Source, members: &[Member], directory: u64) -> Resul
 }
 
 /// How many entries the directory has, where it begins, and its bytes.
-fn directory(source: &Source) -> Result<(u64, u64, u64), FormatError> {
+fn directory(source: &SharedFile) -> Result<(u64, u64, u64), FormatError> {
     let tail_start = source.length().saturating_sub(TAIL);
     #[allow(clippy::cast_possible_truncation)] // at most TAIL
     let tail = source.bytes(FORMAT, tail_start, (source.length() - tail_start) as usize)?;

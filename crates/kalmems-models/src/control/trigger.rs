@@ -1,6 +1,6 @@
 //! When a motion will next pass a phase.
 
-use super::{Complex, Onward};
+use super::{Complex, StateStep};
 use core::f64::consts::{FRAC_PI_2, TAU};
 use core::fmt;
 use kalmems_core::{Covariance, Mat, Scalar};
@@ -60,7 +60,7 @@ impl core::error::Error for UnusableTrigger {}
 
 /// When the mark will be passed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Crossing<P> {
+pub struct MarkCrossing<P> {
     /// In how many seconds.
     pub after: P,
     /// The standard deviation of that, in s.
@@ -82,7 +82,7 @@ pub struct TriggerEvent<P> {
     /// At which sample it was told, counted from 0.
     pub sample: u64,
     /// When it will happen, and how sure that is.
-    pub crossing: Crossing<P>,
+    pub crossing: MarkCrossing<P>,
 }
 
 /// Foretells when a motion passes a mark, by the model that a filter has of it.
@@ -166,7 +166,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
 
     /// One sample, an interval after the last one: the filter's mean and covariance now, and how they go on. An event is told
     /// once.
-    pub fn step<M: Onward<P, N> + ?Sized, const N: usize>(
+    pub fn step<M: StateStep<P, N> + ?Sized, const N: usize>(
         &mut self,
         onward: &M,
         (mean, covariance): (&[P; N], &Covariance<P, N>),
@@ -245,12 +245,12 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
     }
 
     /// When the mark is first passed that many seconds from now or later, at most so many seconds ahead.
-    pub fn foretell<M: Onward<P, N> + ?Sized, const N: usize>(
+    pub fn foretell<M: StateStep<P, N> + ?Sized, const N: usize>(
         &self,
         (onward, (mean, covariance)): (&M, (&[P; N], &Covariance<P, N>)),
         from: P,
         horizon: P,
-    ) -> Result<Crossing<P>, NoCrossing> {
+    ) -> Result<MarkCrossing<P>, NoCrossing> {
         if self.is_small(mean) {
             return Err(NoCrossing::TooSmall);
         }
@@ -285,7 +285,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
             return if after.gt(horizon) {
                 Err(NoCrossing::BeyondHorizon)
             } else {
-                Ok(Crossing { after, sd })
+                Ok(MarkCrossing { after, sd })
             };
         }
         Err(NoCrossing::BeyondHorizon)
@@ -303,7 +303,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
     }
 
     /// The variance of e that part of the way into the step of this number.
-    fn variance<M: Onward<P, N> + ?Sized, const N: usize>(
+    fn variance<M: StateStep<P, N> + ?Sized, const N: usize>(
         &self,
         onward: &M,
         (mean, covariance): (&[P; N], &Covariance<P, N>),

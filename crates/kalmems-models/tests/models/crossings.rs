@@ -2,7 +2,7 @@
 //! many it makes up, and how well it knows their times.
 
 use crate::chance::{Chance, spread};
-use kalmems_core::detect::{CubicFit, Hold, Peak, SlopeKernel, Threshold, peaks};
+use kalmems_core::detect::{CubicFit, HoldLevel, Peak, SlopeKernel, Threshold, peaks};
 use kalmems_core::{Measurement, Process};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
 use kalmems_models::dynamics::MirrorResonator;
@@ -156,11 +156,11 @@ fn alarms(chance: &mut Chance, records: usize, threshold: Threshold<f64>) -> usi
     (0..records).map(|_| record(chance)).sum()
 }
 
-fn rare(hold: Option<Hold>) -> Threshold<f64> {
+fn rare(hold: Option<HoldLevel>) -> Threshold<f64> {
     Threshold::for_false_alarms(&kernel(), NOISE, RARE, REACH, hold).unwrap()
 }
 
-const FOLLOW: Hold = Hold { deviations: 2.0, samples: 600 };
+const FOLLOW: HoldLevel = HoldLevel { deviations: 2.0, samples: 600 };
 
 #[test]
 #[ignore = "slow"]

@@ -1,25 +1,27 @@
 //! The claim that the filter reaches the bound where nothing drifts.
 
-use super::bench::{RUN, Run, SKIP_S, settings};
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use super::bench::{PistonRun, RUN, SKIP_S, settings};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 
 /// P section IV, at its end.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "static",
     title: "the filter against the bound in a static system",
-    kind: Kind::Table,
-    places: &[Place { paper: "P", label: "Section IV", page: "its end" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "P", label: "Section IV", page: "its end" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// What the filter claims without noise, along the true motion, is the bound's recursion.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let settings = settings(1e-15)?;
     let seeds = if work.effort == Effort::Full { 20 } else { 6 };
-    let still = Run { drift: 0.0, sampling_hz: 20e3, duration_s: 2.0 * SKIP_S, ..RUN };
+    let still = PistonRun { drift: 0.0, sampling_hz: 20e3, duration_s: 2.0 * SKIP_S, ..RUN };
     let first = work.seed;
     let rms = work.map("a static system", (seeds, 1), |i, progress| {
-        let run = Run { seed: first + i as u64, ..still };
+        let run = PistonRun { seed: first + i as u64, ..still };
         let judged = run.estimate(&settings, &["five"], progress)?;
         let [filter, _] = judged.as_slice() else { return None };
         let position = filter.trajectory.state("position")?;
@@ -29,7 +31,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     })?;
     let count = rms.len() as f64;
     let pooled = (rms.iter().map(|r| r * r).sum::<f64>() / count).sqrt();
-    let spread = Spread::of(rms);
+    let spread = SeedSpread::of(rms);
     Ok(vec![
         Item::new(&HEAD)
             .check(Check::claim(

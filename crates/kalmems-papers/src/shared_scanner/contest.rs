@@ -1,68 +1,77 @@
 //! The estimators against each other over the drive frequencies.
 
-use super::bench::{Belief, Bench, Judged, SAMPLES, SAMPLING_HZ, Steady};
-use super::published::{Errors, d_table_5_3, s_table_ii, s_table_iii};
+use super::bench::{
+    EstimatorResult, SAMPLES, SAMPLING_HZ, SampledSteadyMotion, ScannerBench, ScannerMismatch,
+};
+use super::published::{PublishedErrors, d_table_5_3, s_table_ii, s_table_iii};
 use super::snapshot::PUBLISHED;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 
 /// S: errors over the drive frequencies, and their mean.
-pub static JOURNAL: Head = Head {
+pub static JOURNAL: ItemHead = ItemHead {
     key: "table-iii",
     title: "errors of model alone, EKF and UKF",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "S", label: "Table III", page: "section IV-B" },
-        Place { paper: "S", label: "Figure 9", page: "section IV-B" },
+        PaperPlace { paper: "S", label: "Table III", page: "section IV-B" },
+        PaperPlace { paper: "S", label: "Figure 9", page: "section IV-B" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// D: the same device, other errors.
-pub static DISSERTATION: Head = Head {
+pub static DISSERTATION: ItemHead = ItemHead {
     key: "table-5-3",
     title: "errors of EKF and UKF",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "D", label: "Table 5.3", page: "page 101" },
-        Place { paper: "D", label: "Figure 5.9", page: "page 101" },
+        PaperPlace { paper: "D", label: "Table 5.3", page: "page 101" },
+        PaperPlace { paper: "D", label: "Figure 5.9", page: "page 101" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// What both papers say of the two filters.
-pub static GAP: Head = Head {
+pub static GAP: ItemHead = ItemHead {
     key: "ekf-ukf",
     title: "whether the UKF is better than the EKF",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "S", label: "Section IV-B", page: "text above Table III" },
-        Place { paper: "D", label: "Section 5.6", page: "page 101" },
+        PaperPlace { paper: "S", label: "Section IV-B", page: "text above Table III" },
+        PaperPlace { paper: "D", label: "Section 5.6", page: "page 101" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// The stiffness 0.3 % too high.
-pub const WRONG_STIFFNESS: Belief =
-    Belief { words: "stiffness +0.3 %, q = 1e8", stiffness: 1.003, damping: 1.0, drive: 1.0, density: 1e8 };
+pub const WRONG_STIFFNESS: ScannerMismatch = ScannerMismatch {
+    words: "stiffness +0.3 %, q = 1e8",
+    stiffness: 1.003,
+    damping: 1.0,
+    drive: 1.0,
+    density: 1e8,
+};
 
 /// What estimators are told, each with the density q of the angular acceleration's noise in rad²/s³. The first is the
 /// one that is set beside the papers.
-const BELIEFS: [Belief; 4] = [
+const BELIEFS: [ScannerMismatch; 4] = [
     WRONG_STIFFNESS,
-    Belief {
+    ScannerMismatch {
         words: "stiffness +0.3 %, q = 1e5: the printed Q_θ at 1 MHz",
         density: s_table_ii::PROCESS_NOISE * 1e-6,
         ..WRONG_STIFFNESS
     },
-    Belief {
+    ScannerMismatch {
         words: "stiffness +0.3 %, damping +8 %, drive +1.5 %, q = 1e8",
         damping: 1.08,
         drive: 1.015,
         ..WRONG_STIFFNESS
     },
-    Belief { words: "all right, q = 1e8", stiffness: 1.0, ..WRONG_STIFFNESS },
+    ScannerMismatch { words: "all right, q = 1e8", stiffness: 1.0, ..WRONG_STIFFNESS },
 ];
 
 /// Drive frequencies, in Hz: over that part of S's band in which the device moves at 90 V + 90 V sin.
@@ -74,7 +83,7 @@ pub(super) const DIVERGED_DEG: f64 = 90.0;
 
 /// One estimator at one point. The errors are not a number where it diverged or stopped.
 #[derive(Clone, Debug)]
-struct Score {
+struct ContestScore {
     key: String,
     name: String,
     angle: f64,
@@ -88,19 +97,19 @@ struct Score {
 }
 
 /// Points of one belief: `[frequency][seed]`, each with a score for every estimator.
-struct Round {
-    belief: Belief,
-    scores: Vec<Vec<Vec<Score>>>,
+struct ContestRound {
+    belief: ScannerMismatch,
+    scores: Vec<Vec<Vec<ContestScore>>>,
 }
 
-fn score(judged: &Judged, from: usize) -> Score {
+fn score(judged: &EstimatorResult, from: usize) -> ContestScore {
     let errors = judged.errors.as_ref();
     let held = errors.filter(|e| judged.trajectory.failure.is_none() && e.angle.rmse_deg < DIVERGED_DEG);
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
     let angle = judged.trajectory.state("angle").and_then(|state| state.mean.get(from..)).unwrap_or_default();
     let highest = angle.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let lowest = angle.iter().copied().fold(f64::INFINITY, f64::min);
-    Score {
+    ContestScore {
         key: judged.trajectory.key.clone(),
         name: judged.trajectory.name.clone(),
         angle: number(held.map(|e| e.angle.rmse_deg)),
@@ -113,8 +122,8 @@ fn score(judged: &Judged, from: usize) -> Score {
 }
 
 /// Estimates recordings at every frequency with every belief and seed.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let bench = Bench::new()?;
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let bench = ScannerBench::new()?;
     let seeds = match work.effort {
         Effort::Quick => 3,
         Effort::Full => 12,
@@ -134,11 +143,11 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
 }
 
 fn rounds(
-    work: &Work,
-    bench: &Bench,
-    motions: &[Steady],
+    work: &PartWork,
+    bench: &ScannerBench,
+    motions: &[SampledSteadyMotion],
     seeds: usize,
-) -> Result<Vec<Round>, ReproduceError> {
+) -> Result<Vec<ContestRound>, ReproduceError> {
     let count = BELIEFS.len() * motions.len() * seeds;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // an index
     let from = (bench.skip_s() * SAMPLING_HZ) as usize;
@@ -148,18 +157,18 @@ fn rounds(
         let (frequency, belief) = (place % motions.len(), place / motions.len());
         let noise = (first_seed + seed as u64, frequency as u64);
         let judged = bench.estimate(&motions[frequency], &BELIEFS[belief], noise, progress)?;
-        Some(judged.iter().map(|j| score(j, from)).collect::<Vec<Score>>())
+        Some(judged.iter().map(|j| score(j, from)).collect::<Vec<ContestScore>>())
     })?;
     let rounds = BELIEFS.iter().zip(points.chunks(motions.len() * seeds));
     Ok(rounds
-        .map(|(belief, points)| Round {
+        .map(|(belief, points)| ContestRound {
             belief: *belief,
-            scores: points.chunks(seeds).map(<[Vec<Score>]>::to_vec).collect(),
+            scores: points.chunks(seeds).map(<[Vec<ContestScore>]>::to_vec).collect(),
         })
         .collect())
 }
 
-impl Round {
+impl ContestRound {
     /// The estimators, by key and name, in the order in which they ran.
     fn estimators(&self) -> Vec<(&str, &str)> {
         let first = self.scores.first().and_then(|seeds| seeds.first());
@@ -169,10 +178,10 @@ impl Round {
     }
 
     /// A figure of one estimator, one per seed: its mean over the frequencies at which it held, as the papers average.
-    fn mean(&self, key: &str, figure: impl Fn(&Score) -> f64) -> Spread {
+    fn mean(&self, key: &str, figure: impl Fn(&ContestScore) -> f64) -> SeedSpread {
         let seeds = self.scores.first().map_or(0, Vec::len);
-        let of = |point: &Vec<Score>| point.iter().find(|s| s.key == key).map_or(f64::NAN, &figure);
-        Spread::of((0..seeds).map(|seed| {
+        let of = |point: &Vec<ContestScore>| point.iter().find(|s| s.key == key).map_or(f64::NAN, &figure);
+        SeedSpread::of((0..seeds).map(|seed| {
             let all = self.scores.iter().map(|at| at.get(seed).map_or(f64::NAN, of));
             let (sum, count) = all.filter(|v| v.is_finite()).fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
             sum / count
@@ -186,21 +195,21 @@ impl Round {
     }
 
     /// A figure of one estimator at each frequency, over the seeds.
-    fn over_frequency(&self, key: &str, figure: impl Fn(&Score) -> f64) -> Vec<Spread> {
-        let of = |point: &Vec<Score>| point.iter().find(|s| s.key == key).map_or(f64::NAN, &figure);
-        self.scores.iter().map(|seeds| Spread::of(seeds.iter().map(of))).collect()
+    fn over_frequency(&self, key: &str, figure: impl Fn(&ContestScore) -> f64) -> Vec<SeedSpread> {
+        let of = |point: &Vec<ContestScore>| point.iter().find(|s| s.key == key).map_or(f64::NAN, &figure);
+        self.scores.iter().map(|seeds| SeedSpread::of(seeds.iter().map(of))).collect()
     }
 }
 
 /// The errors of one estimator beside those of a paper.
-fn beside(item: Item, round: &Round, (key, name): (&str, &str), paper: Errors) -> Item {
+fn beside(item: Item, round: &ContestRound, (key, name): (&str, &str), paper: PublishedErrors) -> Item {
     let angle = round.mean(key, |s| s.angle);
     let phase = round.mean(key, |s| s.phase);
     item.check(Check::value(format!("{name}, angle RMSE"), "deg", paper.angle, angle, 0.1))
         .check(Check::value(format!("{name}, phase RMSE"), "deg", paper.phase, phase, 0.1))
 }
 
-fn journal(rounds: &[Round], motions: &[Steady]) -> Item {
+fn journal(rounds: &[ContestRound], motions: &[SampledSteadyMotion]) -> Item {
     let mut item = Item::new(&JOURNAL);
     let Some(round) = rounds.first() else { return item };
     let (model, ekf, ukf) = (s_table_iii::MODEL, s_table_iii::EKF, s_table_iii::UKF);
@@ -236,7 +245,7 @@ fn journal(rounds: &[Round], motions: &[Steady]) -> Item {
 }
 
 /// The claim that the UKF wins because it is nonlinear.
-fn gap(rounds: &[Round]) -> Item {
+fn gap(rounds: &[ContestRound]) -> Item {
     let mut item = Item::new(&GAP);
     let Some(round) = rounds.first() else { return item };
     let phase = |key: &str| round.mean(key, |s| s.phase).median;
@@ -259,21 +268,22 @@ fn gap(rounds: &[Round]) -> Item {
     )
 }
 
-fn dissertation(rounds: &[Round], motions: &[Steady]) -> Item {
+fn dissertation(rounds: &[ContestRound], motions: &[SampledSteadyMotion]) -> Item {
     let mut item = Item::new(&DISSERTATION);
     let Some(round) = rounds.first() else { return item };
     let (ekf, ukf) = (d_table_5_3::EKF, d_table_5_3::UKF);
     item = beside(item, round, ("ekf", "EKF"), ekf);
     item = beside(item, round, ("ukf", "UKF"), ukf);
     let other = s_table_iii::EKF;
-    let row = |name: &str, d: Option<Errors>, s: Errors| {
-        let cell =
-            |e: Option<Errors>| e.map_or_else(|| "–".to_owned(), |e| format!("{} / {}", e.angle, e.phase));
+    let row = |name: &str, d: Option<PublishedErrors>, s: PublishedErrors| {
+        let cell = |e: Option<PublishedErrors>| {
+            e.map_or_else(|| "–".to_owned(), |e| format!("{} / {}", e.angle, e.phase))
+        };
         [name.to_owned(), cell(d), cell(Some(s))]
     };
-    let both = Table::new(
+    let both = TextTable::new(
         "Two reports of the same device: angle / phase RMSE in degrees",
-        ["estimator", "D Table 5.3", "S Table III"].map(Column::text),
+        ["estimator", "D Table 5.3", "S Table III"].map(ColumnHead::text),
     )
     .row(row("model alone", None, s_table_iii::MODEL))
     .row(row("EKF", Some(ekf), s_table_iii::EKF))
@@ -294,17 +304,17 @@ fn dissertation(rounds: &[Round], motions: &[Steady]) -> Item {
 }
 
 /// Every estimator under every belief.
-fn estimators_table(rounds: &[Round]) -> Table {
-    let mut table = Table::new(
+fn estimators_table(rounds: &[ContestRound]) -> TextTable {
+    let mut table = TextTable::new(
         "Every estimator under every belief: median over the seeds (smallest … largest) of the mean over the frequencies at \
          which it held",
         [
-            Column::text("what the estimators are told"),
-            Column::text("estimator"),
-            Column::number("angle RMSE", "deg"),
-            Column::number("of p-p", "%"),
-            Column::number("phase RMSE", "deg"),
-            Column::text("held in"),
+            ColumnHead::text("what the estimators are told"),
+            ColumnHead::text("estimator"),
+            ColumnHead::number("angle RMSE", "deg"),
+            ColumnHead::number("of p-p", "%"),
+            ColumnHead::number("phase RMSE", "deg"),
+            ColumnHead::text("held in"),
         ],
     );
     for round in rounds {
@@ -325,12 +335,12 @@ fn estimators_table(rounds: &[Round]) -> Table {
 /// The median of the seeds over the frequencies, per estimator. Every second one as points: filters lie on each other.
 fn panel_of(
     mut panel: Panel,
-    (round, motions): (&Round, &[Steady]),
-    figure: impl Fn(&Score) -> f64 + Copy,
+    (round, motions): (&ContestRound, &[SampledSteadyMotion]),
+    figure: impl Fn(&ContestScore) -> f64 + Copy,
 ) -> Panel {
     let published = round.estimators().into_iter().filter(|(key, _)| PUBLISHED.contains(key));
     for (index, (key, name)) in published.enumerate() {
-        let role = if key == "model_alone" { Role::Model } else { Role::Other };
+        let role = if key == "model_alone" { SeriesRole::Model } else { SeriesRole::Other };
         let spreads = round.over_frequency(key, figure);
         let line: Vec<(f64, f64)> =
             motions.iter().zip(&spreads).map(|(m, s)| (m.drive_hz, s.median)).collect();
@@ -344,13 +354,13 @@ fn panel_of(
     panel
 }
 
-fn figure_9(round: &Round, motions: &[Steady]) -> Figure {
+fn figure_9(round: &ContestRound, motions: &[SampledSteadyMotion]) -> Figure {
     let frequency = || Axis::new("drive frequency", "Hz");
     let papers = [("ACM", s_table_iii::MODEL), ("EKF", s_table_iii::EKF), ("UKF", s_table_iii::UKF)];
-    let levels = |panel: Panel, error: fn(&Errors) -> f64| {
+    let levels = |panel: Panel, error: fn(&PublishedErrors) -> f64| {
         papers.iter().fold(panel, |panel, (name, errors)| {
             let degrees = error(errors);
-            panel.with(Series::level(format!("S: {name} {degrees}"), Role::Bound, degrees))
+            panel.with(Series::level(format!("S: {name} {degrees}"), SeriesRole::Bound, degrees))
         })
     };
     let angle = Panel::new(frequency(), Axis::new("angle RMSE", "deg").log());
@@ -368,9 +378,9 @@ fn figure_9(round: &Round, motions: &[Steady]) -> Figure {
     .with(levels(phase, |e| e.phase))
 }
 
-fn figure_5_9(round: &Round, motions: &[Steady]) -> Figure {
+fn figure_5_9(round: &ContestRound, motions: &[SampledSteadyMotion]) -> Figure {
     let frequency = || Axis::new("drive frequency", "Hz");
-    let span = |motion: &Steady| {
+    let span = |motion: &SampledSteadyMotion| {
         let largest = motion.truth.angle.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let smallest = motion.truth.angle.iter().copied().fold(f64::INFINITY, f64::min);
         (motion.drive_hz, (largest - smallest).to_degrees())
@@ -378,7 +388,7 @@ fn figure_5_9(round: &Round, motions: &[Steady]) -> Figure {
     let spans: Vec<(f64, f64)> = motions.iter().map(span).collect();
     let amplitude = Panel::new(frequency(), Axis::new("peak-to-peak angle", "deg")).with(Series::line(
         "simulated motion",
-        Role::Reference,
+        SeriesRole::Reference,
         spans,
     ));
     let amplitude = panel_of(amplitude, (round, motions), |s| s.span);
@@ -390,7 +400,7 @@ fn figure_5_9(round: &Round, motions: &[Steady]) -> Figure {
         .collect();
     let mut phase = Panel::new(frequency(), Axis::new("phase shift", "deg")).with(Series::line(
         "simulated motion",
-        Role::Reference,
+        SeriesRole::Reference,
         shifts,
     ));
     phase.shares_x = true;

@@ -1,27 +1,29 @@
 //! The comparison on equal terms: identified on some recordings, judged on others, chosen by their own likelihood.
 
-use super::bench::{Bench, Decay, INTERVAL_S, errors, estimate};
+use super::bench::{ClosedFormDecay, INTERVAL_S, ThresholdBench, errors, estimate};
 use super::errors_table::PUBLISHED_LEVEL;
 use super::temperature::drifted;
 use crate::estimate::Trajectory;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::simulate::WhiteNoise;
 use kalmems_figures::significant;
-use kalmems_figures::{Column, Table};
-use kalmems_rigs::threshold_scanner::identification::{Decay as Record, fit_decay, unknown};
-use kalmems_rigs::threshold_scanner::{FilterSettings, Hardware, Settings};
+use kalmems_figures::{ColumnHead, TextTable};
+use kalmems_rigs::threshold_scanner::identification::{DecayRecord as Record, fit_decay, unknown};
+use kalmems_rigs::threshold_scanner::{ThresholdFilterSettings, ThresholdHardware, ThresholdScannerSettings};
 use std::collections::BTreeMap;
 
 /// The comparison.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "comparison",
     title: "what thresholds and extra states are worth on equal terms",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "T", label: "Section VII", page: "conclusion" },
-        Place { paper: "D", label: "Section 4.7", page: "" },
+        PaperPlace { paper: "T", label: "Section VII", page: "conclusion" },
+        PaperPlace { paper: "D", label: "Section 4.7", page: "" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// The filters that are chosen from.
@@ -46,7 +48,7 @@ const REFERENCE_NOISE: f64 = 5e-3 * 0.5e-3 / 32.7e-3;
 const THINNED: usize = 4;
 
 /// What one recording gave.
-struct Trial {
+struct FairTrial {
     /// The errors of the printed EKF and of that with the true derivative, each with its likeliest process noise.
     compared: [f64; 2],
     /// The likeliest variant with its error, and the best error of any, told what was identified.
@@ -58,9 +60,9 @@ struct Trial {
 }
 
 /// Identifies and judges.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
-    let bench = Bench::new()?;
+    let bench = ThresholdBench::new()?;
     let trials = match work.effort {
         Effort::Quick => 4,
         Effort::Full => 30,
@@ -78,7 +80,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     let samples = 40_000 * (told.filters.len() + misled.filters.len()) as u64;
     let all = work.map("comparison on other recordings", (trials, samples), |i, progress| {
         let warmer_k = APART_K * (2.0 * i as f64 / (trials - 1) as f64 - 1.0);
-        let decay = Decay::of(&drifted(&bench.device, warmer_k), Decay::phase(i));
+        let decay = ClosedFormDecay::of(&drifted(&bench.device, warmer_k), ClosedFormDecay::phase(i));
         let seed = first_seed + i as u64;
         let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
         let (_, filters) = estimate(&told, &decay, &signal, seed, progress)?;
@@ -93,7 +95,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         let compared = |i: usize| Some(judged(&filters, &|name| name == COMPARED[i])?.0.1);
         let (chosen, best) = judged(&filters, &|name| VARIANTS.contains(&name))?;
         let (misled, misled_best) = judged(&astray, &|_| true)?;
-        Some(Trial { compared: [compared(0)?, compared(1)?], chosen, best, misled, misled_best })
+        Some(FairTrial { compared: [compared(0)?, compared(1)?], chosen, best, misled, misled_best })
     })?;
     Ok(vec![item(&all)])
 }
@@ -107,11 +109,11 @@ fn likelihood(filter: &Trajectory) -> f64 {
 }
 
 /// The two that are compared with, once for each density.
-fn with_densities(mut settings: Settings) -> Settings {
+fn with_densities(mut settings: ThresholdScannerSettings) -> ThresholdScannerSettings {
     let filters = std::mem::take(&mut settings.filters);
-    let each = |filter: FilterSettings| -> Vec<FilterSettings> {
+    let each = |filter: ThresholdFilterSettings| -> Vec<ThresholdFilterSettings> {
         if COMPARED.contains(&filter.basics.name.as_str()) {
-            let with = |density| FilterSettings { acceleration_density: density, ..filter.clone() };
+            let with = |density| ThresholdFilterSettings { acceleration_density: density, ..filter.clone() };
             DENSITIES.into_iter().map(with).collect()
         } else {
             vec![filter]
@@ -122,8 +124,8 @@ fn with_densities(mut settings: Settings) -> Settings {
 }
 
 /// What one training recording says of the device.
-fn identify(bench: &Bench, i: usize, seed: u64) -> Option<Hardware> {
-    let decay = Decay::of(&bench.device, Decay::phase(i + 100));
+fn identify(bench: &ThresholdBench, i: usize, seed: u64) -> Option<ThresholdHardware> {
+    let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(i + 100));
     let thin = |values: Vec<f64>| values.into_iter().step_by(THINNED).collect::<Vec<f64>>();
     let signal = thin(decay.recorded(bench.device.noise_variance.sqrt(), seed));
     let mut noise = WhiteNoise::new(seed, 1);
@@ -148,8 +150,9 @@ fn identify(bench: &Bench, i: usize, seed: u64) -> Option<Hardware> {
 }
 
 /// The mean of what the training recordings say.
-fn mean(start: &Hardware, all: &[Hardware]) -> Hardware {
-    let of = |value: &dyn Fn(&Hardware) -> f64| all.iter().map(value).sum::<f64>() / all.len() as f64;
+fn mean(start: &ThresholdHardware, all: &[ThresholdHardware]) -> ThresholdHardware {
+    let of =
+        |value: &dyn Fn(&ThresholdHardware) -> f64| all.iter().map(value).sum::<f64>() / all.len() as f64;
     let mut device = *start;
     let comb = &mut device.readout.comb;
     comb.centre = of(&|d| d.readout.comb.centre);
@@ -164,12 +167,12 @@ fn mean(start: &Hardware, all: &[Hardware]) -> Hardware {
 }
 
 /// A filter, and its error in a trial.
-type Row<'a> = (&'a str, &'a dyn Fn(&Trial) -> f64);
+type FilterErrorRow<'a> = (&'a str, &'a dyn Fn(&FairTrial) -> f64);
 
-fn item(trials: &[Trial]) -> Item {
-    let spread = |of: &dyn Fn(&Trial) -> f64| Spread::of(trials.iter().map(of));
-    let mean = |of: &dyn Fn(&Trial) -> f64| trials.iter().map(of).sum::<f64>() / trials.len() as f64;
-    let rows: [Row; 6] = [
+fn item(trials: &[FairTrial]) -> Item {
+    let spread = |of: &dyn Fn(&FairTrial) -> f64| SeedSpread::of(trials.iter().map(of));
+    let mean = |of: &dyn Fn(&FairTrial) -> f64| trials.iter().map(of).sum::<f64>() / trials.len() as f64;
+    let rows: [FilterErrorRow; 6] = [
         ("EKF as printed", &|t| t.compared[0]),
         ("EKF with the true derivative", &|t| t.compared[1]),
         ("the likeliest variant", &|t| t.chosen.1),
@@ -177,12 +180,12 @@ fn item(trials: &[Trial]) -> Item {
         ("the likeliest, told a curve of another shape", &|t| t.misled.1),
         ("the best, told a curve of another shape", &|t| t.misled_best),
     ];
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         format!("Root mean square error of the angle over {} recordings", trials.len()),
         [
-            Column::text("filter"),
-            Column::number("mean", "mrad"),
-            Column::text("median (smallest … largest), mrad"),
+            ColumnHead::text("filter"),
+            ColumnHead::number("mean", "mrad"),
+            ColumnHead::text("median (smallest … largest), mrad"),
         ],
     );
     for (name, of) in rows {
@@ -194,12 +197,12 @@ fn item(trials: &[Trial]) -> Item {
         *counts.entry((&trial.chosen.0, false)).or_default() += 1;
         *counts.entry((&trial.misled.0, true)).or_default() += 1;
     }
-    let mut chosen = Table::new(
+    let mut chosen = TextTable::new(
         "How often each was the likeliest",
         [
-            Column::text("filter"),
-            Column::number("told what was identified", ""),
-            Column::number("told a curve of another shape", ""),
+            ColumnHead::text("filter"),
+            ColumnHead::number("told what was identified", ""),
+            ColumnHead::number("told a curve of another shape", ""),
         ],
     );
     for name in VARIANTS {

@@ -1,10 +1,10 @@
 //! Detections as the filters are told of them: how certain they are, and those that are none, at random times.
 #![allow(clippy::cast_possible_truncation)] // seeds and places: small
 
-use super::bench::{Bench, Decay, INTERVAL_S, SAMPLES, crossings, errors, follow};
-use crate::config::Timing;
+use super::bench::{ClosedFormDecay, INTERVAL_S, SAMPLES, ThresholdBench, crossings, errors, follow};
+use crate::config::CrossingTiming;
 use crate::progress::Silent;
-use kalmems_rigs::crossings::{Crossing, Instant};
+use kalmems_rigs::crossings::{CrossingReading, LevelCrossing};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 
@@ -14,19 +14,20 @@ const FILTERS: [&str; 3] = ["hybrid", "hybrid, resonance", "hybrid, resonance an
 
 /// Of one filter: its errors in rad without them, with them behind the gate, and with them believed; and how many crossings
 /// it was told of and refused, without and with them.
-type Harm = ([f64; 3], [(usize, usize); 2]);
+type DetectionEffect = ([f64; 3], [(usize, usize); 2]);
 
 /// What they do to each filter, behind a gate of four standard deviations and without one.
-fn harm(seed: u64) -> [Harm; 3] {
-    let bench = Bench::new().unwrap();
+fn harm(seed: u64) -> [DetectionEffect; 3] {
+    let bench = ThresholdBench::new().unwrap();
     let settings = bench.told(bench.device, &FILTERS);
-    let decay = Decay::of(&bench.device, Decay::phase(seed as usize));
+    let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(seed as usize));
     let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
     let found = crossings(&settings, &decay, &signal).unwrap();
     let mut chance = Pcg64::new(seed.into(), 9);
     let mut below = |count: usize| (chance.next_u64() % count as u64) as usize;
     // Made of those that a filter is told: a detection beside which the signal has no zero tells it nothing.
-    let told: Vec<_> = found.iter().filter(|crossing| crossing.at(Timing::ZeroCrossing).is_some()).collect();
+    let told: Vec<_> =
+        found.iter().filter(|crossing| crossing.at(CrossingTiming::ZeroCrossing).is_some()).collect();
     let made_up = (0..FALSE).map(|_| {
         let original = told[below(told.len())];
         moved(original, below(SAMPLES - 1000))
@@ -50,10 +51,10 @@ fn harm(seed: u64) -> [Harm; 3] {
 }
 
 /// A crossing as it would be at another sample.
-fn moved(crossing: &Crossing, sample: usize) -> Crossing {
+fn moved(crossing: &LevelCrossing, sample: usize) -> LevelCrossing {
     let by_s = sample as f64 * INTERVAL_S - crossing.sample.time_s;
-    let moved = |instant: Instant| Instant { time_s: instant.time_s + by_s, ..instant };
-    Crossing {
+    let moved = |instant: CrossingReading| CrossingReading { time_s: instant.time_s + by_s, ..instant };
+    LevelCrossing {
         sample: moved(crossing.sample),
         parabola: moved(crossing.parabola),
         zero: crossing.zero.map(moved),
@@ -83,15 +84,15 @@ fn slow_sixty_false_detections_do_no_harm_in_any_of_20_recordings() {
 /// passed.
 #[test]
 fn zero_crossings_are_as_certain_as_is_told() {
-    let bench = Bench::new().unwrap();
+    let bench = ThresholdBench::new().unwrap();
     let settings = bench.told(bench.device, &[]);
     // Of each quarter and direction: count, sum, sum of squares, sum of what was told.
     let mut sums = [[[0.0; 4]; 2]; 4];
     for seed in 0..24 {
-        let decay = Decay::of(&bench.device, Decay::phase(seed as usize));
+        let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(seed as usize));
         let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
         for crossing in crossings(&settings, &decay, &signal).unwrap() {
-            let Some(instant) = crossing.at(Timing::ZeroCrossing) else { continue };
+            let Some(instant) = crossing.at(CrossingTiming::ZeroCrossing) else { continue };
             let up = decay.angle_at(instant.time_s + 1e-6) > decay.angle_at(instant.time_s - 1e-6);
             for miss in decay.misses(&bench.device, [instant.time_s]) {
                 let terms = [1.0, miss.angle, miss.angle.powi(2), instant.angle_variance];

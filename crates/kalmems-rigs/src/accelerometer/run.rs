@@ -1,22 +1,22 @@
 //! A run of the accelerometer: open, in its loop, or with an observer in the loop.
 
-use super::data::Input;
-use super::instrument::{Exact, Instrument};
-use super::settings::Hardware;
+use super::data::ModelInput;
+use super::instrument::{ExactStep, Instrument};
+use super::settings::AccelerometerHardware;
 use crate::simulate::{Drive, SimulateError, WhiteNoise};
 use kalmems_core::{
     Dynamics, FilterError, FixedGain, LinearProcess, Mat, Measurement, NoiseDensity, NotAScale, Process,
     Scalar,
 };
-use kalmems_models::control::{Comparator, RebalanceLoop, SampledRebalance, Stopped};
+use kalmems_models::control::{Comparator, LoopStop, RebalanceLoop, SampledRebalance};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 /// A simulated run of the accelerometer: all that it follows from.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct AccelerometerRun {
     /// The device and its noise.
-    pub hardware: Hardware,
+    pub hardware: AccelerometerHardware,
     /// Its loop; that of a controller of zeros for an open one.
     pub closed: RebalanceLoop<f64>,
     /// When the controller acts, and how.
@@ -101,7 +101,7 @@ const SIGNAL_NOISE: u64 = 0;
 const FORCE_NOISE: u64 = 1;
 const ACCELERATION: u64 = 2;
 
-impl Run {
+impl AccelerometerRun {
     /// Every sample to `each`, until it breaks off.
     pub fn follow(&self, each: &mut dyn FnMut(&Moment) -> ControlFlow<()>) -> Result<(), SimulateError> {
         match (self.acting, self.observer) {
@@ -235,7 +235,7 @@ fn emit(each: &mut dyn FnMut(&Moment) -> ControlFlow<()>, moment: Moment) -> Res
     if each(&moment).is_break() { Err(SimulateError::Interrupted) } else { Ok(()) }
 }
 
-fn pulled_in(stopped: &Stopped) -> SimulateError {
+fn pulled_in(stopped: &LoopStop) -> SimulateError {
     SimulateError::PulledIn { why: stopped.to_string() }
 }
 
@@ -260,7 +260,7 @@ impl InTheLoop for Direct {
 }
 
 /// What a model takes of what happens until the next sample.
-trait StepInput: Input {
+trait StepInput: ModelInput {
     fn of(acceleration: f64, feedback: f64) -> Self;
 }
 
@@ -281,7 +281,7 @@ impl StepInput for [f64; 2] {
 /// A settled Kalman filter in the loop.
 struct Settled<D, const N: usize> {
     instrument: Instrument<D, N>,
-    process: Exact<D, N>,
+    process: ExactStep<D, N>,
     filter: FixedGain<f64, N, 1>,
 }
 

@@ -1,6 +1,6 @@
 //! The instrument with other parameters than the experiment states, in any number.
 
-use super::settings::Hardware;
+use super::settings::AccelerometerHardware;
 use kalmems_core::{Covariance, Exponential, NotAScale, OperatingPoint, Parameters, Scalar, Scaled, Scales};
 use kalmems_models::dynamics::SensedAcceleration;
 use kalmems_models::readout::DifferentialReadout;
@@ -23,23 +23,27 @@ pub struct Factors<T> {
 }
 
 /// The step of an instrument with the acceleration as a state.
-pub type Step<T> = Exponential<Scaled<SensedAcceleration<T>, T, 4>, T, 4>;
+pub type VariedStep<T> = Exponential<Scaled<SensedAcceleration<T>, T, 4>, T, 4>;
 
 /// An instrument over one interval, with the acceleration as a state, in scaled states.
 #[derive(Clone, Copy, Debug)]
-pub struct Varied<T> {
+pub struct VariedInstrument<T> {
     /// How it gets from one sample to the next.
-    pub process: Step<T>,
+    pub process: VariedStep<T>,
     /// How it is read.
     pub readout: Scaled<DifferentialReadout<T>, T, 4>,
     /// The variance of a sample in V².
     pub noise: Covariance<T, 1>,
 }
 
-impl<T: Scalar<Mask = bool>> Varied<T> {
+impl<T: Scalar<Mask = bool>> VariedInstrument<T> {
     /// The instrument of these factors, discretised exactly at rest. The states have the scales of what is stated, so that
     /// those of different factors can be mixed.
-    pub fn of(hardware: &Hardware, factors: &Factors<T>, interval_s: f64) -> Result<Self, NotAScale> {
+    pub fn of(
+        hardware: &AccelerometerHardware,
+        factors: &Factors<T>,
+        interval_s: f64,
+    ) -> Result<Self, NotAScale> {
         let sizes: [f64; 4] = *Scales::natural(&hardware.sensed)?.sizes();
         let scales = Scales::new(sizes.map(T::of))?;
         let mut sensed = hardware.sensed.map(|_, value| T::of(value));

@@ -1,17 +1,17 @@
 //! What is kept of a segment from one part to the next: the search for crossings, and those that were found.
 
-use super::crossing::{self, Crossing};
-use super::search::{self, Rows, Search, Sought, Tally};
+use super::crossing::{self, LevelCrossing};
+use super::search::{self, CrossingSearch, Rows, SearchTally, SearchedSignal};
 use super::settings::DetectorSettings;
-use super::telling::Telling;
-use crate::config::Applied;
+use super::telling::CrossingDelivery;
+use crate::config::CrossingApplication;
 use crate::estimate::{EstimateError, SignalSegment};
 use crate::spikes::{BEFORE, without_spikes};
 use kalmems_core::detect::DetectError;
 
 /// Rows of a segment around the new ones that are needed.
 #[derive(Clone, Copy, Debug)]
-pub struct Needed {
+pub struct RowsNeeded {
     /// Before them: where the drive is interpolated, the search goes on, and a motion is taken back to a crossing.
     pub before: usize,
     /// After them: one for the slope of the drive, and more where a filter is told of crossings before they can be known.
@@ -21,11 +21,11 @@ pub struct Needed {
 /// Rows that the drive is interpolated through, and the one before them for its slope.
 const INTERPOLATED: usize = 5;
 
-impl Needed {
+impl RowsNeeded {
     /// For this detector, and filters that are told as these say, in a recording of this interval in s.
     pub fn by(
         detector: Option<&DetectorSettings>,
-        tellings: impl Iterator<Item = Telling>,
+        tellings: impl Iterator<Item = CrossingDelivery>,
         interval_s: f64,
     ) -> Self {
         let Some(detector) = detector else { return Self::of_rows(0) };
@@ -35,9 +35,9 @@ impl Needed {
         for telling in tellings {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
             let told_after = match (telling.applied, telling.lag_s) {
-                (Applied::Late, None) => continue,
-                (Applied::Late, Some(lag_s)) => (lag_s / interval_s) as usize,
-                (Applied::InPlace, _) => 0,
+                (CrossingApplication::Late, None) => continue,
+                (CrossingApplication::Late, Some(lag_s)) => (lag_s / interval_s) as usize,
+                (CrossingApplication::InPlace, _) => 0,
             };
             // A zero is within the reach of its fit from the steepest slope.
             before = before.max(told_after.saturating_add(2 * window.fit + BEFORE));
@@ -64,28 +64,29 @@ impl Needed {
 }
 
 /// What is kept.
-pub struct Kept {
+pub struct SearchState {
     /// Where crossings are looked for.
-    search: Option<Search>,
+    search: Option<CrossingSearch>,
     /// The crossings that a filter may be told of.
-    pub crossings: Vec<Crossing>,
+    pub crossings: Vec<LevelCrossing>,
     /// Rows of the segment before the new ones of the present part.
     rows: usize,
     /// The usual interval in s, as the beginning of the segment showed it: how many samples a search needs hangs on it.
     pub interval_s: f64,
 }
 
-impl Kept {
+impl SearchState {
     /// At the beginning of a segment, or where another run left it with these [`numbers`](Self::numbers), of a part with so many
     /// rows before its new ones; `sought` says for an interval in s what is looked for, and how.
     pub fn of(
-        sought: impl Fn(f64) -> Option<(Sought, DetectorSettings)>,
+        sought: impl Fn(f64) -> Option<(SearchedSignal, DetectorSettings)>,
         segment: &SignalSegment,
         numbers: &[f64],
     ) -> Result<Self, DetectError> {
         let begun = |interval_s: f64| -> Result<Self, DetectError> {
-            let search =
-                sought(interval_s).map(|(sought, detector)| Search::new(sought, &detector)).transpose()?;
+            let search = sought(interval_s)
+                .map(|(sought, detector)| CrossingSearch::new(sought, &detector))
+                .transpose()?;
             Ok(Self { search, crossings: Vec::new(), rows: 0, interval_s })
         };
         match numbers {
@@ -104,15 +105,15 @@ impl Kept {
         if let Some((search, rest)) = numbers.split_first_chunk::<{ search::NUMBERS }>() {
             self.search = self.search.map(|fresh| fresh.resumed(search, first));
             let (crossings, _) = rest.as_chunks::<{ crossing::NUMBERS }>();
-            self.crossings = crossings.iter().map(Crossing::of_numbers).collect();
+            self.crossings = crossings.iter().map(LevelCrossing::of_numbers).collect();
         }
         self
     }
 
     /// What another run needs to go on from here.
     pub fn numbers(&self) -> Vec<f64> {
-        let search = self.search.iter().flat_map(Search::numbers);
-        let crossings = self.crossings.iter().flat_map(Crossing::numbers);
+        let search = self.search.iter().flat_map(CrossingSearch::numbers);
+        let crossings = self.crossings.iter().flat_map(LevelCrossing::numbers);
         [self.rows as f64, self.interval_s].into_iter().chain(search).chain(crossings).collect()
     }
 
@@ -122,8 +123,8 @@ impl Kept {
     }
 
     /// Refuses a part with fewer rows around the new ones than are needed.
-    pub fn require_around(&self, needed: Needed, segment: &SignalSegment) -> Result<(), EstimateError> {
-        let Needed { before, after } = needed;
+    pub fn require_around(&self, needed: RowsNeeded, segment: &SignalSegment) -> Result<(), EstimateError> {
+        let RowsNeeded { before, after } = needed;
         let held_after = segment.time_s.len() - segment.fresh.end;
         let found =
             [(segment.fresh.start, before, self.first(segment) > 0), (held_after, after, !segment.ends)];
@@ -142,7 +143,7 @@ impl Kept {
         segment: &SignalSegment,
         time_s: &[f64],
         signal: &[f64],
-    ) -> Option<(usize, Tally)> {
+    ) -> Option<(usize, SearchTally)> {
         let first = self.first(segment);
         self.crossings.retain(|crossing| crossing.index >= first);
         let search = self.search.as_mut()?;

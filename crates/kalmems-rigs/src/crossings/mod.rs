@@ -10,11 +10,11 @@ mod search;
 mod settings;
 mod telling;
 
-pub use crossing::{Crossing, Instant, find};
+pub use crossing::{CrossingReading, LevelCrossing, find};
 pub(crate) use fallback::LOUD;
-pub(crate) use kept::{Kept, Needed};
-pub use line::Line;
-pub(crate) use search::Tally;
-pub use search::{Level, Rows, Sought};
+pub(crate) use kept::{RowsNeeded, SearchState};
+pub use line::CrossingWaveform;
+pub(crate) use search::SearchTally;
+pub use search::{CrossingLevel, Rows, SearchedSignal};
 pub use settings::{Acceptance, DetectorSettings};
-pub(crate) use telling::Telling;
+pub(crate) use telling::CrossingDelivery;

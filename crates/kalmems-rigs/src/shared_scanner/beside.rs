@@ -1,8 +1,8 @@
 //! What is said of samples that arrive beside their estimates.
 
-use super::settings::Settings;
-use crate::config::{ConfigError, Experiment, Fault, Key, Method, TriggerDirection};
-use crate::estimate::{Beside, Foreteller, Foretelling};
+use super::settings::ScannerSettings;
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, Method, TriggerDirection};
+use crate::estimate::{PhasePrediction, PhasePredictor, SideOutputs};
 use std::f64::consts::TAU;
 
 /// The amplitude from which there are zero phases, in widths of the comb: far below any motion that is used, far above what
@@ -13,14 +13,14 @@ const LEAST: f64 = 0.01;
 const BEHIND: u32 = 1;
 
 /// What the table `stream` of the file wants, checked.
-pub fn of(experiment: &Experiment, settings: &Settings) -> Result<Beside, ConfigError> {
-    let Some(stream) = &experiment.stream else { return Ok(Beside::default()) };
+pub fn of(experiment: &Experiment, settings: &ScannerSettings) -> Result<SideOutputs, ConfigError> {
+    let Some(stream) = &experiment.stream else { return Ok(SideOutputs::default()) };
     let Some(trigger) = &stream.trigger else {
-        return Ok(Beside { phase: stream.phase, foretelling: None });
+        return Ok(SideOutputs { phase: stream.phase, foretelling: None });
     };
     let wrong = |key: &str, why: String| {
         let key = Key::from("stream").child("trigger").child(key);
-        experiment.error(key, Fault::Value { why })
+        experiment.error(key, ConfigFault::Value { why })
     };
     let names = || settings.filters.iter().map(|filter| filter.basics.name.as_str());
     let place = match &trigger.filter {
@@ -39,7 +39,7 @@ pub fn of(experiment: &Experiment, settings: &Settings) -> Result<Beside, Config
         );
         return Err(wrong("filter", why));
     }
-    let foretelling = Foretelling {
+    let foretelling = PhasePrediction {
         ahead_s: trigger.ahead.si(),
         behind: BEHIND,
         directions: trigger.direction.map_or([true; 2], |direction| {
@@ -49,8 +49,8 @@ pub fn of(experiment: &Experiment, settings: &Settings) -> Result<Beside, Config
     };
     // Whether there can be one; the interval between samples is known better when they have come.
     let motion = (1.0 / stream.rate.si(), TAU * settings.hardware.natural_hz());
-    if let Err(why) = Foreteller::new(&basics.key, foretelling, motion, [None; 2]) {
+    if let Err(why) = PhasePredictor::new(&basics.key, foretelling, motion, [None; 2]) {
         return Err(wrong("ahead", format!("`{}`: {why}", trigger.ahead.text())));
     }
-    Ok(Beside { phase: stream.phase, foretelling: Some((place, foretelling)) })
+    Ok(SideOutputs { phase: stream.phase, foretelling: Some((place, foretelling)) })
 }

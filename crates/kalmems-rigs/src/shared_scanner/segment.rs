@@ -1,17 +1,17 @@
 //! The estimates of one segment.
 
-use super::filters::FilterSettings;
+use super::filters::ScannerFilterSettings;
 use super::lock_in::LockIn;
 use super::plant::{affine, affine_models, affine_with, staged, staged_models, staged_with};
-use super::settings::Settings;
+use super::settings::ScannerSettings;
 use crate::config::Method;
 use crate::estimate::driven::{
     ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant, SteadySwing, TurningGain,
 };
 use crate::estimate::{
-    AnyFilter, BatchStart, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling,
-    GainOf, Known, Past, Prior, StartOf, StartSearch, Started, StateName, Swing, Trajectory, answers_of_bank,
-    begun, follow, lock_in, start_from_signal,
+    AnyFilter, BatchStart, Course, EstimateError, FilterBasics, FilterPast, GainOf, MeanAndCovariance, Past,
+    PhasePrediction, PhasePredictor, SideOutputs, SignalStart, StartSearch, StartedCourse, StateName,
+    StatePrior, Swing, Trajectory, answers_of_bank, begun, follow, lock_in, start_from_signal,
 };
 use crate::progress::Progress;
 use crate::signal::Sine;
@@ -25,8 +25,8 @@ use std::f64::consts::{PI, TAU};
 /// `place` names the segment in messages. The past is [`Past::default`] at the beginning of a segment, and is kept from one
 /// part of it to the next.
 pub fn estimate(
-    settings: &Settings,
-    beside: &Beside,
+    settings: &ScannerSettings,
+    beside: &SideOutputs,
     data: &DrivenSegment,
     past: &mut Past,
     place: &str,
@@ -43,8 +43,9 @@ pub fn estimate(
         let foretelling = beside.foretelling.filter(|(place, _)| *place == index).map(|(_, which)| which);
         // Without a stated sign it is as the filter has it.
         let mirrored = settings.first_peak_positive.map_or(Some(false), |_| past.is_mirrored());
-        let said = Said { rate, phase: beside.phase, foretelling, mirrored, from_s: start_s };
-        let mut trajectories = one(&Task { settings, filter, data, place, said, progress }, past)?;
+        let said = FilterSideOutputs { rate, phase: beside.phase, foretelling, mirrored, from_s: start_s };
+        let mut trajectories =
+            one(&ScannerFilterTask { settings, filter, data, place, said, progress }, past)?;
         judge(settings, data, past, &mut trajectories);
         all.append(&mut trajectories);
     }
@@ -87,8 +88,8 @@ pub fn estimate(
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
-    settings: &Settings,
-    filter: &FilterSettings,
+    settings: &ScannerSettings,
+    filter: &ScannerFilterSettings,
     data: &DrivenSegment,
     past: &mut FilterPast,
     place: &str,
@@ -105,9 +106,10 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
     if let Some((_, found)) = other.into_iter().find(|(is, _)| *is) {
         return Err(EstimateError::NotAngleAndRate { filter: basics.name.clone(), found });
     }
-    let said = Said { from_s: data.scored_from(settings.skip_s), ..Said::default() };
-    let task = Task { settings, filter, data, place, said, progress };
-    let begin = |left: Option<Known>| {
+    let said =
+        FilterSideOutputs { from_s: data.scored_from(settings.skip_s), ..FilterSideOutputs::default() };
+    let task = ScannerFilterTask { settings, filter, data, place, said, progress };
+    let begin = |left: Option<MeanAndCovariance>| {
         let Gaussian { mean, covariance } = left.map_or_else(|| task.start(), Ok)?.gaussian();
         Ok(AnyFilter::this(make(mean, covariance)))
     };
@@ -124,7 +126,12 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
 }
 
 /// Gives the trajectories of one filter the sign of the motion, where it is stated, and judges their lock.
-fn judge(settings: &Settings, data: &DrivenSegment, past: &mut FilterPast, trajectories: &mut [Trajectory]) {
+fn judge(
+    settings: &ScannerSettings,
+    data: &DrivenSegment,
+    past: &mut FilterPast,
+    trajectories: &mut [Trajectory],
+) {
     let axes = [("angle", data.motion(settings.hardware.natural_hz()))];
     for (answer, trajectory) in trajectories.iter_mut().enumerate() {
         let past = past.answer(answer);
@@ -149,13 +156,13 @@ fn turn_phase(trajectory: &mut Trajectory) {
 
 /// What is said of a filter beside its states.
 #[derive(Clone, Copy, Default)]
-pub struct Said {
+pub struct FilterSideOutputs {
     /// The rate of the motion in rad/s.
     rate: f64,
     /// Whether amplitude and phase are said.
     phase: bool,
     /// Which zero phases are foretold.
-    foretelling: Option<Foretelling>,
+    foretelling: Option<PhasePrediction>,
     /// Whether the motion is mirrored, where that is known.
     mirrored: Option<bool>,
     /// From when on they are foretold, in s.
@@ -163,17 +170,17 @@ pub struct Said {
 }
 
 /// One filter over one segment.
-struct Task<'a> {
-    settings: &'a Settings,
-    filter: &'a FilterSettings,
+struct ScannerFilterTask<'a> {
+    settings: &'a ScannerSettings,
+    filter: &'a ScannerFilterSettings,
     data: &'a DrivenSegment<'a>,
     place: &'a str,
-    said: Said,
+    said: FilterSideOutputs,
     progress: &'a dyn Progress,
 }
 
 /// Chooses the model: once per segment, so that the loops inside know their types.
-fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+fn one(task: &ScannerFilterTask, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
     let (hardware, filter) = (&task.settings.hardware, task.filter);
     let method = filter.basics.method;
     let wrong = |why: AugmentationError| filter.basics.no_model(why);
@@ -194,7 +201,7 @@ fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateEr
 }
 
 /// A filter of one axis or two on its way through a segment.
-pub struct Follower<'a> {
+pub struct ScannerFilterRun<'a> {
     /// The filter.
     pub filter: &'a FilterBasics,
     /// The segment.
@@ -202,14 +209,14 @@ pub struct Follower<'a> {
     /// The variance of the signal's noise per sample, in V².
     pub noise_variance: f64,
     /// What is said beside the states.
-    pub said: Said,
+    pub said: FilterSideOutputs,
     /// Where it says how far it has come.
     pub progress: &'a dyn Progress,
     /// Where it starts, or each model of a bank does, where all of the first samples say that.
     pub starts: Vec<Option<BatchStart>>,
 }
 
-impl Follower<'_> {
+impl ScannerFilterRun<'_> {
     /// Likewise, from a start that all of the first samples have told.
     #[must_use]
     pub fn started(self, start: Option<BatchStart>) -> Self {
@@ -227,7 +234,7 @@ impl Follower<'_> {
         plant: &P,
         states: &[StateName],
         past: &mut FilterPast,
-        start: impl FnOnce() -> Result<Known, EstimateError>,
+        start: impl FnOnce() -> Result<MeanAndCovariance, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let mut trajectories = self.follow(plant, states, past, |left| self.filter.begin(left, start))?;
         if self.filter.method == Method::Model {
@@ -242,12 +249,12 @@ impl Follower<'_> {
         plants: &[P],
         states: &[StateName],
         past: &mut FilterPast,
-        start: impl Fn() -> Result<Known, EstimateError>,
+        start: impl Fn() -> Result<MeanAndCovariance, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let course = |(model, plant)| -> Result<Box<dyn Course + '_>, EstimateError> {
             let course = DrivenCourse::new(plant, self.noise_variance, self.data);
             let course = course.map_err(|why| self.filter.no_model(why))?;
-            Ok(Box::new(Started::new(course, self.start(model))))
+            Ok(Box::new(StartedCourse::new(course, self.start(model))))
         };
         let courses = plants.iter().enumerate().map(course).collect::<Result<Vec<_>, _>>()?;
         let way = (courses, &self.data.samples);
@@ -261,9 +268,9 @@ impl Follower<'_> {
         plant: &P,
         states: &[StateName],
         past: &mut FilterPast,
-        begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
+        begin: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let Said { rate, phase, from_s, .. } = self.said;
+        let FilterSideOutputs { rate, phase, from_s, .. } = self.said;
         let course = DrivenCourse::new(plant, self.noise_variance, self.data);
         let course = match self.filter.method {
             Method::HybridEkf => course.and_then(|course| course.in_steps(HYBRID_STEPS)),
@@ -273,7 +280,7 @@ impl Follower<'_> {
         let course = course.foretelling(self.foreteller(past)?, from_s);
         // An observer forgets its start.
         let corrects = self.filter.gain().is_none();
-        let mut course = Started::new(course, self.start(0).filter(|_| corrects));
+        let mut course = StartedCourse::new(course, self.start(0).filter(|_| corrects));
         let begin = |left| begin(begun(left, self.start(0)));
         let told =
             follow((self.filter, past), begin, (&mut course, &self.data.samples), states, self.progress);
@@ -282,13 +289,15 @@ impl Follower<'_> {
     }
 
     /// What foretells zero phases on the filter's way, where it is to.
-    fn foreteller(&self, past: &mut FilterPast) -> Result<Option<Foreteller>, EstimateError> {
-        let Said { rate, mirrored, foretelling: Some(foretelling), .. } = self.said else { return Ok(None) };
+    fn foreteller(&self, past: &mut FilterPast) -> Result<Option<PhasePredictor>, EstimateError> {
+        let FilterSideOutputs { rate, mirrored, foretelling: Some(foretelling), .. } = self.said else {
+            return Ok(None);
+        };
         let mut foreteller = if let Some(foreteller) = past.foreteller.take() {
             foreteller
         } else {
             let motion = (self.data.interval_s, rate);
-            Foreteller::new(&self.filter.key, foretelling, motion, past.told_s())
+            PhasePredictor::new(&self.filter.key, foretelling, motion, past.told_s())
                 .map_err(|why| EstimateError::Ahead { filter: self.filter.name.clone(), why })?
         };
         foreteller.hear(mirrored);
@@ -296,17 +305,17 @@ impl Follower<'_> {
     }
 }
 
-impl Task<'_> {
-    fn follower(&self) -> Follower<'_> {
+impl ScannerFilterTask<'_> {
+    fn follower(&self) -> ScannerFilterRun<'_> {
         let (filter, noise_variance) = (&self.filter.basics, self.settings.hardware.noise_variance);
         let (data, said, progress) = (self.data, self.said, self.progress);
-        Follower { filter, data, noise_variance, said, progress, starts: Vec::new() }
+        ScannerFilterRun { filter, data, noise_variance, said, progress, starts: Vec::new() }
     }
 
     fn bank<P: Plant>(&self, plants: &[P], past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let is_begun = past.left().is_some();
         let starts = plants.iter().map(|plant| self.batch_start(plant, is_begun));
-        let follower = Follower { starts: starts.collect::<Result<_, _>>()?, ..self.follower() };
+        let follower = ScannerFilterRun { starts: starts.collect::<Result<_, _>>()?, ..self.follower() };
         follower.bank(plants, &self.filter.states(), past, || self.start())
     }
 
@@ -329,7 +338,7 @@ impl Task<'_> {
             hardware.readout.gain * hardware.readout.comb.capacitance(angle) + hardware.readout.offset
         };
         let stages = if filter.demodulator_sd.is_some() { 2 } else { 0 };
-        let prior = |mean: f64| Prior { mean, sd: None };
+        let prior = |mean: f64| StatePrior { mean, sd: None };
         let prior = [prior(0.0); 2].into_iter().chain(vec![prior(volts(0.0)); stages]);
         let prior = prior.chain(filter.basics.priors()).collect();
         // Without a steady drive there is no lock-in, and the search begins at its own phases.
@@ -347,12 +356,12 @@ impl Task<'_> {
         let mut course = course.map_err(|why| filter.basics.no_model(why))?;
         let (states, place) = (filter.states(), self.place);
         let (basics, cycle_s) = (&filter.basics, motion_hz.recip());
-        let of = StartOf { place, basics, states: (&states, 2 + stages), sizes: &[], cycle_s };
+        let of = SignalStart { place, basics, states: (&states, 2 + stages), sizes: &[], cycle_s };
         start_from_signal(&mut course, &data.samples, &search, of).map(Some)
     }
 
     /// What is known at the first sample.
-    fn start(&self) -> Result<Known, EstimateError> {
+    fn start(&self) -> Result<MeanAndCovariance, EstimateError> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
         let motion = if let Some(start) = filter.start {
             start
@@ -366,7 +375,7 @@ impl Task<'_> {
         let stages = filter.demodulator_sd.map(|sd| [(volts, sd); 2]);
         let parameters = filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
         let motion = motion.into_iter().zip(filter.start_sd);
-        Ok(Known::apart(motion.chain(stages.into_iter().flatten()).chain(parameters)))
+        Ok(MeanAndCovariance::apart(motion.chain(stages.into_iter().flatten()).chain(parameters)))
     }
 
     /// The motion that the first cycles of the signal show, and how long they last in s.
@@ -388,7 +397,7 @@ impl Task<'_> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
         let plant = affine(hardware, filter);
         let found = self.batch_start(&plant, past.left().is_some())?;
-        let begin = |left: Option<Known>| {
+        let begin = |left: Option<MeanAndCovariance>| {
             let (mean, drive) = (left.map_or_else(|| self.start(), Ok)?.gaussian().mean, self.drive()?);
             let (swing, length_s) = self.first_swing()?;
             let over_s = [self.data.time_s.first().copied().unwrap_or(0.0), length_s];

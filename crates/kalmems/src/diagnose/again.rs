@@ -1,7 +1,7 @@
 //! An experiment with the numbers that an identification found, whose noises are to be found again.
 
 use super::FoundNoise;
-use crate::config::{ConfigError, Experiment, FROM_RECORDING, Fault, Key, put};
+use crate::config::{ConfigError, ConfigFault, Experiment, FROM_RECORDING, Key, put};
 use toml::{Table, Value};
 
 /// The experiment with the numbers of `found` in the places of its own, and with these noises left to the recording again.
@@ -16,7 +16,7 @@ pub fn with_found_numbers(
     found: &Experiment,
     noises: &[FoundNoise],
 ) -> Result<Experiment, ConfigError> {
-    let unwritten = |why: String| experiment.error(Key::default(), Fault::Value { why });
+    let unwritten = |why: String| experiment.error(Key::default(), ConfigFault::Value { why });
     let document = |of: &Experiment| -> Result<Table, ConfigError> {
         let text = of.to_toml().map_err(|e| unwritten(e.to_string()))?;
         text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))

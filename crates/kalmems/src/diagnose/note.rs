@@ -1,9 +1,9 @@
 //! What no innovation shows: parameters that change the answer without a trace.
 
 use super::answer::AnswerChange;
-use super::bench::Bench;
+use super::bench::TrialBench;
 use super::suspect::{Suspect, What};
-use super::trial::Trial;
+use super::trial::DiagnosisTrial;
 use crate::progress::{Progress, map_on_threads, processors};
 use serde::Serialize;
 
@@ -40,9 +40,9 @@ const LIKELY: f64 = 0.1;
 /// The parameters whose error the innovations leave hidden and that move the answer by more than it claims, those that move it most
 /// first; `None` where the work was stopped.
 pub(super) fn notes(
-    bench: &Bench,
+    bench: &TrialBench,
     suspects: &[Suspect],
-    base: &Trial,
+    base: &DiagnosisTrial,
     progress: &dyn Progress,
 ) -> Option<Vec<ScaleNote>> {
     let numbers: Vec<&Suspect> = suspects
@@ -58,7 +58,7 @@ pub(super) fn notes(
     Some(notes)
 }
 
-fn note(bench: &Bench, suspect: &Suspect, base: &Trial) -> Option<ScaleNote> {
+fn note(bench: &TrialBench, suspect: &Suspect, base: &DiagnosisTrial) -> Option<ScaleNote> {
     let changed = bench.run(&suspect.changes(STEP)?)?;
     let information = base.innovations.score(&changed.innovations, STEP).information;
     let change = AnswerChange::between(base, &changed)?;

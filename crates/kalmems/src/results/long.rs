@@ -8,13 +8,13 @@ use super::names::of_parts;
 use super::page::page_with;
 use super::tracks::Tracks;
 use super::{
-    Metrics, Output, RUN_FILE, RecordingMetrics, ResultFile, RunInfo, SegmentMetrics, WriteError,
+    Metrics, Output, RUN_FILE, RecordingMetrics, ResultFile, ResultWriteError, RunInfo, SegmentMetrics,
     WriteOptions,
 };
 use crate::config::Experiment;
 use crate::diagnose::{FoundNoise, ScaleNote};
 use crate::estimate::StretchSummary;
-use crate::recording::{Segment, Source};
+use crate::recording::{RecordingSource, Segment};
 use crate::rigs::Rig;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
 use std::collections::BTreeMap;
@@ -84,9 +84,9 @@ impl<'a> LongEstimate<'a> {
     }
 
     /// Takes what came of the next part.
-    pub fn part(&mut self, part: &PartOutcome) -> Result<(), WriteError> {
+    pub fn part(&mut self, part: &PartOutcome) -> Result<(), ResultWriteError> {
         if (self.stop)() {
-            return Err(WriteError::Interrupted);
+            return Err(ResultWriteError::Interrupted);
         }
         while self.recordings.len() <= part.index {
             let (name, file) = (part.outcome.name.clone(), part.outcome.recording.source().file.clone());
@@ -141,7 +141,7 @@ impl<'a> LongEstimate<'a> {
         of_parts([(several, &part.outcome.name), (!label.is_empty(), label)], segment)
     }
 
-    fn trajectories(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), WriteError> {
+    fn trajectories(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), ResultWriteError> {
         let estimate = &outcome.estimate;
         let column = part.outcome.recording.column(&estimate.signal_column).ok();
         let unit = column.and_then(|column| column.header.unit);
@@ -157,7 +157,7 @@ impl<'a> LongEstimate<'a> {
             let Some(file) = self.files.get_mut(&name) else { continue };
             let whole = write_rows(trajectory, file, self.stop);
             if !whole.map_err(|e| self.output.error(&name, e))? {
-                return Err(WriteError::Interrupted);
+                return Err(ResultWriteError::Interrupted);
             }
         }
         Ok(())
@@ -169,7 +169,7 @@ impl<'a> LongEstimate<'a> {
     }
 
     /// The pictures of a segment that has ended.
-    fn draw(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), WriteError> {
+    fn draw(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), ResultWriteError> {
         if !self.is_drawn() {
             return Ok(());
         }
@@ -181,7 +181,7 @@ impl<'a> LongEstimate<'a> {
             all.answer.insert(0, course(&self.parts, &prefix));
         }
         for figure in all.pictured() {
-            write_figure::<WriteError>(self.output, figure)?;
+            write_figure::<ResultWriteError>(self.output, figure)?;
         }
         self.drawn[part.index].push(all);
         Ok(())
@@ -193,7 +193,7 @@ impl<'a> LongEstimate<'a> {
         whole: &[WholeRecording],
         (notes, noise): (Vec<ScaleNote>, Vec<FoundNoise>),
         info: RunInfo,
-    ) -> Result<Metrics, WriteError> {
+    ) -> Result<Metrics, ResultWriteError> {
         for (own, whole) in self.recordings.iter_mut().zip(whole) {
             own.diagnosis = texts(&whole.diagnosis);
             own.stretches = whole.stretches.clone();
@@ -219,7 +219,8 @@ impl<'a> LongEstimate<'a> {
         self.output.write("report.html", |w| w.write_all(html.as_bytes()))?;
         let references = whole.iter().map(|whole| whole.reference.as_ref().map(|(source, _)| source));
         let sources = whole.iter().map(|whole| Some(&whole.source)).zip(references);
-        let sources: Vec<&Source> = sources.flat_map(|(own, reference)| [own, reference]).flatten().collect();
+        let sources: Vec<&RecordingSource> =
+            sources.flat_map(|(own, reference)| [own, reference]).flatten().collect();
         let input = (self.input_id.clone(), sources);
         self.output.write(RUN_FILE, |w| {
             w.write_all(record_of_run(self.experiment, &metrics, input, info)?.as_bytes())

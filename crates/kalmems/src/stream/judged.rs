@@ -11,13 +11,13 @@ const ENOUGH: f64 = WINDOW / 8.0;
 
 /// Judges the filters of a stream window by window.
 #[derive(Default)]
-pub(super) struct Judged {
+pub(super) struct StreamJudge {
     now: SegmentJudge,
     /// What failed in the window before, of each filter by its key.
     before: Vec<(String, Vec<InnovationTest>)>,
 }
 
-impl Judged {
+impl StreamJudge {
     /// Begins anew with a stretch of samples.
     pub(super) fn begin(&mut self) {
         *self = Self::default();

@@ -1,7 +1,7 @@
 //! The estimates of a stream, as lines and as frames.
 
-use crate::estimate::{Foretold, Trajectory};
-use crate::recording::Origin;
+use crate::estimate::{PredictedPhase, Trajectory};
+use crate::recording::TimeOrigin;
 use serde::Serialize;
 use std::io::{self, Write};
 
@@ -33,7 +33,7 @@ pub struct Outputs {
 }
 
 /// Writes the estimates of all answers at the wanted rate.
-pub(super) struct Writer {
+pub(super) struct StreamWriter {
     outputs: Outputs,
     every: u64,
     /// Samples of each answer so far.
@@ -43,7 +43,7 @@ pub(super) struct Writer {
     line: Vec<u8>,
 }
 
-impl Writer {
+impl StreamWriter {
     pub(super) fn new(outputs: Outputs, every: u64) -> Self {
         Self {
             outputs,
@@ -80,7 +80,7 @@ impl Writer {
 
     /// Says once where the times of all lines and frames count from, where that is not zero: a line `origin,seconds`, and
     /// behind that the date where the clock is one of the calendar.
-    pub(super) fn origin(&mut self, origin: Option<&Origin>) -> io::Result<()> {
+    pub(super) fn origin(&mut self, origin: Option<&TimeOrigin>) -> io::Result<()> {
         let (Some(origin), false) = (origin, self.origin_told) else { return Ok(()) };
         self.origin_told = true;
         let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
@@ -153,7 +153,7 @@ impl Writer {
     /// Writes a zero phase that is to come as a frame: [`SYNC_AHEAD`], the answer's place (u16), the number of values (u16), and
     /// these values as f64, little-endian: when it will happen, the standard deviation of that, 1 where the angle will rise
     /// and −1 where it will fall, and the time of the sample that it is told from.
-    pub(super) fn ahead(&mut self, place: usize, foretold: &Foretold) -> io::Result<()> {
+    pub(super) fn ahead(&mut self, place: usize, foretold: &PredictedPhase) -> io::Result<()> {
         let Some(frames) = &mut self.outputs.frames else { return Ok(()) };
         let direction = if foretold.rising { 1.0 } else { -1.0 };
         self.line.clear();

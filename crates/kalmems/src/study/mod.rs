@@ -4,7 +4,7 @@
 //! the truth and what the filters are told, and how often each point is repeated with noise of its own. Each run is a
 //! simulation and an estimate of it, or, where the experiment has no `[simulate]`, an estimate of its recordings.
 //!
-//! [`Plan::calibration`] draws the truth of each run from what the filters hold as uncertain, and asks of all runs together whether
+//! [`StudyPlan::calibration`] draws the truth of each run from what the filters hold as uncertain, and asks of all runs together whether
 //! what they claim holds.
 //!
 //! A finished run is a line of a journal, so that an interruption loses nothing, and its figures follow from the study
@@ -59,12 +59,12 @@ mod spread;
 mod table;
 
 pub use calibration::{
-    CalibrationSummary, ClaimCalibration, FilterCalibration, Finding, GradeCount, Level, Share, TestCount,
-    Uniformity,
+    ClaimCalibration, ClaimFinding, CoverageLevel, FilterCalibration, GradeCount, Share,
+    StudyCalibrationSummary, TestCount, Uniformity,
 };
 pub use description::schema;
 pub use error::StudyError;
-pub use plan::Plan;
+pub use plan::StudyPlan;
 pub use results::{Failures, Summary};
-pub use run::{Options, Progressed};
+pub use run::{Options, StudyProgress};
 pub use shard::Shard;

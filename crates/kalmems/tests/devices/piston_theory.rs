@@ -1,7 +1,7 @@
 //! What the piston mirror's sensor can tell: the series for its capacitance, and the bound.
 
 use kalmems::rigs::piston_mirror::{
-    COEFFICIENTS, MetamodelError, Plates, SegmentData, batch_fit, fit_table, motion_bound,
+    COEFFICIENTS, MetamodelError, PistonSegment, Plates, batch_fit, fit_table, motion_bound,
 };
 use kalmems::simulate::WhiteNoise;
 use kalmems_models::capacitance::CoaxialDisks;
@@ -137,7 +137,7 @@ fn the_batch_fit_attains_the_bound() {
                 clean + noise_variance.sqrt() * noise.sample()
             })
             .collect();
-        let data = SegmentData {
+        let data = PistonSegment {
             time_s: &time_s,
             signal: &signal,
             interval_s: rate_hz.recip(),

@@ -7,7 +7,7 @@ use kalmems::estimate::EstimateError;
 use kalmems::progress::Silent;
 use kalmems::results::{Metrics, notices};
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
+use kalmems::simulate::ComputedRecording;
 use kalmems::workflow::{WorkflowError, estimate_unwritten};
 use std::path::Path;
 
@@ -252,7 +252,7 @@ fn brief_cut_offs_of_the_power_are_followed_with_their_transients() {
     assert!(tracked <= 1.0e-3, "{tracked}");
 }
 
-fn refused(case: &Case, recording: &Unwritten) -> EstimateError {
+fn refused(case: &Case, recording: &ComputedRecording) -> EstimateError {
     match estimate_unwritten(published(), &case.experiment(), recording, &Silent) {
         Err(WorkflowError::Estimate(why)) => why,
         Err(other) => panic!("{other}"),

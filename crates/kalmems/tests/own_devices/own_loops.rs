@@ -6,7 +6,7 @@ use kalmems::expand::expand;
 use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
-use kalmems::simulate::{Simulation, Unwritten, described};
+use kalmems::simulate::{ComputedRecording, Simulation, described};
 use kalmems::workflow::estimate_unwritten;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -119,7 +119,7 @@ fn a_device_in_its_loop_is_estimated_from_what_the_loop_applied() {
     let experiment = parsed(REGULATED);
     let rig = published().rig(&experiment).unwrap();
     let simulation = rig.simulate(&experiment).unwrap();
-    let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+    let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
     let told = described(&experiment, &*simulation);
     let outcome = estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);

@@ -13,7 +13,7 @@ pub use metrics::{
 pub use page::spectrum_page;
 
 use crate::WriteError;
-use crate::recording::Source;
+use crate::recording::RecordingSource;
 use crate::spectrum::SpectrumOutcome;
 use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
@@ -64,7 +64,7 @@ pub fn write_spectrum(
         })?;
     }
     output.write(RUN_FILE, |w| {
-        let run = Run {
+        let run = SpectrumRunRecord {
             version: env!("CARGO_PKG_VERSION"),
             command: "spectrum",
             input_id,
@@ -124,12 +124,12 @@ fn input_id(outcome: &SpectrumOutcome) -> String {
 }
 
 #[derive(Serialize)]
-struct Run<'a> {
+struct SpectrumRunRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
     timing: Timing,
-    input: &'a [Source],
+    input: &'a [RecordingSource],
     spectrum: toml::Value,
 }
 

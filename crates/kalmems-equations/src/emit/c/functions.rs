@@ -1,11 +1,11 @@
 //! Functions that `math.h` does not have, and tables, in C99.
 
 use super::float;
-use crate::description::Outside;
+use crate::description::CurveExtension;
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::interface::part;
-use crate::emit::tables::{CurveTable, disks_series};
+use crate::emit::tables::{EmittedCurve, disks_series};
 use crate::emit::tape::Called;
 use std::collections::BTreeSet;
 
@@ -34,7 +34,7 @@ pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<St
         .collect();
     for curve in curves {
         if let Some(table) = device.curves.get(curve) {
-            text += &curve_function(curve, &CurveTable::of(table))?;
+            text += &curve_function(curve, &EmittedCurve::of(table))?;
         }
     }
     Ok(text)
@@ -89,19 +89,19 @@ static float disks(float share, unsigned order)
     ))
 }
 
-fn curve_function(curve: usize, table: &CurveTable) -> Result<String, EmitError> {
+fn curve_function(curve: usize, table: &EmittedCurve) -> Result<String, EmitError> {
     let count = table.places.len();
     let coefficients: Vec<f64> = table.pieces.iter().flatten().copied().collect();
     let (before, after) = match table.outside {
-        Outside::Error => {
+        CurveExtension::Error => {
             ("    if (!(x >= CURVE_AT[0] && x <= CURVE_AT[LAST])) {\n        return NAN;\n    }\n", "")
         }
-        Outside::Clamp => (
+        CurveExtension::Clamp => (
             "    const float end = x < CURVE_AT[0] ? CURVE_AT[0] : x > CURVE_AT[LAST] ? CURVE_AT[LAST] : x;\n    \
              if (end != x && order > 0U) {\n        return x == x ? 0.0F : NAN;\n    }\n    x = end;\n",
             "",
         ),
-        Outside::Linear => (
+        CurveExtension::Linear => (
             "    const float end = x < CURVE_AT[0] ? CURVE_AT[0] : x > CURVE_AT[LAST] ? CURVE_AT[LAST] : x;\n    \
              const float beyond = x - end;\n    x = end;\n",
             "    if (beyond != 0.0F) {\n        return order == 0U   ? ((c[3] * u + c[2]) * u + c[1]) * u + c[0]\n                               \

@@ -5,10 +5,10 @@ mod header;
 mod steps;
 
 use super::error::EmitError;
-use super::filter::Program;
+use super::filter::FilterProgram;
 use super::interface::{Interface, further};
 use super::request::EmitRequest;
-use super::routine::{Array, Routine, Syntax, Written};
+use super::routine::{Routine, StorageArray, Syntax, Written};
 use super::tape::Called;
 use crate::device::Device;
 use functions::functions;
@@ -117,7 +117,7 @@ impl Syntax for C {
 pub(super) fn files(
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
 ) -> Result<Vec<(String, String)>, EmitError> {
     let interface = Interface::of(device, request, program);
     let name = &request.name;
@@ -139,7 +139,7 @@ pub(super) fn comment(lines: &[String]) -> String {
 fn source(
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
     interface: &Interface,
 ) -> Result<String, EmitError> {
     let name = &request.name;
@@ -188,9 +188,9 @@ fn source(
                     "    const {} {local} = {array}[{place}];",
                     kind(program.widths.of(array)),
                     array = match array {
-                        Array::Mean => "state->mean",
-                        Array::Covariance => "state->covariance",
-                        Array::Constants | Array::Stage => "constants",
+                        StorageArray::Mean => "state->mean",
+                        StorageArray::Covariance => "state->covariance",
+                        StorageArray::Constants | StorageArray::Stage => "constants",
                     }
                 );
             }
@@ -232,16 +232,16 @@ fn body(text: &mut String, written: &Written, mean: &str, covariance: &str, othe
     }
     for (array, place, value) in &written.outputs {
         let array = match array {
-            Array::Mean => mean,
-            Array::Covariance => covariance,
-            Array::Constants | Array::Stage => other,
+            StorageArray::Mean => mean,
+            StorageArray::Covariance => covariance,
+            StorageArray::Constants | StorageArray::Stage => other,
         };
         let _ = writeln!(text, "    {array}[{place}] = {value};");
     }
 }
 
 /// Units and origins as tables.
-fn scales(request: &EmitRequest, program: &Program) -> Result<String, EmitError> {
+fn scales(request: &EmitRequest, program: &FilterProgram) -> Result<String, EmitError> {
     let list = |values: &[f64]| -> Result<String, EmitError> {
         Ok(values.iter().map(|value| float(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
     };

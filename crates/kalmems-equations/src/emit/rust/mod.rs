@@ -4,10 +4,10 @@ mod methods;
 mod tables;
 
 use super::error::EmitError;
-use super::filter::Program;
+use super::filter::FilterProgram;
 use super::interface::{Interface, further};
 use super::request::{EmitGain, EmitRequest};
-use super::routine::{Array, Routine, Syntax, Written};
+use super::routine::{Routine, StorageArray, Syntax, Written};
 use super::tape::Called;
 use crate::device::Device;
 use methods::methods;
@@ -100,7 +100,7 @@ impl Syntax for Rust {
 pub(super) fn files(
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
 ) -> Result<Vec<(String, String)>, EmitError> {
     let interface = Interface::of(device, request, program);
     let size = request.size();
@@ -207,7 +207,7 @@ fn typed(arguments: &[String]) -> String {
 /// A routine as a function over a state.
 fn core(
     text: &mut String,
-    program: &Program,
+    program: &FilterProgram,
     interface: &Interface,
     (routine, of): (&Routine, &str),
     (inputs, measured): (&[String], &[String]),
@@ -224,9 +224,9 @@ fn core(
     let _ = write!(text, "\n#[inline(always)]\nfn {of}(state: &mut State{constants}{more}){kind} {{\n");
     for (local, array, place) in interface.loads(routine, program) {
         let array = match array {
-            Array::Mean => "state.mean",
-            Array::Covariance => "state.covariance",
-            Array::Constants | Array::Stage => "constants",
+            StorageArray::Mean => "state.mean",
+            StorageArray::Covariance => "state.covariance",
+            StorageArray::Constants | StorageArray::Stage => "constants",
         };
         let _ = writeln!(text, "    let {local} = {array}[{place}];");
     }
@@ -248,9 +248,9 @@ fn body(text: &mut String, written: &Written, mean: &str, covariance: &str, othe
     }
     for (array, place, value) in &written.outputs {
         let array = match array {
-            Array::Mean => mean,
-            Array::Covariance => covariance,
-            Array::Constants | Array::Stage => other,
+            StorageArray::Mean => mean,
+            StorageArray::Covariance => covariance,
+            StorageArray::Constants | StorageArray::Stage => other,
         };
         let _ = writeln!(text, "    {array}[{place}] = {value};");
     }

@@ -1,11 +1,11 @@
 //! Functions and tables that Rust without `std` does not have.
 
 use super::float;
-use crate::description::Outside;
+use crate::description::CurveExtension;
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::interface::part;
-use crate::emit::tables::{CurveTable, disks_series};
+use crate::emit::tables::{EmittedCurve, disks_series};
 use crate::emit::tape::Called;
 use std::collections::BTreeSet;
 
@@ -45,7 +45,7 @@ pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<St
     let of_curve = |c: &Called| if let Called::Curve(curve, _) = c { Some(*curve) } else { None };
     for curve in called.iter().filter_map(of_curve).collect::<BTreeSet<usize>>() {
         if let Some(table) = device.curves.get(curve) {
-            text += &curve_function(curve, &CurveTable::of(table))?;
+            text += &curve_function(curve, &EmittedCurve::of(table))?;
         }
     }
     Ok(text)
@@ -99,19 +99,19 @@ fn disks(share: f32, order: u32) -> f32 {{
     ))
 }
 
-fn curve_function(curve: usize, table: &CurveTable) -> Result<String, EmitError> {
+fn curve_function(curve: usize, table: &EmittedCurve) -> Result<String, EmitError> {
     let count = table.places.len();
     let rows: Result<Vec<String>, EmitError> =
         table.pieces.iter().map(|piece| Ok(format!("[{}]", numbers(piece)?))).collect();
     let outside = match table.outside {
-        Outside::Error => {
+        CurveExtension::Error => {
             "    if !(x >= CURVE_AT[0] && x <= CURVE_AT[LAST]) {\n        return f32::NAN;\n    }\n    let beyond = 0.0;\n"
         }
-        Outside::Clamp => {
+        CurveExtension::Clamp => {
             "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    if x != end && order > 0 {\n        \
              return if x == x { 0.0 } else { x };\n    }\n    let (x, beyond) = (end, 0.0);\n"
         }
-        Outside::Linear => {
+        CurveExtension::Linear => {
             "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    let beyond = x - end;\n    \
              if beyond != 0.0 && order > 1 {\n        return 0.0 * beyond;\n    }\n    let x = end;\n"
         }

@@ -1,10 +1,10 @@
 //! What is said of the identification.
 
 use super::likelihood::unknown;
-use super::record::Record;
+use super::record::IdentificationRecord;
 use super::visibility::{Visibility, chance};
-use super::{Outcome, WORTH_SETTING};
-use crate::identify::{Correlated, Identification, Identified, Standing, Undetermined};
+use super::{AccelerometerOutcome, WORTH_SETTING};
+use crate::identify::{Correlated, Identification, Identified, NumberStatus, Undetermined};
 use kalmems_core::Scalar;
 use kalmems_models::constants::STANDARD_GRAVITY;
 
@@ -22,7 +22,11 @@ const NAMES: [(&str, &str); unknown::COUNT] = [
 const MG: f64 = 1e-3 * STANDARD_GRAVITY;
 
 /// Fills in parameters, doubts and notes.
-pub fn of(identification: &mut Identification, record: &Record, outcome: &Outcome) {
+pub fn of(
+    identification: &mut Identification,
+    record: &IdentificationRecord,
+    outcome: &AccelerometerOutcome,
+) {
     let place = &record.material.name;
     for (index, (name, unit)) in NAMES.into_iter().enumerate() {
         let (value, relative) = (outcome.value(index), outcome.deviation(index));
@@ -85,7 +89,7 @@ pub fn of(identification: &mut Identification, record: &Record, outcome: &Outcom
 /// What tells the mechanics whatever the acceleration is.
 const HELP: &str = "record with a dither on the feedback, or for longer";
 
-fn undetermined(identification: &mut Identification, outcome: &Outcome) {
+fn undetermined(identification: &mut Identification, outcome: &AccelerometerOutcome) {
     let mut add = |what: &str, why: String| {
         identification.undetermined.push(Undetermined { what: what.to_owned(), why });
     };
@@ -97,16 +101,16 @@ fn undetermined(identification: &mut Identification, outcome: &Outcome) {
     );
     for (index, (name, _)) in NAMES.into_iter().enumerate() {
         let why = match outcome.standings[index] {
-            Standing::Told => continue,
-            Standing::HangsOn(other) => format!(
+            NumberStatus::Told => continue,
+            NumberStatus::HangsOn(other) => format!(
                 "it hangs on the {}, which the recording does not tell: both keep what the experiment says, since one without the other would \
                  be wrong; {HELP}",
                 NAMES[other].0
             ),
-            Standing::Untold if outcome.found.at_bound[index] => format!(
+            NumberStatus::Untold if outcome.found.at_bound[index] => format!(
                 "its likelihood grows beyond a quarter or four times of what the experiment says, which keeps its value; {HELP}"
             ),
-            Standing::Untold => format!(
+            NumberStatus::Untold => format!(
                 "its standard error is {:.0} % of it; above {:.0} % the experiment keeps the value that it had; {HELP}",
                 100.0 * outcome.deviation(index),
                 100.0 * WORTH_SETTING
@@ -116,7 +120,7 @@ fn undetermined(identification: &mut Identification, outcome: &Outcome) {
     }
 }
 
-fn worst_pair(identification: &mut Identification, place: &str, outcome: &Outcome) {
+fn worst_pair(identification: &mut Identification, place: &str, outcome: &AccelerometerOutcome) {
     let pairs = (0..unknown::COUNT).flat_map(|i| (0..i).map(move |j| (j, i)));
     let worst = pairs
         .map(|(i, j)| (outcome.found.correlation(i, j), [i, j]))
@@ -132,7 +136,12 @@ fn worst_pair(identification: &mut Identification, place: &str, outcome: &Outcom
 const CERTAIN: f64 = 3.0;
 
 /// Whether the innovations would have shown an error of one parameter that the acceleration suffers from.
-fn say_visibility(identification: &mut Identification, place: &str, outcome: &Outcome, one: &Visibility) {
+fn say_visibility(
+    identification: &mut Identification,
+    place: &str,
+    outcome: &AccelerometerOutcome,
+    one: &Visibility,
+) {
     let (name, claimed) = (NAMES[one.parameter].0, outcome.found.claimed);
     let samples = outcome.found.samples;
     let band = 1.96 * chance(samples);

@@ -22,19 +22,19 @@ pub use figures::sweep as sweep_figure;
 pub use gaps::GapFit;
 pub use in_situ::{InSitu, in_situ};
 use kalmems_core::Portable;
-pub use sweep::{SweepError, SweepFit, SweepPoint, fit_sweep};
+pub use sweep::{StageSweepPoint, SweepError, SweepFit, fit_sweep};
 pub use waveform::{
-    ELECTRODES, Indeterminate, Sought, UNKNOWNS, WaveRecord, Waveforms, correlation, indeterminate,
-    motion_by, unknown,
+    ELECTRODES, ElectrodeUnknowns, Indeterminate, UNKNOWNS, WaveRecord, Waveforms, correlation,
+    indeterminate, motion_by, unknown,
 };
 
 pub(super) use gaps::off_of;
 
-use super::hardware::Hardware;
-use super::records::{self, Records, of_role};
+use super::hardware::StageHardware;
+use super::records::{self, StageRecords, of_role};
 use crate::config::kinds::KindOf;
-use crate::config::{Experiment, Fault, Key, Quantity, Role, SignOf};
-use crate::fit::{Derived, FitError};
+use crate::config::{ConfigFault, Experiment, Key, Quantity, RecordingRole, SignOf};
+use crate::fit::{DerivedNumber, FitError};
 use crate::identify::{Entries, Identification, IdentifyError};
 use crate::micro_stage::device::MicroStage;
 use crate::progress::Progress;
@@ -42,7 +42,7 @@ use std::f64::consts::TAU;
 
 /// Identifies what the recordings' roles allow.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
-    let mut hardware = Hardware::of(experiment)?;
+    let mut hardware = StageHardware::of(experiment)?;
     let mut found = Identification {
         rig: "micro_stage",
         parameters: Vec::new(),
@@ -55,11 +55,15 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         materials: Vec::new(),
     };
     let index = |role| only(experiment, role);
-    let (sweep, on, off, still) =
-        (index(Role::Sweep)?, index(Role::BiasOn)?, index(Role::BiasOff)?, index(Role::ZeroDrive)?);
+    let (sweep, on, off, still) = (
+        index(RecordingRole::Sweep)?,
+        index(RecordingRole::BiasOn)?,
+        index(RecordingRole::BiasOff)?,
+        index(RecordingRole::ZeroDrive)?,
+    );
     if sweep.is_none() && on.is_none() && still.is_none() {
         let why = "no recording has the role `sweep`, `bias_on` or `zero_drive`; parameters are identified from those";
-        return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }).into());
+        return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
     }
     let mut device = (*experiment.device::<MicroStage>()?).clone();
     let mut entries = Entries::default();
@@ -74,7 +78,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         found.figures.push(figures::sweep(&points, &fitted));
         let resonator = &mut device.resonator;
         let damping = fitted.damping_ratio();
-        let damping = Derived { value: 100.0 * damping.value, deviation: 100.0 * damping.deviation };
+        let damping = DerivedNumber { value: 100.0 * damping.value, deviation: 100.0 * damping.deviation };
         let place = (NATURAL_FREQUENCY, &mut resonator.natural_frequency);
         entries.set(experiment, place, fitted.natural_frequency_hz(), "Hz")?;
         entries.set(experiment, (DAMPING_RATIO, &mut resonator.damping_ratio), damping, "%")?;
@@ -142,7 +146,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
 }
 
 /// The one recording of a role.
-fn only(experiment: &Experiment, role: Role) -> Result<Option<usize>, IdentifyError> {
+fn only(experiment: &Experiment, role: RecordingRole) -> Result<Option<usize>, IdentifyError> {
     match of_role(experiment, role)[..] {
         [first, second, ..] => {
             let key = Key::from("recording").index(second).child("role");
@@ -151,7 +155,7 @@ fn only(experiment: &Experiment, role: Role) -> Result<Option<usize>, IdentifyEr
                  one file with a `segments` column, or into another experiment",
                 Key::from("recording").index(first)
             );
-            Err(experiment.error(key, Fault::Value { why }).into())
+            Err(experiment.error(key, ConfigFault::Value { why }).into())
         }
         [index] => Ok(Some(index)),
         [] => Ok(None),
@@ -159,7 +163,7 @@ fn only(experiment: &Experiment, role: Role) -> Result<Option<usize>, IdentifyEr
 }
 
 /// The steps of a sweep, and the fit.
-fn sweep_of(records: &Records) -> Result<(Vec<SweepPoint>, SweepFit), IdentifyError> {
+fn sweep_of(records: &StageRecords) -> Result<(Vec<StageSweepPoint>, SweepFit), IdentifyError> {
     let mut points = Vec::new();
     for record in &records.all {
         let Some(rate) = record.rate else {
@@ -176,7 +180,7 @@ fn sweep_of(records: &Records) -> Result<(Vec<SweepPoint>, SweepFit), IdentifyEr
         let relative = (rate.residual_rms / rate.amplitude)
             .portable_hypot(record.drive.residual_rms / record.drive.amplitude);
         let deviation = size * relative * (2.0 / samples).sqrt();
-        points.push(SweepPoint { frequency_hz, re: size * cosine, im: size * sine, deviation });
+        points.push(StageSweepPoint { frequency_hz, re: size * cosine, im: size * sine, deviation });
     }
     points.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     let fitted = fit_sweep(&points).map_err(|error| match error {
@@ -193,7 +197,7 @@ const LABEL_HZ: f64 = 0.5;
 
 /// The frequency of a step: its label where that is a number, which is what the generator was set to; else what the
 /// drive shows.
-fn stepped_frequency(record: &records::Record) -> Result<f64, IdentifyError> {
+fn stepped_frequency(record: &records::StageRecord) -> Result<f64, IdentifyError> {
     match record.label.parse::<f64>() {
         Ok(stated) if (stated - record.drive.frequency_hz).abs() <= LABEL_HZ => Ok(stated),
         Ok(stated) => {
@@ -221,7 +225,7 @@ const DAMPING_RATIO: &str = "resonator.damping_ratio";
 const DRIVE_GAIN: &str = "resonator.drive_gain";
 
 fn value_error(experiment: &Experiment, why: String) -> IdentifyError {
-    experiment.error("device.micro_stage", Fault::Value { why }).into()
+    experiment.error("device.micro_stage", ConfigFault::Value { why }).into()
 }
 
 fn quantity<K: KindOf, S: SignOf>(

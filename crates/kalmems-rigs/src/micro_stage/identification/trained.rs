@@ -3,11 +3,11 @@
 use super::gaps::GapFit;
 use crate::config::Experiment;
 use crate::estimate::{self, EstimateError, Past};
-use crate::fit::Derived;
+use crate::fit::DerivedNumber;
 use crate::identify::{AffineFit, IdentifyError, fit_affine};
-use crate::micro_stage::records::Records;
-use crate::micro_stage::segment::{self, Samples};
-use crate::micro_stage::settings::Settings;
+use crate::micro_stage::records::StageRecords;
+use crate::micro_stage::segment::{self, StageSamples};
+use crate::micro_stage::settings::StageSettings;
 use crate::progress::Progress;
 use kalmems_core::Portable;
 use std::f64::consts::TAU;
@@ -15,25 +15,25 @@ use std::f64::consts::TAU;
 /// ω_EST = α·ω_LDV + β over the training records (Chen, dissertation, 2018, equations 59 to 61 and the end of section
 /// 3.5.4).
 #[derive(Clone, Debug)]
-pub struct Line {
+pub struct RateLine {
     /// The filter whose rate it is of.
     pub filter: String,
     /// α.
-    pub scale: Derived,
+    pub scale: DerivedNumber,
     /// β in rad/s.
-    pub bias: Derived,
+    pub bias: DerivedNumber,
 }
 
 /// The line of the first filter that claims an uncertainty, run over the training records with what was identified.
 /// `None` without a vibrometer or an `[estimate]` table.
 pub fn correction(
     experiment: &Experiment,
-    on: &Records,
+    on: &StageRecords,
     found: &GapFit,
     progress: &dyn Progress,
-) -> Result<Option<Line>, IdentifyError> {
+) -> Result<Option<RateLine>, IdentifyError> {
     let Some(delay) = found.delay.filter(|_| experiment.estimate.is_some()) else { return Ok(None) };
-    let mut settings = Settings::of(experiment)?;
+    let mut settings = StageSettings::of(experiment)?;
     settings.hardware.correction = [1.0, 0.0];
     let Some(first) = settings.filters.iter().position(|filter| filter.basics.method.claims()) else {
         return Ok(None);
@@ -46,10 +46,10 @@ pub fn correction(
         let Some(read) = on.all.iter().find(|read| read.label == *label) else { continue };
         // Signals of a variant without the bias off still have the drive in them.
         let drive: Vec<f64> = record.time_s.iter().map(|t| record.drive.at(*t)).collect();
-        let samples = Samples {
+        let samples = StageSamples {
             place: &read.place,
             time_s: &record.time_s,
-            taken: estimate::Samples::whole(record.time_s.len(), read.interval_s),
+            taken: estimate::SampleSelection::whole(record.time_s.len(), read.interval_s),
             drive: &drive,
             sines: &[],
             drive_hz: record.drive.frequency_hz,
@@ -72,7 +72,7 @@ pub fn correction(
         }
     }
     let line: Option<AffineFit> = fit_affine(&known, &said);
-    Ok(line.map(|line| Line {
+    Ok(line.map(|line| RateLine {
         filter: settings.filters[0].basics.name.clone(),
         scale: line.slope(),
         bias: line.at(0.0),

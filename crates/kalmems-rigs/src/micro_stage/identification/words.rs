@@ -3,16 +3,16 @@
 use super::common_noise::CommonNoise;
 use super::gaps::GapFit;
 use super::sweep::SweepFit;
-use super::trained::Line;
+use super::trained::RateLine;
 use super::waveform::unknown;
-use crate::config::Trusted;
-use crate::fit::Derived;
-use crate::identify::{Correlated, Identification, Identified, Still, Undetermined};
-use crate::micro_stage::hardware::Hardware;
-use crate::micro_stage::records::Records;
+use crate::config::TrustedNumber;
+use crate::fit::DerivedNumber;
+use crate::identify::{Correlated, Identification, Identified, StillNoise, Undetermined};
+use crate::micro_stage::hardware::StageHardware;
+use crate::micro_stage::records::StageRecords;
 use std::f64::consts::TAU;
 
-fn say(found: &mut Identification, name: &str, value: Derived, unit: &'static str, recording: &str) {
+fn say(found: &mut Identification, name: &str, value: DerivedNumber, unit: &'static str, recording: &str) {
     found.parameters.push(Identified::gaussian(name, value, unit, recording));
 }
 
@@ -23,15 +23,15 @@ fn undetermined(found: &mut Identification, what: &str, why: &str) {
 /// A sum of squares that is this many times what the noise makes of it is no longer noise.
 const UNEXPLAINED: f64 = 1.2;
 
-pub fn sweep(found: &mut Identification, records: &Records, fitted: &SweepFit) {
+pub fn sweep(found: &mut Identification, records: &StageRecords, fitted: &SweepFit) {
     let place = &records.name;
-    let mut add = |name: &str, value: Derived, unit| say(found, name, value, unit, place);
+    let mut add = |name: &str, value: DerivedNumber, unit| say(found, name, value, unit, place);
     add("natural frequency f_n", fitted.natural_frequency_hz(), "Hz");
     add("damping ratio zeta", fitted.damping_ratio(), "");
     add("quality factor Q", fitted.response.quality(), "");
     add("drive gain b_c", fitted.drive_gain(), "rad/s^2/V");
     let late = fitted.delay_s();
-    add("delay of the vibrometer", Derived { value: records.delay_s + late.value, ..late }, "s");
+    add("delay of the vibrometer", DerivedNumber { value: records.delay_s + late.value, ..late }, "s");
     add("f_n by the circle", fitted.circle_frequency_hz(), "Hz");
     add("zeta by the circle", fitted.circle_damping_ratio(), "");
     add("b_c by the circle", fitted.circle_drive_gain(), "rad/s^2/V");
@@ -40,7 +40,7 @@ pub fn sweep(found: &mut Identification, records: &Records, fitted: &SweepFit) {
     let count = offsets.len().max(2) as f64;
     let mean = offsets.iter().sum::<f64>() / count;
     let variance = offsets.iter().map(|o| (o - mean).powi(2)).sum::<f64>() / (count - 1.0) / count;
-    add("offset of the vibrometer", Derived { value: mean, deviation: variance.sqrt() }, "rad/s");
+    add("offset of the vibrometer", DerivedNumber { value: mean, deviation: variance.sqrt() }, "rad/s");
     let natural = fitted.natural_frequency_hz().value;
     // As the instruments show it, with all of the vibrometer's delay in it.
     let phase = fitted.phase_at_resonance().value - TAU * natural * records.delay_s;
@@ -59,8 +59,8 @@ pub fn sweep(found: &mut Identification, records: &Records, fitted: &SweepFit) {
     }
 }
 
-pub fn noise(found: &mut Identification, place: &str, name: &str, still: &Still) {
-    let value = Derived { value: still.variance, deviation: still.variance_deviation };
+pub fn noise(found: &mut Identification, place: &str, name: &str, still: &StillNoise) {
+    let value = DerivedNumber { value: still.variance, deviation: still.variance_deviation };
     say(found, &format!("noise variance R of {name}"), value, "V^2", place);
     if !still.whiteness.is_white() {
         found.warnings.push(format!(
@@ -81,14 +81,14 @@ pub fn common_noise(found: &mut Identification, place: &str, common: &CommonNois
     }
 }
 
-pub fn gaps(found: &mut Identification, hardware: &Hardware, records: &Records, fitted: &GapFit) {
+pub fn gaps(found: &mut Identification, hardware: &StageHardware, records: &StageRecords, fitted: &GapFit) {
     let place = &records.name;
     for (electrode, by) in &fitted.electrodes {
         let name = &hardware.channels[*electrode].name;
-        if fitted.trusted != Some(Trusted::Gap) {
+        if fitted.trusted != Some(TrustedNumber::Gap) {
             say(found, &format!("gap D_n of {name}"), by.gap, "m", place);
         }
-        if fitted.trusted != Some(Trusted::Gain) {
+        if fitted.trusted != Some(TrustedNumber::Gain) {
             say(found, &format!("gain eta of {name}"), by.gain, "V ohm", place);
         }
         if let Some(crests) = by.crests {
@@ -131,12 +131,12 @@ pub fn gaps(found: &mut Identification, hardware: &Hardware, records: &Records, 
     match fitted.trusted {
         Some(trusted) => {
             let (known, follows) = match trusted {
-                Trusted::Gain => ("gains", "gaps"),
-                Trusted::Gap => ("gaps", "gains"),
+                TrustedNumber::Gain => ("gains", "gaps"),
+                TrustedNumber::Gap => ("gaps", "gains"),
             };
             let stated = fitted.electrodes.iter().any(|(_, by)| match trusted {
-                Trusted::Gain => by.gain.deviation > 0.0,
-                Trusted::Gap => by.gap.deviation > 0.0,
+                TrustedNumber::Gain => by.gain.deviation > 0.0,
+                TrustedNumber::Gap => by.gap.deviation > 0.0,
             });
             let words = format!(
                 "{place}: no vibrometer; the {known} are those of the device table, and an error of theirs is in the {follows} \
@@ -173,7 +173,7 @@ pub fn gaps(found: &mut Identification, hardware: &Hardware, records: &Records, 
 }
 
 /// How the stage followed the drive.
-fn drive(found: &mut Identification, hardware: &Hardware, place: &str, fitted: &GapFit) {
+fn drive(found: &mut Identification, hardware: &StageHardware, place: &str, fitted: &GapFit) {
     let Some(variance) = fitted.drive_variance else { return };
     let interval_s = fitted.records.first().map_or(0.0, |record| {
         let t = &record.time_s;
@@ -196,7 +196,7 @@ fn drive(found: &mut Identification, hardware: &Hardware, place: &str, fitted: &
     }
 }
 
-pub fn correction(found: &mut Identification, records: &Records, line: &Line) {
+pub fn correction(found: &mut Identification, records: &StageRecords, line: &RateLine) {
     let place = &records.name;
     say(found, &format!("scale factor alpha of {}", line.filter), line.scale, "", place);
     say(found, &format!("bias beta of {}", line.filter), line.bias, "rad/s", place);

@@ -5,7 +5,7 @@ use super::{
     unknown::{DAMPING, NOMINAL, STIFFNESS, WIDTH},
 };
 use crate::config::Experiment;
-use crate::fit::Derived;
+use crate::fit::DerivedNumber;
 use crate::identify::{Entries, IdentifyError};
 use crate::shared_scanner::device::SharedScanner;
 use kalmems_core::{Covariance, Mat};
@@ -83,7 +83,7 @@ pub fn apply_steady_state(
     experiment: &Experiment,
     device: &mut SharedScanner,
     entries: &mut Entries,
-    (fitted, ring_down, width): (&SteadyStateFit, Option<&RingDownFit>, Option<Derived>),
+    (fitted, ring_down, width): (&SteadyStateFit, Option<&RingDownFit>, Option<DerivedNumber>),
 ) -> Result<(), IdentifyError> {
     if let Some(width) = width {
         entries.set(experiment, (COMB_WIDTH, &mut device.comb.angular_width), width, "rad")?;

@@ -21,8 +21,8 @@ pub use ring_down::{RingDown, RingDownError, RingDownFit, fit_ring_down, integra
 pub use settings::RingDownSettings;
 pub use steady_state::{PolesFit, SteadyState, SteadyStateFit, fit_steady_state, fit_width};
 
-use super::settings::Hardware;
-use crate::config::{Experiment, Fault, Role};
+use super::settings::ScannerHardware;
+use crate::config::{ConfigFault, Experiment, RecordingRole};
 use crate::evaluate::{Instruments, ReferenceChannels};
 use crate::identify::{Entries, Identification, IdentifyError, Material, exact};
 use crate::progress::Progress;
@@ -35,7 +35,7 @@ use kalmems_figures::number;
 /// Identifies what the recordings' roles allow.
 #[allow(clippy::too_many_lines)] // one role of recordings after the other
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = ScannerHardware::of(experiment)?;
     let reference = ReferenceChannels::one_angle(Instruments::default());
     let channel = |role, name, also: &[&str]| {
         Material::of_role(experiment, role, (name, &kind::VOLTAGE), also, &reference, progress)
@@ -51,11 +51,11 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         experiment: experiment.clone(),
         materials: Vec::new(),
     };
-    let decay = channel(Role::RingDown, CURRENT, &[RECORDED_BIAS])?;
-    let steady = channel(Role::SteadyState, "signal", &["drive"])?;
+    let decay = channel(RecordingRole::RingDown, CURRENT, &[RECORDED_BIAS])?;
+    let steady = channel(RecordingRole::SteadyState, "signal", &["drive"])?;
     let still = Material::still_of_role(
         experiment,
-        Role::ZeroDrive,
+        RecordingRole::ZeroDrive,
         ("signal", &kind::VOLTAGE),
         &["drive"],
         progress,
@@ -63,7 +63,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     if decay.is_none() && steady.is_none() && still.is_none() {
         let why = "no recording has the role `ring_down`, `steady_state` or `zero_drive`; parameters are identified \
                    from those";
-        return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }).into());
+        return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
     }
     let mut device = (*experiment.device::<SharedScanner>()?).clone();
 
@@ -153,13 +153,15 @@ const RECORDED_BIAS: &str = "bias";
 
 /// The mean of the bias voltage, where the ring-down has a channel of it.
 fn recorded_bias(experiment: &Experiment, progress: &dyn Progress) -> Result<Option<f64>, IdentifyError> {
-    let mut of_role = experiment.recordings.iter().filter(|recording| recording.role == Role::RingDown);
+    let mut of_role =
+        experiment.recordings.iter().filter(|recording| recording.role == RecordingRole::RingDown);
     if of_role.next().is_none_or(|recording| recording.channels.column(RECORDED_BIAS).is_none()) {
         return Ok(None);
     }
     let known = ReferenceChannels::one_angle(Instruments::default());
     let column = (RECORDED_BIAS, &kind::VOLTAGE);
-    let Some(material) = Material::of_role(experiment, Role::RingDown, column, &[CURRENT], &known, progress)?
+    let Some(material) =
+        Material::of_role(experiment, RecordingRole::RingDown, column, &[CURRENT], &known, progress)?
     else {
         return Ok(None);
     };
@@ -179,7 +181,7 @@ fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {
 }
 
 fn ring_down_of<'a>(
-    hardware: &Hardware,
+    hardware: &ScannerHardware,
     material: &'a Material,
     settings: &RingDownSettings,
 ) -> RingDown<'a> {

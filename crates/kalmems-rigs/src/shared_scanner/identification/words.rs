@@ -5,8 +5,10 @@ use super::unknown::{STIFFNESS, WIDTH};
 use super::{
     RingDown, RingDownFit, SteadyState, SteadyStateFit, gain_ambiguity, integrated_capacitance, unknown,
 };
-use crate::fit::Derived;
-use crate::identify::{Correlated, Identification, Identified, Material, Still, Undetermined, Whiteness};
+use crate::fit::DerivedNumber;
+use crate::identify::{
+    Correlated, Identification, Identified, Material, StillNoise, Undetermined, Whiteness,
+};
 use kalmems_core::Portable;
 use kalmems_core::Scalar;
 use std::f64::consts::TAU;
@@ -59,7 +61,7 @@ pub fn ring_down(found: &mut Identification, material: &Material, record: &RingD
         found.parameters.push(Identified::gaussian(name, fit.parameter(index), unit, place));
     }
     let inertia = record.scanner.resonator.inertia;
-    let derived: [(&str, Derived, &str); 3] = [
+    let derived: [(&str, DerivedNumber, &str); 3] = [
         ("resonance sqrt(k/J)/2pi", fit.derived(|p| (p[0] * inertia.recip()).sqrt() * (1.0 / TAU)), "Hz"),
         ("quality sqrt(k J)/b", fit.derived(|p| (p[0] * inertia).sqrt() / p[1]), ""),
         (
@@ -78,7 +80,12 @@ pub fn ring_down(found: &mut Identification, material: &Material, record: &RingD
         if count > 0 {
             let value = fitted.deviations[index];
             let deviation = value / (2.0 * count as f64).sqrt();
-            found.parameters.push(Identified::gaussian(name, Derived { value, deviation }, unit, place));
+            found.parameters.push(Identified::gaussian(
+                name,
+                DerivedNumber { value, deviation },
+                unit,
+                place,
+            ));
         }
     }
     ring_down_unknown(found, material, record, fitted);
@@ -274,7 +281,7 @@ pub fn steady_state(
 }
 
 /// The comb's width by the steady state, where no ring-down tells it.
-pub fn steady_state_width(found: &mut Identification, material: &Material, width: Option<Derived>) {
+pub fn steady_state_width(found: &mut Identification, material: &Material, width: Option<DerivedNumber>) {
     if let Some(width) = width {
         let name = "angular width theta0 by the steady state";
         found.parameters.push(Identified::gaussian(name, width, "rad", &material.name));
@@ -313,7 +320,7 @@ pub fn no_reference(found: &mut Identification, material: Option<&Material>, wid
     );
 }
 
-pub fn still(found: &mut Identification, material: &Material, fitted: &Still) {
+pub fn still(found: &mut Identification, material: &Material, fitted: &StillNoise) {
     let place = &material.name;
     found.parameters.push(Identified {
         name: "noise variance R".to_owned(),

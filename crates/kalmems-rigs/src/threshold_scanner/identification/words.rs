@@ -1,7 +1,7 @@
 //! What is said of the fit: values, what is not determined and why.
 
-use super::{Found, WORTH_SETTING, is_known, unknown};
-use crate::fit::Derived;
+use super::{DecayResult, WORTH_SETTING, is_known, unknown};
+use crate::fit::DerivedNumber;
 use crate::identify::{Correlated, Identification, Identified, Material, Undetermined};
 use kalmems_core::Scalar;
 use std::f64::consts::TAU;
@@ -15,9 +15,9 @@ const DEVICE: [(usize, &str, &str); 5] = [
     (unknown::OFFSET, "offset of the signal", "V"),
 ];
 
-pub fn of(identification: &mut Identification, material: &Material, found: &Found) {
+pub fn of(identification: &mut Identification, material: &Material, found: &DecayResult) {
     let (place, fit) = (&material.name, &found.decay.fit);
-    let mut say = |name: &str, value: Derived, unit: &'static str| {
+    let mut say = |name: &str, value: DerivedNumber, unit: &'static str| {
         identification.parameters.push(Identified::gaussian(name, value, unit, place));
     };
     say("natural frequency f_n", fit.derived(|p| p[unknown::NATURAL_RATE] * (1.0 / TAU)), "Hz");
@@ -33,7 +33,7 @@ pub fn of(identification: &mut Identification, material: &Material, found: &Foun
     let noise = |channel: usize, scale: f64| {
         let value = found.decay.deviations[channel] * scale;
         let count = found.decay.whiteness[channel].samples.max(1) as f64;
-        Derived { value, deviation: value / (2.0 * count).sqrt() }
+        DerivedNumber { value, deviation: value / (2.0 * count).sqrt() }
     };
     say("noise of the signal, sd", noise(0, 1.0), "V");
     match found.per_volt {
@@ -62,7 +62,7 @@ pub fn of(identification: &mut Identification, material: &Material, found: &Foun
     curve(identification, material, found);
 }
 
-fn undetermined(identification: &mut Identification, place: &str, found: &Found) {
+fn undetermined(identification: &mut Identification, place: &str, found: &DecayResult) {
     let mut add = |what: &str, why: String| {
         identification.undetermined.push(Undetermined { what: what.to_owned(), why });
     };
@@ -112,7 +112,7 @@ fn undetermined(identification: &mut Identification, place: &str, found: &Found)
     }
 }
 
-fn worst_pair(identification: &mut Identification, place: &str, found: &Found) {
+fn worst_pair(identification: &mut Identification, place: &str, found: &DecayResult) {
     let c = &found.decay.fit.covariance;
     let pairs =
         DEVICE.iter().enumerate().flat_map(|(k, one)| DEVICE[..k].iter().map(move |other| (one, other)));
@@ -128,7 +128,7 @@ fn worst_pair(identification: &mut Identification, place: &str, found: &Found) {
 }
 
 /// How the curve without a formula compares with the formula.
-fn curve(identification: &mut Identification, material: &Material, found: &Found) {
+fn curve(identification: &mut Identification, material: &Material, found: &DecayResult) {
     let p = &found.decay.fit.parameters;
     let comb = found.decay.comb();
     let squares = found

@@ -1,6 +1,6 @@
 //! The recording that would tell numbers which these do not.
 
-use super::sought::{DETERMINED, Sought};
+use super::sought::{DETERMINED, LikelihoodSearch};
 use crate::config::Experiment;
 use crate::diagnose::distinguish::{Elsewhere, variations};
 use crate::diagnose::search::MostLikelySizes;
@@ -24,7 +24,7 @@ const BETTER: f64 = 0.7;
 /// The recording by which the worst known of these numbers is known best, with all numbers sought in it together; `None` where none of those
 /// that were tried tells more, or none can be simulated.
 pub(super) fn informative(
-    sought: &Sought,
+    sought: &LikelihoodSearch,
     experiment: &Experiment,
     (suspects, found): (&[Suspect], &MostLikelySizes),
     untold: &[usize],

@@ -1,13 +1,13 @@
 //! The sizes that make the innovations of all recordings the likeliest, and how far from there they may be.
 
-use super::prior::Prior;
+use super::prior::FactorPrior;
 use crate::config::Key;
-use crate::diagnose::bench::Bench;
+use crate::diagnose::bench::TrialBench;
 use crate::diagnose::cause::Cause;
-use crate::diagnose::change::Change;
-use crate::diagnose::search::{MostLikelySizes, Search, most_likely_sizes};
+use crate::diagnose::change::TrialChange;
+use crate::diagnose::search::{CauseSearch, MostLikelySizes, most_likely_sizes};
 use crate::diagnose::suspect::{Suspect, What};
-use crate::diagnose::trial::{Blocks, Trial};
+use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
 use crate::identify::{TWO_SIDED, reach};
 use crate::rigs::Workbench;
 use kalmems_core::Scalar;
@@ -15,12 +15,12 @@ use std::convert::Infallible;
 use toml::Value;
 
 /// What is sought with.
-pub(super) struct Sought<'a> {
+pub(super) struct LikelihoodSearch<'a> {
     pub(super) workbench: &'a Workbench,
-    pub(super) bench: &'a Bench<'a>,
+    pub(super) bench: &'a TrialBench<'a>,
     /// The run of the experiment as it is.
-    pub(super) base: &'a Trial,
-    pub(super) prior: &'a Prior,
+    pub(super) base: &'a DiagnosisTrial,
+    pub(super) prior: &'a FactorPrior,
 }
 
 /// A number that is known no better than to this, relative to itself, is not determined by the recordings.
@@ -42,18 +42,18 @@ const NO_GAIN: f64 = 0.01;
 /// How far from its likeliest value a logarithm may go in a profile.
 const ROOM: f64 = 3.0;
 
-impl Sought<'_> {
-    pub(super) fn search<'b>(&'b self, suspects: &'b [Suspect]) -> Search<'b> {
-        Search { bench: self.bench, suspects, base: self.base }
+impl LikelihoodSearch<'_> {
+    pub(super) fn search<'b>(&'b self, suspects: &'b [Suspect]) -> CauseSearch<'b> {
+        CauseSearch { bench: self.bench, suspects, base: self.base }
     }
 
     /// The run with these sizes.
-    pub(super) fn run(&self, suspects: &[Suspect], sizes: &[f64]) -> Option<Trial> {
+    pub(super) fn run(&self, suspects: &[Suspect], sizes: &[f64]) -> Option<DiagnosisTrial> {
         self.search(suspects).run(&Cause::Numbers(sizes.iter().copied().enumerate().collect()))
     }
 
     /// ln p of the innovations of some blocks with these sizes, and of what is stated of the numbers.
-    fn log_likelihood(&self, suspects: &[Suspect], sizes: &[f64], blocks: Blocks) -> Option<f64> {
+    fn log_likelihood(&self, suspects: &[Suspect], sizes: &[f64], blocks: TrialBlocks) -> Option<f64> {
         let mut innovations = self.run(suspects, sizes)?.part(blocks);
         self.prior.append(&mut innovations, sizes);
         Some(innovations.log_likelihood()).filter(|likelihood| likelihood.is_finite())
@@ -86,14 +86,15 @@ impl Sought<'_> {
     /// The sizes that make all innovations the likeliest, from the better of two starts.
     fn most_likely(&self, suspects: &[Suspect]) -> Option<MostLikelySizes> {
         let zeros = vec![0.0; suspects.len()];
-        let likelihood =
-            |sizes: &[f64]| self.log_likelihood(suspects, sizes, Blocks::All).unwrap_or(f64::NEG_INFINITY);
+        let likelihood = |sizes: &[f64]| {
+            self.log_likelihood(suspects, sizes, TrialBlocks::All).unwrap_or(f64::NEG_INFINITY)
+        };
         let as_states = self.as_states(suspects).filter(|sizes| likelihood(sizes) > likelihood(&zeros));
         let start = as_states.unwrap_or(zeros);
         let all = vec![true; suspects.len()];
-        let mut best = self.beside(suspects, &start, &all, Blocks::All)?;
+        let mut best = self.beside(suspects, &start, &all, TrialBlocks::All)?;
         for _ in 1..SEARCHES {
-            let Some(next) = self.beside(suspects, &best.at, &all, Blocks::All) else { break };
+            let Some(next) = self.beside(suspects, &best.at, &all, TrialBlocks::All) else { break };
             let gained = next.log_likelihood - best.log_likelihood;
             best = next;
             if gained < NO_GAIN {
@@ -109,7 +110,7 @@ impl Sought<'_> {
         suspects: &[Suspect],
         start: &[f64],
         free: &[bool],
-        blocks: Blocks,
+        blocks: TrialBlocks,
     ) -> Option<MostLikelySizes> {
         let search = self.search(suspects);
         let places: Vec<usize> = (0..suspects.len()).filter(|place| free[*place]).collect();
@@ -156,7 +157,7 @@ impl Sought<'_> {
             let name = suspect.name();
             let parameter = known.iter().find(|parameter| parameter.written == [(name.as_str(), 1)])?;
             let key = filter.clone().child(parameter.name).child("start_sd");
-            changes.push(Change::Key(key, Value::String(AS_STATE.to_owned())));
+            changes.push(TrialChange::Key(key, Value::String(AS_STATE.to_owned())));
             names.push(parameter.name);
         }
         let trial = self.bench.run(&changes)?;
@@ -199,7 +200,7 @@ impl Sought<'_> {
         };
         let start: Vec<f64> = (0..suspects.len()).map(|i| found.at[i] + along(i)).collect();
         let free: Vec<bool> = (0..suspects.len()).map(|i| i != place).collect();
-        let there = self.beside(suspects, &start, &free, Blocks::All);
+        let there = self.beside(suspects, &start, &free, TrialBlocks::All);
         there.map_or(f64::INFINITY, |there| {
             (2.0 * (found.log_likelihood - there.log_likelihood)).max(0.0).sqrt()
         })

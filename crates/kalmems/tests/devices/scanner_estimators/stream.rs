@@ -5,7 +5,7 @@ use crate::parts::{
     Killing, Pieces, Streamed, goes_on_after_a_kill, killed, same_bits_in_a_stream, streamed,
 };
 use kalmems::config::Experiment;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::stream::StreamSummary;
 use rand_pcg::Pcg64;
@@ -30,7 +30,7 @@ fn a_stream_says_what_an_estimate_says_sample_by_sample() {
     let experiment = experiment(&[("every = 10", "every = 1")]);
     let rig = published().rig(&experiment).unwrap();
     let path = example("recording.csv");
-    let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     for longest in [60, 100_000] {
         let (events, summary) = same_bits_in_a_stream(&experiment, &recording, (&bytes, longest));

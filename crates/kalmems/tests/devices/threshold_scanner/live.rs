@@ -4,9 +4,9 @@ use crate::parts::{Pieces, in_parts};
 use crate::parts::{Streamed, goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts, streamed};
 use crate::threshold::text;
 use kalmems::config::Experiment;
-use kalmems::estimate::Crossing;
+use kalmems::estimate::RecordedPassing;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::stream::{Opened, Outputs, stream};
 use kalmems::workflow::{PartsError, estimate_in_parts};
@@ -39,12 +39,12 @@ fn experiment(folder: &Path, changes: &[(&str, &str)], filters: &str) -> Experim
     published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn read(experiment: &Experiment, folder: &Path) -> Recording {
+fn read(experiment: &Experiment, folder: &Path) -> SampledRecording {
     let layout = published().rig(experiment).unwrap().layout(experiment, 0).unwrap();
-    Recording::read(&folder.join("recording.csv"), &layout).unwrap()
+    SampledRecording::read(&folder.join("recording.csv"), &layout).unwrap()
 }
 
-fn whole_crossings(experiment: &Experiment, recording: &Recording) -> Vec<Crossing> {
+fn whole_crossings(experiment: &Experiment, recording: &SampledRecording) -> Vec<RecordedPassing> {
     let rig = published().rig(experiment).unwrap();
     rig.estimate(experiment, 0, recording, &Silent).unwrap().swap_remove(0).crossings
 }
@@ -412,7 +412,7 @@ fn a_long_recording_is_estimated_in_parts_and_refused_by_all_of_it() {
             assert!(bits(&mut states().flat_map(|s| &s.sd)) == bits(&mut state.sd.iter()), "{}", state.name);
         }
     }
-    let crossings: Vec<Crossing> = parts.iter().flat_map(|part| part.crossings.clone()).collect();
+    let crossings: Vec<RecordedPassing> = parts.iter().flat_map(|part| part.crossings.clone()).collect();
     assert!(crossings == whole.crossings && crossings.len() > 300);
 
     // Clipped somewhere.

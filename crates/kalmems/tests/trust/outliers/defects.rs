@@ -5,13 +5,13 @@ use kalmems::config::Experiment;
 use kalmems::estimate::TrajectoryKind;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
+use kalmems::simulate::ComputedRecording;
 use kalmems::workflow::estimate_unwritten;
 
 const ACCELEROMETER: Of = Of::Published("accelerometer");
 
 /// The experiment's answer with and without so much more in some samples of its signal.
-fn spoilt((experiment, simulated): &(Experiment, Unwritten), more: &[(usize, f64)]) -> [Outcome; 2] {
+fn spoilt((experiment, simulated): &(Experiment, ComputedRecording), more: &[(usize, f64)]) -> [Outcome; 2] {
     let mut spoilt = simulated.clone();
     let add = |values: &mut [f64], _: &[f64]| more.iter().for_each(|(k, volts)| values[*k] += volts);
     assert!(spoilt.change_recorded("signal", add));
