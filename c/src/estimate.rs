@@ -4,8 +4,8 @@ use crate::error::{Failure, KalmemsError, guarded, or, or_null};
 use crate::experiment::KalmemsExperiment;
 use crate::text::{at, handed_over, owned};
 use crate::watch::{KalmemsProgress, Watch};
+use kalmems::array_experiment::PreparedExperiment;
 use kalmems::estimate::{Trajectory, TrajectoryKind};
-use kalmems::given::PreparedExperiment;
 use kalmems::results::{
     Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table, notices,
     parameters_table, summary_table,
@@ -160,7 +160,7 @@ pub unsafe extern "C" fn kalmems_estimate(
         let experiment = unsafe { experiment.as_ref() }.ok_or_else(|| Failure::null("the experiment"))?;
         let watch = Watch::new(progress, user);
         let PreparedExperiment { workbench, experiment, noise } =
-            experiment.given().ready(published(), &watch)?;
+            experiment.given().prepare(published(), &watch)?;
         let estimated = Estimated::of(&workbench, &experiment, noise, &watch)?;
         let estimate = KalmemsEstimate::of(estimated, RunInfo { started, took: clock.elapsed() })?;
         Ok(Box::into_raw(Box::new(estimate)))

@@ -3,7 +3,7 @@
 use crate::error::{Failure, KalmemsError, guarded, or, or_null};
 use crate::recording::KalmemsRecording;
 use crate::text::{at, at_or_none};
-use kalmems::given::ArrayExperiment;
+use kalmems::array_experiment::ArrayExperiment;
 use std::ffi::c_char;
 use std::path::Path;
 
@@ -81,7 +81,7 @@ pub unsafe extern "C" fn kalmems_experiment_give_reference(
 type Giving = fn(
     &mut ArrayExperiment,
     Option<&str>,
-    &kalmems::given::ArrayRecording,
+    &kalmems::array_experiment::ArrayRecording,
 ) -> Result<(), kalmems::config::ConfigError>;
 
 unsafe fn give(

@@ -2,7 +2,7 @@
 
 use crate::error::{Failure, KalmemsError, guarded, or};
 use crate::text::at;
-use kalmems::given::{ArrayClock, ArrayRecording};
+use kalmems::array_experiment::{ArrayClock, ArrayRecording};
 use kalmems::recording::{Array, Arrays};
 use std::collections::BTreeMap;
 use std::ffi::c_char;

@@ -4,10 +4,10 @@ use crate::document::without_lines;
 use crate::errors::{Raise, failed};
 use crate::recording::Columns;
 use crate::watch::Watch;
+use kalmems::array_experiment::{ArrayExperiment, PreparedExperiment};
 use kalmems::config::Experiment;
 use kalmems::diagnose::DiagnoseError;
 use kalmems::estimate::{Trajectory, TrajectoryKind};
-use kalmems::given::{ArrayExperiment, PreparedExperiment};
 use kalmems::recording::RecordingSource;
 use kalmems::results::{
     Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table, notices,
@@ -42,7 +42,7 @@ pub fn ready(
     for (of, columns) in references {
         given.reference(of.as_deref(), columns.get().given()).map_err(told)?;
     }
-    given.ready(published(), watch).map_err(|error| match error {
+    given.prepare(published(), watch).map_err(|error| match error {
         DiagnoseError::Config(error) => told(error),
         other => other,
     })

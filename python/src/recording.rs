@@ -1,7 +1,7 @@
 //! Recordings that are handed over as arrays.
 
 use crate::errors::failed;
-use kalmems::given::{ArrayClock, ArrayRecording};
+use kalmems::array_experiment::{ArrayClock, ArrayRecording};
 use kalmems::recording::{Array, ArrayType, Arrays};
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyTypeError;

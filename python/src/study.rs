@@ -4,7 +4,7 @@ use crate::errors::{Raise, failed};
 use crate::watch::Watch;
 use kalmems::results::Output;
 use kalmems::rigs::published;
-use kalmems::study::{Options, Shard, StudyError, StudyPlan};
+use kalmems::study::{Shard, StudyError, StudyOptions, StudyPlan};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
 use pyo3::prelude::*;
 use std::num::NonZero;
@@ -53,7 +53,7 @@ pub fn study_run(
         return Err(PyValueError::new_err(format!("there is no part {part} of {of}")));
     };
     let watch = Watch::new(progress);
-    let options = Options { shard, threads: threads.and_then(NonZero::new), force: false };
+    let options = StudyOptions { shard, threads: threads.and_then(NonZero::new), force: false };
     let progressed = py.detach(|| plan.run_all(&folder, options, &watch));
     progressed.map(|progressed| progressed.journal).map_err(|error| raised(py, error, Some(&watch)))
 }

@@ -80,7 +80,7 @@ pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOu
 pub use schema::{experiment_schema, schema_of};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
-    AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, Dither, DriveSource, DriveTone,
+    AccelerationDrive, Adc, CaptureDrive, ConstantDrive, Dither, DriveSource, DriveTone, PowerCut,
     PrescribedMotion, RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, StageConditions,
     SweepDrive, TonesDrive,
 };

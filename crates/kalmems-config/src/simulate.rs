@@ -320,13 +320,13 @@ pub struct CaptureDrive {
     pub hold: Quantity<Time, NotNegative>,
     /// How the power is cut off; never, if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub cut_off: Option<CutOff>,
+    pub cut_off: Option<PowerCut>,
 }
 
 /// Times without power.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct CutOff {
+pub struct PowerCut {
     /// When the first begins; with the recording if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at: Option<Quantity<Time, NotNegative>>,
@@ -347,7 +347,7 @@ pub struct CutOff {
 /// the rounding of a converter.
 const SETTLED: f64 = 20.0;
 
-impl CutOff {
+impl PowerCut {
     /// What is wrong with one of its keys.
     pub fn check(&self) -> Result<(), (&'static str, String)> {
         let transient = self.transient.si();

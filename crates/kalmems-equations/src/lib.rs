@@ -57,7 +57,7 @@ mod numeric;
 mod program;
 mod quantity;
 mod readout;
-mod rest;
+mod rest_state;
 mod syntax;
 mod typeset;
 

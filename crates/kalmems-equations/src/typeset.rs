@@ -38,7 +38,7 @@ impl Device {
 
 /// How tightly what was written holds together, from sums to names.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Bond {
+enum Precedence {
     Sum,
     Product,
     Power,
@@ -61,18 +61,18 @@ fn header(left: &str) -> String {
 }
 
 fn expression(text: &ParsedText) -> String {
-    let mut parts: Vec<(String, Bond)> = Vec::with_capacity(text.tree.terms.len());
+    let mut parts: Vec<(String, Precedence)> = Vec::with_capacity(text.tree.terms.len());
     for term in &text.tree.terms {
-        let at = |id: &usize| parts.get(*id).cloned().unwrap_or((String::new(), Bond::Whole));
+        let at = |id: &usize| parts.get(*id).cloned().unwrap_or((String::new(), Precedence::Whole));
         // In brackets where it holds less tightly than what is around it.
-        let within = |id: &usize, bond: Bond| {
+        let within = |id: &usize, bond: Precedence| {
             let (part, own) = at(id);
             if own < bond { format!("({part})") } else { part }
         };
         let written = match &term.form {
-            TermForm::Number(..) => (number(text.word(&term.span)), Bond::Whole),
-            TermForm::Name(span) => (name(text.word(span)), Bond::Whole),
-            TermForm::Negative(of) => (format!("−{}", within(of, Bond::Product)), Bond::Sum),
+            TermForm::Number(..) => (number(text.word(&term.span)), Precedence::Whole),
+            TermForm::Name(span) => (name(text.word(span)), Precedence::Whole),
+            TermForm::Negative(of) => (format!("−{}", within(of, Precedence::Product)), Precedence::Sum),
             TermForm::Sum(of) => {
                 let mut sum = String::new();
                 for (index, (minus, id)) in of.iter().enumerate() {
@@ -81,10 +81,10 @@ fn expression(text: &ParsedText) -> String {
                         (_, true) => " − ",
                         (_, false) => " + ",
                     };
-                    let bond = if index == 0 { Bond::Sum } else { Bond::Product };
+                    let bond = if index == 0 { Precedence::Sum } else { Precedence::Product };
                     sum.push_str(&format!("{sign}{}", within(id, bond)));
                 }
-                (sum, Bond::Sum)
+                (sum, Precedence::Sum)
             }
             TermForm::Product(of) => {
                 let mut product = String::new();
@@ -94,20 +94,20 @@ fn expression(text: &ParsedText) -> String {
                         (_, true) => "/",
                         (_, false) => "·",
                     };
-                    let bond = if *over { Bond::Power } else { Bond::Product };
+                    let bond = if *over { Precedence::Power } else { Precedence::Product };
                     // A sign in front of the first factor needs no brackets.
                     let is_signed = index == 0 && at(id).0.starts_with('−');
                     let part = if is_signed && !at(id).0.contains(' ') { at(id).0 } else { within(id, bond) };
                     product.push_str(&format!("{sign}{part}"));
                 }
-                (product, Bond::Product)
+                (product, Precedence::Product)
             }
             TermForm::Power(base, exponent) => {
-                let base = within(base, Bond::Whole);
+                let base = within(base, Precedence::Whole);
                 let exponent = at(exponent).0;
                 match raised(&exponent) {
-                    Some(raised) => (format!("{base}{raised}"), Bond::Power),
-                    None => (format!("{base}^({exponent})"), Bond::Power),
+                    Some(raised) => (format!("{base}{raised}"), Precedence::Power),
+                    None => (format!("{base}^({exponent})"), Precedence::Power),
                 }
             }
             TermForm::Call(function, of) => {
@@ -115,23 +115,23 @@ fn expression(text: &ParsedText) -> String {
                 let function = text.word(function);
                 let first = arguments.first().cloned().unwrap_or_default();
                 match function {
-                    "sqrt" => (format!("√({first})"), Bond::Power),
-                    "abs" => (format!("|{first}|"), Bond::Whole),
-                    "exp" => (format!("exp({first})"), Bond::Power),
+                    "sqrt" => (format!("√({first})"), Precedence::Power),
+                    "abs" => (format!("|{first}|"), Precedence::Whole),
+                    "exp" => (format!("exp({first})"), Precedence::Power),
                     "sin" | "cos" | "tan" | "ln" if first.chars().all(is_of_name) => {
-                        (format!("{function} {first}"), Bond::Power)
+                        (format!("{function} {first}"), Precedence::Power)
                     }
-                    _ => (format!("{function}({})", arguments.join(", ")), Bond::Power),
+                    _ => (format!("{function}({})", arguments.join(", ")), Precedence::Power),
                 }
             }
             TermForm::Choice { smaller, larger, then, otherwise } => {
                 let [a, b, x, y] = [smaller, larger, then, otherwise].map(|id| at(id).0);
-                (format!("{{{x} if {a} < {b}, {y} else}}"), Bond::Whole)
+                (format!("{{{x} if {a} < {b}, {y} else}}"), Precedence::Whole)
             }
             TermForm::Partial { of, by } => {
-                (format!("∂{}/∂{}", within(of, Bond::Whole), name(text.word(by))), Bond::Power)
+                (format!("∂{}/∂{}", within(of, Precedence::Whole), name(text.word(by))), Precedence::Power)
             }
-            TermForm::Rate { of } => (format!("d{}/dt", within(of, Bond::Whole)), Bond::Power),
+            TermForm::Rate { of } => (format!("d{}/dt", within(of, Precedence::Whole)), Precedence::Power),
         };
         parts.push(written);
     }

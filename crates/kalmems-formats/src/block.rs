@@ -45,7 +45,7 @@ impl Block {
     }
 
     /// Takes over what the reader of the times knows.
-    pub fn tell_times(&mut self, times: &TimeReader) {
+    pub fn set_times(&mut self, times: &TimeReader) {
         self.origin = times.origin().unwrap_or_default();
         self.resolution_s = times.resolution_s();
     }

@@ -46,7 +46,7 @@ mod table;
 #[cfg(feature = "tdms")]
 mod tdms;
 mod time;
-mod unit_words;
+mod unit_spellings;
 #[cfg(feature = "wav")]
 mod wav;
 
@@ -61,4 +61,4 @@ pub use panics::panic_is_caught;
 pub use source::ReadSeek;
 pub use table::{Column, Digest, OmittedPart, Table, TableDescription, TableEvidence, WantedColumn};
 pub use time::{Instant, LABVIEW_ZERO_S, NoInstant, SPREADSHEET_ZERO_S, TimeKind, TimeReader, TimeUnit};
-pub use unit_words::unit_ending;
+pub use unit_spellings::unit_ending;

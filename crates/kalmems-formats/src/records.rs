@@ -283,7 +283,7 @@ impl Table for RecordTable {
                     let mut times =
                         std::mem::replace(&mut self.times, TimeReader::new(TimeUnit::SECOND, None));
                     self.times_of(column, rows, &mut times, &mut block.numbers[number]);
-                    block.tell_times(&times);
+                    block.set_times(&times);
                     self.times = times;
                     refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
                     number += 1;

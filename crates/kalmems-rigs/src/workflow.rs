@@ -137,7 +137,7 @@ pub fn estimate(
 ///
 /// The rig is given what was recorded; what is true is read only afterwards, and for the evaluation alone, as from
 /// files.
-pub fn estimate_unwritten(
+pub fn estimate_computed(
     workbench: &Workbench,
     experiment: &Experiment,
     simulated: &ComputedRecording,

@@ -21,7 +21,7 @@ mod manifest;
 mod sealed;
 mod single;
 mod staging;
-mod standing;
+mod target_state;
 mod work;
 
 #[cfg(test)]
@@ -36,13 +36,14 @@ pub use work::{Subject, Work, way_from};
 
 use manifest::Manifest;
 use sealed::Sealing;
+use serde::Serialize;
 use staging::{EarlierResultFate, Staging};
-use standing::{TargetState, look};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use target_state::{TargetState, look};
 
 /// The record of the run that every result has; it alone differs between two runs of the same input, by its timing.
 pub const RUN_FILE: &str = "run.toml";
@@ -54,6 +55,25 @@ pub struct RunInfo {
     pub started: SystemTime,
     /// How long it took until its results were written.
     pub took: Duration,
+}
+
+impl RunInfo {
+    /// The same as the record of a run says it.
+    pub fn timing(&self) -> RunTiming {
+        RunTiming {
+            started_unix_s: self.started.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
+            took_s: self.took.as_secs_f64(),
+        }
+    }
+}
+
+/// The times of a run in its record.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct RunTiming {
+    /// When it began, in whole seconds since 1970.
+    pub started_unix_s: u64,
+    /// How long it took until its results were written, in s.
+    pub took_s: f64,
 }
 
 /// A result being written: beside its target, under another name, until it is complete.

@@ -15,7 +15,7 @@ use crate::OutputError;
 use crate::exchange::{exchange, sync_folder};
 use crate::manifest::{MANIFEST, Manifest};
 use crate::sealed::{checksum, checksum_of, checksum_within};
-use crate::standing::{FileStamp, remove_empty_folders, remove_owned};
+use crate::target_state::{FileStamp, remove_empty_folders, remove_owned};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::BTreeMap;

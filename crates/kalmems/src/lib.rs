@@ -28,10 +28,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod array_experiment;
 pub mod diagnose;
 pub mod draft;
 pub mod expand;
-pub mod given;
 pub mod results;
 pub mod stream;
 pub mod study;

@@ -8,8 +8,8 @@ use super::matrix::{CalibrationMatrix, RatePair};
 use super::outcome::{CrossCheck, UncertainEstimate};
 use super::tone::AXES;
 use crate::metrology::{
-    Combined, Distribution, Input, PropagationComparison, chi_by_freedom, compared, drawn, propagated,
-    shared_error,
+    Combined, Distribution, Input, PropagationComparison, chi_by_freedom, compared, correlated_normals,
+    propagated, shared_error,
 };
 use crate::progress::Progress;
 use crate::recording::ReadError;
@@ -134,7 +134,7 @@ impl Trials<'_> {
         }
         let matrix = CalibrationMatrix::fit(&pairs, self.axes_of_reference).ok()?.mixed(main);
         let (common, correlations) = self.inputs.common();
-        let normal = drawn(correlations, common.len(), noise);
+        let normal = correlated_normals(correlations, common.len(), noise);
         let mut scale = 1.0;
         for (input, normal) in common.iter().zip(normal) {
             // The device's numbers have moved the phasors.

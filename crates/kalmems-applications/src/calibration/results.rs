@@ -12,10 +12,9 @@ use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
     TextTable,
 };
-use kalmems_store::{Output, RUN_FILE, RunInfo};
+use kalmems_store::{Output, RUN_FILE, RunInfo, RunTiming};
 use serde::Serialize;
 use std::io::{self, Write};
-use std::time::UNIX_EPOCH;
 
 /// What was found, as `calibration.json` has it.
 #[derive(Clone, Debug, Serialize)]
@@ -548,10 +547,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
             version: env!("CARGO_PKG_VERSION"),
             command: "calibrate gyro",
             input_id,
-            timing: Timing {
-                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-                took_s: info.took.as_secs_f64(),
-            },
+            timing: info.timing(),
             input: &found.sources,
             calibration: toml::Value::try_from(&found.file).map_err(io::Error::other)?,
         };
@@ -703,13 +699,7 @@ struct CalibrationRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    timing: Timing,
+    timing: RunTiming,
     input: &'a [RecordingSource],
     calibration: toml::Value,
-}
-
-#[derive(Serialize)]
-struct Timing {
-    started_unix_s: u64,
-    took_s: f64,
 }

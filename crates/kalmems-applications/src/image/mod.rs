@@ -51,4 +51,4 @@ pub use scan::{ImageScan, ScanAxis, ScanSampleCounts};
 pub use scene::TissueScene;
 pub use search::{FoundPhase, PhaseSearchError, search_phases};
 pub use sharpness::Sharpness;
-pub use track::{AxisTrack, Placed, TrackError, Walk};
+pub use track::{AxisTrack, TrackAngle, TrackError, TrackWalk};

@@ -12,11 +12,10 @@ use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{
     ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
 };
-use kalmems_store::{Output, RUN_FILE, RunInfo};
+use kalmems_store::{Output, RUN_FILE, RunInfo, RunTiming};
 use serde::Serialize;
 use std::io;
 use std::path::Path;
-use std::time::UNIX_EPOCH;
 
 /// An image with its grey values.
 #[derive(Clone, Debug)]
@@ -268,10 +267,7 @@ pub fn write_image(
             version: env!("CARGO_PKG_VERSION"),
             command: "image",
             input_id,
-            timing: Timing {
-                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-                took_s: info.took.as_secs_f64(),
-            },
+            timing: info.timing(),
             input: &outcome.sources,
             image: toml::Value::try_from(&outcome.image).map_err(io::Error::other)?,
         };
@@ -434,13 +430,7 @@ struct ImageRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    timing: Timing,
+    timing: RunTiming,
     input: &'a [RecordingSource],
     image: toml::Value,
-}
-
-#[derive(Serialize)]
-struct Timing {
-    started_unix_s: u64,
-    took_s: f64,
 }

@@ -1,7 +1,7 @@
 //! Intensities along an estimated trajectory.
 
 use super::raster::Passes;
-use super::track::{AxisTrack, Placed};
+use super::track::{AxisTrack, TrackAngle};
 use serde::Serialize;
 
 /// An axis of a scan.
@@ -78,11 +78,11 @@ impl ImageScan {
             counts.samples += 1;
             let [x, y] = walks.each_mut().map(|walk| walk.as_mut().map(|walk| walk.at(*time)));
             let (position, rising) = match (x, y) {
-                (Some(Placed::Beyond), _) | (_, Some(Placed::Beyond)) => {
+                (Some(TrackAngle::Beyond), _) | (_, Some(TrackAngle::Beyond)) => {
                     counts.beyond_trajectory += 1;
                     continue;
                 }
-                (Some(Placed::InGap), _) | (_, Some(Placed::InGap)) => {
+                (Some(TrackAngle::InGap), _) | (_, Some(TrackAngle::InGap)) => {
                     counts.in_gap += 1;
                     continue;
                 }
@@ -92,7 +92,7 @@ impl ImageScan {
                 }
                 _ => ([self.place(0, x), self.place(1, y)], if direction_of == 1 { y } else { x }),
             };
-            let forward = matches!(rising, Some(Placed::At { rising: true, .. }));
+            let forward = matches!(rising, Some(TrackAngle::At { rising: true, .. }));
             let taken = passes.add(position, forward, *intensity);
             *(if taken { &mut counts.used } else { &mut counts.outside_field }) += 1;
         }
@@ -100,9 +100,9 @@ impl ImageScan {
     }
 
     /// A line has no second axis: all of it lies in the middle.
-    fn place(&self, axis: usize, placed: Option<Placed>) -> f64 {
+    fn place(&self, axis: usize, placed: Option<TrackAngle>) -> f64 {
         match (self.axis(axis), placed) {
-            (Some(axis), Some(Placed::At { angle_rad, .. })) => axis.position(angle_rad),
+            (Some(axis), Some(TrackAngle::At { angle_rad, .. })) => axis.position(angle_rad),
             (None, _) => 0.5,
             _ => f64::NAN,
         }
@@ -123,7 +123,7 @@ impl ImageScan {
         times
             .map(|time| {
                 let placed = walk.as_mut().map(|walk| walk.at(*time));
-                (self.place(axis, placed), matches!(placed, Some(Placed::At { rising: true, .. })))
+                (self.place(axis, placed), matches!(placed, Some(TrackAngle::At { rising: true, .. })))
             })
             .collect()
     }
@@ -131,12 +131,12 @@ impl ImageScan {
 
 /// An axis that is ahead of its trajectory: what it does now, the trajectory does later.
 struct ShiftedAxis<'a> {
-    walk: super::track::Walk<'a>,
+    walk: super::track::TrackWalk<'a>,
     lead_s: f64,
 }
 
 impl ShiftedAxis<'_> {
-    fn at(&mut self, time_s: f64) -> Placed {
+    fn at(&mut self, time_s: f64) -> TrackAngle {
         self.walk.at(time_s + self.lead_s)
     }
 }

@@ -126,7 +126,7 @@ struct PhaseSearch<'a> {
 }
 
 /// One axis of a search: what does not change while its phase does.
-struct Fixed {
+struct FixedAxisData {
     axis: usize,
     size: [usize; 2],
     every: usize,
@@ -147,17 +147,17 @@ impl PhaseSearch<'_> {
         COARSER.into_iter().find(full).unwrap_or(8)
     }
 
-    fn fixed(&self, axis: usize, coarser: usize, every: usize) -> Fixed {
+    fn fixed(&self, axis: usize, coarser: usize, every: usize) -> FixedAxisData {
         let size = self.size(coarser);
         let other = self.scan.positions(1 - axis, self.phases[1 - axis], every);
-        Fixed { axis, size, every, other }
+        FixedAxisData { axis, size, every, other }
     }
 
     fn size(&self, coarser: usize) -> [usize; 2] {
         self.scan.size().map(|pixels| pixels.div_ceil(coarser))
     }
 
-    fn passes(&mut self, fixed: &Fixed, phase_rad: f64) -> Result<Passes, PhaseSearchError> {
+    fn passes(&mut self, fixed: &FixedAxisData, phase_rad: f64) -> Result<Passes, PhaseSearchError> {
         self.done += 1;
         if self.progress.reached(self.done).is_break() {
             return Err(PhaseSearchError::Interrupted);

@@ -9,7 +9,7 @@ use kalmems::recording::ReadError;
 use kalmems::results::create_file;
 use kalmems::rigs::Workbench;
 use kalmems::stream::{
-    AheadSummary, Outputs, StreamEnd, StreamError, StreamSummary, is_frames, is_lines, stream,
+    AheadSummary, StreamEnd, StreamError, StreamOutputs, StreamSummary, is_frames, is_lines, stream,
     stream_with_page,
 };
 use std::io::{self, BufWriter, ErrorKind, IsTerminal, Write};
@@ -51,7 +51,7 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
         std::fs::create_dir_all(&own_folder).map_err(failed)?;
     }
     let written = lines.map(|to| output(to, is_lines, arguments.force)).transpose()?;
-    let outputs = Outputs {
+    let outputs = StreamOutputs {
         lines: watched(written, arguments.to.as_deref())?,
         frames: frames.map(|to| output(to, is_frames, arguments.force)).transpose()?,
         notices: Some(Box::new(StandardError)),

@@ -6,7 +6,7 @@ use crate::tell::tell;
 use crate::{CommandEnding, print, print_json, target};
 use kalmems::results::Output;
 use kalmems::rigs::Workbench;
-use kalmems::study::{Options, Shard, StudyError, StudyPlan};
+use kalmems::study::{Shard, StudyError, StudyOptions, StudyPlan};
 use std::path::PathBuf;
 
 pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), CommandEnding> {
@@ -21,7 +21,7 @@ pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Comm
     // The journal of a shard stands beside the folder, which no shard writes.
     let whole = arguments.shard.is_whole();
     let output = whole.then(|| target::begin(Some(&out), &[], &work)).transpose()?;
-    let options = Options { shard: arguments.shard, threads: arguments.threads, force: arguments.force };
+    let options = StudyOptions { shard: arguments.shard, threads: arguments.threads, force: arguments.force };
     let bar = ProgressDisplay::of_large_units();
     let progressed = plan.run_all(&out, options, &bar).map_err(ending)?;
     drop(bar);

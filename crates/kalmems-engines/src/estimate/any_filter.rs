@@ -3,7 +3,7 @@
 use super::answers::{AnswerRun, FilterRunStart};
 use super::engine::Filtering;
 use super::gate::SampleGate;
-use super::linked::Linked;
+use super::linked::LinkedFilter;
 use super::transition::{Sensor, SensorMeasurement, Transition, TransitionProcess};
 use super::{ConstantGain, GainOf, ModelAlone, ParameterCorrelation, StateName};
 use crate::config::Method;
@@ -315,7 +315,7 @@ macro_rules! for_each_size {
             /// As a course leads it, and how it takes its samples.
             pub(super) fn on_its_way(self, watch: SampleGate) -> Box<dyn Filtering + Send> {
                 match self {
-                    $(Self::$variant(filter) => Box::new(Linked::<$states>::new(filter, watch)),)*
+                    $(Self::$variant(filter) => Box::new(LinkedFilter::<$states>::new(filter, watch)),)*
                 }
             }
 

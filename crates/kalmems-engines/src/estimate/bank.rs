@@ -126,7 +126,7 @@ impl<'a> BankCourse<'a> {
         }
         let innovation = self.courses[leader].correct(&mut **member, k, counts)?;
         if let (Some(watch), Some(led)) = (member.watch(), filter.watch()) {
-            led.take_over(watch);
+            led.adopt_decisions(watch);
         }
         Ok(innovation)
     }
@@ -194,7 +194,7 @@ impl Course for BankCourse<'_> {
                 continue;
             }
             if let (Some(watch), Some(led)) = (member.watch(), filter.watch()) {
-                watch.follow_beside(led);
+                watch.follow_other(led);
             }
             *counts = before;
             self.innovations.extend(course.correct(&mut **member, k, counts)?);

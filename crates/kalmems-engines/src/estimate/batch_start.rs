@@ -1,7 +1,7 @@
 //! Where a filter starts, from the first samples of a segment alone.
 
 use super::engine::{Course, Filtering};
-use super::foretell::{PhasePredictor, StatePropagation};
+use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::transition::{Sensor, SensorMeasurement, Transition};
 use super::{MOST_STATES, MeanAndCovariance, SampleCounts};
 use crate::fit::{Fit, FitSettings, Regression, fit, outliers};
@@ -51,7 +51,7 @@ pub struct BatchStart {
     pub behind: Option<MeanAndCovariance>,
     /// That row.
     pub row: usize,
-    /// The sum of squared residuals, each over the standard deviation that was foretold, over the degrees of freedom: about 1 where
+    /// The sum of squared residuals, each over the standard deviation that was predicted, over the degrees of freedom: about 1 where
     /// the device is as described.
     pub mean_square: f64,
 }
@@ -82,7 +82,7 @@ const ITERATIONS: usize = 60;
 
 /// Finds the states at the first of these rows of a course by which all of them are likeliest.
 ///
-/// From an exactly known start x₀ a Kalman filter foretells each sample. Its innovations ν_k are white with the variances S_k, and
+/// From an exactly known start x₀ a Kalman filter predicts each sample. Its innovations ν_k are white with the variances S_k, and
 /// linear in x₀ to first order: ∂ν_k/∂x₀ = −H_k·Φ_k with Φ_{k+1} = F_k·(1 − K_k·H_k)·Φ_k (de Jong, *The diffuse Kalman filter*, Annals
 /// of Statistics 19, 1073, 1991). Σ ν_k²/S_k and what was known before are made smallest by Gauss and Newton's steps in a trust region;
 /// (Σ Φᵀ·Hᵀ·S⁻¹·H·Φ + Σ₀⁻¹)⁻¹ is the covariance of the start. Noise of the motion is accounted for, and known inputs are.
@@ -238,7 +238,7 @@ impl Batch<'_> {
         seeds.into_iter().filter(|(cost, _)| cost.is_finite()).map(|(_, seed)| seed).collect()
     }
 
-    /// How large an oscillation of this shape is that changes what is foretold by as much as the samples differ from it.
+    /// How large an oscillation of this shape is that changes what is predicted by as much as the samples differ from it.
     fn amplitude(&self, from: &StartDeviations, shape: &[Vec<f64>; 2]) -> Option<f64> {
         const SMALLEST: f64 = 1e-18;
         let before = self.all(from);
@@ -565,8 +565,8 @@ impl Filtering for FromKnown<'_> {
         itself(expected, spread, y, variance)
     }
 
-    /// Nothing is foretold while a start is sought.
-    fn foretell(&self, _: &mut PhasePredictor, _: f64, _: Option<&dyn StatePropagation>) {}
+    /// Nothing is predicted while a start is sought.
+    fn predict_phases(&self, _: &mut PhasePredictor, _: f64, _: Option<&dyn StatePropagation>) {}
 }
 
 /// An innovation, as a filter of one state says it that expects a signal with this variance.

@@ -8,7 +8,7 @@
 //!   & Born, Statistical Orbit Determination, 2004, chapter 6).
 //! - N_j = ν(p₀ + s_j) − ν(p₀) is how it enters the innovation: ν(p₀) = ν* − Σ b_j·N_j with the white ν* of a filter that is told right. The
 //!   innovations so far therefore tell b, by a Kalman filter of b alone (Friedland's separate-bias estimation, IEEE Trans. Autom. Control 14,
-//!   359, 1969), and less what they foretell, ν' = ν + Σ b̂_j·N_j is white with the variance S + N·P_b·Nᵀ. That is the innovation of the
+//!   359, 1969), and less what they predict, ν' = ν + Σ b̂_j·N_j is white with the variance S + N·P_b·Nᵀ. That is the innovation of the
 //!   device as it is stated, with its uncertainty.
 //!
 //! The answer itself is not changed by what the recording tells of b: a parameter that is to be learnt is a state.
@@ -67,9 +67,9 @@ impl DirectionInformation {
             row.iter().zip(enters).map(|(p, e)| p * e).sum::<f64>()
         };
         let spread: Vec<f64> = (0..n).map(spread).collect();
-        let foretold: f64 = self.mean.iter().zip(enters).map(|(b, e)| b * e).sum();
+        let predicted: f64 = self.mean.iter().zip(enters).map(|(b, e)| b * e).sum();
         let whole = variance + spread.iter().zip(enters).map(|(s, e)| s * e).sum::<f64>();
-        let left = value + foretold;
+        let left = value + predicted;
         if learns && whole > 0.0 {
             for i in 0..n {
                 let gain = spread[i] / whole;
@@ -197,7 +197,7 @@ mod tests {
         let mut learnt = DirectionInformation::of(2);
         let mut sum = 0.0;
         for k in 0..12 {
-            // A filter that is told b + 1 foretells a_j more.
+            // A filter that is told b + 1 predicts a_j more.
             let of_each: Vec<f64> = enters.row(k).iter().map(|enter| -enter).collect();
             let (left, variance) = learnt.take((measured[k], VARIANCE), &of_each, true);
             sum -= 0.5 * (left * left / variance + variance.ln());

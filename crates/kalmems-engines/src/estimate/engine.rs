@@ -2,13 +2,13 @@
 
 use super::any_filter::StateFilter;
 use super::error_memory::ErrorMemory;
-use super::foretell::{PhasePredictor, StatePropagation};
 use super::gate::{Decisions, Rejection, SampleGate};
-use super::linked::Linked;
+use super::linked::LinkedFilter;
+use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::transition::{Sensor, Transition};
 use super::{
-    FilterFailure, FurtherSignal, Lock, MeanAndCovariance, SampleCounts, StateSeries, TakenOver, TakenOverTo,
-    Trajectory, TrajectoryKind,
+    AnyKnownStateStep, FilterFailure, FurtherSignal, KnownStateStep, Lock, MeanAndCovariance, SampleCounts,
+    StateSeries, Trajectory, TrajectoryKind,
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
@@ -42,8 +42,8 @@ pub trait Course {
         None
     }
 
-    /// Foretells what will happen, from a filter that is corrected by sample `k`, where that is asked for.
-    fn foretell(&mut self, filter: &dyn Filtering, k: usize) {
+    /// Predicts what will happen, from a filter that is corrected by sample `k`, where that is asked for.
+    fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
         let _ = (filter, k);
     }
 
@@ -81,7 +81,7 @@ pub trait Filtering {
     fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError>;
 
     /// Comes to a state that is known of all that it has, whatever was before.
-    fn take_over(&mut self, known: &TakenOverTo) -> Result<(), FilterError> {
+    fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
         self.predict(known)
     }
 
@@ -112,8 +112,13 @@ pub trait Filtering {
         None
     }
 
-    /// Lets zero phases be foretold from what it knows at this time in s, and from how its state goes on, where that is known.
-    fn foretell(&self, foreteller: &mut PhasePredictor, time_s: f64, onwards: Option<&dyn StatePropagation>);
+    /// Lets zero phases be predicted from what it knows at this time in s, and from how its state goes on, where that is known.
+    fn predict_phases(
+        &self,
+        predictor: &mut PhasePredictor,
+        time_s: f64,
+        onwards: Option<&dyn StatePropagation>,
+    );
 }
 
 /// Corrects a filter by the signal at sample `k`, if there is one.
@@ -139,7 +144,7 @@ fn of_signal(
 /// innovation of the first one, and of each behind it innovation and standard deviation, written to `further`, not a number where
 /// the signal is missing.
 ///
-/// Each innovation is foretold by the past and the signals before it, so that all sequences are white, and independent of one
+/// Each innovation is predicted by the past and the signals before it, so that all sequences are white, and independent of one
 /// another, for a filter that is right.
 pub fn by_signals<S: Sensor>(
     filter: &mut dyn Filtering,
@@ -341,9 +346,9 @@ impl Trajectory {
 
 /// A filter on its way through a segment.
 pub struct FilterRun<const N: usize> {
-    filter: Linked<N>,
+    filter: LinkedFilter<N>,
     /// The filter at the first row of the part that was taken last, predicted and not yet corrected.
-    entry: Linked<N>,
+    entry: LinkedFilter<N>,
     begun: bool,
     failure: Option<FilterFailure>,
     errors: ErrorMemory<N>,
@@ -353,7 +358,7 @@ impl<const N: usize> FilterRun<N> {
     /// From the segment's first sample on.
     pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
-        let filter = Linked::new(filter, watch);
+        let filter = LinkedFilter::new(filter, watch);
         Self { entry: filter.clone(), filter, begun: false, failure: None, errors: ErrorMemory::new() }
     }
 
@@ -364,7 +369,7 @@ impl<const N: usize> FilterRun<N> {
         left: &MeanAndCovariance,
     ) -> Result<Self, FilterError> {
         let mut followed = Self::new(filter, watch);
-        followed.filter.predict(&TakenOver::<N>::from(left.gaussian()).step())?;
+        followed.filter.predict(&KnownStateStep::<N>::from(left.gaussian()).step())?;
         followed.begun = true;
         Ok(followed)
     }
@@ -385,7 +390,7 @@ impl<const N: usize> FilterRun<N> {
     }
 
     /// The filter at the first row of the part that was taken last.
-    pub(super) fn entry(&self) -> &Linked<N> {
+    pub(super) fn entry(&self) -> &LinkedFilter<N> {
         &self.entry
     }
 
@@ -484,7 +489,7 @@ impl<const N: usize> FilterRun<N> {
         let covariances = (before.as_ref(), &now.covariance);
         let span = self.errors.take(trajectory.time_s[k], filter.link().as_ref(), covariances);
         trajectory.error_spans.extend(span);
-        course.foretell(&self.filter, first + k);
+        course.predict_phases(&self.filter, first + k);
         Ok(())
     }
 }

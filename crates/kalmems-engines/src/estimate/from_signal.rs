@@ -2,9 +2,9 @@
 
 use super::engine::{Course, DerivedQuantities, Filtering};
 use super::{
-    BatchStart, EstimateError, FilterBasics, MeanAndCovariance, NoBatchStart, ReadoutState, RowsAround,
-    SampleCounts, SampleSelection, StartSearch, StateName, StatePrior, TakenOverTo, Trajectory, WithReadout,
-    batch_start,
+    AnyKnownStateStep, BatchStart, EstimateError, FilterBasics, MeanAndCovariance, NoBatchStart,
+    ReadoutState, RowsAround, SampleCounts, SampleSelection, StartSearch, StateName, StatePrior, Trajectory,
+    WithReadout, batch_start,
 };
 use kalmems_core::{FilterError, Innovation};
 
@@ -160,7 +160,7 @@ pub fn begun(left: Option<MeanAndCovariance>, start: Option<&BatchStart>) -> Opt
 pub struct StartedCourse<C> {
     course: C,
     /// The row from which on samples correct the filter, and what is known there, where that is not what a prediction says.
-    begins: Option<(usize, Option<TakenOverTo>)>,
+    begins: Option<(usize, Option<AnyKnownStateStep>)>,
     /// What stands for the innovations of further signals before.
     none: Vec<[f64; 2]>,
     /// Whether the sample before was not used.
@@ -170,7 +170,7 @@ pub struct StartedCourse<C> {
 impl<C: Course> StartedCourse<C> {
     /// Of this course; nothing of it is changed where there is no start.
     pub fn new(course: C, start: Option<&BatchStart>) -> Self {
-        let started = start.map(|start| (start.row, start.behind.as_ref().map(TakenOverTo::from)));
+        let started = start.map(|start| (start.row, start.behind.as_ref().map(AnyKnownStateStep::from)));
         let none =
             if started.is_some() { vec![[f64::NAN; 2]; course.further_signals().len()] } else { Vec::new() };
         Self { course, begins: started, none, is_silent: false }
@@ -203,8 +203,8 @@ impl<C: Course> Course for StartedCourse<C> {
         self.course.derived()
     }
 
-    fn foretell(&mut self, filter: &dyn Filtering, k: usize) {
-        self.course.foretell(filter, k);
+    fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
+        self.course.predict_phases(filter, k);
     }
 
     fn conclude(&self, trajectory: &mut Trajectory) {

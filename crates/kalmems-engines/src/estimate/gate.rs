@@ -241,7 +241,7 @@ impl SampleGate {
     }
 
     /// Comes to the present sample of such a filter, and follows what was decided.
-    pub(super) fn follow_beside(&mut self, led: &Self) {
+    pub(super) fn follow_other(&mut self, led: &Self) {
         self.at(led.now_s);
         if !matches!(self.decided, RejectionSource::Beside(_)) {
             self.decided = RejectionSource::Beside(Vec::new());
@@ -253,7 +253,7 @@ impl SampleGate {
     }
 
     /// Says what the one that decides did with the present sample.
-    pub(super) fn take_over(&mut self, leader: &Self) {
+    pub(super) fn adopt_decisions(&mut self, leader: &Self) {
         self.rejected.clone_from(&leader.rejected);
         self.turned = leader.turned;
     }

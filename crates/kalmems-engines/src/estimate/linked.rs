@@ -2,13 +2,13 @@
 
 use super::any_filter::StateFilter;
 use super::engine::Filtering;
-use super::foretell::{PhasePredictor, SizedStatePropagation, StatePropagation};
 use super::gate::{Decisions, SampleGate};
+use super::phase_prediction::{PhasePredictor, SizedStatePropagation, StatePropagation};
 use super::transition::{Sensor, Transition};
 use kalmems_core::{FilterError, Gaussian, Innovation, StateTransition};
 
 /// A filter that remembers how its state hangs on the state before a few predictions: what a smoother needs.
-pub(super) struct Linked<const N: usize> {
+pub(super) struct LinkedFilter<const N: usize> {
     filter: Box<dyn StateFilter<N>>,
     /// What it says of the mean, where slices are asked for.
     mean: [f64; N],
@@ -16,19 +16,19 @@ pub(super) struct Linked<const N: usize> {
     watch: SampleGate,
 }
 
-impl<const N: usize> Clone for Linked<N> {
+impl<const N: usize> Clone for LinkedFilter<N> {
     fn clone(&self) -> Self {
         Self { filter: self.filter.copied(), mean: self.mean, link: self.link, watch: self.watch.clone() }
     }
 }
 
-impl<const N: usize> From<&Linked<N>> for Gaussian<f64, N> {
-    fn from(linked: &Linked<N>) -> Self {
+impl<const N: usize> From<&LinkedFilter<N>> for Gaussian<f64, N> {
+    fn from(linked: &LinkedFilter<N>) -> Self {
         linked.gaussian()
     }
 }
 
-impl<const N: usize> Linked<N> {
+impl<const N: usize> LinkedFilter<N> {
     /// Without a prediction yet, and how it takes its samples.
     pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
         Self { mean: filter.known().mean, filter, link: None, watch }
@@ -65,7 +65,7 @@ impl<const N: usize> Linked<N> {
     }
 }
 
-impl<const N: usize> Filtering for Linked<N> {
+impl<const N: usize> Filtering for LinkedFilter<N> {
     fn mean(&self) -> &[f64] {
         &self.mean
     }
@@ -121,10 +121,15 @@ impl<const N: usize> Filtering for Linked<N> {
         Some(&mut self.watch)
     }
 
-    fn foretell(&self, foreteller: &mut PhasePredictor, time_s: f64, onwards: Option<&dyn StatePropagation>) {
+    fn predict_phases(
+        &self,
+        predictor: &mut PhasePredictor,
+        time_s: f64,
+        onwards: Option<&dyn StatePropagation>,
+    ) {
         let Gaussian { mean, covariance } = self.gaussian();
         let onward = onwards.map(SizedStatePropagation::<N>::new);
         let onward = onward.as_ref().map(|onward| onward as _);
-        foreteller.take(time_s, (&mean, &covariance), onward);
+        predictor.take(time_s, (&mean, &covariance), onward);
     }
 }

@@ -122,7 +122,7 @@ pub fn lock_in(
     let there = trajectory.signal.iter().filter(|y| y.is_finite()).count();
     trajectory.counts.updates = there;
     trajectory.counts.without_signal = trajectory.signal.len() - there;
-    trajectory.claim_nothing();
+    trajectory.remove_deviations();
     trajectory.seconds_per_step = begun.elapsed().as_secs_f64() / fresh.len().max(1) as f64;
     trajectory
 }

@@ -14,20 +14,20 @@ mod engine;
 mod error;
 mod error_memory;
 mod filter_basics;
-mod foretell;
 mod from_signal;
 mod gate;
+mod known_state;
 mod linked;
 mod lock;
 mod lock_in;
 mod model_alone;
 mod part;
 mod past;
+mod phase_prediction;
 mod readout_states;
 mod segments;
 mod smoothing;
 mod stretches;
-mod taken_over;
 mod tracked;
 mod trajectory;
 mod transition;
@@ -44,13 +44,11 @@ pub use engine::{Compute, Course, DerivedQuantities, Filtering, StateName, by_si
 pub use error::EstimateError;
 pub use error_memory::ErrorSpan;
 pub use filter_basics::{FilterBasics, process_noise};
-pub use foretell::{
-    PhasePrediction, PhasePredictionCounts, PhasePredictor, PredictedPhase, SideOutputs, StatePropagation,
-};
 pub use from_signal::{SignalStart, StartedCourse, begun, rows_for_start, start_from_signal};
 pub use gate::{
     Decisions, EVENTS, FALSE_REJECTIONS, GateMode, GateTurn, Rejection, SampleGate, UpdateLaw, largest_nis,
 };
+pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, MotionRate, judge_lock};
 pub use lock_in::{LockInWindows, Swing, amplitude_of_line, current_line, inversion, lock_in};
@@ -58,10 +56,12 @@ pub use model_alone::ModelAlone;
 pub use part::{RowsAround, SegmentPart};
 pub(crate) use past::NumberBits;
 pub use past::{FilterPast, Past, PastState, TypedSlot};
+pub use phase_prediction::{
+    PhasePrediction, PhasePredictionCounts, PhasePredictor, PredictedPhase, SideOutputs, StatePropagation,
+};
 pub use readout_states::{ReadoutState, WithReadout};
 pub use segments::{AngleAxis, PassedMark, RecordedPassing, SegmentEstimate, SignalSegment};
 pub use stretches::{SkippedStretch, StretchJudge, StretchSummary};
-pub use taken_over::{TakenOver, TakenOverTo};
 pub use tracked::{DeviceParameter, Tracked};
 pub use trajectory::{
     FilterFailure, FurtherSignal, NisConsistency, ParameterCorrelation, SampleCounts, StateSeries,

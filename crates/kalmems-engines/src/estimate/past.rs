@@ -42,11 +42,11 @@ impl Past {
         &mut self.further_drives[further]
     }
 
-    /// What foretells zero phases, where they are asked for, and whether the motion of its filter is mirrored.
-    pub fn foreteller(&mut self) -> Option<(&mut PhasePredictor, bool)> {
+    /// What predicts zero phases, where they are asked for, and whether the motion of its filter is mirrored.
+    pub fn phase_predictor(&mut self) -> Option<(&mut PhasePredictor, bool)> {
         self.filters.iter_mut().find_map(|filter| {
             let mirrored = filter.is_mirrored() == Some(true);
-            filter.foreteller.as_mut().map(|foreteller| (foreteller, mirrored))
+            filter.predictor.as_mut().map(|predictor| (predictor, mirrored))
         })
     }
 
@@ -126,7 +126,7 @@ impl Past {
             let known = filter.left.as_ref();
             let (mean, covariance) = known.map_or((&[][..], &[][..]), |known| (&known.mean, &known.lower));
             let mirrored = filter.answers.iter().map(|answer| answer.mirrored.clone()).collect();
-            let told = filter.told_s().map(|told_s| told_s.map(NumberBits::from));
+            let told = filter.last_predicted_s().map(|told_s| told_s.map(NumberBits::from));
             FilterState {
                 mean: bits(mean),
                 covariance: bits(covariance),
@@ -217,8 +217,8 @@ pub struct FilterPast {
     pub course: TypedSlot,
     /// What the rig keeps of it in numbers; they are written, so that another run has them too.
     pub numbers: Vec<f64>,
-    /// What foretells zero phases, where they are asked for.
-    pub foreteller: Option<PhasePredictor>,
+    /// What predicts zero phases, where they are asked for.
+    pub predictor: Option<PhasePredictor>,
     /// The times of the zero phases that another run told last.
     told_s: [Option<f64>; 2],
     /// What the filter knew where it was left.
@@ -275,8 +275,8 @@ impl FilterPast {
     }
 
     /// The times in s of the zero phases that were told last, rising and falling as the filter has them.
-    pub fn told_s(&self) -> [Option<f64>; 2] {
-        self.foreteller.as_ref().map_or(self.told_s, PhasePredictor::told_s)
+    pub fn last_predicted_s(&self) -> [Option<f64>; 2] {
+        self.predictor.as_ref().map_or(self.told_s, PhasePredictor::last_predicted_s)
     }
 
     /// Whether the motion of the first axis is mirrored, once that is known.

@@ -5,9 +5,11 @@
 //! them; it sees those of the device alone.
 
 use super::engine::{Course, DerivedQuantities, Filtering};
-use super::foretell::{PhasePredictor, StatePropagation};
 use super::gate::SampleGate;
-use super::{MOST_STATES, SampleCounts, Sensor, StateName, StatePrior, TakenOverTo, Trajectory, Transition};
+use super::phase_prediction::{PhasePredictor, StatePropagation};
+use super::{
+    AnyKnownStateStep, MOST_STATES, SampleCounts, Sensor, StateName, StatePrior, Trajectory, Transition,
+};
 use crate::config::{ConfigError, Experiment, FilterTable, Key, MOST_LINES, Sign, TrackedState};
 use crate::units::{Kind, kind};
 use kalmems_core::Portable;
@@ -215,7 +217,7 @@ impl Filtering for DeviceStateFilter<'_> {
         self.filter.predict(&WithConstants { transition, states: self.states, after_s })
     }
 
-    fn take_over(&mut self, known: &TakenOverTo) -> Result<(), FilterError> {
+    fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
         self.filter.take_over(known)
     }
 
@@ -248,8 +250,8 @@ impl Filtering for DeviceStateFilter<'_> {
         self.filter.watch()
     }
 
-    /// Zero phases are foretold by filters of the motion alone.
-    fn foretell(&self, _: &mut PhasePredictor, _: f64, _: Option<&dyn StatePropagation>) {}
+    /// Zero phases are predicted by filters of the motion alone.
+    fn predict_phases(&self, _: &mut PhasePredictor, _: f64, _: Option<&dyn StatePropagation>) {}
 }
 
 /// A step of the device, and constants behind its states.

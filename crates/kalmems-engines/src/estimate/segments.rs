@@ -160,9 +160,9 @@ impl<'a> SignalSegment<'a> {
 
 impl SignalSegment<'_> {
     /// Refuses a segment in which one of these columns is clipped, or is another channel, as far as that is known.
-    pub fn require_sound(&self, columns: &[&str]) -> Result<(), EstimateError> {
+    pub fn require_usable_signals(&self, columns: &[&str]) -> Result<(), EstimateError> {
         let (diagnosis, place) = (self.recording.diagnosis(), self.place.as_str());
-        EstimateError::of_unsound(diagnosis, (place, columns), |label| label == self.segment.label)
+        EstimateError::of_unusable_signal(diagnosis, (place, columns), |label| label == self.segment.label)
     }
 
     /// Refuses a segment that does not last this long after the settling time, in s.

@@ -2,7 +2,7 @@
 
 use super::engine::DerivedQuantities;
 use super::gate::Decisions;
-use super::linked::Linked;
+use super::linked::LinkedFilter;
 use super::{Course, FilterFailure, SampleCounts, Trajectory, TrajectoryKind};
 use crate::progress::Pace;
 use crate::progress::Progress;
@@ -26,7 +26,7 @@ pub(super) enum Smoother<const N: usize> {
 /// New samples and what a filter made of them.
 pub(super) struct FilteredPart<'a, const N: usize> {
     /// The filter at the first of them, not yet corrected by it.
-    pub(super) entry: &'a Linked<N>,
+    pub(super) entry: &'a LinkedFilter<N>,
     /// Which of the course's samples they are.
     pub(super) fresh: &'a Range<usize>,
     /// Whether the segment ends with them.
@@ -87,7 +87,7 @@ fn failed(answer: &Trajectory, (sample, why): SmoothingStop) -> Option<FilterFai
 
 /// The part before the present one, which waits for what comes after it.
 pub(super) struct PendingPart<const N: usize> {
-    waiting: Option<(Linked<N>, Trajectory)>,
+    waiting: Option<(LinkedFilter<N>, Trajectory)>,
 }
 
 impl<const N: usize> PendingPart<N> {
@@ -140,7 +140,7 @@ impl<const N: usize> PendingPart<N> {
 
 /// Every sample of a window given all of it, in memory that grows with the root of their number.
 fn whole<const N: usize>(
-    start: &Linked<N>,
+    start: &LinkedFilter<N>,
     (course, progress): (&mut dyn Course, &dyn Progress),
     window: &Range<usize>,
     mut keep: impl FnMut(usize, &Smoothed<f64, N>),
@@ -163,7 +163,7 @@ fn whole<const N: usize>(
 
 /// The filter once more, the backward steps of the last samples, and the answers that these wait for.
 pub(super) struct Lagged<const N: usize> {
-    filter: Option<Linked<N>>,
+    filter: Option<LinkedFilter<N>>,
     window: LagWindow<N>,
     waiting: Option<Trajectory>,
 }
@@ -328,7 +328,7 @@ impl<'a> SmoothedCourse<'a> {
     }
 }
 
-impl<const N: usize> smooth::SmoothingCourse<f64, Linked<N>, N> for SmoothedCourse<'_> {
+impl<const N: usize> smooth::SmoothingCourse<f64, LinkedFilter<N>, N> for SmoothedCourse<'_> {
     /// Nothing where the work was stopped from outside.
     type Error = Option<FilterError>;
 
@@ -338,7 +338,7 @@ impl<const N: usize> smooth::SmoothingCourse<f64, Linked<N>, N> for SmoothedCour
 
     fn advance(
         &mut self,
-        filter: &mut Linked<N>,
+        filter: &mut LinkedFilter<N>,
         sample: usize,
     ) -> Result<StateTransition<f64, N>, Self::Error> {
         self.steps += 1;
@@ -351,7 +351,7 @@ impl<const N: usize> smooth::SmoothingCourse<f64, Linked<N>, N> for SmoothedCour
         filter.link().ok_or(Some(FilterError::NonFiniteState))
     }
 
-    fn correct(&mut self, filter: &mut Linked<N>, sample: usize) -> Result<(), Self::Error> {
+    fn correct(&mut self, filter: &mut LinkedFilter<N>, sample: usize) -> Result<(), Self::Error> {
         let k = self.window.start + sample;
         filter.at(self.course.time_s().get(k).copied().unwrap_or(f64::NAN));
         self.course.correct(filter, k, &mut self.counts)?;

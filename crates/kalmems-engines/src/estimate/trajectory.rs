@@ -42,7 +42,7 @@ pub struct Trajectory {
     pub gate_nis: Option<f64>,
     /// When the gate began to accept what is beyond its bound, since too much of it was, and when it ended to.
     pub gate_turns: Vec<GateTurn>,
-    /// The innovations of further signals, where the filter takes several one after the other: each is foretold by the past and the
+    /// The innovations of further signals, where the filter takes several one after the other: each is predicted by the past and the
     /// signals before it.
     pub further: Vec<FurtherSignal>,
     /// How long its errors last, by the filter's own account, part by part of the way; none of what makes no claim.
@@ -263,11 +263,11 @@ impl Trajectory {
     /// Says that it is the model alone, which claims nothing.
     pub fn mark_model_alone(&mut self) {
         self.kind = TrajectoryKind::ModelAlone;
-        self.claim_nothing();
+        self.remove_deviations();
     }
 
     /// Takes its standard deviations away: zeros would look like a claim.
-    pub fn claim_nothing(&mut self) {
+    pub fn remove_deviations(&mut self) {
         self.states.iter_mut().for_each(|state| state.sd.clear());
     }
 

@@ -49,7 +49,7 @@ impl<const P: usize> FitSettings<P> {
 ///
 /// Moré's trust-region form of the Levenberg–Marquardt method (Lecture Notes in Mathematics 630, 105, 1978): each
 /// step solves min |J·d + r| within |D·d| ≤ Δ, where D scales each parameter by the largest length its column of
-/// J has had and Δ follows how well the linear model foretold the last step. A parameter at a bound that its
+/// J has had and Δ follows how well the linear model predicted the last step. A parameter at a bound that its
 /// gradient pushes against is held for the step; a step that would leave the bounds stops at them.
 ///
 /// The minimum that is found is the one that the start leads to.
@@ -93,9 +93,9 @@ pub fn fit<R: Regression<P>, const P: usize>(
             let cost = cost(regression, &next);
             let linear = triangle.square_of(&step);
             let gradient_part: f64 = (0..P).map(|i| gradient[i] * step[i]).sum();
-            let foretold = -(2.0 * gradient_part + linear);
+            let predicted = -(2.0 * gradient_part + linear);
             let gained = at.cost - cost;
-            let ratio = if foretold > 0.0 { gained / foretold } else { 0.0 };
+            let ratio = if predicted > 0.0 { gained / predicted } else { 0.0 };
 
             if ratio <= 0.25 {
                 // Where along the step a parabola through both ends has its minimum.
@@ -116,7 +116,7 @@ pub fn fit<R: Regression<P>, const P: usize>(
                 x = next;
                 at = linearize(regression, &x, settings)?;
             }
-            let still = foretold <= settings.tolerance * at.cost
+            let still = predicted <= settings.tolerance * at.cost
                 && gained.abs() <= settings.tolerance * at.cost
                 && ratio <= 2.0;
             let tiny = delta <= settings.tolerance * size;

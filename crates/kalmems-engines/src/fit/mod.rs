@@ -16,7 +16,7 @@ pub use error::FitError;
 pub use levenberg::{FitSettings, ParameterBounds, fit};
 pub use likelihood::{InnovationScore, Innovations, MostLikely, most_likely};
 pub use outcome::{DerivedNumber, Fit, ParameterDirection};
-pub use outliers::{outliers, outliers_beside};
+pub use outliers::{outliers, outliers_of_stated};
 pub use profile::profile;
 pub use regression::{ByDual, Regression, ResidualLaw};
 pub use shooting::{Shooting, ShootingError, Unknown};

@@ -1,6 +1,6 @@
 //! A recording as an identification takes it.
 
-use super::still::STRETCH;
+use super::rest_noise::STRETCH;
 use super::{IdentifyError, StillNoise, StillRecord};
 use crate::config::{self, ConfigFault, Experiment, Key, RecordingRole};
 use crate::estimate::EstimateError;
@@ -31,8 +31,12 @@ pub struct Material {
 }
 
 /// Refuses a recording one of whose signals is clipped or another channel: what is fitted to it would be wrong and look sure.
-pub fn require_sound(diagnosis: &[Finding], name: &str, columns: &[&str]) -> Result<(), IdentifyError> {
-    EstimateError::of_unsound(diagnosis, (name, columns), |_| true)
+pub fn require_usable_signals(
+    diagnosis: &[Finding],
+    name: &str,
+    columns: &[&str],
+) -> Result<(), IdentifyError> {
+    EstimateError::of_unusable_signal(diagnosis, (name, columns), |_| true)
         .map_err(|why| IdentifyError::Unfit { recording: name.to_owned(), why: without_place(&why, name) })
 }
 
@@ -88,7 +92,7 @@ impl Material {
         };
         let signal = recording.column_of(column, kind)?.of(segment).to_vec();
         let diagnosis = recording.diagnosis().to_vec();
-        require_sound(&diagnosis, &name, &[column])?;
+        require_usable_signals(&diagnosis, &name, &[column])?;
         Ok(Some(Self { name, role, time_s, interval_s, signal, angle, sources, diagnosis }))
     }
 

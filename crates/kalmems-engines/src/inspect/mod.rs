@@ -6,10 +6,10 @@
 mod channel;
 mod character;
 mod envelope;
-mod longest;
 mod pipe;
 mod plot;
 mod quantity;
+mod reduced_segment;
 mod spectrum;
 mod statistics;
 mod survey;
@@ -31,7 +31,7 @@ use crate::recording::{
 };
 use channel::ChannelDraft;
 use kalmems_formats::Hints;
-use longest::ReducedSegment;
+use reduced_segment::ReducedSegment;
 use serde::Serialize;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;

@@ -28,6 +28,7 @@
 
 pub(crate) mod blocks;
 pub(crate) mod clock_unit;
+mod computed_rows;
 mod contribution;
 mod error;
 mod finding;
@@ -44,16 +45,16 @@ pub(crate) mod request;
 mod restart;
 pub(crate) mod scale;
 mod segment;
-mod sound;
+mod signal_check;
 mod stamps;
 mod stretches;
 mod stuck;
 #[cfg(test)]
 mod tests;
 mod time;
-mod unwritten;
 mod window;
 
+pub use computed_rows::RecordingFromRows;
 pub use contribution::{contribution_column, moved_by};
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Purpose, Severity};
@@ -61,11 +62,10 @@ pub use origin::TimeOrigin;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
 pub use restart::StretchPlace;
 pub use segment::{Segment, TimeBase};
-pub use sound::unsound;
+pub use signal_check::unusable_signal;
 pub use stretches::{Stretch, StretchSize, Stretches};
 pub use stuck::STUCK_RUN;
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
-pub use unwritten::RecordingFromRows;
 
 use crate::units::{ColumnHeader, Kind, Unit};
 pub use kalmems_config::layout::{ColumnReading, DeclaredColumn, RecordingLayout, Restarts, TimeSource};

@@ -246,12 +246,12 @@ struct RailRun {
     /// The line of its first row.
     line: usize,
     /// What is before it, where its rows are let go of.
-    before: Option<Side>,
+    before: Option<SignalSide>,
 }
 
 /// The signal on one side of a run.
 #[derive(Clone, Copy)]
-struct Side {
+struct SignalSide {
     /// How far it leaves the level by where it runs into it; 0 where it creeps.
     departure: f64,
     /// Whether there are as many rows as the run has.
@@ -360,14 +360,14 @@ impl Rail {
     }
 
     /// What is before a run.
-    fn before(&self, run: &RailRun, part: &RailPart, rows: usize) -> Side {
+    fn before(&self, run: &RailRun, part: &RailPart, rows: usize) -> SignalSide {
         let before = part.of(run.start.saturating_sub(rows)..run.start);
         self.side(before, before.split_at(before.len() - nearest(before)).1, rows)
     }
 
-    fn side(&self, side: &[f64], near: &[f64], rows: usize) -> Side {
+    fn side(&self, side: &[f64], near: &[f64], rows: usize) -> SignalSide {
         let (far, near) = (self.departure(side), self.departure(near));
-        Side {
+        SignalSide {
             departure: if far <= SATURATION_CREEP * near { far } else { 0.0 },
             complete: side.len() == rows,
         }

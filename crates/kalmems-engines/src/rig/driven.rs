@@ -311,7 +311,7 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
-        segment.require_sound(&[signal_column])?;
+        segment.require_usable_signals(&[signal_column])?;
         let data = DrivenSegment::of(&segment, drive_column, past)?;
         let drive = data.drive.first_sine().copied();
         let motion = match &drive {
@@ -336,7 +336,7 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns[1]]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns[1]]), |_| true)
     }
 }
 

@@ -6,13 +6,13 @@
 mod considering;
 mod driven;
 mod expansion;
-mod left_out;
+mod omitted_number;
 mod template;
 mod workbench;
 
 pub use driven::{DrivenDevice, DrivenModel, DrivenRig};
 pub use expansion::Expansion;
-pub use left_out::{NumberForm, OmittedNumber};
+pub use omitted_number::{NumberForm, OmittedNumber};
 pub use template::{Template, TemplateChannel};
 pub use workbench::Workbench;
 

@@ -3,7 +3,7 @@
 use super::source::read;
 use super::{Drive, Interruptions, SimulateError, Tone};
 use crate::config::{
-    AnyValue, ConfigError, ConfigFault, CutOff, Experiment, InputSource, Key, Quantity, Sign, Simulate,
+    AnyValue, ConfigError, ConfigFault, Experiment, InputSource, Key, PowerCut, Quantity, Sign, Simulate,
 };
 use crate::recording::RecordingSource;
 use crate::units::Kind;
@@ -149,7 +149,7 @@ impl InputPlace<'_> {
         value.map_or(Ok(0.0), |value| self.value(names, value, Sign::Any))
     }
 
-    fn cut_off(&self, names: &str, drive: Drive, cut_off: Option<&CutOff>) -> Result<Drive, ConfigError> {
+    fn cut_off(&self, names: &str, drive: Drive, cut_off: Option<&PowerCut>) -> Result<Drive, ConfigError> {
         let Some(cut_off) = cut_off else { return Ok(drive) };
         if let Err((name, why)) = cut_off.check() {
             return Err(self.refused(&format!("{names}.{name}"), why));

@@ -7,6 +7,7 @@
 //! `[simulate]` table a [`Simulation`], which runs sample by sample.
 
 mod balance;
+mod computed_recording;
 mod converter;
 mod drive;
 mod floquet;
@@ -19,10 +20,11 @@ mod slow_flow;
 mod source;
 mod stability;
 mod stability_map;
-mod unwritten;
 mod waveform;
 
 pub use balance::{Balance, SteadyMotion};
+pub use computed_recording::ComputedRecording;
+pub use computed_recording::{RECORDING, REFERENCE, described};
 pub use converter::Converter;
 pub use drive::{Drive, Interruptions, Tone, parts_of_all};
 pub use floquet::{floquet_exponent, monodromy};
@@ -37,6 +39,4 @@ pub use slow_flow::{LoopMargins, RegulatedMotion};
 pub use source::drive_of;
 pub use stability::{Stability, starting_factor};
 pub use stability_map::{SideBySide, StabilityMap};
-pub use unwritten::ComputedRecording;
-pub use unwritten::{RECORDING, REFERENCE, described};
 pub use waveform::PeriodStep;

@@ -1,7 +1,7 @@
 //! What is made of numbers and parameters alone: noises and periods.
 
 use super::names::ParsedText;
-use super::read::{Read, SECOND, twice};
+use super::read::{ReadResult, SECOND, twice};
 use super::resolve::{ResolvedValue, unlike};
 use super::{Named, Noise, NoiseKind};
 use crate::error::{EquationError, EquationFault, nearest};
@@ -9,7 +9,7 @@ use crate::graph::{NodeId, Variable};
 use crate::quantity::UnitKnowledge;
 use kalmems_units::Unit;
 
-impl Read<'_> {
+impl ReadResult<'_> {
     pub(super) fn noise(
         &mut self,
         measures: &[Named],

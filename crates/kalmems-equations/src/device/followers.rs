@@ -5,14 +5,11 @@
 //! second. In the form that is used here no derivative of what is delayed is needed.
 
 use super::names::ParsedText;
-use super::resolve::{DelayExpansion, ResolvedValue, Resolver, unlike};
-use crate::error::EquationError;
+use super::resolve::{DelayExpansion, Resolved, ResolvedValue, Resolver, unlike};
 use crate::graph::{NodeId, Variable};
 use crate::quantity::UnitKnowledge;
 use kalmems_units::Dimension;
 use std::sync::Arc;
-
-type Resolved = Result<ResolvedValue, EquationError>;
 
 const SECOND: Dimension = Dimension::of([0, 0, 1, 0, 0, 0]);
 

@@ -2,15 +2,13 @@
 
 use super::DeviceEquation;
 use super::names::{Meaning, ParsedText};
-use super::resolve::{ResolvedValue, Resolver, unlike};
+use super::resolve::{Resolved, ResolvedValue, Resolver, unlike};
 use crate::error::{EquationError, EquationFault};
 use crate::graph::{Function, Graph, NodeId};
 use crate::laws;
 use crate::quantity::UnitKnowledge;
 use std::ops::Range;
 use std::sync::Arc;
-
-type Resolved = Result<ResolvedValue, EquationError>;
 
 impl Resolver {
     /// A sum, of which each part is given with its sign and its place among the terms.

@@ -22,7 +22,7 @@ impl Device {
     ///
     /// The first that is wrong, with its place.
     pub fn of(description: &Description) -> Result<Self, EquationError> {
-        let mut read = Read::begin(description)?;
+        let mut read = ReadResult::begin(description)?;
         let rates = read.rates()?;
         // Named expressions are read whether something uses them or not, so that none is wrong unnoticed.
         let mut equations = Vec::new();
@@ -52,7 +52,7 @@ impl Device {
             }
             None => None,
         };
-        let Read { resolver, states, inputs, parameters, curves, .. } = read;
+        let ReadResult { resolver, states, inputs, parameters, curves, .. } = read;
         let equations = resolver.used.into_iter().chain(equations).collect();
         Ok(Self {
             states,
@@ -75,7 +75,7 @@ impl Device {
     }
 }
 
-pub(super) struct Read<'a> {
+pub(super) struct ReadResult<'a> {
     pub(super) description: &'a Description,
     pub(super) resolver: Resolver,
     pub(super) states: Vec<Named>,
@@ -99,7 +99,7 @@ fn parameter(entry: &NamedText) -> Result<Parameter, EquationError> {
     Ok(Parameter { named, value: value.si() })
 }
 
-impl<'a> Read<'a> {
+impl<'a> ReadResult<'a> {
     /// Reads all texts that others refer to.
     fn begin(description: &'a Description) -> Result<Self, EquationError> {
         if description.states.is_empty() {

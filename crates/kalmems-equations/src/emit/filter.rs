@@ -8,7 +8,7 @@ use super::request::{EmitDigits, EmitGain, EmitRequest, StepMethod};
 use super::routine::{Routine, StorageArray, Widths};
 use super::runge_kutta;
 use super::scale::Units;
-use super::tape::{Id, Tape};
+use super::tape::{Tape, TapeId};
 use crate::device::Device;
 use crate::graph::{Graph, NodeId, Variable};
 
@@ -43,7 +43,7 @@ pub(super) struct Context<'a> {
 }
 
 /// A matrix of operations, row by row.
-pub(super) type OpMatrix = Vec<Vec<Id>>;
+pub(super) type OpMatrix = Vec<Vec<TapeId>>;
 
 impl FilterProgram {
     pub(super) fn of(device: &Device, request: &EmitRequest) -> Result<Self, EmitError> {
@@ -110,7 +110,7 @@ fn start(request: &EmitRequest, units: &Units) -> (Vec<f64>, Vec<f64>) {
 
 impl Context<'_> {
     /// Lowers expressions over the filter's states, with the inputs at this point of the interval.
-    pub(super) fn lower(&mut self, tape: &mut Tape, roots: &[NodeId], point: &'static str) -> Vec<Id> {
+    pub(super) fn lower(&mut self, tape: &mut Tape, roots: &[NodeId], point: &'static str) -> Vec<TapeId> {
         let names = self.names;
         let of_variable = |variable: Variable| Operand::Name(names.variable(variable, point));
         let moving = self.model.moving;
@@ -143,8 +143,8 @@ impl Context<'_> {
         let roots = tidied(&mut self.model.graph, &roots, moving)?;
         let mut routine = Routine::default();
         let ids = self.lower(&mut routine.tape, &roots, "start");
-        let rows: Vec<&[Id]> = ids.chunks(size + 1).collect();
-        let next: Vec<Id> = rows.iter().filter_map(|row| row.first().copied()).collect();
+        let rows: Vec<&[TapeId]> = ids.chunks(size + 1).collect();
+        let next: Vec<TapeId> = rows.iter().filter_map(|row| row.first().copied()).collect();
         let jacobian: OpMatrix = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
         self.finish_prediction(&mut routine, (&next, jacobian), units, periods);
         Ok(routine)
@@ -154,7 +154,7 @@ impl Context<'_> {
     pub(super) fn finish_prediction(
         &self,
         routine: &mut Routine,
-        (next, mut jacobian): (&[Id], OpMatrix),
+        (next, mut jacobian): (&[TapeId], OpMatrix),
         units: &Units,
         periods: &[(usize, f64)],
     ) {
@@ -172,7 +172,7 @@ impl Context<'_> {
         jacobian.extend((moving..size).map(|i| (0..size).map(|j| if i == j { one } else { zero }).collect()));
         let p = covariance(tape, size);
         // Products F·P, of which a row that is needed once more is there.
-        let work = |tape: &Tape, row: &[Id]| -> usize {
+        let work = |tape: &Tape, row: &[TapeId]| -> usize {
             row.iter().filter_map(|id| tape.number(*id).map_or(Some(2), |n| (n != 0.0).then_some(1))).sum()
         };
         let rows: Vec<usize> = jacobian.iter().map(|row| work(tape, row)).collect();
@@ -230,7 +230,7 @@ impl Context<'_> {
         let ids = self.lower(&mut routine.tape, &roots, "end");
         let Some((residual, h)) = ids.split_first() else { return Ok(routine) };
         let tape = &mut routine.tape;
-        let x: Vec<Id> = (0..size).map(|i| tape.named(self.names.state(i))).collect();
+        let x: Vec<TapeId> = (0..size).map(|i| tape.named(self.names.state(i))).collect();
         if let EmitGain::Settled(gains) = &self.request.gain {
             for (i, x) in x.iter().enumerate() {
                 let gain = gains.get(place).and_then(|gain| gain.get(i)).copied().unwrap_or_default();
@@ -272,7 +272,7 @@ fn covariance(tape: &mut Tape, size: usize) -> OpMatrix {
 }
 
 /// A value with a whole period taken off or added where it is beyond half of one.
-fn wrapped(tape: &mut Tape, value: Id, period: f64) -> Id {
+fn wrapped(tape: &mut Tape, value: TapeId, period: f64) -> TapeId {
     let [half, minus_half, whole] = [0.5 * period, -0.5 * period, period].map(|v| tape.literal(v));
     let (less, more) = (tape.subtract(value, whole), tape.add(value, whole));
     let low = tape.choice([value, minus_half, more, value]);
@@ -283,21 +283,21 @@ fn wrapped(tape: &mut Tape, value: Id, period: f64) -> Id {
 ///
 /// With B = P − k·(P·hᵀ)ᵀ the last is B + (k − B·hᵀ)·kᵀ. The bracket is zero but for rounding, and takes away what
 /// rounding left in B: a correction that is far better than the prediction leaves a variance with all its digits.
-fn joseph(routine: &mut Routine, residual: Id, h: &[Id], x: &[Id]) {
+fn joseph(routine: &mut Routine, residual: TapeId, h: &[TapeId], x: &[TapeId]) {
     let tape = &mut routine.tape;
     let size = x.len();
     let (zero, one) = (tape.literal(0.0), tape.literal(1.0));
     let p = covariance(tape, size);
-    let times_h = |tape: &mut Tape, row: &[Id], first: Id| {
+    let times_h = |tape: &mut Tape, row: &[TapeId], first: TapeId| {
         row.iter().zip(h).fold(first, |sum, (entry, h)| {
             let term = tape.multiply(*entry, *h);
             tape.add(sum, term)
         })
     };
-    let g: Vec<Id> = p.iter().map(|row| times_h(tape, row, zero)).collect();
+    let g: Vec<TapeId> = p.iter().map(|row| times_h(tape, row, zero)).collect();
     let variance = times_h(tape, &g, one);
     let inverse = tape.divide(one, variance);
-    let k: Vec<Id> = g.iter().map(|g| tape.multiply(*g, inverse)).collect();
+    let k: Vec<TapeId> = g.iter().map(|g| tape.multiply(*g, inverse)).collect();
     routine.gains.clone_from(&k);
     let mut b = p;
     for (i, ki) in k.iter().enumerate() {

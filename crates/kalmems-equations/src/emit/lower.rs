@@ -7,7 +7,7 @@
 use super::laws::plain;
 use super::model::{EmittedModel, Rarity, rarities};
 use super::pairs::{Atom, Pairs};
-use super::tape::{Called, Id, Tape};
+use super::tape::{CalledFunction, Tape, TapeId};
 use super::values::TapeValues;
 use crate::graph::{Function, Graph, Node, NodeId, Variable};
 use crate::laws::LawId;
@@ -57,7 +57,7 @@ pub(super) enum NodeForm {
     Variable(Variable),
     Sum(Coefficient, Vec<ProductTerm>),
     Product(ProductTerm),
-    Call(Called, NodeId, f64),
+    Call(CalledFunction, NodeId, f64),
     Choice([NodeId; 4]),
 }
 
@@ -70,7 +70,7 @@ pub(super) fn lower(
     roots: &[NodeId],
     moving: usize,
     of_variable: &dyn Fn(Variable) -> Operand,
-) -> Vec<Id> {
+) -> Vec<TapeId> {
     let rarities = rarities(graph, roots, moving);
     let mut lowering = SourceLowering { graph, given, rarities, forms: BTreeMap::new() };
     lowering.collect(roots);
@@ -97,7 +97,7 @@ pub(super) fn lower(
 #[derive(Clone, Debug)]
 pub(super) enum Operand {
     Name(String),
-    Id(Id),
+    Id(TapeId),
 }
 
 struct SourceLowering<'a> {
@@ -163,20 +163,22 @@ impl SourceLowering<'_> {
             }
             Node::Product(_) => NodeForm::Product(self.term(id, 1.0)),
             Node::Call(Function::Exp, at) if self.is_never_positive(*at) => {
-                NodeForm::Call(Called::FallingExp, *at, 1.0)
+                NodeForm::Call(CalledFunction::FallingExp, *at, 1.0)
             }
             Node::Call(function, at) => NodeForm::Call(called(*function), *at, 1.0),
             Node::Choice { smaller, larger, then, otherwise } => {
                 NodeForm::Choice([*smaller, *larger, *then, *otherwise])
             }
             Node::Law { .. } => match plain(&node) {
-                Some((LawId::Disks, order, at)) => NodeForm::Call(Called::Disks(order), at, 1.0),
+                Some((LawId::Disks, order, at)) => NodeForm::Call(CalledFunction::Disks(order), at, 1.0),
                 // −ln cosh(u/2)
-                Some((LawId::LogisticCombChange, _, at)) => NodeForm::Call(Called::LnCosh, at, 0.5),
-                Some((_, order, at)) => NodeForm::Call(Called::Atanhc(order), at, 1.0),
+                Some((LawId::LogisticCombChange, _, at)) => NodeForm::Call(CalledFunction::LnCosh, at, 0.5),
+                Some((_, order, at)) => NodeForm::Call(CalledFunction::Atanhc(order), at, 1.0),
                 None => NodeForm::Number(f64::NAN),
             },
-            Node::Curve { curve, order, at } => NodeForm::Call(Called::Curve(*curve, *order), *at, 1.0),
+            Node::Curve { curve, order, at } => {
+                NodeForm::Call(CalledFunction::Curve(*curve, *order), *at, 1.0)
+            }
         }
     }
 
@@ -230,15 +232,15 @@ impl SourceLowering<'_> {
     }
 }
 
-fn called(function: Function) -> Called {
+fn called(function: Function) -> CalledFunction {
     match function {
-        Function::Sqrt => Called::Sqrt,
-        Function::Exp => Called::Exp,
-        Function::Ln => Called::Ln,
-        Function::Sin => Called::Sin,
-        Function::Cos => Called::Cos,
-        Function::Tanh => Called::Tanh,
-        Function::Atanh => Called::Atanh,
+        Function::Sqrt => CalledFunction::Sqrt,
+        Function::Exp => CalledFunction::Exp,
+        Function::Ln => CalledFunction::Ln,
+        Function::Sin => CalledFunction::Sin,
+        Function::Cos => CalledFunction::Cos,
+        Function::Tanh => CalledFunction::Tanh,
+        Function::Atanh => CalledFunction::Atanh,
     }
 }
 

@@ -5,7 +5,7 @@ use super::interface::Interface;
 use super::names::SourceNames;
 use super::request::{EmitDigits, EmitRequest, TestSample};
 use super::routine::{Routine, StorageArray};
-use super::tape::{Called, Id, TapeOp};
+use super::tape::{CalledFunction, TapeId, TapeOp};
 use crate::device::Device;
 use crate::laws::{LawId, MOST_ARGUMENTS, partial};
 use kalmems_models::capacitance::VACUUM_PERMITTIVITY;
@@ -193,9 +193,9 @@ impl<'a> Rehearsal<'a> {
                 run.stages.insert(format!("{}[{place}]", call.output), value);
             }
         }
-        let ids: Vec<Id> = routine.outputs.iter().map(|(_, _, id)| *id).collect();
+        let ids: Vec<TapeId> = routine.outputs.iter().map(|(_, _, id)| *id).collect();
         run.below(&ids);
-        let of = |(array, place, id): &(StorageArray, usize, Id)| {
+        let of = |(array, place, id): &(StorageArray, usize, TapeId)| {
             (*array, *place, run.operand(*id, routine.widths.of(*array)))
         };
         routine.outputs.iter().map(of).collect()
@@ -213,7 +213,7 @@ struct RoutineRun<'a> {
 
 impl RoutineRun<'_> {
     /// Computes what these need and is not there yet.
-    fn below(&mut self, wanted: &[Id]) {
+    fn below(&mut self, wanted: &[TapeId]) {
         for id in self.routine.tape.below(wanted) {
             if self.values.get(id.index()).is_some_and(Option::is_none) {
                 let value = self.value(id);
@@ -225,13 +225,13 @@ impl RoutineRun<'_> {
     }
 
     /// A value as an operation of this width takes it.
-    fn operand(&self, id: Id, wide: bool) -> f64 {
+    fn operand(&self, id: TapeId, wide: bool) -> f64 {
         rounded(self.values.get(id.index()).copied().flatten().unwrap_or(f64::NAN), wide)
     }
 
-    fn value(&self, id: Id) -> f64 {
+    fn value(&self, id: TapeId) -> f64 {
         let wide = self.routine.is_wide(id);
-        let at = |id: Id| self.operand(id, wide);
+        let at = |id: TapeId| self.operand(id, wide);
         let tape = &self.routine.tape;
         // A sum, a product or a quotient of numbers of 32 bits, rounded from 64, is the one of 32.
         let value = match tape.op(id) {
@@ -261,27 +261,27 @@ impl RoutineRun<'_> {
 
 impl Rehearsal<'_> {
     /// A function of the source; those through tables rounded once.
-    fn called(&self, called: Called, x: f64) -> f64 {
+    fn called(&self, called: CalledFunction, x: f64) -> f64 {
         #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
         let x = x as f32;
         let value: f64 = match called {
-            Called::FallingExp => functions::falling_exp(x).into(),
-            Called::Exp => functions::exp(x).into(),
-            Called::Ln => functions::ln(x).into(),
-            Called::Sin => functions::sin(x).into(),
-            Called::Cos => functions::cos(x).into(),
-            Called::Tanh => functions::tanh(x).into(),
-            Called::Atanh => functions::atanh(x).into(),
-            Called::Sqrt => functions::sqrt(x).into(),
-            Called::Atanhc(order) => functions::atanhc(x, order.into()).into(),
-            Called::LnCosh => functions::ln_cosh(x).into(),
+            CalledFunction::FallingExp => functions::falling_exp(x).into(),
+            CalledFunction::Exp => functions::exp(x).into(),
+            CalledFunction::Ln => functions::ln(x).into(),
+            CalledFunction::Sin => functions::sin(x).into(),
+            CalledFunction::Cos => functions::cos(x).into(),
+            CalledFunction::Tanh => functions::tanh(x).into(),
+            CalledFunction::Atanh => functions::atanh(x).into(),
+            CalledFunction::Sqrt => functions::sqrt(x).into(),
+            CalledFunction::Atanhc(order) => functions::atanhc(x, order.into()).into(),
+            CalledFunction::LnCosh => functions::ln_cosh(x).into(),
             // Of one number: C/(ε₀·a) over the distance in radii.
-            Called::Disks(order) => {
+            CalledFunction::Disks(order) => {
                 let mut arguments = [0.0; MOST_ARGUMENTS];
                 (arguments[0], arguments[1]) = (x.into(), 1.0);
                 partial(LawId::Disks, &vec![0; usize::from(order)], &arguments) / VACUUM_PERMITTIVITY
             }
-            Called::Curve(curve, order) => self.device.curves.get(curve).map_or(f64::NAN, |curve| {
+            CalledFunction::Curve(curve, order) => self.device.curves.get(curve).map_or(f64::NAN, |curve| {
                 let (middle, half, size) = curve.extent();
                 let values = curve.at(middle + half * f64::from(x));
                 values.get(usize::from(order)).copied().unwrap_or(f64::NAN) * half.powi(order.into()) / size

@@ -1,7 +1,7 @@
 //! A part of the filter as statements of either language.
 
 use super::error::EmitError;
-use super::tape::{Called, Id, Tape, TapeOp};
+use super::tape::{CalledFunction, Tape, TapeId, TapeOp};
 use std::collections::{BTreeSet, HashMap};
 
 /// Where numbers are kept.
@@ -54,7 +54,7 @@ impl Widths {
 /// A call of the stage of Runge and Kutta's method.
 #[derive(Clone, Debug)]
 pub(super) struct StageCall {
-    pub(super) arguments: Vec<Id>,
+    pub(super) arguments: Vec<TapeId>,
     /// The array that holds the results.
     pub(super) output: String,
 }
@@ -66,11 +66,11 @@ pub(super) struct Routine {
     /// The names of what a stage is handed, in order.
     pub(super) parameters: Vec<String>,
     pub(super) calls: Vec<StageCall>,
-    pub(super) outputs: Vec<(StorageArray, usize, Id)>,
+    pub(super) outputs: Vec<(StorageArray, usize, TapeId)>,
     /// The variance of an innovation, which must be positive.
-    pub(super) variance: Option<Id>,
+    pub(super) variance: Option<TapeId>,
     /// The gains of a correction.
-    pub(super) gains: Vec<Id>,
+    pub(super) gains: Vec<TapeId>,
     /// Which arrays have 64 bits, and which operations compute with as many; none where the list is shorter.
     pub(super) widths: Widths,
     wide: Vec<bool>,
@@ -83,7 +83,7 @@ pub(super) trait Syntax {
     /// A statement that gives a value a name.
     fn declare(&self, name: &str, value: &str, wide: bool) -> String;
     /// A function's call.
-    fn call(&self, called: Called, at: &str, wide: bool) -> String;
+    fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String;
     /// The third where the first is below the second, the fourth elsewhere.
     fn choice(&self, parts: [&str; 4]) -> String;
     /// a·b + c in 32 bits, rounded once where a processor has an instruction for it; `None` where the language has no word for that.
@@ -98,7 +98,7 @@ pub(super) trait Syntax {
 const LONGEST: usize = 72;
 
 impl Routine {
-    pub(super) fn is_wide(&self, id: Id) -> bool {
+    pub(super) fn is_wide(&self, id: TapeId) -> bool {
         self.wide.get(id.index()).copied().unwrap_or(false)
     }
 
@@ -106,7 +106,7 @@ impl Routine {
     /// gains are left out.
     pub(super) fn widen(&mut self, widths: Widths) {
         self.widths = widths;
-        let mut open: Vec<Id> = Vec::new();
+        let mut open: Vec<TapeId> = Vec::new();
         for (array, _, id) in &self.outputs {
             if widths.of(*array) {
                 open.push(*id);
@@ -119,7 +119,7 @@ impl Routine {
             open.extend(self.variance);
         }
         let mut wide = vec![false; self.tape.len()];
-        let is_gain = |id: &Id| !widths.covariance && self.gains.contains(id);
+        let is_gain = |id: &TapeId| !widths.covariance && self.gains.contains(id);
         while let Some(id) = open.pop() {
             match self.tape.op(id) {
                 TapeOp::Name(_) => continue,
@@ -131,7 +131,7 @@ impl Routine {
                 open.extend(self.tape.op(id).parts());
             }
         }
-        for (id, wide) in (0_u32..).map(Id).zip(&mut wide) {
+        for (id, wide) in (0_u32..).map(TapeId).zip(&mut wide) {
             if let TapeOp::Name(name) = self.tape.op(id) {
                 *wide = widths.of_name(self.tape.name_of(name));
             }
@@ -145,14 +145,14 @@ impl Routine {
     }
 
     /// Everything that it computes.
-    fn roots(&self) -> Vec<Id> {
+    fn roots(&self) -> Vec<TapeId> {
         let calls = self.calls.iter().flat_map(|call| call.arguments.iter().copied());
         calls.chain(self.outputs.iter().map(|(_, _, id)| *id)).chain(self.variance).collect()
     }
 
     /// The names that come from outside, in order.
     pub(super) fn names(&self) -> BTreeSet<String> {
-        let of = |id: &Id| match self.tape.op(*id) {
+        let of = |id: &TapeId| match self.tape.op(*id) {
             TapeOp::Name(name) => Some(self.tape.name_of(name).to_owned()),
             _ => None,
         };
@@ -160,8 +160,8 @@ impl Routine {
     }
 
     /// The functions that it calls.
-    pub(super) fn called(&self) -> BTreeSet<Called> {
-        let of = |id: &Id| match self.tape.op(*id) {
+    pub(super) fn called(&self) -> BTreeSet<CalledFunction> {
+        let of = |id: &TapeId| match self.tape.op(*id) {
             TapeOp::Call(called, _) => Some(called),
             _ => None,
         };
@@ -189,7 +189,7 @@ impl Routine {
     pub(super) fn written(&self, syntax: &dyn Syntax) -> Result<Written, EmitError> {
         let roots = self.roots();
         let mut uses = vec![0_usize; self.tape.len()];
-        let mut count = |id: Id| {
+        let mut count = |id: TapeId| {
             if let Some(uses) = uses.get_mut(id.index()) {
                 *uses += 1;
             }
@@ -213,7 +213,7 @@ impl Routine {
             let arguments = arguments.collect::<Result<Vec<String>, _>>()?;
             writer.statements.push(syntax.stage(&call.output, &arguments));
         }
-        let wanted: Vec<Id> = self.outputs.iter().map(|(_, _, id)| *id).chain(self.variance).collect();
+        let wanted: Vec<TapeId> = self.outputs.iter().map(|(_, _, id)| *id).chain(self.variance).collect();
         writer.write(&wanted)?;
         let mut outputs = Vec::with_capacity(self.outputs.len());
         for (array, place, id) in &self.outputs {
@@ -238,14 +238,14 @@ struct RoutineWriter<'a> {
     syntax: &'a dyn Syntax,
     uses: Vec<usize>,
     /// Expressions with how tightly they bind: 1 a sum, 2 a product, 3 anything that needs no bracket.
-    texts: HashMap<Id, (String, u8)>,
+    texts: HashMap<TapeId, (String, u8)>,
     statements: Vec<String>,
     temporaries: usize,
 }
 
 impl RoutineWriter<'_> {
     /// An expression in numbers of this width, in brackets where it binds less tightly.
-    fn text(&self, id: Id, binding: u8, wide: bool) -> Result<String, EmitError> {
+    fn text(&self, id: TapeId, binding: u8, wide: bool) -> Result<String, EmitError> {
         if let TapeOp::Literal(bits) = self.tape.op(id) {
             let value = f64::from_bits(bits);
             let text = self.syntax.literal(value, wide)?;
@@ -258,7 +258,7 @@ impl RoutineWriter<'_> {
     }
 
     /// An expression in numbers of its own width.
-    fn own(&self, id: Id, binding: u8) -> String {
+    fn own(&self, id: TapeId, binding: u8) -> String {
         match self.texts.get(&id) {
             Some((text, own)) if *own >= binding => text.clone(),
             Some((text, _)) => format!("({text})"),
@@ -267,7 +267,7 @@ impl RoutineWriter<'_> {
     }
 
     /// Statements for what these need and is not there yet.
-    fn write(&mut self, wanted: &[Id]) -> Result<(), EmitError> {
+    fn write(&mut self, wanted: &[TapeId]) -> Result<(), EmitError> {
         for id in self.tape.below(wanted) {
             if self.texts.contains_key(&id) || matches!(self.tape.op(id), TapeOp::Literal(_)) {
                 continue;
@@ -289,7 +289,7 @@ impl RoutineWriter<'_> {
     }
 
     /// The factors of a product in 32 bits that stands in one sum alone and has no name.
-    fn factors(&self, id: Id) -> Result<Option<[String; 2]>, EmitError> {
+    fn factors(&self, id: TapeId) -> Result<Option<[String; 2]>, EmitError> {
         Ok(match self.tape.op(id) {
             TapeOp::Multiply(a, b)
                 if !self.routine.is_wide(id)
@@ -319,11 +319,11 @@ impl RoutineWriter<'_> {
         })
     }
 
-    fn expression(&self, id: Id, wide: bool) -> Result<(String, u8), EmitError> {
+    fn expression(&self, id: TapeId, wide: bool) -> Result<(String, u8), EmitError> {
         if !wide && let Some(fused) = self.fused(self.tape.op(id))? {
             return Ok((fused, 3));
         }
-        let two = |sign: &str, (a, left): (Id, u8), (b, right): (Id, u8)| {
+        let two = |sign: &str, (a, left): (TapeId, u8), (b, right): (TapeId, u8)| {
             Ok::<_, EmitError>(format!("{} {sign} {}", self.text(a, left, wide)?, self.text(b, right, wide)?))
         };
         Ok(match self.tape.op(id) {

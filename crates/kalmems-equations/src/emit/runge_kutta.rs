@@ -8,7 +8,7 @@ use super::lower::{ExternalValues, Operand, lower};
 use super::model::{Rarity, rarities};
 use super::routine::{Routine, StageCall, StorageArray};
 use super::scale::Units;
-use super::tape::{Id, Tape};
+use super::tape::{Tape, TapeId};
 use crate::graph::{Graph, Node, NodeId, Variable};
 
 /// The points of the inputs, how far a stage goes along the one before it, and its weight.
@@ -66,7 +66,7 @@ pub(super) fn predict(
         }
         let output = format!("k{}", number + 1);
         if !of_stage.is_empty() {
-            let mut arguments: Vec<Id> = of_states.iter().filter_map(|i| at.get(*i)).copied().collect();
+            let mut arguments: Vec<TapeId> = of_states.iter().filter_map(|i| at.get(*i)).copied().collect();
             arguments.extend(context.lower(&mut routine.tape, &held.nodes, point));
             routine.calls.push(StageCall { arguments, output: output.clone() });
         }
@@ -108,7 +108,7 @@ pub(super) fn predict(
 }
 
 /// The derivatives of a stage: K = B + c·A·K of the stage before, where B is A itself and ∂f/∂p behind it.
-fn onwards_along(tape: &mut Tape, a: &OpMatrix, before: Option<&OpMatrix>, step: Id) -> OpMatrix {
+fn onwards_along(tape: &mut Tape, a: &OpMatrix, before: Option<&OpMatrix>, step: TapeId) -> OpMatrix {
     let zero = tape.literal(0.0);
     let mut columns = a.clone();
     let Some(before) = before else { return columns };
@@ -127,7 +127,11 @@ fn onwards_along(tape: &mut Tape, a: &OpMatrix, before: Option<&OpMatrix>, step:
 }
 
 /// x + Σ/6 and 1 + Σ/6.
-fn finished(tape: &mut Tape, x: &[Id], (rates, columns): (Vec<Id>, OpMatrix)) -> (Vec<Id>, OpMatrix) {
+fn finished(
+    tape: &mut Tape,
+    x: &[TapeId],
+    (rates, columns): (Vec<TapeId>, OpMatrix),
+) -> (Vec<TapeId>, OpMatrix) {
     let (sixth, one) = (tape.literal(1.0 / 6.0), tape.literal(1.0));
     let mut next = Vec::with_capacity(x.len());
     for (x, sum) in x.iter().zip(&rates) {

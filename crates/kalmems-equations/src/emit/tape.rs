@@ -5,9 +5,9 @@ use std::collections::HashMap;
 
 /// The place of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) struct Id(pub(super) u32);
+pub(super) struct TapeId(pub(super) u32);
 
-impl Id {
+impl TapeId {
     pub(super) fn index(self) -> usize {
         self.0 as usize
     }
@@ -15,7 +15,7 @@ impl Id {
 
 /// A function that the source calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Called {
+pub(super) enum CalledFunction {
     /// e^x where x ≤ 0.
     FallingExp,
     Exp,
@@ -42,19 +42,19 @@ pub(super) enum TapeOp {
     Literal(u64),
     /// Something that has a name in the source.
     Name(u32),
-    Add(Id, Id),
-    Subtract(Id, Id),
-    Multiply(Id, Id),
-    Divide(Id, Id),
-    Negative(Id),
-    Call(Called, Id),
+    Add(TapeId, TapeId),
+    Subtract(TapeId, TapeId),
+    Multiply(TapeId, TapeId),
+    Divide(TapeId, TapeId),
+    Negative(TapeId),
+    Call(CalledFunction, TapeId),
     /// The third where the first is below the second, the fourth elsewhere.
-    Choice([Id; 4]),
+    Choice([TapeId; 4]),
 }
 
 impl TapeOp {
     /// What it is made of.
-    pub(super) fn parts(&self) -> Vec<Id> {
+    pub(super) fn parts(&self) -> Vec<TapeId> {
         match *self {
             Self::Literal(_) | Self::Name(_) => Vec::new(),
             Self::Add(a, b) | Self::Subtract(a, b) | Self::Multiply(a, b) | Self::Divide(a, b) => vec![a, b],
@@ -79,12 +79,12 @@ impl TapeOp {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tape {
     ops: Vec<TapeOp>,
-    known: HashMap<TapeOp, Id>,
+    known: HashMap<TapeOp, TapeId>,
     names: Vec<String>,
 }
 
 impl Tape {
-    pub(super) fn op(&self, id: Id) -> TapeOp {
+    pub(super) fn op(&self, id: TapeId) -> TapeOp {
         self.ops.get(id.index()).copied().unwrap_or(TapeOp::Literal(0))
     }
 
@@ -96,23 +96,23 @@ impl Tape {
         self.names.get(name as usize).map_or("", String::as_str)
     }
 
-    fn push(&mut self, op: TapeOp) -> Id {
+    fn push(&mut self, op: TapeOp) -> TapeId {
         if let Some(id) = self.known.get(&op) {
             return *id;
         }
         // Graphs are bounded far below that.
-        let id = Id(u32::try_from(self.ops.len()).unwrap_or(u32::MAX));
+        let id = TapeId(u32::try_from(self.ops.len()).unwrap_or(u32::MAX));
         self.ops.push(op);
         self.known.insert(op, id);
         id
     }
 
-    pub(super) fn literal(&mut self, value: f64) -> Id {
+    pub(super) fn literal(&mut self, value: f64) -> TapeId {
         self.push(TapeOp::Literal(if value == 0.0 { 0 } else { value.to_bits() }))
     }
 
     /// Something that has this name in the source.
-    pub(super) fn named(&mut self, name: impl Into<String>) -> Id {
+    pub(super) fn named(&mut self, name: impl Into<String>) -> TapeId {
         let name = name.into();
         let place = self.names.iter().position(|known| *known == name).unwrap_or_else(|| {
             self.names.push(name);
@@ -122,19 +122,19 @@ impl Tape {
     }
 
     /// The number that this is.
-    pub(super) fn number(&self, id: Id) -> Option<f64> {
+    pub(super) fn number(&self, id: TapeId) -> Option<f64> {
         match self.op(id) {
             TapeOp::Literal(bits) => Some(f64::from_bits(bits)),
             _ => None,
         }
     }
 
-    pub(super) fn is(&self, id: Id, value: f64) -> bool {
+    pub(super) fn is(&self, id: TapeId, value: f64) -> bool {
         self.number(id) == Some(value)
     }
 
     /// The opposite of what is a negative number times something.
-    fn without_sign(&mut self, id: Id) -> Option<Id> {
+    fn without_sign(&mut self, id: TapeId) -> Option<TapeId> {
         match self.op(id) {
             TapeOp::Multiply(x, y) if self.number(x).is_some_and(|x| x < 0.0) => {
                 let x = self.number(x).unwrap_or_default();
@@ -145,7 +145,7 @@ impl Tape {
         }
     }
 
-    pub(super) fn add(&mut self, a: Id, b: Id) -> Id {
+    pub(super) fn add(&mut self, a: TapeId, b: TapeId) -> TapeId {
         if self.number(a).is_none_or(|a| a != 0.0)
             && let Some(b) = self.without_sign(b)
         {
@@ -165,7 +165,7 @@ impl Tape {
         }
     }
 
-    pub(super) fn subtract(&mut self, a: Id, b: Id) -> Id {
+    pub(super) fn subtract(&mut self, a: TapeId, b: TapeId) -> TapeId {
         if let Some(b) = self.without_sign(b) {
             return self.add(a, b);
         }
@@ -182,7 +182,7 @@ impl Tape {
         }
     }
 
-    pub(super) fn multiply(&mut self, a: Id, b: Id) -> Id {
+    pub(super) fn multiply(&mut self, a: TapeId, b: TapeId) -> TapeId {
         match (self.number(a), self.number(b), self.op(a), self.op(b)) {
             (Some(x), Some(y), ..) => self.literal(x * y),
             (Some(0.0), ..) | (_, Some(1.0), ..) => a,
@@ -208,7 +208,7 @@ impl Tape {
         }
     }
 
-    pub(super) fn divide(&mut self, a: Id, b: Id) -> Id {
+    pub(super) fn divide(&mut self, a: TapeId, b: TapeId) -> TapeId {
         match (self.number(a), self.number(b)) {
             (Some(x), Some(y)) => self.literal(x / y),
             (_, Some(1.0)) => a,
@@ -216,7 +216,7 @@ impl Tape {
         }
     }
 
-    pub(super) fn negative(&mut self, a: Id) -> Id {
+    pub(super) fn negative(&mut self, a: TapeId) -> TapeId {
         match self.op(a) {
             TapeOp::Literal(bits) => self.literal(-f64::from_bits(bits)),
             TapeOp::Negative(a) => a,
@@ -230,11 +230,11 @@ impl Tape {
         }
     }
 
-    pub(super) fn call(&mut self, called: Called, at: Id) -> Id {
+    pub(super) fn call(&mut self, called: CalledFunction, at: TapeId) -> TapeId {
         self.push(TapeOp::Call(called, at))
     }
 
-    pub(super) fn choice(&mut self, parts: [Id; 4]) -> Id {
+    pub(super) fn choice(&mut self, parts: [TapeId; 4]) -> TapeId {
         if parts[2] == parts[3] {
             return parts[2];
         }
@@ -242,7 +242,7 @@ impl Tape {
     }
 
     /// All operations that these need, each behind its parts.
-    pub(super) fn below(&self, roots: &[Id]) -> Vec<Id> {
+    pub(super) fn below(&self, roots: &[TapeId]) -> Vec<TapeId> {
         let mut seen = vec![false; self.ops.len()];
         let mut open = roots.to_vec();
         while let Some(id) = open.pop() {
@@ -251,11 +251,11 @@ impl Tape {
                 open.extend(self.op(id).parts());
             }
         }
-        (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(id, _)| Id(id)).collect()
+        (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(id, _)| TapeId(id)).collect()
     }
 
     /// About how many instructions these take.
-    pub(super) fn cost(&self, roots: &[Id]) -> usize {
+    pub(super) fn cost(&self, roots: &[TapeId]) -> usize {
         self.below(roots).iter().map(|id| self.op(*id).cost()).sum()
     }
 }

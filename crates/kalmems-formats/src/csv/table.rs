@@ -476,7 +476,7 @@ impl Table for CsvTable {
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         block.clear(self.values.len(), self.labels.len());
         let read = self.rows_into(block);
-        block.tell_times(&self.times);
+        block.set_times(&self.times);
         read
     }
 

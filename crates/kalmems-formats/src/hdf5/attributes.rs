@@ -111,7 +111,7 @@ impl Attributes {
 
 /// How many elements a dataspace has, and its axes: their lengths now and at most.
 #[derive(Clone, Debug)]
-pub(super) struct Space {
+pub(super) struct Dataspace {
     pub(super) shape: Vec<u64>,
     /// None where an axis has no end.
     pub(super) most: Vec<Option<u64>>,
@@ -119,7 +119,7 @@ pub(super) struct Space {
     pub(super) none: bool,
 }
 
-impl Space {
+impl Dataspace {
     pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Self, FormatError> {
         let (version, axes, flags) = (cursor.u8()?, usize::from(cursor.u8()?), cursor.u8()?);
         let none = match version {
@@ -186,7 +186,7 @@ fn attribute(cursor: &mut MetadataCursor<'_>) -> Result<(String, AttributeValue)
     } else {
         datatype::read(&mut element)?
     };
-    let count = Space::read(&mut space)?.count();
+    let count = Dataspace::read(&mut space)?.count();
     let value = if count > ELEMENTS { AttributeValue::Other } else { value(cursor, &element, count)? };
     Ok((name, value))
 }

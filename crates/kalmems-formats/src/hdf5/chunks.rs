@@ -1,7 +1,7 @@
 //! The values of a chunked dataset, a band of chunks at a time.
 
 use super::FORMAT;
-use super::attributes::Space;
+use super::attributes::Dataspace;
 use super::file::Hdf5File;
 use super::filters::{self, DatasetFilter};
 use super::layout::{Chunk, Chunked};
@@ -66,7 +66,7 @@ impl ChunkGrid {
 pub(super) struct ChunkLane {
     pub(super) file: Arc<Hdf5File>,
     pub(super) chunked: Chunked,
-    pub(super) space: Space,
+    pub(super) space: Dataspace,
     pub(super) path: String,
     pub(super) grid: ChunkGrid,
     pub(super) filters: Vec<DatasetFilter>,

@@ -2,7 +2,7 @@
 //! VII). Version 5, of HDF5 2.0, differs from 4 in the width of the lengths of packed chunks alone, which the indexes state
 //! themselves.
 
-use super::attributes::Space;
+use super::attributes::Dataspace;
 use super::file::{Hdf5File, MetadataCursor};
 use super::header::{MessageKind, ObjectHeader};
 use super::{FORMAT, tree};
@@ -174,7 +174,7 @@ impl Chunked {
     pub(super) fn visit(
         &self,
         file: &Hdf5File,
-        space: &Space,
+        space: &Dataspace,
         bytes: u64,
         each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
     ) -> Result<(), FormatError> {
@@ -235,14 +235,14 @@ impl Chunked {
     }
 
     /// How many chunks an axis has room for at most; 0 where it has no end.
-    fn grid(&self, space: &Space) -> Vec<u64> {
+    fn grid(&self, space: &Dataspace) -> Vec<u64> {
         let lengths = space.most.iter().zip(&self.shape);
         lengths.map(|(most, chunk)| most.map_or(0, |most| most.div_ceil((*chunk).max(1)))).collect()
     }
 
     /// The first element of a chunk by its number. Chunks are counted along the last axis first; an axis without an end
     /// counts as the first.
-    fn place(&self, space: &Space, number: u64) -> [u64; 2] {
+    fn place(&self, space: &Dataspace, number: u64) -> [u64; 2] {
         let grid = self.grid(space);
         let (rows, columns) = (self.shape[0], self.shape.get(1).copied().unwrap_or(1));
         let across = |axis: usize| grid.get(axis).copied().unwrap_or(1).max(1);
@@ -257,7 +257,7 @@ impl Chunked {
     /// An entry of an array of chunks.
     fn entry(
         &self,
-        space: &Space,
+        space: &Dataspace,
         entries: &mut IndexEntries<'_, '_>,
         number: u64,
         bytes: u64,
@@ -278,7 +278,7 @@ impl Chunked {
     fn fixed(
         &self,
         file: &Hdf5File,
-        space: &Space,
+        space: &Dataspace,
         address: u64,
         bytes: u64,
         each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
@@ -327,7 +327,7 @@ impl Chunked {
     fn page(
         &self,
         file: &Hdf5File,
-        space: &Space,
+        space: &Dataspace,
         (place, length, numbers): (u64, u64, std::ops::Range<u64>),
         kind: ArrayKind,
         bytes: u64,
@@ -345,7 +345,7 @@ impl Chunked {
     fn extensible(
         &self,
         file: &Hdf5File,
-        space: &Space,
+        space: &Dataspace,
         address: u64,
         bytes: u64,
         each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
@@ -428,7 +428,7 @@ impl ArrayKind {
 struct ExtensibleArray<'a> {
     chunks: &'a Chunked,
     file: &'a Hdf5File,
-    space: &'a Space,
+    space: &'a Dataspace,
     kind: ArrayKind,
     /// Of a chunk that is not packed.
     bytes: u64,

@@ -25,7 +25,7 @@ use crate::scaling::{self, Scaling, ScalingStep};
 use crate::source::SharedFile;
 use crate::time::{TimeCode, TimeKind};
 use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
-use attributes::{Attributes, Space};
+use attributes::{Attributes, Dataspace};
 use datatype::DatatypeKind;
 use header::{MessageKind as Message, ObjectHeader};
 use links::{GroupLink, is_group, links};
@@ -84,7 +84,7 @@ struct FoundDataset {
     header: ObjectHeader,
     path: String,
     attributes: Attributes,
-    space: Space,
+    space: Dataspace,
     kind: DatatypeKind,
 }
 
@@ -98,7 +98,8 @@ impl FoundDataset {
             expected: "its type, its shape and its layout".to_owned(),
         };
         let kind = header.first(file, Message::Datatype, datatype::read)?.ok_or_else(|| lacks("a type"))?;
-        let space = header.first(file, Message::Dataspace, Space::read)?.ok_or_else(|| lacks("a shape"))?;
+        let space =
+            header.first(file, Message::Dataspace, Dataspace::read)?.ok_or_else(|| lacks("a shape"))?;
         let attributes = Attributes::read(file, &header)?;
         // Of netCDF, which had no unsigned numbers.
         let unsigned = attributes.text("_Unsigned").is_some_and(|text| text.eq_ignore_ascii_case("true"));

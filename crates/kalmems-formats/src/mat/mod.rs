@@ -1,7 +1,7 @@
 //! MAT files of version 4, and of version 5 to 7: variables, packed or not.
 
 mod array;
-mod four;
+mod version4;
 
 use crate::element::Element;
 use crate::lanes::TextLane;
@@ -20,16 +20,20 @@ const TABLE_REMEDY: &str = "save `S = table2struct(T, ToScalar=true)` with `save
 /// Columns of a matrix that become columns beside others.
 const BESIDE: u64 = 64;
 
-pub(crate) use four::begins as begins_as_four;
+pub(crate) use version4::begins as begins_as_four;
 
 pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let source = Arc::new(source);
     let mut head = [0; 128];
     let count = source.read_some(0, &mut head)?;
-    let is_old =
-        !head.ends_with(b"IM") && !head.ends_with(b"MI") && four::begins(&source.bytes(FORMAT, 0, count)?);
-    let (format, found) =
-        if is_old { (four::FORMAT, four::variables(&source)?) } else { (FORMAT, variables(&source)?) };
+    let is_old = !head.ends_with(b"IM")
+        && !head.ends_with(b"MI")
+        && version4::begins(&source.bytes(FORMAT, 0, count)?);
+    let (format, found) = if is_old {
+        (version4::FORMAT, version4::variables(&source)?)
+    } else {
+        (FORMAT, variables(&source)?)
+    };
     let mut table = MatTableParts { format, ..MatTableParts::default() };
     // What MATLAB keeps behind the variables for their objects has no name.
     let found = found.into_iter().filter(|(_, variable)| !variable.name.is_empty());

@@ -100,7 +100,7 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
             Ok(kind) => {
                 let text = descriptor.physical_type() == Type::BYTE_ARRAY;
                 columns.push(Column { text, ..Column::new(&name) });
-                kinds.push(Leaf { number: leaf, kind, levels: descriptor.max_def_level() });
+                kinds.push(SchemaLeaf { number: leaf, kind, levels: descriptor.max_def_level() });
             }
             Err(what) => left_out.push(OmittedPart::new(name, what)),
         }
@@ -139,7 +139,7 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
 
 /// A column of the schema.
 #[derive(Clone, Copy)]
-struct Leaf {
+struct SchemaLeaf {
     number: usize,
     kind: ValueKind,
     /// The level that says that a value is there.
@@ -234,7 +234,7 @@ struct ParquetTable {
     description: TableDescription,
     source: Arc<SharedFile>,
     metadata: ParquetMetaData,
-    kinds: Vec<Leaf>,
+    kinds: Vec<SchemaLeaf>,
     rows: u64,
     row: u64,
     file_bytes: u64,
@@ -246,7 +246,7 @@ struct ParquetTable {
 struct ColumnCursor {
     want: WantedColumn,
     column: usize,
-    leaf: Leaf,
+    leaf: SchemaLeaf,
     reader: Option<ColumnReader>,
     group: usize,
     levels: Vec<i16>,
@@ -344,7 +344,7 @@ impl Table for ParquetTable {
                 }
             }
         }
-        block.tell_times(&self.times);
+        block.set_times(&self.times);
         block.faults.sort_by_key(|fault| fault.row);
         self.row += rows as u64;
         Ok(())
@@ -403,7 +403,7 @@ impl ColumnCursor {
 /// Reads values of whichever type.
 fn take(
     reader: &mut ColumnReader,
-    leaf: Leaf,
+    leaf: SchemaLeaf,
     rows: usize,
     row: usize,
     levels: &mut Vec<i16>,
@@ -511,7 +511,7 @@ enum OutputColumn<'a> {
 
 /// Rows that are to be read.
 struct RowsToRead<'a> {
-    leaf: Leaf,
+    leaf: SchemaLeaf,
     rows: usize,
     row: usize,
     levels: &'a mut Vec<i16>,

@@ -8,7 +8,7 @@ use kalmems_models::constants::{STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
 use kalmems_models::control::{PiController, RebalanceLoop};
 use kalmems_rigs::accelerometer::{
     Acceleration, AccelerometerHardware, AccelerometerRun, AccelerometerSegment, AccelerometerSettings,
-    Acting, Moment, Observed, closed_loop, estimate_segment,
+    ControllerInput, ControllerTiming, Moment, closed_loop, estimate_segment,
 };
 use kalmems_rigs::published;
 use std::ops::ControlFlow;
@@ -94,8 +94,8 @@ impl AccelerometerBench {
         AccelerometerRun {
             hardware: *self.hardware(),
             closed: self.closed,
-            acting: Acting::Sampled,
-            observer: Observed::Output,
+            acting: ControllerTiming::Sampled,
+            observer: ControllerInput::Output,
             acceleration,
             samples,
             interval_s: INTERVAL_S,

@@ -8,7 +8,7 @@ use crate::program::{
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use kalmems_models::control::{Comparator, PiController};
-use kalmems_rigs::accelerometer::{Acceleration, Acting, settled_acceleration_sd};
+use kalmems_rigs::accelerometer::{Acceleration, ControllerTiming, settled_acceleration_sd};
 
 /// The alternative.
 pub static ONE_BIT: ItemHead = ItemHead {
@@ -62,7 +62,7 @@ fn means(values: &[f64], count: usize) -> Vec<f64> {
 
 fn bits(bench: &AccelerometerBench, comparator: Comparator, (noise, seed): (bool, u64)) -> Option<BitMeans> {
     let mut run = bench.run(Acceleration::Chance, SKIP_S + 0.2, seed);
-    (run.acting, run.noise) = (Acting::OneBit(comparator), noise);
+    (run.acting, run.noise) = (ControllerTiming::OneBit(comparator), noise);
     run.closed.controller = PiController { proportional: 10.0, integral: 0.0 };
     let record = BenchRecord::of(&run);
     let from = record.from();

@@ -8,7 +8,7 @@ use crate::program::{
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::constants::STANDARD_GRAVITY;
-use kalmems_rigs::accelerometer::Observed;
+use kalmems_rigs::accelerometer::ControllerInput;
 
 /// Numbers.
 pub static TABLE_III: ItemHead = ItemHead {
@@ -65,9 +65,9 @@ impl Structure {
         let bench = if self == Self::Open { bench.open() } else { bench.clone() };
         let mut run = bench.sine(amplitude_g, DURATION_S, seed);
         run.observer = match self {
-            Self::Open | Self::Closed => Observed::Output,
-            Self::Told => Observed::Told,
-            Self::Honest => Observed::Estimate,
+            Self::Open | Self::Closed => ControllerInput::Output,
+            Self::Told => ControllerInput::Told,
+            Self::Honest => ControllerInput::Estimate,
         };
         BenchRecord::of(&run)
     }

@@ -1,7 +1,7 @@
 //! Gaps and gains from the printed experiment, and what a tilt about the other axis does.
 
 use super::failed;
-use super::sets::{DRIVE_HZ, GAIN, GAP, NOISE_V, angle, channels, records};
+use super::record_sets::{DRIVE_HZ, GAIN, GAP, NOISE_V, angle, channels, records};
 use crate::program::{
     Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
 };

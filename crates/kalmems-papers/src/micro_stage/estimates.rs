@@ -1,7 +1,7 @@
 //! How well the estimate knows the rate.
 
 use super::failed;
-use super::sets::{DRIVE_HZ, DRIVES_V, PRINTED, experiment};
+use super::record_sets::{DRIVE_HZ, DRIVES_V, PRINTED, experiment};
 use crate::program::{
     Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
 };
@@ -37,7 +37,7 @@ fn outcome(volts: f64, seed: u64) -> Result<Outcome, ReproduceError> {
     let unwritten: Result<ComputedRecording, SimulateError> =
         ComputedRecording::of(simulation.as_ref(), &Silent);
     let recorded = described(&experiment, simulation.as_ref());
-    workflow::estimate_unwritten(published(), &recorded, &unwritten.map_err(failed(HEAD.key))?, &Silent)
+    workflow::estimate_computed(published(), &recorded, &unwritten.map_err(failed(HEAD.key))?, &Silent)
         .map_err(failed(HEAD.key))
 }
 

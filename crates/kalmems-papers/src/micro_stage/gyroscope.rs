@@ -1,7 +1,7 @@
 //! The gyroscope that is calibrated: what its data sheet says, and what is simulated.
 
 use super::failed;
-use super::sets::{DRIVE_HZ, DRIVES_V, angle};
+use super::record_sets::{DRIVE_HZ, DRIVES_V, angle};
 use crate::program::{
     Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
 };

@@ -4,8 +4,8 @@ mod capacitors;
 mod estimates;
 mod gyroscope;
 mod noise;
+mod record_sets;
 mod resonance;
-mod sets;
 mod temperatures;
 
 use crate::program::{Paper, PaperProgram, ProgramPart, ReproduceError};

@@ -1,7 +1,7 @@
 //! From the sensors' noise to the scale factor.
 
 use super::failed;
-use super::sets::{
+use super::record_sets::{
     DAMPING_RATIO, DRIVE_GAIN, DRIVE_HZ, DRIVES_V, NATURAL_HZ, NOISE_V, RATE_HZ, angle, channels,
 };
 use crate::program::{

@@ -1,7 +1,7 @@
 //! The resonance, and how far the stage moves.
 
 use super::failed;
-use super::sets::{DAMPING_RATIO, DRIVE_GAIN, NATURAL_HZ, NOISE_V, VOLTS_PER_RATE, angle, stage};
+use super::record_sets::{DAMPING_RATIO, DRIVE_GAIN, NATURAL_HZ, NOISE_V, VOLTS_PER_RATE, angle, stage};
 use crate::program::{
     Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
 };

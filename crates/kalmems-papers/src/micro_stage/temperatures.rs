@@ -3,7 +3,7 @@
 
 use super::failed;
 use super::gyroscope::unit;
-use super::sets::{
+use super::record_sets::{
     DRIVE_HZ, DRIVES_V, GAIN, GAP, NOISE_V, RATE_HZ, VOLTS_PER_RATE, angle, channels, experiment, records_of,
 };
 use crate::config::TrustedNumber;
@@ -145,7 +145,7 @@ impl Temperature {
             let simulation = MicroStageRig.simulate(&simulated).map_err(failed(HEAD.key))?;
             let unwritten = ComputedRecording::of(simulation.as_ref(), &Silent).map_err(failed(HEAD.key))?;
             let estimated = experiment(HEAD.key, volts, seed, believed)?;
-            let outcome = workflow::estimate_unwritten(
+            let outcome = workflow::estimate_computed(
                 published(),
                 &described(&estimated, simulation.as_ref()),
                 &unwritten,

@@ -4,7 +4,7 @@ mod bench;
 mod circuit;
 mod drift;
 mod published;
-mod still;
+mod reached_bound;
 mod table;
 
 use crate::program::{Paper, PaperProgram, ProgramPart, ReproduceError};
@@ -33,7 +33,7 @@ pub const PROGRAM: PaperProgram = PaperProgram {
             heads: &[&drift::SNAPSHOT, &drift::LINE, &drift::RATES, &drift::SAMPLING],
             run: drift::run,
         },
-        ProgramPart { heads: &[&still::HEAD], run: still::run },
+        ProgramPart { heads: &[&reached_bound::HEAD], run: reached_bound::run },
     ],
 };
 

@@ -157,7 +157,7 @@ struct ReproductionRecord {
     effort: Effort,
     only: Option<String>,
     noise: SeedRecord,
-    timing: Timing,
+    timing: ReproductionTiming,
 }
 
 #[derive(Serialize)]
@@ -167,7 +167,7 @@ struct SeedRecord {
 }
 
 #[derive(Serialize)]
-struct Timing {
+struct ReproductionTiming {
     started_unix_s: u64,
     took_s: f64,
     threads: usize,
@@ -182,7 +182,7 @@ fn run_file(reproduction: &Reproduction, info: RunInfo) -> io::Result<String> {
         effort: settings.effort,
         only: settings.only.clone(),
         noise: SeedRecord { generator: WhiteNoise::NAME, first_seed: settings.seed },
-        timing: Timing {
+        timing: ReproductionTiming {
             started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
             took_s: info.took.as_secs_f64(),
             threads: settings.threads,

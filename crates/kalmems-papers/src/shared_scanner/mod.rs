@@ -4,7 +4,7 @@
 
 mod bench;
 mod circuit_figures;
-mod contest;
+mod estimator_comparison;
 mod image_figure;
 pub mod misprinted_ukf;
 mod parameters;
@@ -48,7 +48,14 @@ pub const PROGRAM: PaperProgram = PaperProgram {
         ProgramPart { heads: &[&sweep::HEAD], run: sweep::run },
         ProgramPart { heads: &[&ring_down::HEAD], run: ring_down::run },
         ProgramPart { heads: &[&snapshot::JOURNAL, &snapshot::DISSERTATION], run: snapshot::run },
-        ProgramPart { heads: &[&contest::JOURNAL, &contest::DISSERTATION, &contest::GAP], run: contest::run },
+        ProgramPart {
+            heads: &[
+                &estimator_comparison::JOURNAL,
+                &estimator_comparison::DISSERTATION,
+                &estimator_comparison::GAP,
+            ],
+            run: estimator_comparison::run,
+        },
         ProgramPart { heads: &[&image_figure::HEAD], run: image_figure::run },
     ],
 };

@@ -1,7 +1,7 @@
 //! A few cycles: drive, motion, signal.
 
 use super::bench::{EstimatorResult, SAMPLING_HZ, ScannerBench};
-use super::contest::{DIVERGED_DEG, WRONG_STIFFNESS};
+use super::estimator_comparison::{DIVERGED_DEG, WRONG_STIFFNESS};
 use crate::program::{Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin};
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};

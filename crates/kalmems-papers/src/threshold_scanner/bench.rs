@@ -9,7 +9,7 @@ use crate::progress::Progress;
 use crate::signal::hermite;
 use crate::simulate::WhiteNoise;
 use kalmems_core::{Measurement, Process};
-use kalmems_rigs::crossings::{LevelCrossing, Rows, SearchedSignal, find as find_crossings};
+use kalmems_rigs::crossings::{LevelCrossing, SearchedSignal, SignalRows, find as find_crossings};
 use kalmems_rigs::published;
 use kalmems_rigs::threshold_scanner::{
     ThresholdFilterSettings, ThresholdHardware, ThresholdSamples, ThresholdScannerSettings, estimate_segment,
@@ -66,7 +66,7 @@ impl ThresholdBench {
     }
 
     /// The filters of these names, told of this device.
-    pub fn told(&self, device: ThresholdHardware, names: &[&str]) -> ThresholdScannerSettings {
+    pub fn settings_for(&self, device: ThresholdHardware, names: &[&str]) -> ThresholdScannerSettings {
         let mut settings = self.settings.clone();
         settings.hardware = device;
         settings.filters.retain(|filter| names.contains(&filter.basics.name.as_str()));
@@ -74,14 +74,18 @@ impl ThresholdBench {
     }
 
     /// The filters of these names that believe this.
-    pub fn misled(&self, belief: &ThresholdMismatch, names: &[&str]) -> ThresholdScannerSettings {
+    pub fn mismatched_settings(
+        &self,
+        belief: &ThresholdMismatch,
+        names: &[&str],
+    ) -> ThresholdScannerSettings {
         let mut device = self.device;
         device.readout.comb.gain *= belief.gain;
         device.readout.comb.steepness *= belief.steepness;
         device.readout.comb.centre = belief.centre;
         device.mirror.comb = device.readout.comb;
         device.mirror.resonator.natural_rate *= belief.natural;
-        let mut settings = self.told(device, names);
+        let mut settings = self.settings_for(device, names);
         for filter in &mut settings.filters {
             filter.acceleration_density = belief.density;
             if let Some(threshold) = &mut filter.threshold {
@@ -220,7 +224,7 @@ pub fn crossings(
     signal: &[f64],
 ) -> Option<Vec<LevelCrossing>> {
     let device = &settings.hardware;
-    let rows = Rows { time_s: &decay.time_s, volts: signal, first: 0 };
+    let rows = SignalRows { time_s: &decay.time_s, volts: signal, first: 0 };
     let samples = (INTERVAL_S, device.noise_variance, device.readout.offset);
     let sought = SearchedSignal::of_comb(samples, device.readout.comb, device.mirror.resonator);
     find_crossings(rows, sought, settings.crossings.as_ref()?).ok()

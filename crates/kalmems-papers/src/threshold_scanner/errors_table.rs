@@ -75,8 +75,8 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         Effort::Quick => 6,
         Effort::Full => 30,
     };
-    let misled = bench.misled(&PUBLISHED_LEVEL, &PRINTED);
-    let right = bench.told(bench.device, &["EKF as printed", "hybrid as printed", "EKF", "hybrid"]);
+    let misled = bench.mismatched_settings(&PUBLISHED_LEVEL, &PRINTED);
+    let right = bench.settings_for(bench.device, &["EKF as printed", "hybrid as printed", "EKF", "hybrid"]);
     let results = work.map("errors with and without thresholds", (trials, 240_000), |i, progress| {
         let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(i));
         let seed = first_seed + i as u64;

@@ -4,9 +4,11 @@
 
 mod bench;
 mod decay_fit;
+#[cfg(test)]
+mod detection_effects;
 mod edges;
 mod errors_table;
-mod fair;
+mod identified_comparison;
 mod lilliefors;
 mod normality;
 mod published;
@@ -15,8 +17,6 @@ mod snapshot;
 mod steady;
 mod steepness;
 mod temperature;
-#[cfg(test)]
-mod told_crossings;
 mod widths;
 
 use crate::program::{Paper, PaperProgram, ProgramPart, ReproduceError};
@@ -58,7 +58,7 @@ pub const PROGRAM: PaperProgram = PaperProgram {
             run: errors_table::run,
         },
         ProgramPart { heads: &[&temperature::HEAD], run: temperature::run },
-        ProgramPart { heads: &[&fair::HEAD], run: fair::run },
+        ProgramPart { heads: &[&identified_comparison::HEAD], run: identified_comparison::run },
     ],
 };
 

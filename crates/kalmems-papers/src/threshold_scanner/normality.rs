@@ -124,7 +124,7 @@ fn decays(work: &PartWork, bench: &ThresholdBench) -> Result<Item, ReproduceErro
         Effort::Full => 40,
     };
     let trials = batches * TRIALS as usize;
-    let mut settings = bench.told(bench.device, &[]);
+    let mut settings = bench.settings_for(bench.device, &[]);
     if let Some(detector) = &mut settings.crossings {
         detector.acceptance = Acceptance::Deviations(DEVIATIONS);
     }

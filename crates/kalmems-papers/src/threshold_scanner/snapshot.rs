@@ -42,7 +42,7 @@ struct SnapshotTrial {
 pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
     let bench = ThresholdBench::new()?;
-    let settings = bench.misled(&PUBLISHED_LEVEL, &PRINTED);
+    let settings = bench.mismatched_settings(&PUBLISHED_LEVEL, &PRINTED);
     let trials = match work.effort {
         Effort::Quick => 3,
         Effort::Full => 20,

@@ -72,7 +72,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         Effort::Quick => 2,
         Effort::Full => 20,
     };
-    let settings = bench.told(bench.device, &FILTERS);
+    let settings = bench.settings_for(bench.device, &FILTERS);
     let order: Vec<usize> = FILTERS
         .iter()
         .filter_map(|name| settings.filters.iter().position(|filter| filter.basics.name == *name))

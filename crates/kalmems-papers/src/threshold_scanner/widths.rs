@@ -73,7 +73,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         Effort::Full => 30,
     };
     let noise = bench.device.noise_variance.sqrt();
-    let base = bench.misled(&PUBLISHED_LEVEL, &["hybrid as printed"]);
+    let base = bench.mismatched_settings(&PUBLISHED_LEVEL, &["hybrid as printed"]);
     let points = (SIGMAS.len() * trials, 50_000);
     let all = work.map("sweep of the Gaussian's width", points, |i, progress| {
         let (sigma, trial) = (SIGMAS[i / trials], i % trials);

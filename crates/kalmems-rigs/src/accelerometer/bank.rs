@@ -2,17 +2,15 @@
 
 use super::course::unusual_interval;
 use super::data::AccelerometerSegment;
+use super::instrument::ScaledReadout;
 use super::settings::AccelerometerHardware;
-use super::varied::{Factors, VariedInstrument, VariedStep};
-use crate::estimate::{Course, Filtering, MeasurementSensor, SampleCounts, TakenOver, by_signal};
+use super::varied_instrument::{Factors, VariedInstrument, VariedStep};
+use crate::estimate::{Course, Filtering, KnownStateStep, MeasurementSensor, SampleCounts, by_signal};
 use kalmems_core::adapt::Bank;
-use kalmems_core::{Covariance, Ekf, FilterError, Innovation, NotAScale, Scaled};
-use kalmems_models::readout::DifferentialReadout;
+use kalmems_core::{Covariance, Ekf, FilterError, Innovation, NotAScale};
 
 /// Three values of each of three parameters.
 const MODELS: usize = 27;
-
-type Readout = Scaled<DifferentialReadout<f64>, f64, 4>;
 
 /// The filters of all models, and how likely each is.
 pub type AccelerometerBank = Bank<Ekf<f64, 4>, f64, 4, MODELS>;
@@ -24,7 +22,7 @@ pub struct AccelerometerBankCourse<'a> {
     factors: Vec<Factors<f64>>,
     bank: Box<AccelerometerBank>,
     processes: Box<[VariedStep<f64>; MODELS]>,
-    readouts: [Readout; MODELS],
+    readouts: [ScaledReadout<4>; MODELS],
     noise: [Covariance<f64, 1>; MODELS],
 }
 
@@ -104,7 +102,7 @@ impl Course for AccelerometerBankCourse<'_> {
                 self.bank.predict(&other, &feedback)?
             }
         };
-        filter.predict(&TakenOver::from(self.bank.mixture()).step())
+        filter.predict(&KnownStateStep::from(self.bank.mixture()).step())
     }
 
     /// The innovation is that of the mixture.
@@ -120,7 +118,7 @@ impl Course for AccelerometerBankCourse<'_> {
         // What is rejected of the mixture is rejected of all models.
         if innovation.as_ref().is_some_and(|innovation| innovation.taken) {
             self.bank.update(&self.readouts, &[y], &self.noise)?;
-            filter.predict(&TakenOver::from(self.bank.mixture()).step())?;
+            filter.predict(&KnownStateStep::from(self.bank.mixture()).step())?;
         }
         Ok(innovation)
     }

@@ -22,7 +22,7 @@ mod segment;
 mod settings;
 mod simulation;
 mod uncertainty;
-mod varied;
+mod varied_instrument;
 
 use super::{Estimator, NumberForm, OmittedNumber, Rig, Template, TemplateChannel};
 use crate::Expansion;
@@ -45,7 +45,7 @@ pub use data::AccelerometerSegment;
 pub use filters::AccelerometerFilterSettings;
 use instrument::Instrument;
 pub use instrument::settled_acceleration_sd;
-pub use run::{Acceleration, AccelerometerRun, Acting, Moment, Observed};
+pub use run::{Acceleration, AccelerometerRun, ControllerInput, ControllerTiming, Moment};
 pub use segment::estimate as estimate_segment;
 pub use settings::{AccelerometerHardware, AccelerometerSettings};
 use simulation::AccelerometerSimulation;
@@ -224,7 +224,7 @@ impl Estimator for AccelerometerEstimator<'_> {
     fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
         let segment = SignalSegment::of(part, (columns.signal, &kind::VOLTAGE), settings.skip_s, past)?;
-        segment.require_sound(&[columns.signal])?;
+        segment.require_usable_signals(&[columns.signal])?;
         segment.require_after_settling(segment.interval_s)?;
         let optional = |name: Option<&str>, kind| {
             let column = name.map(|name| segment.recording.column_of(name, kind)).transpose();
@@ -255,7 +255,7 @@ impl Estimator for AccelerometerEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns.signal]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns.signal]), |_| true)
     }
 }
 

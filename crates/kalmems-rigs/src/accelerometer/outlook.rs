@@ -1,7 +1,7 @@
 //! What can be said of an accelerometer before anything is recorded.
 
 use super::instrument::settled_acceleration_sd;
-use super::run::Acting;
+use super::run::ControllerTiming;
 use super::settings::AccelerometerHardware;
 use super::simulation::{acting, closed_loop};
 use crate::accelerometer::device::AccelerometerTable;
@@ -31,17 +31,17 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     let mut topics = vec![device(&hardware)];
     let (closed, largest_feedback) = match acting(experiment)? {
         // One bit closes no linear loop: what is linear about it is the device, always under the same v_F².
-        Acting::OneBit(comparator) => {
+        ControllerTiming::OneBit(comparator) => {
             topics.push(of_one_bit(&described, comparator, rate_hz));
             let mut alone = without(&described);
             alone.device.carrier_mean_square += comparator.level * comparator.level;
             (alone, comparator.level)
         }
-        Acting::Continuously => {
+        ControllerTiming::Continuously => {
             topics.push(of_loop(&described, None));
             (described, described.device.bias)
         }
-        Acting::Sampled => {
+        ControllerTiming::Sampled => {
             if hardware.has_feedback {
                 topics.push(of_loop(&described, rate_hz));
             }

@@ -2,7 +2,7 @@
 
 use super::dither;
 use super::filters::entries;
-use super::run::{Acceleration, AccelerometerRun, Acting, Observed};
+use super::run::{Acceleration, AccelerometerRun, ControllerInput, ControllerTiming};
 use super::settings::{AccelerometerHardware, AccelerometerSettings};
 use crate::accelerometer::device::{AccelerometerTable, ForceFeedback};
 use crate::config::{
@@ -57,8 +57,8 @@ pub fn closed_loop(experiment: &Experiment, interval_s: f64) -> Result<Rebalance
 }
 
 /// When the controller acts, and how; what cannot be together is refused.
-pub fn acting(experiment: &Experiment) -> Result<Acting, ConfigError> {
-    let Some(feedback) = feedback(experiment) else { return Ok(Acting::Sampled) };
+pub fn acting(experiment: &Experiment) -> Result<ControllerTiming, ConfigError> {
+    let Some(feedback) = feedback(experiment) else { return Ok(ControllerTiming::Sampled) };
     let refuse = |name: &str, why: &str| {
         let key = ["accelerometer", "feedback", name].into_iter().fold(Key::from("device"), Key::child);
         Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }))
@@ -76,12 +76,12 @@ pub fn acting(experiment: &Experiment) -> Result<Acting, ConfigError> {
         );
     }
     Ok(match &feedback.one_bit {
-        Some(one_bit) => Acting::OneBit(Comparator {
+        Some(one_bit) => ControllerTiming::OneBit(Comparator {
             level: one_bit.level.si(),
             lead_s: one_bit.lead.as_ref().map_or(0.0, Quantity::si),
         }),
-        None if feedback.continuous => Acting::Continuously,
-        None => Acting::Sampled,
+        None if feedback.continuous => ControllerTiming::Continuously,
+        None => ControllerTiming::Sampled,
     })
 }
 
@@ -114,9 +114,9 @@ impl AccelerometerSimulation {
         let acting = acting(experiment)?;
         // Of what one bit does there is no linear loop; a run says whether the mass stays.
         let computed_every_s = match acting {
-            Acting::Sampled => Some(interval_s),
-            Acting::Continuously => Some(1.0 / simulate.integration_rate.si()),
-            Acting::OneBit(_) => None,
+            ControllerTiming::Sampled => Some(interval_s),
+            ControllerTiming::Continuously => Some(1.0 / simulate.integration_rate.si()),
+            ControllerTiming::OneBit(_) => None,
         };
         if let Some(every_s) = computed_every_s.filter(|every_s| !closed.is_stable(*every_s)) {
             return Err(unstable(experiment, &closed, every_s).into());
@@ -131,7 +131,7 @@ impl AccelerometerSimulation {
             hardware,
             closed,
             acting,
-            observer: if through_observer { Observed::Estimate } else { Observed::Output },
+            observer: if through_observer { ControllerInput::Estimate } else { ControllerInput::Output },
             acceleration,
             samples: simulate.samples(),
             interval_s,
@@ -139,7 +139,7 @@ impl AccelerometerSimulation {
             noise: simulate.noise,
             carrier_hz: if full_carrier { Some(carrier(experiment, simulate)?) } else { None },
             dither: match (&simulate.dither, acting) {
-                (Some(dither), Acting::Sampled) => Some(dither::tones(dither, simulate.seed)),
+                (Some(dither), ControllerTiming::Sampled) => Some(dither::tones(dither, simulate.seed)),
                 (Some(_), _) => {
                     let why = "a dither is added to what a sampled controller holds; leave out `continuous` and `one_bit`";
                     return Err(experiment

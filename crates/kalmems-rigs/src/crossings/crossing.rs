@@ -1,6 +1,6 @@
 //! When a signal crosses a level.
 
-use super::search::{CrossingSearch, Rows, SearchedSignal};
+use super::search::{CrossingSearch, SearchedSignal, SignalRows};
 use super::settings::DetectorSettings;
 use crate::config::CrossingTiming;
 use kalmems_core::detect::DetectError;
@@ -88,7 +88,7 @@ impl LevelCrossing {
 
 /// The crossings of a whole signal in the order of time, with the variances of their times and of the angle then. Refused where the settings make no detector at the interval of the samples.
 pub fn find(
-    rows: Rows,
+    rows: SignalRows,
     sought: SearchedSignal,
     settings: &DetectorSettings,
 ) -> Result<Vec<LevelCrossing>, DetectError> {

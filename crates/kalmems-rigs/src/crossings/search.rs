@@ -58,7 +58,7 @@ impl SearchedSignal {
 
 /// Rows of a signal.
 #[derive(Clone, Copy)]
-pub struct Rows<'a> {
+pub struct SignalRows<'a> {
     /// When, in s.
     pub time_s: &'a [f64],
     /// The signal, without what the drive adds.
@@ -67,7 +67,7 @@ pub struct Rows<'a> {
     pub first: usize,
 }
 
-impl Rows<'_> {
+impl SignalRows<'_> {
     fn end(&self) -> usize {
         self.first + self.volts.len()
     }
@@ -227,7 +227,7 @@ impl CrossingSearch {
 
     /// The crossings that rows bring out. They are the next ones, and [`KernelWindow::look_back`] before them as far as the segment has
     /// these; `ends` says that no further ones come.
-    pub fn take(&mut self, rows: &Rows, ends: bool) -> Vec<LevelCrossing> {
+    pub fn take(&mut self, rows: &SignalRows, ends: bool) -> Vec<LevelCrossing> {
         self.respond(rows, ends);
         let end = rows.end();
         let until = if ends { end } else { end.saturating_sub(self.window.look_ahead()).max(self.decided) };
@@ -250,7 +250,7 @@ impl CrossingSearch {
     }
 
     /// Computes the responses that new rows bring out.
-    fn respond(&mut self, rows: &Rows, ends: bool) {
+    fn respond(&mut self, rows: &SignalRows, ends: bool) {
         let half = self.window.half;
         let from = self.rows.saturating_sub(2 * half).max(rows.first);
         let signal = rows.volts(from, rows.end());
@@ -289,7 +289,7 @@ impl CrossingSearch {
     }
 
     /// The crossing at a maximum.
-    fn crossing(&mut self, peak: &Peak<f64>, rows: &Rows) -> LevelCrossing {
+    fn crossing(&mut self, peak: &Peak<f64>, rows: &SignalRows) -> LevelCrossing {
         let SearchedSignal { interval_s, noise_variance, line, falls, .. } = self.sought;
         let sign = if falls { -1.0 } else { 1.0 };
         #[allow(clippy::cast_possible_truncation)] // an index of the signal
@@ -358,7 +358,7 @@ impl Offset {
     }
 
     /// At a crossing, each of which is later than the one before; `decided` is the row that the last rows were decided to.
-    fn at(&mut self, rows: &Rows, decided: usize, index: usize) -> f64 {
+    fn at(&mut self, rows: &SignalRows, decided: usize, index: usize) -> f64 {
         if !self.begun {
             self.begun = true;
             self.next = index;
@@ -369,7 +369,7 @@ impl Offset {
     }
 
     /// Adds the rows before one.
-    fn advance(&mut self, rows: &Rows, decided: usize, until: usize) {
+    fn advance(&mut self, rows: &SignalRows, decided: usize, until: usize) {
         if !(self.begun && self.known.follows_mean) {
             return;
         }
@@ -430,7 +430,7 @@ mod tests {
         let SearchedSignal { interval_s, noise_variance, .. } = sought();
         for acceptance in ACCEPTANCES {
             let settings = DetectorSettings { width_s: 30e-6, separation_s: 300e-6, acceptance };
-            let rows = Rows { time_s: &time_s, volts: &volts, first: 0 };
+            let rows = SignalRows { time_s: &time_s, volts: &volts, first: 0 };
             let batch = find(rows, sought(), &settings).unwrap();
             let kernel = SlopeKernel::<f64, 60>::new(15.0).unwrap();
             let threshold = match acceptance {
@@ -484,7 +484,8 @@ mod tests {
         let many = (Acceptance::Deviations(0.2), 60e-6);
         for (acceptance, separation_s) in ACCEPTANCES.map(|a| (a, 300e-6)).into_iter().chain([many]) {
             let settings = DetectorSettings { width_s: 30e-6, separation_s, acceptance };
-            let whole = find(Rows { time_s: &time_s, volts: &volts, first: 0 }, sought(), &settings).unwrap();
+            let whole =
+                find(SignalRows { time_s: &time_s, volts: &volts, first: 0 }, sought(), &settings).unwrap();
             let window = settings.window(sought().interval_s);
             for length in [1, 37, 500, 39_000] {
                 let mut search = CrossingSearch::new(sought(), &settings).unwrap();
@@ -497,7 +498,7 @@ mod tests {
                             .unwrap()
                             .resumed(&search.numbers(), first);
                     }
-                    let rows = Rows { time_s: &time_s[first..end], volts: &volts[first..end], first };
+                    let rows = SignalRows { time_s: &time_s[first..end], volts: &volts[first..end], first };
                     let new = search.take(&rows, end == volts.len());
                     assert!(new.iter().all(|c| end == volts.len() || (from..end).contains(&c.known_at)));
                     found.extend(new);

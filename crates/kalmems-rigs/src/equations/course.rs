@@ -1,7 +1,7 @@
 //! A device of one's own on its way through one segment.
 
 use super::event_sensor::{BackwardInterval, EventSensor};
-use super::event_times::{EventAcceptance, EventMeasurement, EventTimes, told};
+use super::event_times::{EventAcceptance, EventMeasurement, EventTimes, event_measurements};
 use super::events::FilterEventUse;
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval};
@@ -87,7 +87,7 @@ impl<'a> EquationCourse<'a> {
     ) -> Self {
         let parts = (steps, model.over(data.samples.interval_s / steps as f64));
         let nodes = [const { Vec::new() }; 3];
-        let told = told(&data.events, events, (data.time_s, data.samples.interval_s));
+        let told = event_measurements(&data.events, events, (data.time_s, data.samples.interval_s));
         let way = BackwardInterval::default();
         Self {
             model,
@@ -203,7 +203,7 @@ impl Course for EquationCourse<'_> {
         for step in 0..steps {
             let at = |step: usize| from_s + interval * step as f64 / steps as f64;
             let inputs = self.data.inputs.iter().zip(self.between.iter().copied());
-            set_nodes(&mut self.nodes, inputs, |input, between| match input.stand_in(to) {
+            set_nodes(&mut self.nodes, inputs, |input, between| match input.substitute(to) {
                 Some(sine) if intervals > 1 => {
                     between.between_ends(SegmentDrive::nodes_from_sine(sine, at(step), at(step + 1)))
                 }

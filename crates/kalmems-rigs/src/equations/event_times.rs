@@ -51,7 +51,7 @@ pub struct EventMeasurement {
 
 impl EventTimes<'_> {
     /// What a filter is told, or judged by, at which row.
-    fn told(
+    fn push_measurements(
         &self,
         used: Option<&FilterEventUse>,
         (time_s, interval_s): (&[f64], f64),
@@ -85,7 +85,7 @@ impl EventTimes<'_> {
 
     /// What is said of these rows beside the filters, each with the row at which it is known; of the last ones of a segment what they
     /// would have told as well.
-    pub fn said(&self, fresh: &Range<usize>, ends: bool) -> Vec<(usize, estimate::RecordedPassing)> {
+    pub fn passings(&self, fresh: &Range<usize>, ends: bool) -> Vec<(usize, estimate::RecordedPassing)> {
         let one = |row, time_s, sd_s: f64| {
             let (of, sd_s) = (
                 PassedMark::Event(self.settings.name),
@@ -109,7 +109,7 @@ impl EventTimes<'_> {
 }
 
 /// What a filter is told of all events, row by row; events before the first row of the segment are not.
-pub fn told(
+pub fn event_measurements(
     events: &[EventTimes<'_>],
     uses: &[FilterEventUse],
     (time_s, interval_s): (&[f64], f64),
@@ -117,7 +117,7 @@ pub fn told(
     let mut told = Vec::new();
     for (place, event) in events.iter().enumerate() {
         let used = uses.iter().find(|used| used.event == place);
-        event.told(used, (time_s, interval_s), &mut told);
+        event.push_measurements(used, (time_s, interval_s), &mut told);
     }
     let first_s = time_s.first().copied().unwrap_or(f64::NAN);
     told.retain(|(row, told)| *row < time_s.len() && told.time_s >= first_s);

@@ -55,7 +55,7 @@ impl Interpolation {
                 self.between_ends(Nodes { start, middle: f64::NAN, end })
             }
             Self::Sine => {
-                input.coming(to).map_or_else(|| input.nodes(to), |sine| input.nodes_along(sine, to))
+                input.continuation(to).map_or_else(|| input.nodes(to), |sine| input.nodes_along(sine, to))
             }
             Self::BandLimited => {
                 let mut nodes = input.nodes(to);

@@ -12,7 +12,7 @@ use std::cell::RefCell;
 
 /// How a step follows the equations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rule {
+pub enum StepRule {
     /// By Runge and Kutta's method of fourth order.
     RungeKutta,
     /// By Euler's method.
@@ -40,7 +40,7 @@ pub struct EquationModel {
     /// Where the noise is linearised.
     rest: Vec<f64>,
     inputs: usize,
-    rule: Rule,
+    rule: StepRule,
     /// Steps per second that follow its motion.
     pace: f64,
 }
@@ -67,7 +67,7 @@ impl EquationModel {
         device: &Device,
         values: &[f64],
         tracked: &[Tracked],
-        (density, rule): (Vec<f64>, Rule),
+        (density, rule): (Vec<f64>, StepRule),
         (rest, pace): (&[f64], f64),
     ) -> Result<Self, EquationError> {
         let places: Vec<usize> =
@@ -128,9 +128,9 @@ impl EquationModel {
         });
         noise(&jacobian);
         let steps = match self.rule {
-            Rule::RungeKutta => steps_over(self.pace, interval_s).unwrap_or(MOST_STEPS),
+            StepRule::RungeKutta => steps_over(self.pace, interval_s).unwrap_or(MOST_STEPS),
             // A published filter by Euler's method takes one step for a sample, however short that is.
-            Rule::Euler => 1,
+            StepRule::Euler => 1,
         };
         Interval { length_s: interval_s, steps, held, covariance, root }
     }
@@ -296,8 +296,8 @@ impl UnderInputs<'_> {
         let mut valued = model.valued(x);
         let Some(at) = valued.get_mut(..x.len()) else { return };
         let finite = model.with_work(0, |work| match model.rule {
-            Rule::RungeKutta => self.by_runge_kutta(work, at, to, jacobian),
-            Rule::Euler => self.by_euler(work, at, to, jacobian),
+            StepRule::RungeKutta => self.by_runge_kutta(work, at, to, jacobian),
+            StepRule::Euler => self.by_euler(work, at, to, jacobian),
         });
         if finite != Some(true) {
             to.fill(f64::NAN);

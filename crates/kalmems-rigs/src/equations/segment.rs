@@ -115,7 +115,7 @@ impl Estimator for EquationEstimator<'_> {
         let mut kept = EventSearches::of(settings, &variances, &segment, past)?;
         kept.look(settings, &self.columns, &segment)?;
         let events = kept.times(self.experiment, settings, &self.columns, &segment)?;
-        let said = events.iter().flat_map(|event| event.said(&segment.fresh, segment.ends));
+        let said = events.iter().flat_map(|event| event.passings(&segment.fresh, segment.ends));
         let mut crossings: Vec<_> = said.collect();
         crossings.sort_by_key(|(row, _)| *row);
         let data = EquationSegment {

@@ -3,7 +3,7 @@
 use super::events::{self, EventSettings, FilterEventUse};
 use super::interpolation::Interpolation;
 use super::inversion::Inverse;
-use super::model::{EquationModel, Rule, noises, pace};
+use super::model::{EquationModel, StepRule, noises, pace};
 use super::names;
 use super::oscillation::MeasuredOscillation;
 use super::table::{EquationsTable, refused};
@@ -296,7 +296,8 @@ impl EquationFilterSettings {
         }
         let (stated, _) = noises(&own.device, &values, f64::NAN)?;
         let density = stated.iter().zip(&self.density).map(|(stated, own)| own.unwrap_or(*stated)).collect();
-        let rule = if self.basics.method == Method::EulerEkf { Rule::Euler } else { Rule::RungeKutta };
+        let rule =
+            if self.basics.method == Method::EulerEkf { StepRule::Euler } else { StepRule::RungeKutta };
         let tracked: &[Tracked] = self.basics.parameters();
         EquationModel::new(&own.device, &values, tracked, (density, rule), (&own.rest, own.pace()))
     }

@@ -40,7 +40,7 @@ use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use drive_sine::DriveSine;
-pub use feedthrough::{BiasOff, without_drive};
+pub use feedthrough::{BiasOffRecord, without_drive};
 pub use hardware::{ElectrodeChannel, StageHardware};
 use records::{DRIVE, StageRecords, columns, of_role, place, require_one_frequency};
 use segment::StageSamples;
@@ -213,7 +213,7 @@ struct StageEstimator<'a> {
     /// The recording without bias, where that is needed.
     bias_off: Option<StageRecords>,
     /// Its record for the present segment, and the electrodes that its signals are of.
-    off: Option<(BiasOff, Vec<usize>)>,
+    off: Option<(BiasOffRecord, Vec<usize>)>,
     past: Past,
     progress: &'a dyn Progress,
 }
@@ -239,7 +239,7 @@ impl Estimator for StageEstimator<'_> {
         let segment = SignalSegment::of(part, first, self.settings.skip_s, &mut self.past)?;
         segment.require_after_settling(segment.interval_s)?;
         let place = self.place(&segment);
-        segment.require_sound(&names)?;
+        segment.require_usable_signals(&names)?;
         let time_s = segment.time_s.as_slice();
         let volts = segment.recording.column_of(drive, &kind::VOLTAGE)?.of(segment.segment);
         let unknown: Vec<usize> = (0..volts.len()).filter(|k| !volts[*k].is_finite()).collect();
@@ -284,7 +284,7 @@ impl Estimator for StageEstimator<'_> {
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
         let names: Vec<&str> = self.columns.1.iter().map(|(_, column)| *column).collect();
-        EstimateError::of_unsound(diagnosis, (place, &names), |label| self.wants(label))
+        EstimateError::of_unusable_signal(diagnosis, (place, &names), |label| self.wants(label))
     }
 }
 
@@ -438,7 +438,7 @@ fn off_of(
     label: &str,
     place: &str,
     drive: &Sine,
-) -> Result<(BiasOff, Vec<usize>), EstimateError> {
+) -> Result<(BiasOffRecord, Vec<usize>), EstimateError> {
     let (off, electrodes) = identification::off_of(records, label, place).map_err(as_estimate_error)?;
     require_one_frequency([(place, drive), (off.label.as_str(), &off.drive)]).map_err(as_estimate_error)?;
     Ok((off, electrodes.to_vec()))

@@ -19,9 +19,9 @@ pub fn stage(dynamics: PiezoStage<f64>, filter: &StageFilterSettings, channel: &
 }
 
 /// The stage by its exact step, under a drive that is held at what it is in the middle of the interval.
-pub struct Exactly(pub StagePlant);
+pub struct ExactStageStep(pub StagePlant);
 
-impl Plant for Exactly {
+impl Plant for ExactStageStep {
     type Motion = LinearProcess<f64, 2, 1>;
 
     fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {

@@ -4,7 +4,7 @@ use super::hardware::StageHardware;
 use crate::config::{self, ConfigError, ConfigFault, Experiment, Key, RecordingRole};
 use crate::identify::{IdentifyError, Material};
 use crate::progress::Progress;
-use crate::recording::{FindingKind, Instant, ReadError, RecordingLayout, SampledRecording, unsound};
+use crate::recording::{FindingKind, Instant, ReadError, RecordingLayout, SampledRecording, unusable_signal};
 use crate::signal::{Sine, fit_sine, fit_sine_at};
 use crate::units::kind;
 
@@ -99,7 +99,8 @@ pub fn read(
     let mut records = Vec::new();
     for segment in recording.segments() {
         let place = place(&name, &segment.label);
-        if let Some(finding) = unsound(recording.diagnosis(), &wanted, |label| label == segment.label) {
+        if let Some(finding) = unusable_signal(recording.diagnosis(), &wanted, |label| label == segment.label)
+        {
             let (column, count) = (finding.column.as_deref().unwrap_or_default(), finding.count);
             if finding.kind == FindingKind::Repeats {
                 let found = &finding.detail;

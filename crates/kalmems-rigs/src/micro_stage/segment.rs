@@ -4,7 +4,7 @@ use super::course::{StageChannel, StageCourse, StageObserver};
 use super::filters::StageFilterSettings;
 use super::identification::motion_by;
 use super::lock_in::swing;
-use super::plant::{Exactly, StagePlant, of_channel, stage, with_parameters};
+use super::plant::{ExactStageStep, StagePlant, of_channel, stage, with_parameters};
 use super::settings::StageSettings;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, ParameterPlaces, PlainModel, Plant, side_by_side};
@@ -128,7 +128,7 @@ impl StageFilterTask<'_> {
             }
             _ => {}
         }
-        let plants: Vec<_> = stages.into_iter().map(Exactly).collect();
+        let plants: Vec<_> = stages.into_iter().map(ExactStageStep).collect();
         let interval_s = self.samples.taken.interval_s;
         let Some(gain) = basics.gain() else { return self.follow(&plants, None, past, begin) };
         if let GainOf::Continuous = gain {
@@ -206,8 +206,8 @@ impl StageFilterTask<'_> {
         let varied = |stage| side_by_side(stage, &of_channel(stage, &basics.tracked), enters);
         let mut of_channels: Vec<_> = stages.iter().map(|stage| varied(stage).into_iter()).collect();
         // By channels first; the bank has them by models.
-        let mut models: Vec<Vec<Exactly>> = Vec::new();
-        while let Some(model) = of_channels.iter_mut().map(|all| all.next().map(Exactly)).collect() {
+        let mut models: Vec<Vec<ExactStageStep>> = Vec::new();
+        while let Some(model) = of_channels.iter_mut().map(|all| all.next().map(ExactStageStep)).collect() {
             models.push(model);
         }
         let is_begun = past.left().is_some();

@@ -88,8 +88,8 @@ const AS_GOOD: f64 = 1.1;
 /// Fits a series to a table of distances in m and capacitances in F, its degree chosen by cross-validation.
 ///
 /// Errors are those of the distance, (C_fit − C)/|dC/dd|, so that near and far rows count alike. Each of five
-/// interleaved parts of the table is left out in turn and foretold from the others; the nearest and the farthest row
-/// are never left out, since a series foretells nothing beyond its table.
+/// interleaved parts of the table is left out in turn and predicted from the others; the nearest and the farthest row
+/// are never left out, since a series predicts nothing beyond its table.
 pub fn fit_table(
     distance_m: &[f64],
     capacitance_f: &[f64],

@@ -199,7 +199,7 @@ impl Estimator for PistonEstimator<'_> {
         let hardware = &settings.hardware;
         let segment =
             SignalSegment::of(part, (columns.signal, &kind::CAPACITANCE), settings.skip_s, &mut self.past)?;
-        segment.require_sound(&[columns.signal])?;
+        segment.require_usable_signals(&[columns.signal])?;
         let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
         let head = if segment.begins { segment.fresh.end.min(self.head(interval_s)) } else { 0 };
         let head = 0..head;
@@ -233,7 +233,7 @@ impl Estimator for PistonEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns.signal]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns.signal]), |_| true)
     }
 }
 

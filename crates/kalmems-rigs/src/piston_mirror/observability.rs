@@ -67,14 +67,14 @@ impl ReadoutFault {
 
     /// The fault from which on the mean NIS of so many updates with this noise in F² leaves its 95 % interval in half of
     /// all recordings; infinite where it never does.
-    pub fn seen_from(&self, noise_variance: f64, updates: usize) -> f64 {
+    pub fn detectable_from(&self, noise_variance: f64, updates: usize) -> f64 {
         // n·NIS is χ²: its mean's interval is 1 ± 1.96·√(2/n).
         let excess = 1.96 * (2.0 / updates.max(1) as f64).sqrt();
         (excess * noise_variance).sqrt() / self.left_f
     }
 
     /// The standard deviation to which so many updates could tell the fault if it were a state.
-    pub fn told_to(&self, noise_variance: f64, updates: usize) -> f64 {
+    pub fn attainable_deviation(&self, noise_variance: f64, updates: usize) -> f64 {
         (noise_variance / updates.max(1) as f64).sqrt() / self.left_f
     }
 }
@@ -110,7 +110,7 @@ mod tests {
         assert!((unseen.amplitude_m / -0.4e-3 - 1.0).abs() < 1e-9);
         assert!((unseen.rest_m / -0.9e-3 - 1.0).abs() < 1e-9);
         assert_eq!(unseen.left_f, 0.0);
-        assert_eq!(unseen.seen_from(1e-34, 1000), f64::INFINITY);
+        assert_eq!(unseen.detectable_from(1e-34, 1000), f64::INFINITY);
     }
 
     /// Fringing fields leave something of a gain, and any plate of an offset: less than there was, and it shows in
@@ -122,7 +122,7 @@ mod tests {
         assert!(gain.left_f > 0.0 && gain.left_f < 1e-2 * 109.3e-15, "{gain:?}");
         let offset = ReadoutFault::offset(&fringing, [0.5e-3, 1e-3]);
         assert!(offset.left_f > 0.0 && offset.left_f < 1.0, "{offset:?}");
-        let seen = gain.seen_from(1e-34, 20_000);
+        let seen = gain.detectable_from(1e-34, 20_000);
         assert!(((seen * gain.left_f).powi(2) / 1e-34 - 1.96 * 0.01).abs() < 1e-6);
     }
 }

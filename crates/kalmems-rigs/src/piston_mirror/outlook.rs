@@ -417,14 +417,14 @@ fn unseen(hardware: &PistonHardware, stated: &StatedMotion, rate_hz: f64) -> Out
     let (gain, offset) =
         (ReadoutFault::gain(&hardware.plates, motion), ReadoutFault::offset(&hardware.plates, motion));
     let of = |name: &str, per: f64, unseen: &ReadoutFault| {
-        let seen = unseen.seen_from(variance, updates);
+        let seen = unseen.detectable_from(variance, updates);
         let first = format!("{name} makes {:.1} nm rms", per * unseen.position_rms_m * NM);
         if seen.is_finite() {
             format!(
                 "{first}; one second shows it in the mean NIS from {:.1} times that on, and could tell it to {:.3} \
                  times that as a state.",
                 seen / per,
-                unseen.told_to(variance, updates) / per
+                unseen.attainable_deviation(variance, updates) / per
             )
         } else {
             format!(
@@ -435,7 +435,7 @@ fn unseen(hardware: &PistonHardware, stated: &StatedMotion, rate_hz: f64) -> Out
     let values = |per: f64, unseen: &ReadoutFault| {
         [
             per * unseen.position_rms_m * NM,
-            unseen.seen_from(variance, updates) / per,
+            unseen.detectable_from(variance, updates) / per,
             per * unseen.amplitude_m * NM,
             per * unseen.rest_m * NM,
         ]

@@ -116,7 +116,7 @@ impl FinalEstimate {
 fn of_gain(hardware: &PistonHardware, data: &PistonSegment, followed: &FinalEstimate) -> Option<String> {
     let unseen = ReadoutFault::gain(&hardware.plates, [followed.amplitude, followed.rest]);
     let effect = significant(GAIN * unseen.position_rms_m * NM);
-    let seen = unseen.seen_from(data.noise_variance, followed.updates);
+    let seen = unseen.detectable_from(data.noise_variance, followed.updates);
     let first = format!(
         "a gain of the readout, or a reference distance, that is wrong by {GAIN:e} makes the position wrong by \
          {effect} nm rms"

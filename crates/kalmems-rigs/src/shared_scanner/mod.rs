@@ -4,7 +4,6 @@
 //! Electrodes in Endomicroscopy, 2020. The mirror is driven parametrically; a carrier on the same electrodes,
 //! demodulated, gives a voltage that is affine in the capacitance and even in the angle.
 
-mod beside;
 mod circuit;
 pub mod device;
 mod expanded;
@@ -19,6 +18,7 @@ pub mod regulation;
 mod ring_down;
 mod segment;
 mod settings;
+mod side_outputs;
 mod simulation;
 pub mod two_axes;
 
@@ -146,7 +146,7 @@ impl Rig for SharedScannerRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = ScannerSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        let beside = beside::of(experiment, &settings)?;
+        let beside = side_outputs::of(experiment, &settings)?;
         Ok(Box::new(ScannerEstimator { settings, columns, beside, past: Past::default(), progress }))
     }
 
@@ -237,8 +237,8 @@ impl Estimator for ScannerEstimator<'_> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
-        segment.require_sound(&[signal_column])?;
-        past.drive.foresees = self.beside.foretelling.is_some();
+        segment.require_usable_signals(&[signal_column])?;
+        past.drive.foresees = self.beside.prediction.is_some();
         let data = &DrivenSegment::of(&segment, drive_column, past)?;
         let motion = data.motion(settings.hardware.natural_hz());
         segment.require_cycles(motion.frequency_hz)?;
@@ -255,7 +255,7 @@ impl Estimator for ScannerEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns[1]]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns[1]]), |_| true)
     }
 }
 

@@ -40,10 +40,10 @@ pub fn estimate(
     let rate = *past.motion_rate.get_or_insert(TAU * first_hz);
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let foretelling = beside.foretelling.filter(|(place, _)| *place == index).map(|(_, which)| which);
+        let prediction = beside.prediction.filter(|(place, _)| *place == index).map(|(_, which)| which);
         // Without a stated sign it is as the filter has it.
         let mirrored = settings.first_peak_positive.map_or(Some(false), |_| past.is_mirrored());
-        let said = FilterSideOutputs { rate, phase: beside.phase, foretelling, mirrored, from_s: start_s };
+        let said = FilterSideOutputs { rate, phase: beside.phase, prediction, mirrored, from_s: start_s };
         let mut trajectories =
             one(&ScannerFilterTask { settings, filter, data, place, said, progress }, past)?;
         judge(settings, data, past, &mut trajectories);
@@ -161,11 +161,11 @@ pub struct FilterSideOutputs {
     rate: f64,
     /// Whether amplitude and phase are said.
     phase: bool,
-    /// Which zero phases are foretold.
-    foretelling: Option<PhasePrediction>,
+    /// Which zero phases are predicted.
+    prediction: Option<PhasePrediction>,
     /// Whether the motion is mirrored, where that is known.
     mirrored: Option<bool>,
-    /// From when on they are foretold, in s.
+    /// From when on they are predicted, in s.
     from_s: f64,
 }
 
@@ -277,31 +277,31 @@ impl ScannerFilterRun<'_> {
             _ => course,
         };
         let course = course.map_err(|why| self.filter.no_model(why))?.with_phase(phase.then_some(rate));
-        let course = course.foretelling(self.foreteller(past)?, from_s);
+        let course = course.predicting_phases(self.phase_predictor(past)?, from_s);
         // An observer forgets its start.
         let corrects = self.filter.gain().is_none();
         let mut course = StartedCourse::new(course, self.start(0).filter(|_| corrects));
         let begin = |left| begin(begun(left, self.start(0)));
         let told =
             follow((self.filter, past), begin, (&mut course, &self.data.samples), states, self.progress);
-        past.foreteller = course.into_inner().into_foreteller();
+        past.predictor = course.into_inner().into_phase_predictor();
         told
     }
 
-    /// What foretells zero phases on the filter's way, where it is to.
-    fn foreteller(&self, past: &mut FilterPast) -> Result<Option<PhasePredictor>, EstimateError> {
-        let FilterSideOutputs { rate, mirrored, foretelling: Some(foretelling), .. } = self.said else {
+    /// What predicts zero phases on the filter's way, where it is to.
+    fn phase_predictor(&self, past: &mut FilterPast) -> Result<Option<PhasePredictor>, EstimateError> {
+        let FilterSideOutputs { rate, mirrored, prediction: Some(prediction), .. } = self.said else {
             return Ok(None);
         };
-        let mut foreteller = if let Some(foreteller) = past.foreteller.take() {
-            foreteller
+        let mut predictor = if let Some(predictor) = past.predictor.take() {
+            predictor
         } else {
             let motion = (self.data.interval_s, rate);
-            PhasePredictor::new(&self.filter.key, foretelling, motion, past.told_s())
+            PhasePredictor::new(&self.filter.key, prediction, motion, past.last_predicted_s())
                 .map_err(|why| EstimateError::Ahead { filter: self.filter.name.clone(), why })?
         };
-        foreteller.hear(mirrored);
-        Ok(Some(foreteller))
+        predictor.set_mirrored(mirrored);
+        Ok(Some(predictor))
     }
 }
 

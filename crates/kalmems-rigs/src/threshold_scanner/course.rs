@@ -25,7 +25,7 @@ pub struct ThresholdCourse<'a> {
     signal_variance: f64,
     threshold: Option<ThresholdSettings>,
     /// By the sample at which the filter is told, or could be.
-    crossings: Vec<(usize, ToldCrossing)>,
+    crossings: Vec<(usize, DeliveredCrossing)>,
     /// The angle that is passed, in rad, for the likelihood of the crossings.
     angle: f64,
     log_likelihood: f64,
@@ -33,7 +33,7 @@ pub struct ThresholdCourse<'a> {
 
 /// A crossing as a filter is told of it.
 #[derive(Clone, Copy)]
-struct ToldCrossing {
+struct DeliveredCrossing {
     /// Where in time the filter takes it to lie.
     taken: CrossingReading,
     /// Where it is judged, which is the same for every filter.
@@ -64,7 +64,7 @@ impl<'a> ThresholdCourse<'a> {
         (found, first): (&[LevelCrossing], usize),
     ) -> Result<Self, AugmentationError> {
         let told = |crossing| told(crossing, filter.threshold, data, first);
-        let mut crossings: Vec<(usize, ToldCrossing)> = found.iter().filter_map(told).collect();
+        let mut crossings: Vec<(usize, DeliveredCrossing)> = found.iter().filter_map(told).collect();
         crossings.retain(|(sample, _)| *sample < data.time_s.len());
         crossings.sort_by_key(|(sample, _)| *sample);
         let motion = DrivenCourse::new(moving, noise_variance, data)?;
@@ -97,7 +97,7 @@ impl<'a> ThresholdCourse<'a> {
         let first = self.crossings.partition_point(|(sample, _)| *sample < k);
         let last = self.crossings.partition_point(|(sample, _)| *sample <= k);
         for i in first..last {
-            let ToldCrossing { taken, judged } = self.crossings[i].1;
+            let DeliveredCrossing { taken, judged } = self.crossings[i].1;
             let angle = self.angle_then(judged, k)?;
             let variance = judged.angle_variance + LEAST_VARIANCE;
             let judgement = filter.update_within(&angle, self.angle, variance, NEVER)?;
@@ -158,12 +158,12 @@ fn told(
     threshold: Option<ThresholdSettings>,
     data: &DrivenSegment,
     first: usize,
-) -> Option<(usize, ToldCrossing)> {
+) -> Option<(usize, DeliveredCrossing)> {
     let taken = crossing.at(threshold.map_or(CrossingTiming::default(), |threshold| threshold.timing))?;
     let judged = crossing.at(CrossingTiming::default()).or(crossing.fallback).unwrap_or(taken);
     let telling = threshold.map_or(CrossingDelivery::default(), |threshold| threshold.telling);
     let sample = telling.row(taken.time_s, (crossing.known_at, first), (data.time_s, data.interval_s))?;
-    Some((sample, ToldCrossing { taken, judged }))
+    Some((sample, DeliveredCrossing { taken, judged }))
 }
 
 impl Course for ThresholdCourse<'_> {

@@ -233,7 +233,7 @@ impl Estimator for ThresholdEstimator<'_> {
         segment.require_after_settling(CYCLES / natural_hz)?;
         let (place, is_whole) = ((segment.place.as_str(), signal_column), segment.begins && segment.ends);
         // The flanks that tell of a crossing are the first to be clipped.
-        segment.require_sound(&[signal_column])?;
+        segment.require_usable_signals(&[signal_column])?;
         let data = DrivenSegment::of(&segment, drive_column, past)?;
         let drive_slope = slope(&data, &settings.hardware);
         let mut kept = kept(settings, &segment, past)?;
@@ -270,7 +270,7 @@ impl Estimator for ThresholdEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &self.columns[1..]), |_| true)?;
+        EstimateError::of_unusable_signal(diagnosis, (place, &self.columns[1..]), |_| true)?;
         self.refused.take().map_or(Ok(()), Err)
     }
 }
@@ -309,7 +309,7 @@ const PARTS_OF_WHAT: &str = "The errors in equal parts of the duration, `parts`,
 
 /// Rows of a recording of this interval in s that the search and the filters need around the new ones.
 fn needed(settings: &ThresholdScannerSettings, interval_s: f64) -> RowsNeeded {
-    RowsNeeded::by(settings.detector().as_ref(), settings.tellings(), interval_s)
+    RowsNeeded::by(settings.detector().as_ref(), settings.deliveries(), interval_s)
 }
 
 /// What is kept of the segment until now.

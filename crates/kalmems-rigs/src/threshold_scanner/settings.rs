@@ -60,7 +60,7 @@ impl ThresholdScannerSettings {
 
 impl ThresholdScannerSettings {
     /// How filters are told of crossings.
-    pub fn tellings(&self) -> impl Iterator<Item = CrossingDelivery> + '_ {
+    pub fn deliveries(&self) -> impl Iterator<Item = CrossingDelivery> + '_ {
         self.filters.iter().filter_map(|filter| filter.threshold.map(|threshold| threshold.telling))
     }
 

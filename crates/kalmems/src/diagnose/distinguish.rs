@@ -53,7 +53,7 @@ pub(super) fn proposal(
     progress: &dyn Progress,
 ) -> Result<Option<Proposal>, DiagnoseError> {
     let Some((first, others)) = causes.split_first() else { return Ok(None) };
-    let there = Elsewhere { workbench, experiment, bench };
+    let there = SimulatedRecordings { workbench, experiment, bench };
     let Some(usual) = there.usual(base) else { return Ok(None) };
     let variations = variations(&usual);
     let work = (progress, "simulating other recordings");
@@ -71,13 +71,13 @@ pub(super) fn proposal(
 }
 
 /// Recordings that there are not, simulated.
-pub(super) struct Elsewhere<'a> {
+pub(super) struct SimulatedRecordings<'a> {
     pub(super) workbench: &'a Workbench,
     pub(super) experiment: &'a Experiment,
     pub(super) bench: &'a TrialBench<'a>,
 }
 
-impl Elsewhere<'_> {
+impl SimulatedRecordings<'_> {
     /// The recording that there is, as a simulation: what the file says, or else its drive and the motion as it was estimated.
     pub(super) fn usual(&self, base: &DiagnosisTrial) -> Option<Table> {
         if self.experiment.simulate.is_some() {

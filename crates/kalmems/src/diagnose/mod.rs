@@ -16,7 +16,6 @@
 //! # Ok::<(), diagnose::DiagnoseError>(())
 //! ```
 
-mod again;
 mod answer;
 mod bench;
 mod cause;
@@ -24,9 +23,10 @@ mod change;
 mod distinguish;
 mod error;
 mod explain;
+mod identified_experiment;
+mod invisible_parameters;
 mod likeliest;
 mod noise;
-mod note;
 mod paste;
 mod report;
 mod search;
@@ -34,13 +34,13 @@ mod stop;
 mod suspect;
 mod trial;
 
-pub use again::with_found_numbers;
 pub use answer::AnswerChange;
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
+pub use identified_experiment::with_found_numbers;
+pub use invisible_parameters::ScaleNote;
 pub use likeliest::{identify, likeliest};
 pub use noise::{FoundNoise, load_with_noise, noise_of_recording, with_noise};
-pub use note::ScaleNote;
 pub use paste::pasted;
 pub use report::{CauseReport, Diagnosis, DiagnosisFinding, Edit};
 
@@ -97,7 +97,8 @@ pub fn scale_notes(
     if !base.passes() {
         return Ok(Vec::new());
     }
-    note::notes(&bench, &suspects, &base, &bench.stop.watching(progress)).ok_or(DiagnoseError::Interrupted)
+    invisible_parameters::notes(&bench, &suspects, &base, &bench.stop.watching(progress))
+        .ok_or(DiagnoseError::Interrupted)
 }
 
 /// The run of the experiment as it is, and what may be wrong of it. Where the filter refuses the recording with what it is told, a run
@@ -126,7 +127,11 @@ fn of_bench(
     let (base, suspects) = begin(workbench, bench)?;
     // What the signal cannot tell is a question about a model that is right.
     let (explained, notes) = if base.passes() {
-        (None, note::notes(bench, &suspects, &base, progress).ok_or(DiagnoseError::Interrupted)?)
+        (
+            None,
+            invisible_parameters::notes(bench, &suspects, &base, progress)
+                .ok_or(DiagnoseError::Interrupted)?,
+        )
     } else {
         (Some(Explanations::by(bench, &suspects, &base, progress)?), Vec::new())
     };

@@ -6,7 +6,7 @@ use super::cause::Cause;
 use super::paste::changed;
 use super::report::{Edit, digits, rounded};
 use super::search::{CauseSearch, MOST_SIZES, MostLikelySizes};
-use super::suspect::{Suspect, What, WrittenNumber};
+use super::suspect::{NumberRole, Suspect, WrittenNumber};
 use super::trial::{DiagnosisTrial, TrialBlocks};
 use crate::config::{ConfigError, ConfigFault, Experiment, FROM_RECORDING, Key, KeyStep, put};
 use crate::identify::TWO_SIDED;
@@ -118,7 +118,7 @@ fn found(
     let told = workbench.parse(&text, path)?;
     progress.begin("noise of the recording", 0);
     // Where the model of one filter misses something of the motion, that counts as noise with it; one whose states have it leaves less.
-    let mut best: Option<ByFilter> = None;
+    let mut best: Option<FilterNoiseEvidence> = None;
     let filters: Vec<String> = told
         .estimate
         .iter()
@@ -129,7 +129,7 @@ fn found(
     let mut refused = None;
     for filter in filters.iter().take(FILTERS) {
         let bench = with_recordings(TrialBench::of(workbench, &told, Some(filter))?)?;
-        match ByFilter::of(workbench, bench, &sought, progress) {
+        match FilterNoiseEvidence::of(workbench, bench, &sought, progress) {
             Ok(found) => {
                 let is_better = best.as_ref().is_none_or(|best| {
                     found.innovations == best.innovations
@@ -143,7 +143,7 @@ fn found(
             Err(error) => return Err(error),
         }
     }
-    let Some(ByFilter { filter, guesses, base_guesses, likeliest, rows, .. }) = best else {
+    let Some(FilterNoiseEvidence { filter, guesses, base_guesses, likeliest, rows, .. }) = best else {
         // Which filters there are to be, where there is none that tells it.
         return Err(match refused {
             Some(refused) => refused,
@@ -179,7 +179,7 @@ fn found(
 const FILTERS: usize = 4;
 
 /// What the innovations of one filter say of the noises.
-struct ByFilter {
+struct FilterNoiseEvidence {
     filter: String,
     /// How many innovations there are.
     innovations: usize,
@@ -190,7 +190,7 @@ struct ByFilter {
     rows: usize,
 }
 
-impl ByFilter {
+impl FilterNoiseEvidence {
     fn of(
         workbench: &Workbench,
         mut bench: TrialBench,
@@ -349,13 +349,13 @@ impl UnknownNoise {
     /// What a search changes.
     fn suspect(&self, guess: f64) -> Suspect {
         let what = match &self.form {
-            NoiseForm::Variance(unit) | NoiseForm::Density(unit) => What::Factor(vec![WrittenNumber {
+            NoiseForm::Variance(unit) | NoiseForm::Density(unit) => NumberRole::Factor(vec![WrittenNumber {
                 key: self.key.clone(),
                 written: guess,
                 unit: (*unit).to_owned(),
             }]),
             NoiseForm::Measurement(unit) => {
-                What::Noise { key: self.key.clone(), variance: guess, unit: unit.clone() }
+                NumberRole::Noise { key: self.key.clone(), variance: guess, unit: unit.clone() }
             }
         };
         Suspect { what, sizes: vec![0.1, FARTHEST, -FARTHEST] }

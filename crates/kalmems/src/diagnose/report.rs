@@ -6,8 +6,8 @@ use super::cause::Cause;
 use super::change::{ChannelAlteration, TrialChange};
 use super::distinguish::Proposal;
 use super::explain::{ExaminedCause, Explanations};
-use super::note::ScaleNote;
-use super::suspect::{Suspect, What};
+use super::invisible_parameters::ScaleNote;
+use super::suspect::{NumberRole, Suspect};
 use super::trial::DiagnosisTrial;
 use crate::config::get;
 use crate::config::{Experiment, Key};
@@ -242,7 +242,7 @@ fn in_file(key: &Key, filter: usize) -> Key {
 fn sd_of(cause: &Cause, key: &Key, (suspects, sd): (&[Suspect], &[f64])) -> Option<f64> {
     let Cause::Numbers(numbers) = cause else { return None };
     let place = numbers.iter().position(|(place, _)| match suspects.get(*place).map(|s| &s.what) {
-        Some(What::Factor(numbers)) => numbers.iter().any(|number| number.key == *key),
+        Some(NumberRole::Factor(numbers)) => numbers.iter().any(|number| number.key == *key),
         _ => false,
     })?;
     sd.get(place).copied().filter(|sd| sd.is_finite())

@@ -11,14 +11,14 @@ use toml::{Table, Value};
 /// Something that may be wrong by a size, 0 if it is right.
 #[derive(Clone, Debug)]
 pub(super) struct Suspect {
-    pub(super) what: What,
+    pub(super) what: NumberRole,
     /// The sizes that are tried first, on both sides where it has two.
     pub(super) sizes: Vec<f64>,
 }
 
 /// What it is, and what its size means.
 #[derive(Clone, Debug)]
-pub(super) enum What {
+pub(super) enum NumberRole {
     /// Numbers of the experiment that are wrong by the same factor, e to the size.
     Factor(Vec<WrittenNumber>),
     /// The noise of a measurement of equations, which is written as a variance in the square of this unit, is wrong by a factor, e to the
@@ -86,7 +86,7 @@ impl Suspect {
             .iter()
             .filter(|left| !is_there(left))
             .map(|left| {
-                let what = What::LeftOut { key: left.key(&device), left_out: *left };
+                let what = NumberRole::LeftOut { key: left.key(&device), left_out: *left };
                 Self { what, sizes: sides(&STEPS, !left.is_never_negative) }
             })
             .collect();
@@ -97,7 +97,7 @@ impl Suspect {
         suspects.extend(each.map(|numbers| {
             let is_noise = numbers[0].key.last().starts_with("noise");
             let sizes = if is_noise { sides(&NOISE_FACTORS, true) } else { sides(&FACTORS, true) };
-            Self { what: What::Factor(numbers), sizes }
+            Self { what: NumberRole::Factor(numbers), sizes }
         }));
         suspects.extend(of_channels(&rig.channels(experiment), noise_sd, has_offset));
         suspects
@@ -108,15 +108,15 @@ impl Suspect {
         let channel = |meaning: &str, how| vec![TrialChange::Channel { meaning: meaning.to_owned(), how }];
         Some(match &self.what {
             _ if size == 0.0 => Vec::new(),
-            What::Factor(numbers) => {
+            NumberRole::Factor(numbers) => {
                 let factor = Scalar::exp(size);
                 numbers.iter().map(|n| TrialChange::Key(n.key.clone(), n.times(factor))).collect()
             }
-            What::Noise { key, variance, unit } => {
+            NumberRole::Noise { key, variance, unit } => {
                 let written = square(variance * Scalar::exp(size), unit);
                 vec![TrialChange::Key(key.clone(), Value::String(written))]
             }
-            What::LeftOut { key, left_out } => {
+            NumberRole::LeftOut { key, left_out } => {
                 if size < 0.0 && left_out.is_never_negative {
                     return None;
                 }
@@ -127,23 +127,25 @@ impl Suspect {
                 }
                 changes
             }
-            What::InputScale { meaning } => channel(meaning, ChannelAlteration::Scaled(Scalar::exp(size))),
-            What::InputEarly { meaning } => channel(meaning, ChannelAlteration::Later(size)),
-            What::Offset { meaning, sd } => channel(meaning, ChannelAlteration::Raised(size * sd)),
+            NumberRole::InputScale { meaning } => {
+                channel(meaning, ChannelAlteration::Scaled(Scalar::exp(size)))
+            }
+            NumberRole::InputEarly { meaning } => channel(meaning, ChannelAlteration::Later(size)),
+            NumberRole::Offset { meaning, sd } => channel(meaning, ChannelAlteration::Raised(size * sd)),
         })
     }
 
     /// What it is called: keys as the experiment has them, below the device's table.
     pub(super) fn name(&self) -> String {
         match &self.what {
-            What::Factor(numbers) => match numbers.as_slice() {
+            NumberRole::Factor(numbers) => match numbers.as_slice() {
                 [one] => below_device(&one.key),
                 all => format!("{} of all {}", all[0].key.last(), all.len()),
             },
-            What::Noise { key, .. } | What::LeftOut { key, .. } => below_device(key),
-            What::InputScale { meaning } => format!("the scale of the {meaning}'s column"),
-            What::InputEarly { meaning } => format!("the time of the {meaning}'s column"),
-            What::Offset { meaning, .. } => format!("the offset of the {meaning}'s column"),
+            NumberRole::Noise { key, .. } | NumberRole::LeftOut { key, .. } => below_device(key),
+            NumberRole::InputScale { meaning } => format!("the scale of the {meaning}'s column"),
+            NumberRole::InputEarly { meaning } => format!("the time of the {meaning}'s column"),
+            NumberRole::Offset { meaning, .. } => format!("the offset of the {meaning}'s column"),
         }
     }
 }
@@ -168,12 +170,12 @@ fn of_channels(
     let of_input = |meaning: &String| {
         let meaning = || meaning.clone();
         [
-            Suspect { what: What::InputScale { meaning: meaning() }, sizes: sides(&FACTORS, true) },
-            Suspect { what: What::InputEarly { meaning: meaning() }, sizes: sides(&SAMPLES, true) },
+            Suspect { what: NumberRole::InputScale { meaning: meaning() }, sizes: sides(&FACTORS, true) },
+            Suspect { what: NumberRole::InputEarly { meaning: meaning() }, sizes: sides(&SAMPLES, true) },
         ]
     };
     let of_signal = |meaning: &String| {
-        let what = What::Offset { meaning: meaning.clone(), sd: 0.1 * noise_sd };
+        let what = NumberRole::Offset { meaning: meaning.clone(), sd: 0.1 * noise_sd };
         Suspect { what, sizes: sides(&STEPS, true) }
     };
     let offsets = signals.iter().filter(|_| !has_offset).map(of_signal);

@@ -2,7 +2,7 @@
 
 use super::Verdict;
 use super::evidence::evidence;
-use super::long::{FilterFigures, PartFigures};
+use super::long_estimate::{FilterFigures, PartFigures};
 use super::marks::with_lock;
 use super::metrics::consistency;
 use super::summary::named;

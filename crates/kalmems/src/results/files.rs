@@ -173,13 +173,13 @@ struct EstimateRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    timing: Timing,
+    timing: EstimateTiming,
     input: Vec<&'a RecordingSource>,
     experiment: toml::Table,
 }
 
 #[derive(Serialize)]
-struct Timing {
+struct EstimateTiming {
     started_unix_s: u64,
     took_s: f64,
     nanoseconds_per_step: toml::Table,
@@ -210,7 +210,7 @@ pub(super) fn record_of_run(
         version: env!("CARGO_PKG_VERSION"),
         command: "estimate",
         input_id,
-        timing: Timing {
+        timing: EstimateTiming {
             started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
             took_s: info.took.as_secs_f64(),
             nanoseconds_per_step: steps,

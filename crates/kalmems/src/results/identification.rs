@@ -1,8 +1,8 @@
 //! The files of an identification.
 
-use super::RunInfo;
 use super::figure_files::write_figure;
 use super::{Output, RUN_FILE, ResultWriteError, way_from};
+use super::{RunInfo, RunTiming};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::inspect::{fitting_unit, quantity};
 use crate::recording::RecordingSource;
@@ -11,7 +11,6 @@ use kalmems_core::Portable;
 use kalmems_figures::{ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable};
 use serde::Serialize;
 use std::io;
-use std::time::UNIX_EPOCH;
 
 /// What was identified, as `identification.json` has it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -213,10 +212,7 @@ pub fn write_identification(
             version: env!("CARGO_PKG_VERSION"),
             command: "identify",
             input_id,
-            timing: Timing {
-                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-                took_s: info.took.as_secs_f64(),
-            },
+            timing: info.timing(),
             input: found.materials.iter().flat_map(|material| &material.sources).collect(),
             experiment: found.experiment.to_table().map_err(io::Error::other)?,
         };
@@ -260,15 +256,9 @@ struct IdentificationRunRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    timing: Timing,
+    timing: RunTiming,
     input: Vec<&'a RecordingSource>,
     experiment: toml::Table,
-}
-
-#[derive(Serialize)]
-struct Timing {
-    started_unix_s: u64,
-    took_s: f64,
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ mod files;
 mod identification;
 mod in_memory;
 mod inspection;
-mod long;
+mod long_estimate;
 mod marks;
 mod metrics;
 mod names;
@@ -30,10 +30,10 @@ pub use identification::{IdentificationSummary, identification_page, write_ident
 pub use in_memory::{Estimated, notes as scale_notes_of};
 pub use inspection::{DrawError, draw_inspection, inspection_figure, inspection_page};
 pub use kalmems_store::{
-    EarlierResult, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, Subject, Work, create_file,
-    way_from, write_file, write_page,
+    EarlierResult, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, RunTiming, Subject, Work,
+    create_file, way_from, write_file, write_page,
 };
-pub use long::LongEstimate;
+pub use long_estimate::LongEstimate;
 pub use metrics::{
     DriveMetrics, EstimatorMetrics, FilterSelection, FindingText, Metrics, RecordingMetrics, SegmentMetrics,
 };

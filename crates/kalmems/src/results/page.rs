@@ -1,7 +1,7 @@
 //! The report of an estimate as a page.
 
 use super::figures::SegmentFigures;
-use super::long::PICTURED;
+use super::long_estimate::PICTURED;
 use super::names::prefix;
 use super::summary::{segment_name, shown, summary_grades};
 use super::tracks::Tracks;

@@ -1,6 +1,6 @@
 //! The files of a simulation.
 
-use super::{Output, OutputError, RUN_FILE, RunInfo};
+use super::{Output, OutputError, RUN_FILE, RunInfo, RunTiming};
 use crate::config::Experiment;
 use crate::progress::Progress;
 use crate::recording::RecordingSource;
@@ -15,7 +15,6 @@ use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::ops::ControlFlow;
-use std::time::UNIX_EPOCH;
 
 /// What was simulated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -97,10 +96,7 @@ pub fn write_simulation(
             command: "simulate",
             input_id,
             noise: NoiseSeedRecord { generator: WhiteNoise::NAME, seed, stream: 0 },
-            timing: Timing {
-                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-                took_s: info.took.as_secs_f64(),
-            },
+            timing: info.timing(),
             input: simulation.sources(),
             experiment: experiment.to_table().map_err(io::Error::other)?,
         };
@@ -224,7 +220,7 @@ struct SimulationRecord<'a> {
     command: &'static str,
     input_id: String,
     noise: NoiseSeedRecord,
-    timing: Timing,
+    timing: RunTiming,
     input: &'a [RecordingSource],
     experiment: toml::Table,
 }
@@ -234,10 +230,4 @@ struct NoiseSeedRecord {
     generator: &'static str,
     seed: u64,
     stream: u64,
-}
-
-#[derive(Serialize)]
-struct Timing {
-    started_unix_s: u64,
-    took_s: f64,
 }

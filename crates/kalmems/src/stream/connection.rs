@@ -22,16 +22,16 @@ pub trait Connection: Send {
 }
 
 /// Something that is open already and cannot be opened again.
-pub struct Opened(Option<Box<dyn Read + Send>>);
+pub struct OpenedConnection(Option<Box<dyn Read + Send>>);
 
-impl Opened {
+impl OpenedConnection {
     /// This.
     pub fn new(input: impl Read + Send + 'static) -> Self {
         Self(Some(Box::new(input)))
     }
 }
 
-impl Connection for Opened {
+impl Connection for OpenedConnection {
     fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>> {
         Ok(self.0.take())
     }
@@ -220,8 +220,10 @@ mod tests {
 
     #[test]
     fn what_cannot_be_opened_again_is_over_when_it_breaks() {
-        let mut link =
-            RetriedConnection::new(Box::new(Opened::new(OneByte(false))), Some(Duration::from_secs(9)));
+        let mut link = RetriedConnection::new(
+            Box::new(OpenedConnection::new(OneByte(false))),
+            Some(Duration::from_secs(9)),
+        );
         let mut receive = || link.receive(&mut [0; 4]).unwrap();
         assert!(matches!(receive(), Received::Nothing));
         assert!(matches!(receive(), Received::Bytes(1)));

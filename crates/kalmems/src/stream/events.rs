@@ -50,7 +50,7 @@ pub enum Event {
         of: &'static str,
         /// When and how.
         #[serde(flatten)]
-        foretold: PredictedPhase,
+        predicted: PredictedPhase,
     },
     /// An angle passed zero at a rate that its standard deviation does not tell from zero: what the filter follows may be noise, and
     /// zero phases are not told.
@@ -113,10 +113,10 @@ pub enum Event {
 }
 
 impl Event {
-    /// When, in s; of what is foretold, from when on it was known.
+    /// When, in s; of what is predicted, from when on it was known.
     pub fn time_s(&self) -> f64 {
         match self {
-            Self::ZeroPhaseAhead { foretold, .. } => foretold.told_s,
+            Self::ZeroPhaseAhead { predicted, .. } => predicted.told_s,
             Self::ZeroPhase { time_s, .. }
             | Self::Crossing { time_s, .. }
             | Self::MotionInNoise { time_s, .. }

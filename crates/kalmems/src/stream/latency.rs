@@ -75,7 +75,7 @@ pub struct ArrivalTimes(Arc<Mutex<VecDeque<(u64, Instant)>>>);
 
 impl ArrivalTimes {
     /// All samples up to this one, counted from 1, have arrived now.
-    pub fn tell(&self, until: u64) {
+    pub fn note_arrivals(&self, until: u64) {
         let mut arrivals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if arrivals.back().is_none_or(|(last, _)| *last < until) {
             arrivals.push_back((until, Instant::now()));

@@ -1,12 +1,12 @@
 //! The loop that estimates samples while they arrive, and what it keeps.
 
 use super::events::{Event, TrajectoryWatch};
-use super::judged::StreamJudge;
 use super::latency::{ArrivalTimes, LatencyHistogram};
 use super::noise_only::{NoiseWatch, SignalContent};
-use super::output::{Outputs, StreamWriter};
+use super::output::{StreamOutputs, StreamWriter};
 use super::shared::Shared;
 use super::state::StateWriter;
+use super::stream_judge::StreamJudge;
 use super::supervision::{FilterHealth, Heartbeat, StreamEvent};
 use super::{AheadSummary, StreamError, StreamSummary};
 use crate::estimate::{
@@ -108,7 +108,7 @@ pub(super) struct LiveEstimate<'a> {
 impl<'a> LiveEstimate<'a> {
     pub(super) fn new(
         settings: StreamSettings<'a>,
-        outputs: Outputs,
+        outputs: StreamOutputs,
         keeper: Option<StateWriter>,
         (arrivals, shared): (ArrivalTimes, Shared),
         stopping: &'a Stopping<'a>,
@@ -162,7 +162,7 @@ impl<'a> LiveEstimate<'a> {
     }
 
     /// What was kept for a page.
-    pub(super) fn seen(&mut self) -> Option<StreamTracks> {
+    pub(super) fn tracks(&mut self) -> Option<StreamTracks> {
         self.seen.take().map(|(tracks, _)| tracks)
     }
 
@@ -308,7 +308,7 @@ impl<'a> LiveEstimate<'a> {
                 // First of all, so that nothing is told ahead of a signal that is noise.
                 let was_noise = self.noise.is_noise_only();
                 let contents = self.contents(&estimate, &part);
-                self.foretell(&estimate.trajectories, &part, estimator.past())?;
+                self.predict(&estimate.trajectories, &part, estimator.past())?;
                 self.take(&estimate, &part, (was_noise, &contents))?;
                 self.keep(&estimate.trajectories, &part, estimator)?;
             } else {
@@ -359,40 +359,40 @@ impl<'a> LiveEstimate<'a> {
     }
 
     /// Tells the zero phases that are to come, before all else of their samples.
-    fn foretell(
+    fn predict(
         &mut self,
         trajectories: &[Trajectory],
         part: &SegmentPart,
         past: &mut Past,
     ) -> Result<(), StreamError> {
-        let Some((foreteller, mirrored)) = past.foreteller() else { return Ok(()) };
-        let mut foretold = foreteller.hand_on(mirrored);
-        self.ahead.counts = self.ahead_before.and(foreteller.counts());
+        let Some((predictor, mirrored)) = past.phase_predictor() else { return Ok(()) };
+        let mut predicted = predictor.take_predictions(mirrored);
+        self.ahead.counts = self.ahead_before.and(predictor.counts());
         if self.noise.is_noise_only() {
-            self.summary.withheld += foretold.len() as u64;
-            foretold.clear();
+            self.summary.withheld += predicted.len() as u64;
+            predicted.clear();
         }
-        let key = foreteller.key();
+        let key = predictor.key();
         let place = trajectories.iter().position(|trajectory| trajectory.key == key).unwrap_or(0);
         let of = self.settings.rig.angles().first().map_or("angle", |[angle, _]| angle);
         let [on_lines, on_frames] = self.settings.channel;
-        for foretold in &foretold {
+        for predicted in &predicted {
             if on_lines {
-                self.writer.events(Some(key), &[Event::ZeroPhaseAhead { of, foretold: *foretold }])?;
+                self.writer.events(Some(key), &[Event::ZeroPhaseAhead { of, predicted: *predicted }])?;
             }
             if on_frames {
-                self.writer.ahead(place, foretold)?;
+                self.writer.ahead(place, predicted)?;
             }
         }
         self.writer.flush()?;
-        self.summary.events += foretold.len() as u64;
+        self.summary.events += predicted.len() as u64;
         let mut row = part.fresh.start;
-        for foretold in &foretold {
-            while row + 1 < part.fresh.end && part.segment.time.at(row) < foretold.told_s {
+        for predicted in &predicted {
+            while row + 1 < part.fresh.end && part.segment.time.at(row) < predicted.told_s {
                 row += 1;
             }
             let sample = self.again + self.taken + 1 + (row - part.fresh.start) as u64;
-            let left_s = foretold.time_s - foretold.told_s;
+            let left_s = predicted.time_s - predicted.told_s;
             let passed = self.arrivals.of(sample).map(|arrived| arrived.elapsed().as_secs_f64());
             self.ahead.overdue += u64::from(passed.is_some_and(|passed_s| passed_s > left_s));
         }

@@ -7,7 +7,6 @@
 mod connection;
 mod decode;
 mod events;
-mod judged;
 mod latency;
 mod live;
 mod noise_only;
@@ -16,16 +15,17 @@ mod output;
 mod recent;
 mod shared;
 mod state;
+mod stream_judge;
 mod supervision;
 mod table;
 
-pub use connection::{Connection, Opened};
+pub use connection::{Connection, OpenedConnection};
 pub use decode::{Damage, Decoder, StreamSample};
 pub use events::{Event, TrajectoryWatch};
 pub use latency::LatencyHistogram;
 pub use noise_only::{CYCLES, FOUND_BY_CHANCE, NoiseWatch, SignalContent};
 pub use order::{Order, OrderCounts, OrderSettings, OrderedEvent};
-pub use output::{Outputs, SYNC, SYNC_AHEAD, is_frames, is_lines};
+pub use output::{SYNC, SYNC_AHEAD, StreamOutputs, is_frames, is_lines};
 pub use shared::{StreamCounts, StreamEnd};
 pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 
@@ -166,7 +166,7 @@ pub fn stream(
     workbench: &Workbench,
     experiment: &Experiment,
     connection: Box<dyn Connection>,
-    outputs: Outputs,
+    outputs: StreamOutputs,
     state: Option<&Path>,
     stop: &dyn Fn() -> bool,
 ) -> Result<StreamSummary, StreamError> {
@@ -178,7 +178,7 @@ pub fn stream_with_page(
     workbench: &Workbench,
     experiment: &Experiment,
     connection: Box<dyn Connection>,
-    outputs: Outputs,
+    outputs: StreamOutputs,
     state: Option<&Path>,
     stop: &dyn Fn() -> bool,
 ) -> Result<(StreamSummary, String), StreamError> {
@@ -190,7 +190,7 @@ pub fn stream_with_page(
 fn estimated(
     (workbench, experiment): (&Workbench, &Experiment),
     connection: Box<dyn Connection>,
-    outputs: Outputs,
+    outputs: StreamOutputs,
     state: Option<&Path>,
     stop: &dyn Fn() -> bool,
     with_page: bool,
@@ -253,7 +253,7 @@ fn estimated(
     }
     let ended = live.run(&mut stretches, estimator.as_mut(), whole)?;
     let (recording::RecordingSource { origin, .. }, diagnosis) = stretches.finish();
-    let seen = live.seen();
+    let seen = live.tracks();
     let mut summary = live.finish(if ended { diagnosis } else { Vec::new() })?;
     summary.origin = origin;
     summary.ahead = summary.ahead.filter(|_| described.trigger.is_some());
@@ -276,7 +276,7 @@ fn heartbeat(experiment: &Experiment, described: &StreamTable) -> Result<Option<
 fn channel(
     experiment: &Experiment,
     described: &StreamTable,
-    outputs: &Outputs,
+    outputs: &StreamOutputs,
 ) -> Result<[bool; 2], StreamError> {
     let Some(trigger) = &described.trigger else { return Ok([false; 2]) };
     let there = [outputs.lines.is_some(), outputs.frames.is_some()];

@@ -23,7 +23,7 @@ pub fn is_frames(beginning: &[u8]) -> bool {
 
 /// Where estimates and events go.
 #[derive(Default)]
-pub struct Outputs {
+pub struct StreamOutputs {
     /// Lines: estimates, events, and comments that name the columns.
     pub lines: Option<Box<dyn Write>>,
     /// Frames of estimates in binary.
@@ -34,7 +34,7 @@ pub struct Outputs {
 
 /// Writes the estimates of all answers at the wanted rate.
 pub(super) struct StreamWriter {
-    outputs: Outputs,
+    outputs: StreamOutputs,
     every: u64,
     /// Samples of each answer so far.
     samples: Vec<u64>,
@@ -44,7 +44,7 @@ pub(super) struct StreamWriter {
 }
 
 impl StreamWriter {
-    pub(super) fn new(outputs: Outputs, every: u64) -> Self {
+    pub(super) fn new(outputs: StreamOutputs, every: u64) -> Self {
         Self {
             outputs,
             every: every.max(1),
@@ -144,7 +144,7 @@ impl StreamWriter {
 
     /// Writes an event of the stream itself, in the same way and where there are no lines beside the frames.
     pub(super) fn notice(&mut self, notice: &impl Serialize) -> io::Result<()> {
-        let Outputs { lines, notices, .. } = &mut self.outputs;
+        let StreamOutputs { lines, notices, .. } = &mut self.outputs;
         let Some(output) = lines.as_mut().or(notices.as_mut()) else { return Ok(()) };
         write_events(output, None, std::slice::from_ref(notice))?;
         output.flush()
@@ -153,14 +153,14 @@ impl StreamWriter {
     /// Writes a zero phase that is to come as a frame: [`SYNC_AHEAD`], the answer's place (u16), the number of values (u16), and
     /// these values as f64, little-endian: when it will happen, the standard deviation of that, 1 where the angle will rise
     /// and −1 where it will fall, and the time of the sample that it is told from.
-    pub(super) fn ahead(&mut self, place: usize, foretold: &PredictedPhase) -> io::Result<()> {
+    pub(super) fn ahead(&mut self, place: usize, predicted: &PredictedPhase) -> io::Result<()> {
         let Some(frames) = &mut self.outputs.frames else { return Ok(()) };
-        let direction = if foretold.rising { 1.0 } else { -1.0 };
+        let direction = if predicted.rising { 1.0 } else { -1.0 };
         self.line.clear();
         self.line.extend_from_slice(&SYNC_AHEAD);
         self.line.extend_from_slice(&u16::try_from(place).unwrap_or(u16::MAX).to_le_bytes());
         self.line.extend_from_slice(&4_u16.to_le_bytes());
-        for value in [foretold.time_s, foretold.sd_s, direction, foretold.told_s] {
+        for value in [predicted.time_s, predicted.sd_s, direction, predicted.told_s] {
             self.line.extend_from_slice(&value.to_le_bytes());
         }
         frames.write_all(&self.line)

@@ -198,7 +198,7 @@ impl LiveTable {
             Received::End => self.end(),
         }
         self.shared.received(self.order.counts(), self.decoder.damage(), self.passed_over);
-        self.arrivals.tell(self.rows + self.ready.samples.len() as u64);
+        self.arrivals.note_arrivals(self.rows + self.ready.samples.len() as u64);
         Ok(())
     }
 
@@ -297,7 +297,7 @@ impl Table for LiveTable {
             }
         }
         if let Some(times) = self.decoder.times() {
-            block.tell_times(times);
+            block.set_times(times);
         }
         Ok(())
     }

@@ -49,7 +49,7 @@ pub(super) struct AxisValue {
 
 /// What the values of a key are.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Sort {
+enum AxisValueKind {
     Quantity(Unit),
     Number,
     Word,
@@ -110,9 +110,11 @@ impl StudyAxis {
             return Err(("key", value(why)));
         }
         let (ending, unit) = match sort_of(&first).map_err(|fault| ("values", fault))? {
-            Sort::Quantity(unit) => (format!("_{}", ending(unit, &unit_text(&first))), unit_text(&first)),
-            Sort::Number => ("_1".to_owned(), String::new()),
-            Sort::Word => (String::new(), String::new()),
+            AxisValueKind::Quantity(unit) => {
+                (format!("_{}", ending(unit, &unit_text(&first))), unit_text(&first))
+            }
+            AxisValueKind::Number => ("_1".to_owned(), String::new()),
+            AxisValueKind::Word => (String::new(), String::new()),
         };
         Ok(Self { key, column: format!("{name}{ending}"), name, unit, applies_to, values })
     }
@@ -232,7 +234,7 @@ fn uniform(uniform: &Uniform) -> Result<(toml::Value, AxisValues), ConfigFault> 
 fn range(first: &toml::Value, second: &toml::Value) -> Result<(f64, f64, String), ConfigFault> {
     let sort = sort_of(first)?;
     same_sort(sort, first, second)?;
-    if sort == Sort::Word {
+    if sort == AxisValueKind::Word {
         let why = format!("{first} is no number with a unit; between words there is nothing");
         return Err(ConfigFault::Value { why });
     }
@@ -252,9 +254,9 @@ fn range(first: &toml::Value, second: &toml::Value) -> Result<(f64, f64, String)
     Ok((from, to, unit))
 }
 
-fn same_sort(sort: Sort, first: &toml::Value, other: &toml::Value) -> Result<(), ConfigFault> {
+fn same_sort(sort: AxisValueKind, first: &toml::Value, other: &toml::Value) -> Result<(), ConfigFault> {
     let same = match (sort, sort_of(other)?) {
-        (Sort::Quantity(a), Sort::Quantity(b)) => a.dimension() == b.dimension(),
+        (AxisValueKind::Quantity(a), AxisValueKind::Quantity(b)) => a.dimension() == b.dimension(),
         (a, b) => a == b,
     };
     if same {
@@ -264,12 +266,12 @@ fn same_sort(sort: Sort, first: &toml::Value, other: &toml::Value) -> Result<(),
     }
 }
 
-fn sort_of(value: &toml::Value) -> Result<Sort, ConfigFault> {
+fn sort_of(value: &toml::Value) -> Result<AxisValueKind, ConfigFault> {
     match value {
-        toml::Value::Integer(_) | toml::Value::Float(_) => Ok(Sort::Number),
-        toml::Value::Boolean(_) => Ok(Sort::Word),
+        toml::Value::Integer(_) | toml::Value::Float(_) => Ok(AxisValueKind::Number),
+        toml::Value::Boolean(_) => Ok(AxisValueKind::Word),
         toml::Value::String(_) => {
-            Ok(quantity(value).map_or(Sort::Word, |value| Sort::Quantity(value.unit())))
+            Ok(quantity(value).map_or(AxisValueKind::Word, |value| AxisValueKind::Quantity(value.unit())))
         }
         other => {
             let why = format!("found {}; expected text, a number, `true` or `false`", other.type_str());

@@ -39,7 +39,7 @@ const KIND: &str = "journal of a study";
 
 /// A finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Finished {
+pub(super) struct FinishedRun {
     pub(super) run: u64,
     /// Why it has no rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -51,7 +51,7 @@ pub(super) struct Finished {
 }
 
 /// Finished runs by their index.
-pub(super) type FinishedRuns = BTreeMap<u64, Finished>;
+pub(super) type FinishedRuns = BTreeMap<u64, FinishedRun>;
 
 impl JournalHeader {
     pub(super) fn of(plan: &StudyPlan, digest: String, shard: Shard) -> Self {
@@ -156,7 +156,7 @@ impl Journal {
     }
 
     /// Adds a finished run.
-    pub(super) fn add(&mut self, finished: &Finished) -> Result<(), StudyError> {
+    pub(super) fn add(&mut self, finished: &FinishedRun) -> Result<(), StudyError> {
         let path = self.path.clone();
         self.write(finished).map_err(|source| StudyError::Io { path, source })
     }
@@ -213,7 +213,7 @@ fn read(path: &Path, text: &[u8]) -> Result<JournalContent, StudyError> {
             content.header = Some(header);
         } else {
             let damaged = |why: String| StudyError::Damaged { path: path.to_owned(), line: i + 1, why };
-            let finished: Finished = checked(whole).map_err(damaged)?;
+            let finished: FinishedRun = checked(whole).map_err(damaged)?;
             let (run, runs) = (finished.run, content.header.as_ref().map_or(0, |header| header.runs));
             if run >= runs {
                 return Err(damaged(format!("run {run} of {runs}")));

@@ -66,5 +66,5 @@ pub use description::schema;
 pub use error::StudyError;
 pub use plan::StudyPlan;
 pub use results::{Failures, Summary};
-pub use run::{Options, StudyProgress};
+pub use run::{StudyOptions, StudyProgress};
 pub use shard::Shard;

@@ -2,7 +2,7 @@
 
 use super::calibration::{DrawnDeviation, RunClaims, judged, state_signs};
 use super::error::RunError;
-use super::journal::{Finished, FinishedRuns, Journal, JournalHeader};
+use super::journal::{FinishedRun, FinishedRuns, Journal, JournalHeader};
 use super::plan::RunStart;
 use super::rows::{StudyRow, rows};
 use super::{Shard, StudyError, StudyPlan};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 /// How to run a study.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+pub struct StudyOptions {
     /// Which part of it.
     pub shard: Shard,
     /// How many runs at once; as many as the machine can, if `None`.
@@ -58,7 +58,7 @@ impl StudyPlan {
     pub fn run_all(
         &self,
         out: &Path,
-        options: Options,
+        options: StudyOptions,
         progress: &dyn Progress,
     ) -> Result<StudyProgress, StudyError> {
         let inputs = self.check()?;
@@ -78,7 +78,7 @@ impl StudyPlan {
         &self,
         journal: &mut Journal,
         finished: &FinishedRuns,
-        options: Options,
+        options: StudyOptions,
         progress: &dyn Progress,
     ) -> Result<Option<u64>, StudyError> {
         let missing: Vec<u64> =
@@ -100,15 +100,15 @@ impl StudyPlan {
     }
 
     /// One run; `None` where it was stopped.
-    fn finish(&self, index: u64, progress: &dyn Progress) -> Option<Finished> {
+    fn finish(&self, index: u64, progress: &dyn Progress) -> Option<FinishedRun> {
         if progress.reached(0).is_break() {
             return None;
         }
         match self.outcome(index, progress) {
-            Ok((rows, judged)) => Some(Finished { run: index, error: None, rows, judged }),
+            Ok((rows, judged)) => Some(FinishedRun { run: index, error: None, rows, judged }),
             Err(e) if e.is_interruption() => None,
             Err(e) => {
-                Some(Finished { run: index, error: Some(e.text()), rows: Vec::new(), judged: Vec::new() })
+                Some(FinishedRun { run: index, error: Some(e.text()), rows: Vec::new(), judged: Vec::new() })
             }
         }
     }
@@ -128,7 +128,7 @@ impl StudyPlan {
                 if self.calibration.is_some() {
                     state_signs(&self.workbench, &mut told, &simulated)?;
                 }
-                workflow::estimate_unwritten(&self.workbench, &told, &simulated, progress)?
+                workflow::estimate_computed(&self.workbench, &told, &simulated, progress)?
             }
             RunStart::Recorded(told) => workflow::estimate(&self.workbench, &told, progress)?,
         };

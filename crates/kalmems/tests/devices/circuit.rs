@@ -135,7 +135,7 @@ fn assert_lines_are_those_of_the_simulation(
 
 /// Offset drive, large motion, a first-order high-pass that lets the drive through: the most lines.
 #[test]
-fn every_line_of_the_simulated_circuit_is_foretold() {
+fn every_line_of_the_simulated_circuit_is_predicted() {
     let count = assert_lines_are_those_of_the_simulation(&circuit(1), &excitation(90.0, 90.0), 8.0);
     assert!(count > 35, "{count}");
     let count = assert_lines_are_those_of_the_simulation(&circuit(4), &excitation(90.0, 90.0), 14.0);
@@ -411,7 +411,7 @@ fn example(replaced: &[(&str, &str)]) -> Result<Experiment, ConfigError> {
     published().parse(&text, &path)
 }
 
-/// `kalmems simulate` through the circuit: its line at f_dr is the one that the lines foretell, and its motion the same as
+/// `kalmems simulate` through the circuit: its line at f_dr is the one that the lines predict, and its motion the same as
 /// without the circuit.
 #[test]
 fn the_example_is_simulated_through_its_circuit() {
@@ -424,7 +424,7 @@ fn the_example_is_simulated_through_its_circuit() {
     let excitation =
         Excitation { offset: 90.0, amplitude: 90.0, drive_hz: DRIVE_HZ, carrier: 6.0, carrier_hz: 500e3 };
     let lines = Bands::of(&circuit(4), &excitation, &COMB, &motion).output.unwrap();
-    println!("{:.4} V, foretold {:.4} V", line.amplitude, lines.amplitude(0, 1));
+    println!("{:.4} V, predicted {:.4} V", line.amplitude, lines.amplitude(0, 1));
     assert_close(line.amplitude, lines.amplitude(0, 1), 0.01, "line");
     let turned = Complex::from_polar(1.0, line.phase_rad) / lines.coefficient(0, 1);
     assert!(turned.arg().to_degrees().abs() < 1.0, "{}", turned.arg().to_degrees());

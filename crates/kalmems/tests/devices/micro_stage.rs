@@ -533,7 +533,7 @@ fn a_simulation_is_estimated() {
         let simulated =
             rig.simulate(&experiment).map(|s| ComputedRecording::of(s.as_ref(), &Silent).unwrap());
         let (experiment, simulated) = simulated.map(|s| (described(&experiment), s)).unwrap();
-        let outcome = workflow::estimate_unwritten(published(), &experiment, &simulated, &Silent).unwrap();
+        let outcome = workflow::estimate_computed(published(), &experiment, &simulated, &Silent).unwrap();
         let segment = &outcome.recordings[0].segments[0];
         let nis = segment.estimate.trajectories[0].consistency(400..2501).unwrap();
         (segment.values[0]["rate"].clone(), nis)

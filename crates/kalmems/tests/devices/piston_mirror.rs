@@ -236,7 +236,7 @@ fn posterior_bound_nm(case: &Case, filters: &str, key: &str) -> f64 {
 fn run(real: &Experiment, told: &Experiment) -> workflow::Outcome {
     let simulation = published().rig(real).unwrap().simulate(real).unwrap();
     let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
-    workflow::estimate_unwritten(published(), told, &simulated, &Silent).unwrap_or_else(|e| panic!("{e}"))
+    workflow::estimate_computed(published(), told, &simulated, &Silent).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// 20 %/min at 194 kHz with both noise densities, and the posterior bound: what filter and smoother claim along the
@@ -544,7 +544,7 @@ fn a_recording_too_slow_for_the_motion_is_refused() {
     ]);
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
-    let why = workflow::estimate_unwritten(published(), &experiment, &simulated, &Silent)
+    let why = workflow::estimate_computed(published(), &experiment, &simulated, &Silent)
         .map(drop)
         .unwrap_err()
         .to_string();

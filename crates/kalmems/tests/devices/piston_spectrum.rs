@@ -71,7 +71,7 @@ fn a_wrong_gain_is_not_seen_by_the_filter() {
     let real = published().parse(&real, Path::new("piston.toml")).unwrap();
     let simulation = published().rig(&real).unwrap().simulate(&real).unwrap();
     let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
-    let outcome = workflow::estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
+    let outcome = workflow::estimate_computed(published(), &told, &simulated, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     let five = metrics.estimators().next().unwrap();
     let errors = &five.values["position"];
@@ -176,7 +176,7 @@ fn a_known_line_removes_a_gain_error_that_the_filter_does_not_see() {
         let simulation = published().rig(&real).unwrap().simulate(&real).unwrap();
         let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
         let estimate = |told: &Experiment| {
-            let outcome = workflow::estimate_unwritten(published(), told, &simulated, &Silent).unwrap();
+            let outcome = workflow::estimate_computed(published(), told, &simulated, &Silent).unwrap();
             let metrics = Metrics::of(&outcome);
             let five = metrics.estimators().next().unwrap();
             (outcome, five.verdict, five.values["position"].rmse * 1e9)

@@ -51,7 +51,7 @@ fn a_series_in_inverse_distances_follows_fringing_fields_to_nanometres() {
     let of = |degree: usize| found.degrees.iter().find(|d| d.degree == degree).unwrap();
     assert!((0.7e-9..2.8e-9).contains(&of(7).worst_m), "{:?}", of(7));
     assert!(found.worst_m < 2e-9 && found.degree >= 7);
-    // Each degree is better than the one before, and what was not seen is foretold about as well as what was.
+    // Each degree is better than the one before, and what was not seen is predicted about as well as what was.
     assert!(found.degrees.windows(2).all(|pair| pair[1].cross_validated_m < pair[0].cross_validated_m));
     assert!(found.degrees.iter().all(|d| d.cross_validated_m < 3.0 * d.worst_m));
     let plate = plate();

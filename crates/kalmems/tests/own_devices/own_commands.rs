@@ -6,8 +6,8 @@ use kalmems::progress::Silent;
 use kalmems::results::Output;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
-use kalmems::study::{Options, StudyPlan};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::study::{StudyOptions, StudyPlan};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::num::NonZero;
 use std::path::Path;
 
@@ -47,7 +47,7 @@ fn a_study_varies_a_parameter_that_the_filter_is_told() {
     std::fs::write(folder.path().join("study.toml"), study).unwrap();
     let plan = StudyPlan::load(published(), &folder.path().join("study.toml")).unwrap();
     let out = folder.path().join("out");
-    let options = Options { shard: "1/1".parse().unwrap(), threads: NonZero::new(1), force: false };
+    let options = StudyOptions { shard: "1/1".parse().unwrap(), threads: NonZero::new(1), force: false };
     let journal = plan.run_all(&out, options, &Silent).unwrap().journal;
     let output = Output::begin(&out, &plan.work()).unwrap();
     let summary = plan.write_results(&[journal], &output).unwrap();
@@ -115,7 +115,7 @@ fn cardano(t: f64, y: f64) -> f64 {
 #[test]
 fn each_sample_tells_the_state_that_its_measurement_is_of() {
     let (experiment, all) = simulated(STAGE);
-    let outcome: Outcome = estimate_unwritten(published(), &experiment, &all, &Silent).unwrap();
+    let outcome: Outcome = estimate_computed(published(), &experiment, &all, &Silent).unwrap();
     let segment = &outcome.recordings[0].segments[0];
     let trajectory = &segment.estimate.trajectories[0];
     assert_eq!(trajectory.states.len(), 1);
@@ -153,7 +153,7 @@ fn a_measurement_that_does_not_tell_one_state_is_not_inverted() {
 fn a_filter_of_equations_is_smoothed_with_a_lag_and_over_all_samples() {
     let text = comb() + "smooth = true\nsmooth_lag = \"60 us\"\n";
     let (experiment, all) = simulated(&text);
-    let outcome = estimate_unwritten(published(), &experiment, &all, &Silent).unwrap();
+    let outcome = estimate_computed(published(), &experiment, &all, &Silent).unwrap();
     let segment = &outcome.recordings[0].segments[0];
     let rmse = |end: &str| {
         let place = segment.estimate.trajectories.iter().position(|found| found.key == end).unwrap();

@@ -8,7 +8,7 @@ use kalmems::progress::Silent;
 use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -340,7 +340,7 @@ fn what_a_device_of_ones_own_lacks_is_told_with_what_to_write() {
 #[test]
 fn an_unwritten_simulation_is_estimated_as_a_recording() {
     let (experiment, simulated) = told_wrong(3, "");
-    let outcome = estimate_unwritten(published(), &experiment, &simulated, &Silent).unwrap();
+    let outcome = estimate_computed(published(), &experiment, &simulated, &Silent).unwrap();
     for (_, within) in errors(&outcome, "x") {
         assert!(within > 0.99, "{within}");
     }

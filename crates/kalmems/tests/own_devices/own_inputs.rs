@@ -4,7 +4,7 @@ use kalmems::config::Experiment;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -233,7 +233,7 @@ fn estimated(text: &str, told: &str, folder: &Path) -> Outcome {
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     let simulated = ComputedRecording::of(simulation.as_ref(), &Silent).unwrap();
     let told = described(&parse(told, folder).unwrap(), simulation.as_ref());
-    estimate_unwritten(published(), &told, &simulated, &Silent).unwrap()
+    estimate_computed(published(), &told, &simulated, &Silent).unwrap()
 }
 
 #[test]

@@ -7,7 +7,7 @@ use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, Simulation, described};
-use kalmems::workflow::estimate_unwritten;
+use kalmems::workflow::estimate_computed;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -121,7 +121,7 @@ fn a_device_in_its_loop_is_estimated_from_what_the_loop_applied() {
     let simulation = rig.simulate(&experiment).unwrap();
     let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
     let told = described(&experiment, &*simulation);
-    let outcome = estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
+    let outcome = estimate_computed(published(), &told, &simulated, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     let filter = metrics.estimators().next().unwrap();
     println!("{:?} {:e}", filter.grade, filter.values["x"].rmse);

@@ -7,7 +7,7 @@ use kalmems::progress::Silent;
 use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, WhiteNoise, described};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -35,7 +35,7 @@ fn simulated(text: &str) -> (Experiment, ComputedRecording) {
 
 fn outcome(text: &str) -> Result<Outcome, String> {
     let (experiment, all) = simulated(text);
-    estimate_unwritten(published(), &experiment, &all, &Silent).map_err(|error| error.to_string())
+    estimate_computed(published(), &experiment, &all, &Silent).map_err(|error| error.to_string())
 }
 
 fn recording(experiment: &Experiment, all: &ComputedRecording) -> SampledRecording {

@@ -7,7 +7,7 @@ use kalmems::recording::SampledRecording;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::path::{Path, PathBuf};
 
 /// Finds a number within this part of what was expected.
@@ -178,7 +178,7 @@ fn told(text: &str, truth: &[(&str, &str)], path: &Path) -> (Outcome, Metrics) {
     let simulation = published().rig(&truth).unwrap().simulate(&truth).unwrap();
     let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
     let told = described(&parse(text), &*simulation);
-    let outcome = estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
+    let outcome = estimate_computed(published(), &told, &simulated, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     (outcome, metrics)
 }

@@ -7,7 +7,7 @@ use kalmems::estimate::{LockEvent, RecordedPassing, SegmentPart, Trajectory};
 use kalmems::progress::Silent;
 use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
-use kalmems::stream::{Connection, Opened, Outputs, StreamError, StreamSummary, stream};
+use kalmems::stream::{Connection, OpenedConnection, StreamError, StreamOutputs, StreamSummary, stream};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 use std::cell::RefCell;
@@ -198,13 +198,13 @@ pub fn streamed(
     input: impl Read + Send + 'static,
     state: Option<&Path>,
 ) -> Streamed {
-    connected(experiment, Box::new(Opened::new(input)), state, Arc::default())
+    connected(experiment, Box::new(OpenedConnection::new(input)), state, Arc::default())
 }
 
 /// Estimates samples while they arrive, until the run is killed.
 pub fn killed(experiment: &Experiment, input: Killing, state: &Path) -> Streamed {
     let killed = input.killed.clone();
-    connected(experiment, Box::new(Opened::new(input)), Some(state), killed)
+    connected(experiment, Box::new(OpenedConnection::new(input)), Some(state), killed)
 }
 
 /// Estimates the samples of a connection while they arrive; from when on the run is killed, it writes nothing.
@@ -215,7 +215,7 @@ pub fn connected(
     killed: Arc<AtomicBool>,
 ) -> Streamed {
     let lines = Shared { bytes: Rc::default(), killed };
-    let outputs = Outputs { lines: Some(Box::new(lines.clone())), ..Outputs::default() };
+    let outputs = StreamOutputs { lines: Some(Box::new(lines.clone())), ..StreamOutputs::default() };
     let ended = stream(published(), experiment, connection, outputs, state, &|| false);
     let text = String::from_utf8(lines.bytes.borrow().clone()).unwrap();
     let (mut answers, mut events) = (BTreeMap::<_, Vec<_>>::new(), Vec::new());

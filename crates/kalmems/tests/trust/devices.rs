@@ -5,7 +5,7 @@ use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
-use kalmems::workflow::estimate_unwritten;
+use kalmems::workflow::estimate_computed;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
@@ -183,6 +183,6 @@ impl Device {
 }
 
 fn judged(told: &Experiment, simulated: &ComputedRecording) -> Option<Metrics> {
-    let outcome = estimate_unwritten(published(), told, simulated, &Silent);
+    let outcome = estimate_computed(published(), told, simulated, &Silent);
     outcome.ok().map(|outcome| Metrics::of(&outcome))
 }

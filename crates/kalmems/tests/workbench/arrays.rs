@@ -1,8 +1,8 @@
 //! Arrays in memory in the place of files.
 
+use kalmems::array_experiment::{ArrayClock, ArrayExperiment, ArrayRecording, PreparedExperiment};
 use kalmems::config::ConfigError;
 use kalmems::diagnose::DiagnoseError;
-use kalmems::given::{ArrayClock, ArrayExperiment, ArrayRecording, PreparedExperiment};
 use kalmems::progress::Silent;
 use kalmems::recording::{Array, Arrays, ReadError};
 use kalmems::results::Estimated;
@@ -40,7 +40,7 @@ fn of_experiment(file: &Path) -> ArrayExperiment {
 
 fn estimated(given: ArrayExperiment) -> Result<Estimated, String> {
     let PreparedExperiment { workbench, experiment, noise } =
-        given.ready(published(), &Silent).map_err(|error| error.to_string())?;
+        given.prepare(published(), &Silent).map_err(|error| error.to_string())?;
     Estimated::of(&workbench, &experiment, noise, &Silent).map_err(|error| error.to_string())
 }
 
@@ -124,7 +124,8 @@ fn findings_of_arrays_name_samples_and_columns() {
     recording[2].0 = "cup_V".to_owned();
     recording[0].1[7] = 0.0;
     experiment.recording(None, &given(&recording)).unwrap();
-    let PreparedExperiment { workbench, experiment, noise } = experiment.ready(published(), &Silent).unwrap();
+    let PreparedExperiment { workbench, experiment, noise } =
+        experiment.prepare(published(), &Silent).unwrap();
     let error = Estimated::of(&workbench, &experiment, noise, &Silent).unwrap_err();
     let WorkflowError::Read(ReadError::Unusable { findings, .. }) = error else { panic!("{error}") };
     let messages: Vec<String> = findings.iter().map(ToString::to_string).collect();
@@ -209,7 +210,9 @@ fn what_cannot_be_given_is_refused_by_key() {
            channels = { drive = \"drive_V\", signal = \"cap_V\" }\n";
     let mut experiment = ArrayExperiment::new(&text, &file).unwrap();
     experiment.recording(Some("a"), &given(&recording)).unwrap();
-    let DiagnoseError::Config(error) = experiment.ready(published(), &Silent).unwrap_err() else { panic!() };
+    let DiagnoseError::Config(error) = experiment.prepare(published(), &Silent).unwrap_err() else {
+        panic!()
+    };
     assert_eq!(error.place.key.to_string(), "recording[1].file");
 
     let error = Arrays::new(vec![Array::of_numbers("a", &[1.0]), Array::of_numbers("b", &[1.0, 2.0])]);

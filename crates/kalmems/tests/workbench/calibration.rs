@@ -5,8 +5,8 @@ use kalmems::progress::{Progress, Silent};
 use kalmems::results::{Metrics, Output, Verdict};
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
-use kalmems::study::{ClaimFinding, Options, StudyCalibrationSummary, StudyError, StudyPlan, Summary};
-use kalmems::workflow::estimate_unwritten;
+use kalmems::study::{ClaimFinding, StudyCalibrationSummary, StudyError, StudyOptions, StudyPlan, Summary};
+use kalmems::workflow::estimate_computed;
 use std::collections::BTreeMap;
 use std::fs;
 use std::num::NonZero;
@@ -73,7 +73,7 @@ impl Folder {
         (shard, threads): (&str, usize),
         progress: &dyn Progress,
     ) -> Result<PathBuf, StudyError> {
-        let options = Options { shard: shard.parse()?, threads: NonZero::new(threads), force: false };
+        let options = StudyOptions { shard: shard.parse()?, threads: NonZero::new(threads), force: false };
         plan.run_all(&self.path(out), options, progress).map(|progressed| progressed.journal)
     }
 
@@ -162,7 +162,7 @@ fn a_run_is_a_simulation_of_what_was_drawn() {
     let simulation = published().rig(&truth).unwrap().simulate(&truth).unwrap();
     let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
     let told = described(&published().parse(&text, &path).unwrap(), &*simulation);
-    let metrics = Metrics::of(&estimate_unwritten(published(), &told, &simulated, &Silent).unwrap());
+    let metrics = Metrics::of(&estimate_computed(published(), &told, &simulated, &Silent).unwrap());
     let estimator = metrics.estimators().find(|estimator| estimator.key == "ekf_stiffness").unwrap();
     assert_eq!(row["consistency.mean_nis"], format!("{:?}", estimator.consistency.unwrap().mean_nis));
     let parameter = &estimator.parameters[0];
@@ -241,7 +241,7 @@ fn verdicts_as_written(
         let simulation = published().rig(&truth).unwrap().simulate(&truth).unwrap();
         let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
         let told = described(&told, &*simulation);
-        let metrics = Metrics::of(&estimate_unwritten(published(), &told, &simulated, &Silent).unwrap());
+        let metrics = Metrics::of(&estimate_computed(published(), &told, &simulated, &Silent).unwrap());
         metrics.estimators().find(|estimator| estimator.key == row["estimator"]).unwrap().verdict
     };
     rows.iter().map(verdict).collect()

@@ -8,7 +8,7 @@ use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics};
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
-use kalmems::workflow::{estimate, estimate_unwritten};
+use kalmems::workflow::{estimate, estimate_computed};
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -40,7 +40,7 @@ fn what_a_template_simulates_its_filters_estimate() {
             let simulation = rig.simulate(&experiment).unwrap();
             let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
             let told = described(&experiment, &*simulation);
-            let outcome = estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
+            let outcome = estimate_computed(published(), &told, &simulated, &Silent).unwrap();
             assert_passes(&Metrics::of(&outcome), &format!("{}, seed {seed}", rig.name()));
         }
     }

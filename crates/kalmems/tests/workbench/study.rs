@@ -6,7 +6,7 @@ use kalmems::recording::{Hints, RecordingLayout, SampledRecording, TimeSource};
 use kalmems::results::{Output, RunInfo, Work, write_simulation};
 use kalmems::rigs::published;
 use kalmems::simulate::ComputedRecording;
-use kalmems::study::{Options, Shard, StudyError, StudyPlan, Summary};
+use kalmems::study::{Shard, StudyError, StudyOptions, StudyPlan, Summary};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs;
@@ -94,7 +94,7 @@ impl Folder {
         threads: usize,
         progress: &dyn Progress,
     ) -> Result<PathBuf, StudyError> {
-        let options = Options { shard: shard.parse()?, threads: NonZero::new(threads), force: false };
+        let options = StudyOptions { shard: shard.parse()?, threads: NonZero::new(threads), force: false };
         self.plan()?.run_all(&self.path(out), options, progress).map(|progressed| progressed.journal)
     }
 
@@ -164,7 +164,7 @@ fn threads_interruptions_and_shards_change_no_byte() {
     let kept = journal.lines().count();
     let last = journal.lines().last().unwrap();
     fs::write(&path, format!("{journal}{}", &last[..last.len() / 2])).unwrap();
-    let options = Options { shard: Shard::WHOLE, threads: None, force: false };
+    let options = StudyOptions { shard: Shard::WHOLE, threads: None, force: false };
     let progressed = folder.plan().unwrap().run_all(&folder.path("stopped"), options, &Silent).unwrap();
     assert!(progressed.torn);
     assert_eq!((progressed.before + 1, progressed.runs), (kept as u64, 6));
@@ -210,7 +210,7 @@ fn a_journal_is_that_of_one_study() {
     fs::write(folder.path("experiment.toml"), experiment().replace("5.71 pF", "5.72 pF")).unwrap();
     assert!(matches!(folder.run("out", "1/1", 2, &Silent), Err(StudyError::OtherStudy { .. })));
     assert_eq!(fs::read(folder.path("out.journal")).unwrap(), journal);
-    let force = Options { shard: Shard::WHOLE, threads: None, force: true };
+    let force = StudyOptions { shard: Shard::WHOLE, threads: None, force: true };
     folder.plan().unwrap().run_all(&folder.path("out"), force, &Silent).unwrap();
     assert_ne!(fs::read(folder.path("out.journal")).unwrap(), journal);
 

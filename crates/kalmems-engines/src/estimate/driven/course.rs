@@ -21,8 +21,8 @@ pub struct DrivenCourse<'a, P: Plant> {
     parts: Option<(usize, P::Motion)>,
     /// The rate in rad/s by which amplitude and phase are said behind the states.
     phase_rate: Option<f64>,
-    /// What foretells zero phases, and from when on in s.
-    foreteller: Option<(PhasePredictor, f64)>,
+    /// What predicts zero phases, and from when on in s.
+    predictor: Option<(PhasePredictor, f64)>,
 }
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
@@ -37,7 +37,7 @@ impl<'a, P: Plant> DrivenCourse<'a, P> {
         data: &'a DrivenSegment<'a>,
     ) -> Result<Self, AugmentationError> {
         let usual = plant.over(data.interval_s)?;
-        Ok(Self { plant, data, noise_variance, usual, parts: None, phase_rate: None, foreteller: None })
+        Ok(Self { plant, data, noise_variance, usual, parts: None, phase_rate: None, predictor: None })
     }
 
     /// Likewise, by so many steps from sample to sample, each linearised where the one before has led: the prediction of a
@@ -54,15 +54,15 @@ impl<'a, P: Plant> DrivenCourse<'a, P> {
         Self { phase_rate: rate, ..self }
     }
 
-    /// Likewise, where zero phases are foretold from this time in s on.
+    /// Likewise, where zero phases are predicted from this time in s on.
     #[must_use]
-    pub fn foretelling(self, foreteller: Option<PhasePredictor>, from_s: f64) -> Self {
-        Self { foreteller: foreteller.map(|foreteller| (foreteller, from_s)), ..self }
+    pub fn predicting_phases(self, predictor: Option<PhasePredictor>, from_s: f64) -> Self {
+        Self { predictor: predictor.map(|predictor| (predictor, from_s)), ..self }
     }
 
-    /// What foretells, at the end of the way.
-    pub fn into_foreteller(self) -> Option<PhasePredictor> {
-        self.foreteller.map(|(foreteller, _)| foreteller)
+    /// What predicts, at the end of the way.
+    pub fn into_phase_predictor(self) -> Option<PhasePredictor> {
+        self.predictor.map(|(predictor, _)| predictor)
     }
 }
 
@@ -102,22 +102,22 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
         self.phase_rate.map(|parameter| DerivedQuantities { names, parameter, compute: amplitude_and_phase })
     }
 
-    fn foretell(&mut self, filter: &dyn Filtering, k: usize) {
-        let Self { plant, data, usual, foreteller, .. } = self;
+    fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
+        let Self { plant, data, usual, predictor, .. } = self;
         let (plant, data) = (*plant, *data);
-        let Some((foreteller, from_s)) = foreteller else { return };
+        let Some((predictor, from_s)) = predictor else { return };
         let time_s = data.time_s[k];
         if time_s < *from_s {
             return;
         }
-        let sine = data.drive.coming(k).filter(|sine| {
+        let sine = data.drive.continuation(k).filter(|sine| {
             let strayed = (data.drive.volts()[k] - sine.at(time_s)) / sine.amplitude;
-            foreteller.follows(strayed, sine.residual_rms / sine.amplitude)
+            predictor.follows(strayed, sine.residual_rms / sine.amplitude)
         });
         let interval_s = data.interval_s;
         let coming =
             sine.map(|sine| ContinuedDrive { plant, motion: usual, sine, from_s: time_s, interval_s });
-        filter.foretell(foreteller, time_s, coming.as_ref().map(|coming| coming as _));
+        filter.predict_phases(predictor, time_s, coming.as_ref().map(|coming| coming as _));
     }
 
     fn advance(
@@ -144,7 +144,7 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
         let Bridge { missing, steps } = Bridge::over(interval, self.data.interval_s);
         // It could be made for the usual interval.
         let each = self.plant.over(interval / steps as f64).map_err(|_| FilterError::NonFiniteState)?;
-        match self.data.drive.stand_in(to) {
+        match self.data.drive.substitute(to) {
             Some(sine) if steps > 1 => {
                 counts.bridged = counts.bridged.saturating_add(missing);
                 for i in 0..steps {

@@ -219,7 +219,7 @@ impl<'a> SegmentDrive<'a> {
         let coming = past.coming.iter().map(|(row, sine)| (row.saturating_sub(first), *sine)).collect();
         let (sine, first_sine) = (past.sine, past.first_sine);
         let mut drive = Self { time_s, volts, sine, first_sine, stand_ins, coming, unknown: None };
-        let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.stand_in(*k).is_none());
+        let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.substitute(*k).is_none());
         if let Some(first) = unknown.next() {
             let count = missing(&first) + unknown.map(|k| missing(&k)).sum::<usize>();
             drive.unknown = Some((time_s[first], count));
@@ -248,13 +248,13 @@ impl<'a> SegmentDrive<'a> {
     }
 
     /// The sine that stands in for the drive at row `k`, or on the way to it, where that is missing.
-    pub fn stand_in(&self, k: usize) -> Option<&Sine> {
+    pub fn substitute(&self, k: usize) -> Option<&Sine> {
         let next = self.stand_ins.partition_point(|(row, _)| *row <= k);
         self.stand_ins.get(next.checked_sub(1)?).map(|(_, sine)| sine)
     }
 
     /// The sine by which the drive goes on behind row `k`, as far as the rows before its block tell; where it was asked for.
-    pub fn coming(&self, k: usize) -> Option<&Sine> {
+    pub fn continuation(&self, k: usize) -> Option<&Sine> {
         let next = self.coming.partition_point(|(row, _)| *row <= k);
         self.coming.get(next.checked_sub(1)?)?.1.as_ref()
     }
@@ -265,7 +265,7 @@ impl<'a> SegmentDrive<'a> {
         if v.is_finite() {
             return (v, false);
         }
-        match self.stand_in(k) {
+        match self.substitute(k) {
             Some(sine) => (sine.at(self.time_s[k]), true),
             None => (v, false),
         }
@@ -370,7 +370,7 @@ mod tests {
             v[100] = f64::NAN;
             let drive = SegmentDrive::new(&time, &v, 1e-6);
             assert!(drive.sine().is_none() && drive.unknown().is_none(), "{level} {scale}");
-            let over = SegmentDrive::nodes_from_sine(drive.stand_in(6001).unwrap(), time[6000], time[6001]);
+            let over = SegmentDrive::nodes_from_sine(drive.substitute(6001).unwrap(), time[6000], time[6001]);
             // A mean is rounded, once for each of the rows.
             let rounding = 9000.0 * f64::EPSILON * level.abs();
             assert!(

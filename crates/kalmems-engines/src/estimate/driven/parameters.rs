@@ -9,12 +9,12 @@ use kalmems_core::{Dual, Measurement, Parameters, Process, ProcessNoise};
 pub const MOST_PARAMETERS: usize = MOST_STATES;
 
 /// Which parameter of one model each state behind those of the motion enters.
-pub(super) struct Places {
+pub(super) struct ParameterIndices {
     /// The parameter's index, where it enters this model, and the state.
     states: Vec<(Option<usize>, AddedState<f64>)>,
 }
 
-impl Places {
+impl ParameterIndices {
     /// In a model of type `M`.
     pub(super) fn of<M: Parameters<f64>>(
         tracked: &[Tracked],
@@ -152,7 +152,7 @@ impl<P: Process<f64, M>, const M: usize> Transition for ParameterAugmentedStep<'
 /// A readout of `M` states and of parameters behind them.
 pub struct ParametricReadout<H, const M: usize> {
     readout: H,
-    places: Places,
+    places: ParameterIndices,
 }
 
 impl<H: Parameters<f64>, const M: usize> ParametricReadout<H, M> {
@@ -162,7 +162,7 @@ impl<H: Parameters<f64>, const M: usize> ParametricReadout<H, M> {
         tracked: &[Tracked],
         place: fn(&DeviceParameter) -> Option<&'static str>,
     ) -> Result<Self, AugmentationError> {
-        Ok(Self { places: Places::of::<H>(tracked, place)?, readout })
+        Ok(Self { places: ParameterIndices::of::<H>(tracked, place)?, readout })
     }
 }
 

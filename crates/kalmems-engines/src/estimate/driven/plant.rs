@@ -1,6 +1,6 @@
 //! The models that the filters run on: how a driven device steps over any interval, and how it is read.
 
-use super::parameters::{ParameterStep, Places};
+use super::parameters::{ParameterIndices, ParameterStep};
 use crate::estimate::{DeviceParameter, MeasurementSensor, ProcessTransition, Sensor, Tracked, Transition};
 use kalmems_core::augmentation::{AugmentationError, ParametricDynamics, ParametricProcess};
 use kalmems_core::{Dual, Dynamics, Euler, Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4};
@@ -90,7 +90,7 @@ pub struct WithParameters<D, R, const M: usize> {
     dynamics: D,
     readout: R,
     noise: NoiseDensity<f64, M>,
-    places: Places,
+    places: ParameterIndices,
 }
 
 impl<D: Parameters<f64>, R, const M: usize> WithParameters<D, R, M> {
@@ -101,7 +101,7 @@ impl<D: Parameters<f64>, R, const M: usize> WithParameters<D, R, M> {
         tracked: &[Tracked],
         place: fn(&DeviceParameter) -> Option<&'static str>,
     ) -> Result<Self, AugmentationError> {
-        Ok(Self { places: Places::of::<D>(tracked, place)?, dynamics, readout, noise })
+        Ok(Self { places: ParameterIndices::of::<D>(tracked, place)?, dynamics, readout, noise })
     }
 }
 
@@ -128,14 +128,14 @@ where
     }
 
     fn sensor(&self) -> impl Sensor + '_ {
-        ByReference(&self.readout)
+        BorrowedSensor(&self.readout)
     }
 }
 
 /// A sensor that is another one's.
-struct ByReference<'a, R>(&'a R);
+struct BorrowedSensor<'a, R>(&'a R);
 
-impl<R: Sensor> Sensor for ByReference<'_, R> {
+impl<R: Sensor> Sensor for BorrowedSensor<'_, R> {
     fn read(&self, x: &[f64]) -> f64 {
         self.0.read(x)
     }

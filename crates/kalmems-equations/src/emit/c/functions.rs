@@ -6,31 +6,31 @@ use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::interface::part;
 use crate::emit::tables::{EmittedCurve, disks_series};
-use crate::emit::tape::Called;
+use crate::emit::tape::CalledFunction;
 use std::collections::BTreeSet;
 
 /// Functions that `math.h` does not have.
 const FUNCTIONS: &str = include_str!("functions.c");
 
 /// The functions that are called and that `math.h` does not have.
-pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<String, EmitError> {
+pub(super) fn functions(device: &Device, called: &BTreeSet<CalledFunction>) -> Result<String, EmitError> {
     let mut text = String::new();
     for (marker, is_used) in [
-        ("FALLING_EXP", called.contains(&Called::FallingExp)),
-        ("LN_COSH", called.contains(&Called::LnCosh)),
-        ("ATANHC", called.iter().any(|c| matches!(c, Called::Atanhc(_)))),
+        ("FALLING_EXP", called.contains(&CalledFunction::FallingExp)),
+        ("LN_COSH", called.contains(&CalledFunction::LnCosh)),
+        ("ATANHC", called.iter().any(|c| matches!(c, CalledFunction::Atanhc(_)))),
     ] {
         if is_used {
             text.push('\n');
             text += part(FUNCTIONS, &format!("/* --- {marker} */\n"), "/* --- ");
         }
     }
-    if called.iter().any(|c| matches!(c, Called::Disks(_))) {
+    if called.iter().any(|c| matches!(c, CalledFunction::Disks(_))) {
         text += &disks()?;
     }
     let curves: BTreeSet<usize> = called
         .iter()
-        .filter_map(|c| if let Called::Curve(curve, _) = c { Some(*curve) } else { None })
+        .filter_map(|c| if let CalledFunction::Curve(curve, _) = c { Some(*curve) } else { None })
         .collect();
     for curve in curves {
         if let Some(table) = device.curves.get(curve) {

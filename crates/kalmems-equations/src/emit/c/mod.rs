@@ -9,7 +9,7 @@ use super::filter::FilterProgram;
 use super::interface::{Interface, further};
 use super::request::EmitRequest;
 use super::routine::{Routine, StorageArray, Syntax, Written};
-use super::tape::Called;
+use super::tape::CalledFunction;
 use crate::device::Device;
 use functions::functions;
 use header::header;
@@ -77,21 +77,21 @@ impl Syntax for C {
         format!("const {} {name} = {value};", kind(wide))
     }
 
-    fn call(&self, called: Called, at: &str, wide: bool) -> String {
+    fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String {
         let at = if wide { format!("(float)({at})") } else { at.to_owned() };
         let call = match called {
-            Called::FallingExp => format!("falling_exp({at})"),
-            Called::Exp => format!("expf({at})"),
-            Called::Ln => format!("logf({at})"),
-            Called::Sin => format!("sinf({at})"),
-            Called::Cos => format!("cosf({at})"),
-            Called::Tanh => format!("tanhf({at})"),
-            Called::Atanh => format!("atanhf({at})"),
-            Called::Sqrt => format!("sqrtf({at})"),
-            Called::Atanhc(order) => format!("atanhc({at}, {order}U)"),
-            Called::LnCosh => format!("ln_cosh({at})"),
-            Called::Disks(order) => format!("disks({at}, {order}U)"),
-            Called::Curve(curve, order) => format!("curve{curve}({at}, {order}U)"),
+            CalledFunction::FallingExp => format!("falling_exp({at})"),
+            CalledFunction::Exp => format!("expf({at})"),
+            CalledFunction::Ln => format!("logf({at})"),
+            CalledFunction::Sin => format!("sinf({at})"),
+            CalledFunction::Cos => format!("cosf({at})"),
+            CalledFunction::Tanh => format!("tanhf({at})"),
+            CalledFunction::Atanh => format!("atanhf({at})"),
+            CalledFunction::Sqrt => format!("sqrtf({at})"),
+            CalledFunction::Atanhc(order) => format!("atanhc({at}, {order}U)"),
+            CalledFunction::LnCosh => format!("ln_cosh({at})"),
+            CalledFunction::Disks(order) => format!("disks({at}, {order}U)"),
+            CalledFunction::Curve(curve, order) => format!("curve{curve}({at}, {order}U)"),
         };
         if wide { format!("(double){call}") } else { call }
     }
@@ -144,14 +144,14 @@ fn source(
 ) -> Result<String, EmitError> {
     let name = &request.name;
     let routines = program.routines();
-    let called: BTreeSet<Called> = routines.iter().flat_map(|routine| routine.called()).collect();
+    let called: BTreeSet<CalledFunction> = routines.iter().flat_map(|routine| routine.called()).collect();
     let functions = functions(device, &called)?;
     let mut text = comment(&interface.heading);
     let _ = write!(text, "#include \"{name}.h\"\n\n");
     if functions.contains("uint32_t") {
         text += "#include <stdint.h>\n";
     }
-    if called.iter().any(|called| *called != Called::FallingExp) {
+    if called.iter().any(|called| *called != CalledFunction::FallingExp) {
         text += "#include <math.h>\n";
     }
     text += MACROS;

@@ -6,31 +6,31 @@ use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::interface::part;
 use crate::emit::tables::{EmittedCurve, disks_series};
-use crate::emit::tape::Called;
+use crate::emit::tape::CalledFunction;
 use std::collections::BTreeSet;
 
 /// Functions that Rust without `std` does not have.
 const FUNCTIONS: &str = include_str!("functions.rs");
 
 /// The functions that are called.
-pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<String, EmitError> {
-    let any = |of: &[Called]| of.iter().any(|one| called.contains(one));
-    let atanhc = called.iter().any(|c| matches!(c, Called::Atanhc(_)));
-    let disks_used = called.iter().any(|c| matches!(c, Called::Disks(_)));
-    let atanh = atanhc || any(&[Called::Atanh]);
-    let ln_cosh = any(&[Called::LnCosh]);
-    let tanh = any(&[Called::Tanh]);
+pub(super) fn functions(device: &Device, called: &BTreeSet<CalledFunction>) -> Result<String, EmitError> {
+    let any = |of: &[CalledFunction]| of.iter().any(|one| called.contains(one));
+    let atanhc = called.iter().any(|c| matches!(c, CalledFunction::Atanhc(_)));
+    let disks_used = called.iter().any(|c| matches!(c, CalledFunction::Disks(_)));
+    let atanh = atanhc || any(&[CalledFunction::Atanh]);
+    let ln_cosh = any(&[CalledFunction::LnCosh]);
+    let tanh = any(&[CalledFunction::Tanh]);
     let mut text = String::new();
     for (marker, is_used) in [
-        ("EXP", disks_used || any(&[Called::Exp])),
-        ("FALLING_EXP", tanh || ln_cosh || any(&[Called::FallingExp])),
-        ("LN", atanh || ln_cosh || disks_used || any(&[Called::Ln])),
-        ("SIN_COS", any(&[Called::Sin, Called::Cos])),
-        ("SIN", any(&[Called::Sin])),
-        ("COS", any(&[Called::Cos])),
+        ("EXP", disks_used || any(&[CalledFunction::Exp])),
+        ("FALLING_EXP", tanh || ln_cosh || any(&[CalledFunction::FallingExp])),
+        ("LN", atanh || ln_cosh || disks_used || any(&[CalledFunction::Ln])),
+        ("SIN_COS", any(&[CalledFunction::Sin, CalledFunction::Cos])),
+        ("SIN", any(&[CalledFunction::Sin])),
+        ("COS", any(&[CalledFunction::Cos])),
         ("TANH", tanh),
         ("ATANH", atanh),
-        ("SQRT", any(&[Called::Sqrt])),
+        ("SQRT", any(&[CalledFunction::Sqrt])),
         ("LN_COSH", ln_cosh),
         ("ATANHC", atanhc),
     ] {
@@ -42,7 +42,8 @@ pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<St
     if disks_used {
         text += &disks()?;
     }
-    let of_curve = |c: &Called| if let Called::Curve(curve, _) = c { Some(*curve) } else { None };
+    let of_curve =
+        |c: &CalledFunction| if let CalledFunction::Curve(curve, _) = c { Some(*curve) } else { None };
     for curve in called.iter().filter_map(of_curve).collect::<BTreeSet<usize>>() {
         if let Some(table) = device.curves.get(curve) {
             text += &curve_function(curve, &EmittedCurve::of(table))?;

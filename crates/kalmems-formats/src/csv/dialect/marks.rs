@@ -20,7 +20,7 @@ pub(super) fn name(separator: u8) -> &'static str {
 }
 
 /// The separator that a line for spreadsheets says: `sep=;`.
-pub(super) fn said(line: &[u8]) -> Option<char> {
+pub(super) fn declared_separator(line: &[u8]) -> Option<char> {
     let line = line.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\"")).unwrap_or(line);
     let (key, said) = line.split_at_checked(4)?;
     let said = if key.eq_ignore_ascii_case(b"sep=") { said } else { return None };

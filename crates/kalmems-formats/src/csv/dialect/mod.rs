@@ -149,7 +149,7 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
         };
         let first = lines.get(..end).unwrap_or_default().trim_ascii();
         if line == 1
-            && let Some(separator) = marks::said(first)
+            && let Some(separator) = marks::declared_separator(first)
         {
             csv.separator = csv.separator.or(Some(separator));
         } else if !first.is_empty() && !comments.take(first, line) {

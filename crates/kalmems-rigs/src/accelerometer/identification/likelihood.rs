@@ -2,7 +2,7 @@
 
 use super::super::data::AccelerometerSegment;
 use super::super::settings::AccelerometerHardware;
-use super::super::varied::{Factors, VariedInstrument};
+use super::super::varied_instrument::{Factors, VariedInstrument};
 use kalmems_core::riccati::RiccatiError;
 use kalmems_core::{FilterError, FixedGain, Innovation, Mat, NotAScale, Scalar, Scales};
 

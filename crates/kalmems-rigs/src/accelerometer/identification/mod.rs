@@ -5,11 +5,11 @@
 
 mod figures;
 mod likelihood;
+mod messages;
 mod profile;
 mod record;
 mod search;
 mod visibility;
-mod words;
 
 use super::data::AccelerometerSegment;
 use super::feedback;
@@ -20,7 +20,7 @@ use crate::config::Experiment;
 use crate::fit::DerivedNumber;
 use crate::identify::{
     Entries, Identification, IdentifyError, LikelihoodSolution, NumberStatus, TWO_SIDED, Whiteness, exact,
-    standings_beside,
+    joint_number_statuses,
 };
 use crate::progress::{Progress, Silent};
 use kalmems_core::Scalar;
@@ -66,7 +66,7 @@ fn told(
         is_told: &|i| !found.at_bound[i] && spread(&ends[i]) < WORTH_SETTING,
         correlation: &|i, j| found.correlation(i, j),
     };
-    standings_beside(&likeliest, |kept| {
+    joint_number_statuses(&likeliest, |kept| {
         let kept: [bool; unknown::COUNT] = std::array::from_fn(|i| kept[i]);
         let start = std::array::from_fn(|i| if kept[i] { 0.0 } else { found.logs[i] });
         Ok(search_from(likelihood, start, kept, progress)?.logs.to_vec())
@@ -82,14 +82,14 @@ impl AccelerometerOutcome {
     /// Relative to the value; infinite for what the recording does not tell, be it for another's sake.
     fn deviation(&self, index: usize) -> f64 {
         match self.standings[index] {
-            NumberStatus::HangsOn(other) if self.deviation(other).is_infinite() => f64::INFINITY,
-            NumberStatus::Untold if self.found.at_bound[index] => f64::INFINITY,
+            NumberStatus::DependsOn(other) if self.deviation(other).is_infinite() => f64::INFINITY,
+            NumberStatus::Undetermined if self.found.at_bound[index] => f64::INFINITY,
             _ => spread(&self.ends[index]),
         }
     }
 
     fn is_known(&self, index: usize) -> bool {
-        self.standings[index] == NumberStatus::Told
+        self.standings[index] == NumberStatus::Determined
     }
 }
 
@@ -149,7 +149,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         experiment: experiment.clone(),
         materials: Vec::new(),
     };
-    words::of(&mut identification, &record, &outcome);
+    messages::of(&mut identification, &record, &outcome);
     apply(&mut identification.experiment, &outcome)?;
     identification.materials.push(record.material);
     Ok(identification)

@@ -35,7 +35,7 @@ fn reach(
     progress: &dyn Progress,
 ) -> Result<f64, LikelihoodSearchError> {
     let room = FARTHEST - side * found.logs[index];
-    identify::reach(found.covariance.standard_deviation(index), room, &mut |distance| {
+    identify::likelihood_half_width(found.covariance.standard_deviation(index), room, &mut |distance| {
         fallen(likelihood, found, (index, side * distance), progress)
     })
 }

@@ -3,7 +3,7 @@
 use super::super::MEANINGS;
 use super::super::data::AccelerometerSegment;
 use crate::config::{ConfigFault, Experiment, Key, RecordingRole};
-use crate::identify::{IdentifyError, Material, require_sound};
+use crate::identify::{IdentifyError, Material, require_usable_signals};
 use crate::progress::Progress;
 use crate::recording::SampledRecording;
 use crate::units::kind;
@@ -55,7 +55,7 @@ impl IdentificationRecord {
             })?;
         let name =
             described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
-        require_sound(recording.diagnosis(), &name, &[signal])?;
+        require_usable_signals(recording.diagnosis(), &name, &[signal])?;
         let unfit = |why: String| IdentifyError::Unfit { recording: name.clone(), why };
         let [segment] = recording.segments() else {
             let count = recording.segments().len();

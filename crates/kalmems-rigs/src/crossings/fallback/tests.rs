@@ -1,4 +1,4 @@
-use crate::crossings::{Acceptance, DetectorSettings, LevelCrossing, Rows, SearchedSignal, find};
+use crate::crossings::{Acceptance, DetectorSettings, LevelCrossing, SearchedSignal, SignalRows, find};
 use crate::simulate::WhiteNoise;
 use kalmems_core::Process;
 use kalmems_models::capacitance::{CombCurve, CurveShape};
@@ -62,7 +62,7 @@ fn found(
     let sought = SearchedSignal::of_comb((INTERVAL_S, noise * noise, 0.0), told.0, told.1);
     let acceptance = Acceptance::Deviations(least);
     let settings = DetectorSettings { width_s: 30e-6, separation_s: 300e-6, acceptance };
-    find(Rows { time_s: &decay.time_s, volts: &decay.volts, first: 0 }, sought, &settings).unwrap()
+    find(SignalRows { time_s: &decay.time_s, volts: &decay.volts, first: 0 }, sought, &settings).unwrap()
 }
 
 /// Errors over the standard deviations that are claimed of them.

@@ -2,14 +2,14 @@
 
 use super::crests::{ByCrests, Crests, by_crests, crests};
 use super::fit_error;
-use super::in_situ::InPlace;
+use super::in_situ::InSituKnowledge;
 use super::waveform::{
     ELECTRODES, ElectrodeUnknowns, UNKNOWNS, WaveRecord, Waveforms, indeterminate, motion_by, unknown,
 };
 use crate::config::{ConfigFault, Experiment, FeedthroughBy, Key, TrustedNumber};
 use crate::fit::{DerivedNumber, Fit, FitError};
 use crate::identify::IdentifyError;
-use crate::micro_stage::feedthrough::{BiasOff, without_drive};
+use crate::micro_stage::feedthrough::{BiasOffRecord, without_drive};
 use crate::micro_stage::hardware::StageHardware;
 use crate::micro_stage::records::{StageRecord, StageRecords, require_one_frequency};
 use crate::signal::{Sine, fit_sine_at};
@@ -286,7 +286,7 @@ pub fn off_of<'a>(
     off: &'a StageRecords,
     label: &str,
     place: &str,
-) -> Result<(BiasOff, &'a [usize]), IdentifyError> {
+) -> Result<(BiasOffRecord, &'a [usize]), IdentifyError> {
     let record = off.all.iter().find(|record| record.label == label).ok_or_else(|| {
         let known: Vec<String> = off.all.iter().map(|record| format!("`{}`", record.label)).collect();
         let why = format!(
@@ -297,7 +297,7 @@ pub fn off_of<'a>(
         IdentifyError::Unfit { recording: place.to_owned(), why }
     })?;
     let signals: Vec<&[f64]> = record.signals.iter().map(Vec::as_slice).collect();
-    let found = BiasOff::of(&record.place, &record.time_s, record.drive, &signals);
+    let found = BiasOffRecord::of(&record.place, &record.time_s, record.drive, &signals);
     let found = found.ok_or_else(|| IdentifyError::Unfit {
         recording: record.place.clone(),
         why: "a signal has too few samples for a sine of the drive's frequency".to_owned(),
@@ -386,7 +386,8 @@ impl GapFitTask<'_> {
 
     fn trusting(&self, experiment: &Experiment, trusted: TrustedNumber) -> Result<GapFit, IdentifyError> {
         let noise = self.noise();
-        let known = InPlace { noise: &noise, records: self.records, trusted, feedthrough: self.by_harmonics };
+        let known =
+            InSituKnowledge { noise: &noise, records: self.records, trusted, feedthrough: self.by_harmonics };
         let names: Vec<&str> = self
             .on
             .electrodes

@@ -64,7 +64,7 @@ pub fn in_situ(
 }
 
 /// What is known where gaps or gains are found in place.
-pub struct InPlace<'a> {
+pub struct InSituKnowledge<'a> {
     /// The variances of the electrodes' samples in V².
     pub noise: &'a [f64],
     /// The records.
@@ -75,7 +75,7 @@ pub struct InPlace<'a> {
     pub feedthrough: bool,
 }
 
-impl InPlace<'_> {
+impl InSituKnowledge<'_> {
     fn found(&self, plates: &[TiltingPlate<f64>], gains: &[f64]) -> Result<InSitu, FitError> {
         in_situ(plates, gains, self.noise, self.records, self.trusted, self.feedthrough)
     }

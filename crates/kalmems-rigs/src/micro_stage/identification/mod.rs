@@ -11,11 +11,11 @@ mod crests;
 mod figures;
 mod gaps;
 mod in_situ;
+mod messages;
 mod noise;
+mod rate_line;
 mod sweep;
-mod trained;
 mod waveform;
-mod words;
 
 pub use crests::{ByCrests, Crests, by_crests, crests, expected};
 pub use figures::sweep as sweep_figure;
@@ -74,7 +74,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     if let Some(index) = sweep {
         let records = records::read(experiment, &hardware, index, progress)?;
         let (points, fitted) = sweep_of(&records)?;
-        words::sweep(&mut found, &records, &fitted);
+        messages::sweep(&mut found, &records, &fitted);
         found.figures.push(figures::sweep(&points, &fitted));
         let resonator = &mut device.resonator;
         let damping = fitted.damping_ratio();
@@ -101,7 +101,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
             None => None,
         };
         let fitted = gaps::identify(experiment, &hardware, &records, off.as_ref())?;
-        words::gaps(&mut found, &hardware, &records, &fitted);
+        messages::gaps(&mut found, &hardware, &records, &fitted);
         found.figures.extend(figures::gaps(&hardware, &fitted));
         let mut names = Vec::new();
         for (electrode, by) in &fitted.electrodes {
@@ -127,8 +127,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         found.experiment.set_device(device.clone());
         entries.write(&mut found.experiment);
         stop(progress)?;
-        if let Some(line) = trained::correction(&found.experiment, &records, &fitted, progress)? {
-            words::correction(&mut found, &records, &line);
+        if let Some(line) = rate_line::correction(&found.experiment, &records, &fitted, progress)? {
+            messages::correction(&mut found, &records, &line);
             let correction = crate::micro_stage::device::RateCorrection {
                 scale: quantity(experiment, line.scale.value, "")?,
                 bias: quantity(experiment, line.bias.value, "rad/s")?,

@@ -1,7 +1,7 @@
 //! The noise of the channels from a recording without drive.
 
 use super::common_noise::CommonNoise;
-use super::{quantity, words};
+use super::{messages, quantity};
 use crate::config::{ConfigFault, Experiment, Key};
 use crate::identify::{Identification, IdentifyError, Material, STRETCH, StillRecord};
 use crate::micro_stage::device::MicroStage;
@@ -83,13 +83,13 @@ pub fn identify(
         })?;
         let channel = &mut hardware.channels[*electrode];
         channel.noise_variance = Some(still.variance);
-        words::noise(found, &name, &channel.name, &still);
+        messages::noise(found, &name, &channel.name, &still);
         if let Some(table) = device.electrodes.get_mut(&channel.name) {
             table.noise_variance = Some(quantity(experiment, still.variance, "V^2")?);
         }
         channels.push(channel.name.clone());
     }
-    words::common_noise(found, &name, &common, &channels);
+    messages::common_noise(found, &name, &common, &channels);
     found.materials.push(Material {
         name,
         role: described.role,

@@ -9,12 +9,12 @@
 //! A reference with the channel `angle` is used where a recording has one; the steady state needs it.
 
 mod amplitude;
-mod entered;
 mod figures;
+mod identified_table;
+mod messages;
 mod ring_down;
 mod settings;
 mod steady_state;
-mod words;
 
 pub use amplitude::gain_ambiguity;
 pub use ring_down::{RingDown, RingDownError, RingDownFit, fit_ring_down, integrated_capacitance, unknown};
@@ -28,7 +28,7 @@ use crate::identify::{Entries, Identification, IdentifyError, Material, exact};
 use crate::progress::Progress;
 use crate::shared_scanner::device::SharedScanner;
 use crate::units::kind;
-use entered::{NOISE_VARIANCE, WORTH_SETTING, apply_ring_down, apply_steady_state, knows_comb};
+use identified_table::{NOISE_VARIANCE, WORTH_SETTING, apply_ring_down, apply_steady_state, knows_comb};
 use kalmems_core::{Covariance, Mat};
 use kalmems_figures::number;
 
@@ -74,18 +74,18 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         Some(material) => {
             let mut settings = RingDownSettings::of(experiment)?;
             if let Some(bias) = recorded_bias(experiment, progress)? {
-                words::recorded_bias(&mut found, &material, (settings.bias, bias));
+                messages::recorded_bias(&mut found, &material, (settings.bias, bias));
                 settings.bias = bias;
             }
             let record = ring_down_of(&hardware, &material, &settings);
             let fitted = decay_of(&record, &material)?;
-            words::ring_down(&mut found, &material, &record, &fitted);
+            messages::ring_down(&mut found, &material, &record, &fitted);
             figures::ring_down(&mut found, &material, &record, &fitted);
             comb = apply_ring_down(experiment, &mut device, (&mut entries, &fitted), comb.0)?;
             ring_down = Some(fitted);
             found.materials.push(material);
         }
-        None => words::no_ring_down(&mut found),
+        None => messages::no_ring_down(&mut found),
     }
     stop(progress)?;
     match steady {
@@ -116,13 +116,13 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                 record.comb_covariance = Covariance::from_lower(Mat([[0.0, 0.0], [0.0, variance]]));
                 fitted = fit(&record)?;
             }
-            words::steady_state(&mut found, &material, &record, &fitted);
-            words::steady_state_width(&mut found, &material, width);
+            messages::steady_state(&mut found, &material, &record, &fitted);
+            messages::steady_state_width(&mut found, &material, width);
             figures::steady_state(&mut found, &material, &record, &fitted);
             apply_steady_state(experiment, &mut device, &mut entries, (&fitted, used, width))?;
             found.materials.push(material);
         }
-        other => words::no_reference(&mut found, other.as_ref(), comb.0.angular_width),
+        other => messages::no_reference(&mut found, other.as_ref(), comb.0.angular_width),
     }
     stop(progress)?;
     match still {
@@ -131,13 +131,13 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                 let why = "fewer than 32 samples, or none that varies; there is no noise to see";
                 material.unfit(why.to_owned())
             })?;
-            words::still(&mut found, &material, &fitted);
+            messages::still(&mut found, &material, &fitted);
             figures::still(&mut found, &material, &fitted);
             let place = (NOISE_VARIANCE, &mut device.readout.noise_variance);
             entries.set(experiment, place, exact(fitted.variance), "V^2")?;
             found.materials.push(material);
         }
-        None => words::no_still(&mut found),
+        None => messages::no_still(&mut found),
     }
     for material in &found.materials {
         found.notes.extend(material.diagnosis.iter().map(|finding| format!("{}: {finding}", material.name)));

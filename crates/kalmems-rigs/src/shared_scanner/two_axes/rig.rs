@@ -180,7 +180,7 @@ impl Estimator for TwoAxesEstimator<'_> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
-        segment.require_sound(&[signal_column])?;
+        segment.require_usable_signals(&[signal_column])?;
         let data = &DrivenSegment::of(&segment, drive_column, past)?;
         let drive = first_tones(settings, data, past, &segment.place)?;
         let [x, y] = drive.motions();
@@ -198,6 +198,6 @@ impl Estimator for TwoAxesEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns[1]]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns[1]]), |_| true)
     }
 }

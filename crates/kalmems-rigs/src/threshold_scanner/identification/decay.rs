@@ -1,6 +1,6 @@
 //! Mechanics, comb and delay from a free decay that both channels saw.
 
-use crate::fit::{ByDual, Fit, FitError, FitSettings, ParameterBounds, ResidualLaw, fit, outliers_beside};
+use crate::fit::{ByDual, Fit, FitError, FitSettings, ParameterBounds, ResidualLaw, fit, outliers_of_stated};
 use crate::identify::{Whiteness, fit_free_decay};
 use kalmems_core::Portable;
 use kalmems_core::{Over, Scalar};
@@ -210,7 +210,7 @@ impl DecayRecord<'_> {
                 let is_used = channel == 0 || k as f64 * self.interval_s >= quarter_s;
                 if is_used { value - fitted[channel] } else { f64::NAN }
             });
-            let is_out = outliers_beside(&left.collect::<Vec<f64>>(), 0.0)?;
+            let is_out = outliers_of_stated(&left.collect::<Vec<f64>>(), 0.0)?;
             let count = is_out.iter().filter(|is_out| **is_out).count();
             let kept =
                 values.iter().zip(is_out).map(|(value, is_out)| if is_out { f64::NAN } else { *value });

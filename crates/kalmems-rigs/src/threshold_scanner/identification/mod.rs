@@ -7,7 +7,7 @@
 mod curve;
 mod decay;
 mod figures;
-mod words;
+mod messages;
 
 pub use curve::{CurvePoint, fit_curve};
 pub use decay::{DecayError, DecayFit, DecayRecord, fit_decay, unknown};
@@ -103,7 +103,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         experiment: experiment.clone(),
         materials: Vec::new(),
     };
-    words::of(&mut identification, &material, &found);
+    messages::of(&mut identification, &material, &found);
     let entries = apply(experiment, &mut device, &found)?;
     identification.experiment.set_device(device);
     entries.write(&mut identification.experiment);

@@ -1,11 +1,11 @@
 //! Which of the likeliest numbers are put into the experiment.
 
-use super::sought::{DETERMINED, LikelihoodSearch};
+use super::likelihood_search::{DETERMINED, LikelihoodSearch};
 use crate::diagnose::answer::AnswerChange;
 use crate::diagnose::search::MostLikelySizes;
 use crate::diagnose::suspect::Suspect;
 use crate::diagnose::trial::TrialBlocks;
-use crate::identify::{CONNECTED, LikelihoodSolution, NumberStatus, TWO_SIDED, standings_beside};
+use crate::identify::{CONNECTED, LikelihoodSolution, NumberStatus, TWO_SIDED, joint_number_statuses};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// With this probability a recording of the device as it is stated does not speak against it.
@@ -66,11 +66,11 @@ impl NumberJudgement {
             is_told: &|i| spread(i) < DETERMINED,
             correlation: &correlation,
         };
-        let standings = standings_beside(&likeliest, |kept| {
+        let standings = joint_number_statuses(&likeliest, |kept| {
             let start: Vec<f64> =
                 (0..suspects.len()).map(|i| if kept[i] { 0.0 } else { found.at[i] }).collect();
             let free: Vec<bool> = kept.iter().map(|kept| !kept).collect();
-            sought.beside(suspects, &start, &free, TrialBlocks::All).map(|there| there.at).ok_or(())
+            sought.refit_blocks(suspects, &start, &free, TrialBlocks::All).map(|there| there.at).ok_or(())
         });
         let mut verdicts: Vec<NumberVerdict> = match standings {
             Ok(standings) => standings.into_iter().map(NumberVerdict::from).collect(),
@@ -96,9 +96,9 @@ impl NumberJudgement {
 impl From<NumberStatus> for NumberVerdict {
     fn from(standing: NumberStatus) -> Self {
         match standing {
-            NumberStatus::Told => Self::Written,
-            NumberStatus::Untold => Self::Untold,
-            NumberStatus::HangsOn(other) => Self::HangsOn(other),
+            NumberStatus::Determined => Self::Written,
+            NumberStatus::Undetermined => Self::Untold,
+            NumberStatus::DependsOn(other) => Self::HangsOn(other),
         }
     }
 }
@@ -145,7 +145,7 @@ fn refused(
         |sizes: &[f64], blocks| sought.run(suspects, sizes).map(|trial| trial.log_likelihood(blocks));
     // By every second block, judged on the others.
     if let Some(half) =
-        sought.beside(suspects, &with(suspects.len(), found, group), &free, TrialBlocks::Fitted)
+        sought.refit_blocks(suspects, &with(suspects.len(), found, group), &free, TrialBlocks::Fitted)
     {
         let before = sought.base.log_likelihood(TrialBlocks::HeldOut);
         let after = likelihood(&half.at, TrialBlocks::HeldOut).unwrap_or(f64::NEG_INFINITY);

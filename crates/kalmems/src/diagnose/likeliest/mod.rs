@@ -2,13 +2,13 @@
 
 mod informative;
 mod judgement;
+mod likelihood_search;
 mod outcome;
 mod prior;
-mod sought;
 
 use super::bench::{TestedRows, TrialBench};
 use super::search::MOST_SIZES;
-use super::suspect::{Suspect, What, WrittenNumber};
+use super::suspect::{NumberRole, Suspect, WrittenNumber};
 use super::{DiagnoseError, begin};
 use crate::config::get;
 use crate::config::{ConfigError, ConfigFault, Experiment, Key, RecordingRole};
@@ -16,9 +16,9 @@ use crate::identify::{Identification, IdentifyError};
 use crate::progress::Progress;
 use crate::rigs::Workbench;
 use judgement::NumberJudgement;
+use likelihood_search::LikelihoodSearch;
 use outcome::LikelihoodOutcome;
 use prior::FactorPrior;
-use sought::LikelihoodSearch;
 use toml::{Table, Value};
 
 /// Rows after the settling times that are looked at, in all.
@@ -159,9 +159,10 @@ fn chosen(experiment: &Experiment, bench: &TrialBench, all: &[Suspect]) -> Resul
         return Err(experiment.error(at(), ConfigFault::Value { why }));
     }
     let device = Key::from("device").child(experiment.device_name());
-    let single = |suspect: &&Suspect| matches!(&suspect.what, What::Factor(numbers) if numbers.len() == 1);
+    let single =
+        |suspect: &&Suspect| matches!(&suspect.what, NumberRole::Factor(numbers) if numbers.len() == 1);
     let key_of = |suspect: &Suspect| match &suspect.what {
-        What::Factor(numbers) => numbers.first().map(|number| number.key.clone()),
+        NumberRole::Factor(numbers) => numbers.first().map(|number| number.key.clone()),
         _ => None,
     };
     let mut suspects: Vec<Suspect> = Vec::new();
@@ -218,5 +219,5 @@ fn process_noise(density: &str, bench: &TrialBench) -> Result<Suspect, String> {
         format!("`{PROCESS_NOISE}{density}` is no density above 0 of the table `[estimate.process_noise]`; expected one that is stated there")
     })?;
     let sizes = [0.7, -0.7, FARTHEST, -FARTHEST].to_vec();
-    Ok(Suspect { what: What::Factor(vec![number]), sizes })
+    Ok(Suspect { what: NumberRole::Factor(vec![number]), sizes })
 }

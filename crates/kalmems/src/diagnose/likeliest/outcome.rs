@@ -2,12 +2,12 @@
 
 use super::informative::informative;
 use super::judgement::{NumberJudgement, NumberVerdict};
-use super::sought::{DETERMINED, LikelihoodSearch};
+use super::likelihood_search::{DETERMINED, LikelihoodSearch};
 use crate::config::{Experiment, KeyStep};
 use crate::diagnose::paste::changed;
 use crate::diagnose::report::{Edit, digits, rounded};
 use crate::diagnose::search::MostLikelySizes;
-use crate::diagnose::suspect::{Suspect, What};
+use crate::diagnose::suspect::{NumberRole, Suspect};
 use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
 use crate::identify::{Correlated, Identification, Identified, IdentifyError, TWO_SIDED, Undetermined};
 use crate::progress::Progress;
@@ -98,7 +98,7 @@ impl LikelihoodOutcome<'_> {
         };
         let (mut text, mut written) = (experiment.text().to_owned(), Vec::new());
         for (index, suspect) in self.suspects.iter().enumerate() {
-            let What::Factor(numbers) = &suspect.what else { continue };
+            let NumberRole::Factor(numbers) = &suspect.what else { continue };
             let (Some(number), Some(size)) = (numbers.first(), self.found.at.get(index)) else { continue };
             let (sd, [below, above]) = (self.spread(index), self.ends[index]);
             let unit = units::Unit::parse(if number.unit.is_empty() { "1" } else { &number.unit });

@@ -1,7 +1,7 @@
 //! What an experiment states of the numbers that are sought.
 
 use crate::config::{ConfigError, Experiment, cholesky};
-use crate::diagnose::suspect::{Suspect, What};
+use crate::diagnose::suspect::{NumberRole, Suspect};
 use crate::fit::Innovations;
 
 /// The distribution of the logarithms of factors before any recording: normal about 0, by the uncertainties and correlations that the file
@@ -19,7 +19,7 @@ impl FactorPrior {
     pub(super) fn of(experiment: &Experiment, suspects: &[Suspect]) -> Result<Self, ConfigError> {
         let uncertain = experiment.uncertain()?;
         let number = |suspect: &Suspect| {
-            let What::Factor(numbers) = &suspect.what else { return None };
+            let NumberRole::Factor(numbers) = &suspect.what else { return None };
             let key = &numbers.first()?.key;
             uncertain.iter().find(|number| number.key == *key)
         };

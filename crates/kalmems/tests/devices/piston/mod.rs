@@ -92,7 +92,7 @@ skip = "{skip}"
         let experiment = self.experiment(skip, filters);
         let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
         let unwritten = ComputedRecording::of(&*simulation, &Silent).unwrap();
-        let outcome = workflow::estimate_unwritten(published(), &experiment, &unwritten, &Silent).unwrap();
+        let outcome = workflow::estimate_computed(published(), &experiment, &unwritten, &Silent).unwrap();
         let metrics = Metrics::of(&outcome);
         (outcome, metrics)
     }

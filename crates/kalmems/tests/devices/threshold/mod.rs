@@ -5,7 +5,7 @@ use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::simulate::ComputedRecording;
-use kalmems::workflow::{estimate, estimate_unwritten};
+use kalmems::workflow::{estimate, estimate_computed};
 use std::path::{Path, PathBuf};
 
 pub const USUAL_CROSSINGS: &str = "{ width = \"30 us\", separation = \"300 us\", threshold = 4 }";
@@ -196,7 +196,7 @@ pub fn metrics_of(case: &Case, recording: &ComputedRecording) -> Metrics {
     let late = if case.reference.starts_with("delay") { case.reference } else { "" };
     let reference = Box::leak((named.to_owned() + late).into_boxed_str());
     let experiment = Case { reference, ..case.clone() }.experiment();
-    Metrics::of(&estimate_unwritten(published(), &experiment, recording, &Silent).unwrap())
+    Metrics::of(&estimate_computed(published(), &experiment, recording, &Silent).unwrap())
 }
 
 /// The error of the first filter's angle over the whole recording, in rad.

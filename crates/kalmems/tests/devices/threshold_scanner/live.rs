@@ -8,7 +8,7 @@ use kalmems::estimate::RecordedPassing;
 use kalmems::progress::Silent;
 use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
-use kalmems::stream::{Opened, Outputs, stream};
+use kalmems::stream::{OpenedConnection, StreamOutputs, stream};
 use kalmems::workflow::{PartsError, estimate_in_parts};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -350,9 +350,11 @@ fn a_killed_stream_goes_on_where_columns_have_a_factor_and_an_offset() {
 fn what_cannot_be_streamed_is_refused_by_name() {
     let folder = example("");
     let said = |changes: &[(&str, &str)], bytes: &[u8], words: &[&str]| {
-        let (experiment, input) =
-            (experiment(&folder, changes, ""), Box::new(Opened::new(Pieces::of(bytes.to_vec(), 1000))));
-        let error = stream(published(), &experiment, input, Outputs::default(), None, &|| false)
+        let (experiment, input) = (
+            experiment(&folder, changes, ""),
+            Box::new(OpenedConnection::new(Pieces::of(bytes.to_vec(), 1000))),
+        );
+        let error = stream(published(), &experiment, input, StreamOutputs::default(), None, &|| false)
             .unwrap_err()
             .to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");

@@ -9,7 +9,7 @@ use kalmems::recording::SampledRecording;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, WhiteNoise};
-use kalmems::workflow::estimate_unwritten;
+use kalmems::workflow::estimate_computed;
 
 /// What a fault of a size does.
 #[derive(Clone, Copy)]
@@ -137,7 +137,7 @@ impl Faulty {
 
 /// The error of the first filter's answer, in whatever unit it has.
 fn error(told: &Experiment, simulated: &ComputedRecording) -> Option<f64> {
-    let outcome = estimate_unwritten(published(), told, simulated, &Silent).ok()?;
+    let outcome = estimate_computed(published(), told, simulated, &Silent).ok()?;
     let metrics = Metrics::of(&outcome);
     let estimator = metrics.estimators().next()?;
     let angle = estimator.errors.as_ref().map(|errors| errors.angle.rmse_deg);

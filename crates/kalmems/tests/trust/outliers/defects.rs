@@ -6,7 +6,7 @@ use kalmems::estimate::TrajectoryKind;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use kalmems::simulate::ComputedRecording;
-use kalmems::workflow::estimate_unwritten;
+use kalmems::workflow::estimate_computed;
 
 const ACCELEROMETER: Of = Of::Published("accelerometer");
 
@@ -100,7 +100,7 @@ fn smoothers_and_filters_reject_the_same_samples() {
     ];
     let (experiment, mut simulated) = Of::Published("shared scanner").recorded(&settings, 615);
     super::signals::Impairment::Share(0.01).change(&mut simulated, "signal", (8e-3, 615));
-    let outcome = estimate_unwritten(published(), &experiment, &simulated, &Silent).unwrap();
+    let outcome = estimate_computed(published(), &experiment, &simulated, &Silent).unwrap();
     let trajectories = &outcome.recordings[0].segments[0].estimate.trajectories;
     let filtered = trajectories.iter().find(|t| t.kind == TrajectoryKind::Filtered).unwrap();
     assert!(filtered.rejected.len() > 30);

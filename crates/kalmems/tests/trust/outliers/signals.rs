@@ -6,7 +6,7 @@ use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics};
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, WhiteNoise, described};
-use kalmems::workflow::estimate_unwritten;
+use kalmems::workflow::estimate_computed;
 use std::path::Path;
 
 /// What happens to a signal.
@@ -121,7 +121,7 @@ pub struct Outcome {
 
 impl Outcome {
     pub fn of(experiment: &Experiment, simulated: &ComputedRecording) -> Self {
-        match estimate_unwritten(published(), experiment, simulated, &Silent) {
+        match estimate_computed(published(), experiment, simulated, &Silent) {
             Ok(outcome) => Self { metrics: Some(Metrics::of(&outcome)), refused: String::new() },
             Err(why) => Self { metrics: None, refused: why.to_string() },
         }

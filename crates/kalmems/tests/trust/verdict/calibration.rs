@@ -4,7 +4,7 @@ use crate::devices::{Device, Setting};
 use kalmems::progress::Silent;
 use kalmems::results::Output;
 use kalmems::rigs::published;
-use kalmems::study::{ClaimFinding, Options, Shard, StudyCalibrationSummary, StudyPlan, Summary};
+use kalmems::study::{ClaimFinding, Shard, StudyCalibrationSummary, StudyOptions, StudyPlan, Summary};
 use std::num::NonZero;
 
 /// A device, what of it is set, and how often it is drawn.
@@ -116,7 +116,7 @@ pub fn calibrated(device: &str, settings: &[Setting], runs: u64) -> Summary {
     std::fs::write(&file, Device::named(device).text(settings)).unwrap();
     let plan = StudyPlan::calibration(published(), &file, NonZero::new(runs)).unwrap();
     let out = folder.path().join("out");
-    let options = Options { shard: Shard::WHOLE, threads: None, force: false };
+    let options = StudyOptions { shard: Shard::WHOLE, threads: None, force: false };
     let progressed = plan.run_all(&out, options, &Silent).unwrap();
     let output = Output::begin(&out, &plan.work()).unwrap();
     let summary = plan.write_results(&[progressed.journal], &output).unwrap();

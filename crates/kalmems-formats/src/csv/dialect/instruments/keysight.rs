@@ -4,7 +4,7 @@ use super::super::units::column_name;
 use super::{DialectSearch, TextBeginning, columns, distinct, number};
 use crate::FormatError;
 use crate::csv::dialect::{ColumnOrigin, RecognizedText, marks};
-use crate::unit_words::unit_ending;
+use crate::unit_spellings::unit_ending;
 
 pub(super) fn find(text: &TextBeginning) -> DialectSearch {
     if text.cell(0) == "x-axis" {

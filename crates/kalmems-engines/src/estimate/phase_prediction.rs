@@ -10,8 +10,8 @@ use serde::Serialize;
 pub struct SideOutputs {
     /// Whether amplitude and phase of the motion stand behind the states.
     pub phase: bool,
-    /// Which zero phases are foretold, and the place of the filter that does.
-    pub foretelling: Option<(usize, PhasePrediction)>,
+    /// Which zero phases are predicted, and the place of the filter that does.
+    pub prediction: Option<(usize, PhasePrediction)>,
 }
 
 /// Which zero phases are told, and when.
@@ -106,7 +106,7 @@ impl<const N: usize> StateStep<f64, N> for SizedStatePropagation<'_, N> {
     }
 }
 
-/// Foretells the zero phases of one filter, sample by sample, each once.
+/// Predicts the zero phases of one filter, sample by sample, each once.
 #[derive(Clone, Debug)]
 pub struct PhasePredictor {
     /// The key of its filter.
@@ -167,12 +167,12 @@ impl PhasePredictor {
     }
 
     /// The times in s of the zero phases that were told last, rising and falling as the filter has them.
-    pub fn told_s(&self) -> [Option<f64>; 2] {
+    pub fn last_predicted_s(&self) -> [Option<f64>; 2] {
         self.told_s
     }
 
     /// Hears whether the filter's motion is mirrored, once that is known: then it need not be asked for both directions.
-    pub fn hear(&mut self, mirrored: Option<bool>) {
+    pub fn set_mirrored(&mut self, mirrored: Option<bool>) {
         self.wanted = mirrored.map_or([true; 2], |mirrored| self.directions(mirrored));
     }
 
@@ -214,20 +214,20 @@ impl PhasePredictor {
             };
             if let Some(event) = event {
                 let crossing = event.crossing;
-                let foretold = PredictedPhase {
+                let predicted = PredictedPhase {
                     told_s: time_s,
                     time_s: time_s + crossing.after,
                     sd_s: crossing.sd,
                     rising: place == 0,
                 };
-                told_s[place] = Some(foretold.time_s);
-                self.events.push(foretold);
+                told_s[place] = Some(predicted.time_s);
+                self.events.push(predicted);
             }
         }
     }
 
     /// Hands on what was told since it was last asked, of a motion that is mirrored or not, and counts it.
-    pub fn hand_on(&mut self, mirrored: bool) -> Vec<PredictedPhase> {
+    pub fn take_predictions(&mut self, mirrored: bool) -> Vec<PredictedPhase> {
         let [rising, falling] = self.settings.directions;
         let needed_s = self.settings.ahead_s + f64::from(self.settings.behind) * self.interval_s;
         let mut events = std::mem::take(&mut self.events);

@@ -8,34 +8,35 @@ pub const CONNECTED: f64 = 0.3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberStatus {
     /// It can.
-    Told,
+    Determined,
     /// The recordings do not tell it, or not well enough.
-    Untold,
+    Undetermined,
     /// It is told, but together with another, at this place, that is not: with that one put back to what it was it would be another.
-    HangsOn(usize),
+    DependsOn(usize),
 }
 
-/// The standing of each of `count` numbers: all or nothing of those whose errors hang together by more than [`CONNECTED`], over others too.
-pub fn standings(
+/// The status of each of `count` numbers: all or nothing of those whose errors hang together by more than [`CONNECTED`], over others too.
+pub fn number_statuses(
     count: usize,
     is_told: &dyn Fn(usize) -> bool,
     correlation: &dyn Fn(usize, usize) -> f64,
 ) -> Vec<NumberStatus> {
-    let mut standings: Vec<NumberStatus> =
-        (0..count).map(|i| if is_told(i) { NumberStatus::Told } else { NumberStatus::Untold }).collect();
-    let mut open: Vec<usize> = (0..count).filter(|i| standings[*i] == NumberStatus::Untold).collect();
+    let mut statuses: Vec<NumberStatus> = (0..count)
+        .map(|i| if is_told(i) { NumberStatus::Determined } else { NumberStatus::Undetermined })
+        .collect();
+    let mut open: Vec<usize> = (0..count).filter(|i| statuses[*i] == NumberStatus::Undetermined).collect();
     while let Some(from) = open.pop() {
-        for (to, standing) in standings.iter_mut().enumerate() {
+        for (to, status) in statuses.iter_mut().enumerate() {
             let together = correlation(from, to).abs();
             // What is not a number hangs on anything.
             let hangs = to != from && (together.is_nan() || together > CONNECTED);
-            if hangs && *standing == NumberStatus::Told {
-                *standing = NumberStatus::HangsOn(from);
+            if hangs && *status == NumberStatus::Determined {
+                *status = NumberStatus::DependsOn(from);
                 open.push(to);
             }
         }
     }
-    standings
+    statuses
 }
 
 /// Numbers that make a recording the likeliest, and what is known of them.
@@ -50,14 +51,14 @@ pub struct LikelihoodSolution<'a> {
     pub correlation: &'a dyn Fn(usize, usize) -> f64,
 }
 
-/// As [`standings`], with what a number that keeps its stated value does to the others.
+/// As [`number_statuses`], with what a number that keeps its stated value does to the others.
 ///
 /// Correlations are those at the likeliest values. What is stated of a number that keeps its value may be far from there, so that the others are
 /// sought once more beside it, by `sought` with those that are kept: one that then moves by more than its standard error hangs on it.
 ///
 /// # Errors
 /// Those of `sought`.
-pub fn standings_beside<E>(
+pub fn joint_number_statuses<E>(
     likeliest: &LikelihoodSolution,
     mut sought: impl FnMut(&[bool]) -> Result<Vec<f64>, E>,
 ) -> Result<Vec<NumberStatus>, E> {
@@ -65,17 +66,17 @@ pub fn standings_beside<E>(
     let count = at.len();
     let mut moved = vec![false; count];
     loop {
-        let mut standings = standings(count, &|i| is_told(i) && !moved[i], correlation);
-        let kept: Vec<bool> = standings.iter().map(|standing| *standing != NumberStatus::Told).collect();
+        let mut statuses = number_statuses(count, &|i| is_told(i) && !moved[i], correlation);
+        let kept: Vec<bool> = statuses.iter().map(|status| *status != NumberStatus::Determined).collect();
         let strongest = |i: usize| {
             let others = (0..count).filter(|j| !is_told(*j));
             others.max_by(|a, b| correlation(i, *a).abs().total_cmp(&correlation(i, *b).abs()))
         };
-        for (i, standing) in standings.iter_mut().enumerate().filter(|(i, _)| moved[*i]) {
-            *standing = strongest(i).map_or(NumberStatus::Untold, NumberStatus::HangsOn);
+        for (i, status) in statuses.iter_mut().enumerate().filter(|(i, _)| moved[*i]) {
+            *status = strongest(i).map_or(NumberStatus::Undetermined, NumberStatus::DependsOn);
         }
         if !kept.contains(&true) || !kept.contains(&false) {
-            return Ok(standings);
+            return Ok(statuses);
         }
         let beside = sought(&kept)?;
         let distance = |i: usize| beside.get(i).map_or(f64::INFINITY, |there| (there - at[i]).abs());
@@ -83,7 +84,7 @@ pub fn standings_beside<E>(
         let moves = |i: usize| !kept[i] && is_far(i);
         let now: Vec<bool> = (0..count).map(|i| moved[i] || moves(i)).collect();
         if now == moved {
-            return Ok(standings);
+            return Ok(statuses);
         }
         moved = now;
     }
@@ -92,7 +93,7 @@ pub fn standings_beside<E>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use NumberStatus::{HangsOn, Told, Untold};
+    use NumberStatus::{DependsOn, Determined, Undetermined};
 
     /// The second number is uncorrelated with the first at the likeliest values, and another beside what is stated of it.
     #[test]
@@ -104,13 +105,13 @@ mod tests {
             correlation: &|i, j| f64::from(u8::from(i == j)),
         };
         let mut asked = 0;
-        let found = standings_beside(&likeliest, |kept| -> Result<_, ()> {
+        let found = joint_number_statuses(&likeliest, |kept| -> Result<_, ()> {
             asked += 1;
             assert!(kept[0]);
             Ok(vec![0.0, 0.3, 0.01])
         });
-        assert_eq!((found.unwrap(), asked), (vec![Untold, HangsOn(0), Told], 2));
-        assert_eq!(standings_beside(&likeliest, |_| Err("stopped")), Err("stopped"));
+        assert_eq!((found.unwrap(), asked), (vec![Undetermined, DependsOn(0), Determined], 2));
+        assert_eq!(joint_number_statuses(&likeliest, |_| Err("stopped")), Err("stopped"));
     }
 
     /// Five numbers: the last is not told; the fourth hangs on it, the third on the fourth; the first two on each other alone.
@@ -120,9 +121,9 @@ mod tests {
         let correlation = |i: usize, j: usize| {
             pairs.iter().find(|(a, b, _)| [(i, j), (j, i)].contains(&(*a, *b))).map_or(0.0, |(.., c)| *c)
         };
-        let found = standings(5, &|i| i != 4, &correlation);
-        assert_eq!(found, [Told, Told, HangsOn(3), HangsOn(4), Untold]);
-        assert_eq!(standings(5, &|_| true, &correlation), [Told; 5]);
-        assert_eq!(standings(2, &|i| i == 0, &|_, _| f64::NAN), [HangsOn(1), Untold]);
+        let found = number_statuses(5, &|i| i != 4, &correlation);
+        assert_eq!(found, [Determined, Determined, DependsOn(3), DependsOn(4), Undetermined]);
+        assert_eq!(number_statuses(5, &|_| true, &correlation), [Determined; 5]);
+        assert_eq!(number_statuses(2, &|i| i == 0, &|_, _| f64::NAN), [DependsOn(1), Undetermined]);
     }
 }

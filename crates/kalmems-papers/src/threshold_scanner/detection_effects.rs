@@ -19,7 +19,7 @@ type DetectionEffect = ([f64; 3], [(usize, usize); 2]);
 /// What they do to each filter, behind a gate of four standard deviations and without one.
 fn harm(seed: u64) -> [DetectionEffect; 3] {
     let bench = ThresholdBench::new().unwrap();
-    let settings = bench.told(bench.device, &FILTERS);
+    let settings = bench.settings_for(bench.device, &FILTERS);
     let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(seed as usize));
     let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
     let found = crossings(&settings, &decay, &signal).unwrap();
@@ -85,7 +85,7 @@ fn slow_sixty_false_detections_do_no_harm_in_any_of_20_recordings() {
 #[test]
 fn zero_crossings_are_as_certain_as_is_told() {
     let bench = ThresholdBench::new().unwrap();
-    let settings = bench.told(bench.device, &[]);
+    let settings = bench.settings_for(bench.device, &[]);
     // Of each quarter and direction: count, sum, sum of squares, sum of what was told.
     let mut sums = [[[0.0; 4]; 2]; 4];
     for seed in 0..24 {

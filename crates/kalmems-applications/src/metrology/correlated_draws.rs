@@ -7,7 +7,11 @@ use kalmems_core::Scalar;
 use std::f64::consts::TAU;
 
 /// As many normal numbers, correlated as a budget says of its inputs' places.
-pub fn drawn(correlations: &[(usize, usize, f64)], count: usize, noise: &mut WhiteNoise) -> Vec<f64> {
+pub fn correlated_normals(
+    correlations: &[(usize, usize, f64)],
+    count: usize,
+    noise: &mut WhiteNoise,
+) -> Vec<f64> {
     let own: Vec<f64> = (0..count).map(|_| noise.sample()).collect();
     if correlations.is_empty() {
         return own;
@@ -131,7 +135,7 @@ mod tests {
         let mut noise = WhiteNoise::new(6, 0);
         let mut sum = 0.0;
         for _ in 0..50_000 {
-            let both = drawn(&[(0, 2, -0.6)], 3, &mut noise);
+            let both = correlated_normals(&[(0, 2, -0.6)], 3, &mut noise);
             sum += both[0] * both[2] / 50_000.0;
         }
         assert!((sum + 0.6).abs() < 0.02, "{sum}");

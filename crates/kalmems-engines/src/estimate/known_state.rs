@@ -4,25 +4,25 @@ use super::{MeanAndCovariance, ProcessTransition, Transition};
 use kalmems_core::{Gaussian, Over, Process, ProcessNoise};
 
 /// A step to a known state, whatever was before.
-pub struct TakenOver<const N: usize> {
+pub struct KnownStateStep<const N: usize> {
     mean: [f64; N],
     noise: ProcessNoise<f64, N>,
 }
 
-impl<const N: usize> From<Gaussian<f64, N>> for TakenOver<N> {
+impl<const N: usize> From<Gaussian<f64, N>> for KnownStateStep<N> {
     fn from(Gaussian { mean, covariance }: Gaussian<f64, N>) -> Self {
         Self { mean, noise: covariance.into() }
     }
 }
 
-impl<const N: usize> TakenOver<N> {
+impl<const N: usize> KnownStateStep<N> {
     /// As a filter takes it.
     pub fn step(&self) -> ProcessTransition<'_, Self, N> {
         ProcessTransition::new(self, &())
     }
 }
 
-impl<const N: usize> Process<f64, N> for TakenOver<N> {
+impl<const N: usize> Process<f64, N> for KnownStateStep<N> {
     type Input = ();
 
     fn step<S: Over<f64>>(&self, _: &[S; N], (): &()) -> [S; N] {
@@ -36,13 +36,13 @@ impl<const N: usize> Process<f64, N> for TakenOver<N> {
 
 /// The same for any number of states.
 #[derive(Clone, Debug)]
-pub struct TakenOverTo {
+pub struct AnyKnownStateStep {
     mean: Vec<f64>,
     covariance: Vec<f64>,
     root: Vec<f64>,
 }
 
-impl From<&MeanAndCovariance> for TakenOverTo {
+impl From<&MeanAndCovariance> for AnyKnownStateStep {
     fn from(known: &MeanAndCovariance) -> Self {
         let n = known.mean.len();
         let mut covariance = vec![0.0; n * n];
@@ -65,7 +65,7 @@ impl From<&MeanAndCovariance> for TakenOverTo {
     }
 }
 
-impl Transition for TakenOverTo {
+impl Transition for AnyKnownStateStep {
     fn advance(&self, _: &[f64], to: &mut [f64]) {
         to.copy_from_slice(&self.mean);
     }

@@ -101,16 +101,16 @@ fn undetermined(identification: &mut Identification, outcome: &AccelerometerOutc
     );
     for (index, (name, _)) in NAMES.into_iter().enumerate() {
         let why = match outcome.standings[index] {
-            NumberStatus::Told => continue,
-            NumberStatus::HangsOn(other) => format!(
+            NumberStatus::Determined => continue,
+            NumberStatus::DependsOn(other) => format!(
                 "it hangs on the {}, which the recording does not tell: both keep what the experiment says, since one without the other would \
                  be wrong; {HELP}",
                 NAMES[other].0
             ),
-            NumberStatus::Untold if outcome.found.at_bound[index] => format!(
+            NumberStatus::Undetermined if outcome.found.at_bound[index] => format!(
                 "its likelihood grows beyond a quarter or four times of what the experiment says, which keeps its value; {HELP}"
             ),
-            NumberStatus::Untold => format!(
+            NumberStatus::Undetermined => format!(
                 "its standard error is {:.0} % of it; above {:.0} % the experiment keeps the value that it had; {HELP}",
                 100.0 * outcome.deviation(index),
                 100.0 * WORTH_SETTING

@@ -116,7 +116,7 @@ impl ArrayExperiment {
     }
 
     /// Reads the experiment with what was given, and finds the noises that it leaves to its recording.
-    pub fn ready(
+    pub fn prepare(
         self,
         workbench: &Workbench,
         progress: &dyn Progress,

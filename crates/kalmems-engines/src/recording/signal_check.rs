@@ -6,7 +6,7 @@ use super::{Finding, FindingKind};
 /// is clipped, or it is another channel.
 ///
 /// What hangs or is missing for a while is told, and left to the filters, which find it as they find outliers.
-pub fn unsound<'a>(
+pub fn unusable_signal<'a>(
     diagnosis: &'a [Finding],
     columns: &[&str],
     wanted: impl Fn(&str) -> bool,

@@ -2,8 +2,8 @@
 
 use super::common_noise::CommonNoise;
 use super::gaps::GapFit;
+use super::rate_line::RateLine;
 use super::sweep::SweepFit;
-use super::trained::RateLine;
 use super::waveform::unknown;
 use crate::config::TrustedNumber;
 use crate::fit::DerivedNumber;

@@ -1,6 +1,6 @@
 //! What is said of the fits: values, what is not determined and why.
 
-use super::entered::is_known;
+use super::identified_table::is_known;
 use super::unknown::{STIFFNESS, WIDTH};
 use super::{
     RingDown, RingDownFit, SteadyState, SteadyStateFit, gain_ambiguity, integrated_capacitance, unknown,

@@ -2,7 +2,7 @@
 
 use super::answer::AnswerChange;
 use super::bench::TrialBench;
-use super::suspect::{Suspect, What};
+use super::suspect::{NumberRole, Suspect};
 use super::trial::DiagnosisTrial;
 use crate::progress::{Progress, map_on_threads, processors};
 use serde::Serialize;
@@ -47,7 +47,7 @@ pub(super) fn notes(
 ) -> Option<Vec<ScaleNote>> {
     let numbers: Vec<&Suspect> = suspects
         .iter()
-        .filter(|suspect| matches!(suspect.what, What::Factor(_) | What::InputScale { .. }))
+        .filter(|suspect| matches!(suspect.what, NumberRole::Factor(_) | NumberRole::InputScale { .. }))
         .collect();
     let work = (progress, "computing what the signal cannot tell");
     let found = map_on_threads(work, processors(), (numbers.len(), 1), |place, heard| {

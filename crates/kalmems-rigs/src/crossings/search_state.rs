@@ -1,9 +1,9 @@
 //! What is kept of a segment from one part to the next: the search for crossings, and those that were found.
 
 use super::crossing::{self, LevelCrossing};
-use super::search::{self, CrossingSearch, Rows, SearchTally, SearchedSignal};
+use super::delivery::CrossingDelivery;
+use super::search::{self, CrossingSearch, SearchTally, SearchedSignal, SignalRows};
 use super::settings::DetectorSettings;
-use super::telling::CrossingDelivery;
 use crate::config::CrossingApplication;
 use crate::estimate::{EstimateError, SignalSegment};
 use crate::spikes::{BEFORE, without_spikes};
@@ -147,8 +147,10 @@ impl SearchState {
         let first = self.first(segment);
         self.crossings.retain(|crossing| crossing.index >= first);
         let search = self.search.as_mut()?;
-        let mut found = search
-            .take(&Rows { time_s, volts: &without_spikes(signal, search.noise()), first }, segment.ends);
+        let mut found = search.take(
+            &SignalRows { time_s, volts: &without_spikes(signal, search.noise()), first },
+            segment.ends,
+        );
         let count = found.len();
         self.crossings.append(&mut found);
         Some((count, search.tally()))

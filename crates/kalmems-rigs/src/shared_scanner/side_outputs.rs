@@ -16,7 +16,7 @@ const BEHIND: u32 = 1;
 pub fn of(experiment: &Experiment, settings: &ScannerSettings) -> Result<SideOutputs, ConfigError> {
     let Some(stream) = &experiment.stream else { return Ok(SideOutputs::default()) };
     let Some(trigger) = &stream.trigger else {
-        return Ok(SideOutputs { phase: stream.phase, foretelling: None });
+        return Ok(SideOutputs { phase: stream.phase, prediction: None });
     };
     let wrong = |key: &str, why: String| {
         let key = Key::from("stream").child("trigger").child(key);
@@ -39,7 +39,7 @@ pub fn of(experiment: &Experiment, settings: &ScannerSettings) -> Result<SideOut
         );
         return Err(wrong("filter", why));
     }
-    let foretelling = PhasePrediction {
+    let prediction = PhasePrediction {
         ahead_s: trigger.ahead.si(),
         behind: BEHIND,
         directions: trigger.direction.map_or([true; 2], |direction| {
@@ -49,8 +49,8 @@ pub fn of(experiment: &Experiment, settings: &ScannerSettings) -> Result<SideOut
     };
     // Whether there can be one; the interval between samples is known better when they have come.
     let motion = (1.0 / stream.rate.si(), TAU * settings.hardware.natural_hz());
-    if let Err(why) = PhasePredictor::new(&basics.key, foretelling, motion, [None; 2]) {
+    if let Err(why) = PhasePredictor::new(&basics.key, prediction, motion, [None; 2]) {
         return Err(wrong("ahead", format!("`{}`: {why}", trigger.ahead.text())));
     }
-    Ok(SideOutputs { phase: stream.phase, foretelling: Some((place, foretelling)) })
+    Ok(SideOutputs { phase: stream.phase, prediction: Some((place, prediction)) })
 }

@@ -6,9 +6,9 @@ use crate::diagnose::bench::TrialBench;
 use crate::diagnose::cause::Cause;
 use crate::diagnose::change::TrialChange;
 use crate::diagnose::search::{CauseSearch, MostLikelySizes, most_likely_sizes};
-use crate::diagnose::suspect::{Suspect, What};
+use crate::diagnose::suspect::{NumberRole, Suspect};
 use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
-use crate::identify::{TWO_SIDED, reach};
+use crate::identify::{TWO_SIDED, likelihood_half_width};
 use crate::rigs::Workbench;
 use kalmems_core::Scalar;
 use std::convert::Infallible;
@@ -69,7 +69,7 @@ impl LikelihoodSearch<'_> {
                 continue;
             }
             let mut other = suspects.clone();
-            if let Some(What::Factor(numbers)) = other.get_mut(place).map(|suspect| &mut suspect.what) {
+            if let Some(NumberRole::Factor(numbers)) = other.get_mut(place).map(|suspect| &mut suspect.what) {
                 for number in numbers {
                     number.written = -number.written;
                 }
@@ -92,9 +92,9 @@ impl LikelihoodSearch<'_> {
         let as_states = self.as_states(suspects).filter(|sizes| likelihood(sizes) > likelihood(&zeros));
         let start = as_states.unwrap_or(zeros);
         let all = vec![true; suspects.len()];
-        let mut best = self.beside(suspects, &start, &all, TrialBlocks::All)?;
+        let mut best = self.refit_blocks(suspects, &start, &all, TrialBlocks::All)?;
         for _ in 1..SEARCHES {
-            let Some(next) = self.beside(suspects, &best.at, &all, TrialBlocks::All) else { break };
+            let Some(next) = self.refit_blocks(suspects, &best.at, &all, TrialBlocks::All) else { break };
             let gained = next.log_likelihood - best.log_likelihood;
             best = next;
             if gained < NO_GAIN {
@@ -105,7 +105,7 @@ impl LikelihoodSearch<'_> {
     }
 
     /// The same of some blocks from given sizes, of which those that are not free stay as they are, with no error of their own.
-    pub(super) fn beside(
+    pub(super) fn refit_blocks(
         &self,
         suspects: &[Suspect],
         start: &[f64],
@@ -178,7 +178,7 @@ impl LikelihoodSearch<'_> {
                 let fallen = &mut |distance: f64| {
                     Ok::<f64, Infallible>(self.fallen(suspects, found, (place, side * distance)))
                 };
-                let Ok(end) = reach(sd, ROOM, fallen);
+                let Ok(end) = likelihood_half_width(sd, ROOM, fallen);
                 end
             })
         };
@@ -200,7 +200,7 @@ impl LikelihoodSearch<'_> {
         };
         let start: Vec<f64> = (0..suspects.len()).map(|i| found.at[i] + along(i)).collect();
         let free: Vec<bool> = (0..suspects.len()).map(|i| i != place).collect();
-        let there = self.beside(suspects, &start, &free, TrialBlocks::All);
+        let there = self.refit_blocks(suspects, &start, &free, TrialBlocks::All);
         there.map_or(f64::INFINITY, |there| {
             (2.0 * (found.log_likelihood - there.log_likelihood)).max(0.0).sqrt()
         })

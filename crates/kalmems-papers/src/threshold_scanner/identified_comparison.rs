@@ -72,9 +72,9 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     })?;
     let known = mean(&bench.device, &identified);
     let wanted: Vec<&str> = COMPARED.into_iter().chain(VARIANTS).collect();
-    let told = with_densities(bench.told(known, &wanted));
-    let mut misled = bench.misled(&PUBLISHED_LEVEL, &VARIANTS);
-    for (filter, as_told) in misled.filters.iter_mut().zip(bench.told(known, &VARIANTS).filters) {
+    let told = with_densities(bench.settings_for(known, &wanted));
+    let mut misled = bench.mismatched_settings(&PUBLISHED_LEVEL, &VARIANTS);
+    for (filter, as_told) in misled.filters.iter_mut().zip(bench.settings_for(known, &VARIANTS).filters) {
         *filter = as_told;
     }
     let samples = 40_000 * (told.filters.len() + misled.filters.len()) as u64;

@@ -119,7 +119,7 @@ impl RecordingFromRows {
     fn flush(&mut self) {
         for (_, reader) in &self.columns {
             if let ColumnReader::Time(times) = reader {
-                self.block.tell_times(times);
+                self.block.set_times(times);
             }
         }
         self.pass.take(&self.block);

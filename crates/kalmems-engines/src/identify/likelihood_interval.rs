@@ -19,7 +19,11 @@ const ATTEMPTS: usize = 8;
 ///
 /// # Errors
 /// Those of `fallen`.
-pub fn reach<E>(deviation: f64, room: f64, fallen: &mut dyn FnMut(f64) -> Result<f64, E>) -> Result<f64, E> {
+pub fn likelihood_half_width<E>(
+    deviation: f64,
+    room: f64,
+    fallen: &mut dyn FnMut(f64) -> Result<f64, E>,
+) -> Result<f64, E> {
     // The next attempt follows from the last one.
     let (mut inside, mut outside) = ((0.0, 0.0), None::<(f64, f64)>);
     let mut distance = TWO_SIDED * deviation;
@@ -55,7 +59,8 @@ mod tests {
     use std::convert::Infallible;
 
     fn of(deviation: f64, room: f64, fallen: fn(f64) -> f64) -> f64 {
-        let Ok(found) = reach::<Infallible>(deviation, room, &mut |distance| Ok(fallen(distance)));
+        let Ok(found) =
+            likelihood_half_width::<Infallible>(deviation, room, &mut |distance| Ok(fallen(distance)));
         found
     }
 
