@@ -6,13 +6,13 @@
 //! this crate.
 //!
 //! ```
-//! use kalmems_papers::program::{Effort, Settings, Verdict, reproduce};
+//! use kalmems_papers::program::{Effort, ReproductionSettings, ItemVerdict, reproduce};
 //!
 //! let program = kalmems_papers::of("shared_scanner").ok_or("no paper of that device")?;
 //! let only = Some("Equation 7".to_owned());
-//! let settings = Settings { only, effort: Effort::Quick, seed: 1, threads: 1 };
+//! let settings = ReproductionSettings { only, effort: Effort::Quick, seed: 1, threads: 1 };
 //! let found = reproduce("shared_scanner", program, settings, &kalmems_engines::progress::Silent)?;
-//! assert_eq!(found.items[0].verdict(), Verdict::Reproduced);
+//! assert_eq!(found.items[0].verdict(), ItemVerdict::Reproduced);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -8,12 +8,12 @@
 //! from 0 to 1 calls for (it is printed as 1).
 //!
 //! ```
-//! use kalmems_applications::image::{Lissajous, PhaseAccuracy, Raster, Scene};
+//! use kalmems_applications::image::{Lissajous, PhaseAccuracy, Raster, TissueScene};
 //! // 300 pixels, one pixel of shift at most.
 //! let target = PhaseAccuracy::of(300, 1);
 //! assert!((target.one_pass_rad.to_degrees() - 0.38).abs() < 0.005);
 //!
-//! let scene = Scene::mucosa(1);
+//! let scene = TissueScene::mucosa(1);
 //! let mut raster = Raster::new([100, 100]);
 //! for spot in Lissajous::published(2e6).frame(20e-3) {
 //!     raster.add(spot.position, scene.intensity(spot.position));

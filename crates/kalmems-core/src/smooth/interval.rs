@@ -12,19 +12,19 @@ use core::fmt;
 /// [`smooth_interval`] shows one at work.
 ///
 /// ```
-/// use kalmems_core::smooth::Course;
-/// use kalmems_core::{Covariance, Filter, FilterError, LinearMeasurement, LinearProcess, Link, Mat};
+/// use kalmems_core::smooth::SmoothingCourse;
+/// use kalmems_core::{Covariance, Filter, FilterError, LinearMeasurement, LinearProcess, StateTransition, Mat};
 /// /// A level that walks at random, some samples missing.
 /// struct Recording<'a> {
 ///     walk: LinearProcess<f64, 1, 0>,
 ///     levels: &'a [Option<f64>],
 /// }
-/// impl<F: Filter<f64, 1>> Course<f64, F, 1> for Recording<'_> {
+/// impl<F: Filter<f64, 1>> SmoothingCourse<f64, F, 1> for Recording<'_> {
 ///     type Error = FilterError;
 ///     fn samples(&self) -> usize {
 ///         self.levels.len()
 ///     }
-///     fn advance(&mut self, filter: &mut F, _: usize) -> Result<Link<f64, 1>, FilterError> {
+///     fn advance(&mut self, filter: &mut F, _: usize) -> Result<StateTransition<f64, 1>, FilterError> {
 ///         filter.predict_linked(&self.walk, &[])
 ///     }
 ///     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), FilterError> {
@@ -107,16 +107,16 @@ impl<E: core::error::Error> core::error::Error for SmoothingError<E> {}
 /// once. The results are the same to the bit however the recording is divided.
 ///
 /// ```
-/// use kalmems_core::smooth::{Backward, Course, smooth_interval};
-/// use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearMeasurement, LinearProcess, Link, Mat};
+/// use kalmems_core::smooth::{Backward, SmoothingCourse, smooth_interval};
+/// use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearMeasurement, LinearProcess, StateTransition, Mat};
 /// /// Levels in memory, some missing, on a random walk.
 /// struct Levels<'a>(&'a [Option<f64>], LinearProcess<f64, 1, 0>);
-/// impl<F: Filter<f64, 1>> Course<f64, F, 1> for Levels<'_> {
+/// impl<F: Filter<f64, 1>> SmoothingCourse<f64, F, 1> for Levels<'_> {
 ///     type Error = FilterError;
 ///     fn samples(&self) -> usize {
 ///         self.0.len()
 ///     }
-///     fn advance(&mut self, filter: &mut F, _: usize) -> Result<Link<f64, 1>, FilterError> {
+///     fn advance(&mut self, filter: &mut F, _: usize) -> Result<StateTransition<f64, 1>, FilterError> {
 ///         filter.predict_linked(&self.1, &[])
 ///     }
 ///     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), FilterError> {
@@ -140,7 +140,7 @@ impl<E: core::error::Error> core::error::Error for SmoothingError<E> {}
 ///     Ok(())
 /// })?;
 /// assert!((means[1] - 2.0).abs() < 1e-5); // half-way
-/// # Ok::<(), kalmems_core::smooth::IntervalError<FilterError>>(())
+/// # Ok::<(), kalmems_core::smooth::SmoothingError<FilterError>>(())
 /// ```
 pub fn smooth_interval<T: Scalar, F: Clone, C: SmoothingCourse<T, F, N>, const N: usize>(
     start: &F,

@@ -34,11 +34,11 @@ pub trait Regression<const P: usize> {
 /// Residuals written once for any number, so that their derivatives follow.
 ///
 /// ```
-/// use kalmems_engines::fit::{ByDual, FitSettings, Law, fit};
+/// use kalmems_engines::fit::{ByDual, FitSettings, ResidualLaw, fit};
 /// use kalmems_core::Over;
 /// /// y = a·exp(−b·t), seen without noise.
 /// struct Decay;
-/// impl Law<2> for Decay {
+/// impl ResidualLaw<2> for Decay {
 ///     fn residuals<S: Over<f64>>(&self, p: &[S; 2], each: &mut impl FnMut(S)) {
 ///         for k in 0..20 {
 ///             let t = 0.1 * f64::from(k);

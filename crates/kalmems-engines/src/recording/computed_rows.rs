@@ -14,7 +14,7 @@ use kalmems_formats::{
 /// rounding included, but for the file's digest and length.
 ///
 /// ```
-/// use kalmems_engines::recording::{Clock, Layout, UnwrittenRecording};
+/// use kalmems_engines::recording::{Clock, Layout, RecordingFromRows};
 /// let layout = Layout {
 ///     clock: Clock::Column("time_s".to_owned()),
 ///     segment_column: None,
@@ -25,7 +25,7 @@ use kalmems_formats::{
 ///     origin: None,
 ///     restarts: None,
 /// };
-/// let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_V"], &layout)?;
+/// let mut rows = RecordingFromRows::new("recording.csv", &["time_s", "cap_V"], &layout)?;
 /// for k in 0..100 {
 ///     rows.push(&[f64::from(k) * 1e-6, f64::from(k).sin()]);
 /// }

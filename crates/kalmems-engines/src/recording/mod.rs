@@ -7,7 +7,7 @@
 //! ([`SampledRecording::origin`]). [`Stretches`] gives the same of a file of any length, a part at a time.
 //!
 //! ```no_run
-//! use kalmems_engines::recording::{Clock, Layout, Recording};
+//! use kalmems_engines::recording::{Clock, Layout, SampledRecording};
 //! let layout = Layout {
 //!     clock: Clock::Column("time_s".to_owned()),
 //!     segment_column: None,
@@ -18,7 +18,7 @@
 //!     origin: None,
 //!     restarts: None,
 //! };
-//! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
+//! let recording = SampledRecording::read("recording.csv".as_ref(), &layout)?;
 //! let readout = recording.column("cap_V")?;
 //! for segment in recording.segments() {
 //!     println!("{} rows from {} s on", readout.of(segment).len(), segment.time.start_s());

@@ -50,10 +50,10 @@ pub struct Stretch {
 /// error.
 ///
 /// ```no_run
-/// use kalmems_engines::recording::{Around, Clock, Layout, Stretches};
+/// use kalmems_engines::recording::{StretchSize, Clock, Layout, Stretches};
 /// # use std::ops::ControlFlow;
 /// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, declared: Vec::new(), hints: Default::default(), restarts: None, nominal_rate_hz: None, origin: None };
-/// let around = Around { rows: 65_536, first: 65_536, before: 0, after: 0 };
+/// let around = StretchSize { rows: 65_536, first: 65_536, before: 0, after: 0 };
 /// let mut stretches = Stretches::open("recording.csv".as_ref(), &layout, around)?;
 /// let mut sum = 0.0;
 /// while let Some(stretch) = stretches.next(&mut |_, _| ControlFlow::Continue(()))? {

@@ -29,7 +29,7 @@ use kalmems_core::Scalar;
 /// Each limit is kept by stopping the integral that would go on beyond it.
 ///
 /// ```
-/// use kalmems_models::control::{Limits, PiController, Regulator, RegulatorSettings, Stage, StartUp, Tolerance};
+/// use kalmems_models::control::{Limits, PiController, Regulator, RegulatorSettings, RegulatorStage, StartUp, Tolerance};
 /// let settings = RegulatorSettings {
 ///     interval: 1e-6,
 ///     amplitude: 0.19,
@@ -46,7 +46,7 @@ use kalmems_core::Scalar;
 /// let mut regulator = Regulator::new(settings);
 /// let command = regulator.step(None);
 /// // Nothing moves yet: the sweep has begun.
-/// assert_eq!((regulator.stage(), command.voltage), (Stage::Sweeping, 90.0));
+/// assert_eq!((regulator.stage(), command.voltage), (RegulatorStage::Sweeping, 90.0));
 /// assert!(command.rate < 9.92e4 && command.rate > 9.9199e4);
 /// ```
 #[derive(Clone, Copy, Debug)]

@@ -25,16 +25,16 @@ impl RowsNeeded {
     /// For this detector, and filters that are told as these say, in a recording of this interval in s.
     pub fn by(
         detector: Option<&DetectorSettings>,
-        tellings: impl Iterator<Item = CrossingDelivery>,
+        deliveries: impl Iterator<Item = CrossingDelivery>,
         interval_s: f64,
     ) -> Self {
         let Some(detector) = detector else { return Self::of_rows(0) };
         let window = detector.window(interval_s);
         let known_after = window.look_ahead();
         let (mut before, mut after) = (window.look_back() + BEFORE, 1);
-        for telling in tellings {
+        for delivery in deliveries {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
-            let told_after = match (telling.applied, telling.lag_s) {
+            let told_after = match (delivery.applied, delivery.lag_s) {
                 (CrossingApplication::Late, None) => continue,
                 (CrossingApplication::Late, Some(lag_s)) => (lag_s / interval_s) as usize,
                 (CrossingApplication::InPlace, _) => 0,

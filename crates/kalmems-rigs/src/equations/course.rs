@@ -124,7 +124,7 @@ impl<'a> EquationCourse<'a> {
                 let [of_time, own] = told.variances;
                 then.rate(filter.mean()).powi(2) * of_time + own
             });
-            let innovation = match told.belief {
+            let innovation = match told.acceptance {
                 EventAcceptance::Judged => filter.update_within(&then, 0.0, variance, NEVER)?,
                 EventAcceptance::Within(largest_nis) => {
                     filter.update_within(&then, 0.0, variance, largest_nis)?
@@ -132,7 +132,7 @@ impl<'a> EquationCourse<'a> {
                 EventAcceptance::ByGate => filter.update(EVENTS, &then, 0.0, variance)?,
             };
             self.log_likelihood += innovation.log_likelihood();
-            if !matches!(told.belief, EventAcceptance::Judged) {
+            if !matches!(told.acceptance, EventAcceptance::Judged) {
                 counts.crossings += 1;
                 counts.crossings_refused += usize::from(!innovation.taken);
             }

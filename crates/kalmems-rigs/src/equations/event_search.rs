@@ -22,7 +22,7 @@ impl EquationSettings {
 
     fn needed_by(&self, place: usize, event: &EventSettings, interval_s: f64) -> RowsNeeded {
         let uses = self.filters.iter().flat_map(|filter| &filter.events);
-        event.needed(uses.filter(|used| used.event == place).map(|used| used.telling), interval_s)
+        event.needed(uses.filter(|used| used.event == place).map(|used| used.delivery), interval_s)
     }
 }
 

@@ -46,7 +46,7 @@ pub struct EventMeasurement {
     /// The variance of the expression, where the file states it for this filter.
     pub variance: Option<f64>,
     /// How much of it a filter believes.
-    pub belief: EventAcceptance,
+    pub acceptance: EventAcceptance,
 }
 
 impl EventTimes<'_> {
@@ -63,7 +63,7 @@ impl EventTimes<'_> {
             time_s,
             variances: [variance + settings.time_variance, settings.variance],
             variance: used.and_then(|used| used.variance),
-            belief: used.map_or(EventAcceptance::Judged, |used| {
+            acceptance: used.map_or(EventAcceptance::Judged, |used| {
                 used.gate_nis.map_or(EventAcceptance::ByGate, EventAcceptance::Within)
             }),
         };
@@ -73,10 +73,10 @@ impl EventTimes<'_> {
             }
             FoundEvents::Crossed(crossings, first) => {
                 let timing = used.map_or(CrossingTiming::default(), |used| used.timing);
-                let telling = used.map_or(CrossingDelivery::default(), |used| used.telling);
+                let delivery = used.map_or(CrossingDelivery::default(), |used| used.delivery);
                 told.extend(crossings.iter().filter_map(|crossing| {
                     let at = crossing.at(timing)?;
-                    let row = telling.row(at.time_s, (crossing.known_at, *first), (time_s, interval_s))?;
+                    let row = delivery.row(at.time_s, (crossing.known_at, *first), (time_s, interval_s))?;
                     Some((row, one(at.time_s, at.sd_s * at.sd_s)))
                 }));
             }

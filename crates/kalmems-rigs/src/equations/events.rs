@@ -56,7 +56,7 @@ pub struct FilterEventUse {
     /// Where in time a crossing lies.
     pub timing: CrossingTiming,
     /// When the filter is told.
-    pub telling: CrossingDelivery,
+    pub delivery: CrossingDelivery,
     /// The variance of the expression; `None` takes that which follows from the event's time and its noise.
     pub variance: Option<f64>,
     /// The largest normalised innovation squared that is believed, where the file says one; the filter's own gate decides otherwise.
@@ -65,7 +65,7 @@ pub struct FilterEventUse {
 
 impl EventSettings {
     /// The rows that are needed around the new ones for it, by these filters, in a recording of this interval in s.
-    pub fn needed(&self, tellings: impl Iterator<Item = CrossingDelivery>, interval_s: f64) -> RowsNeeded {
+    pub fn needed(&self, deliveries: impl Iterator<Item = CrossingDelivery>, interval_s: f64) -> RowsNeeded {
         match self.source {
             EventTimeSource::Channel { .. } => {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count
@@ -73,7 +73,7 @@ impl EventSettings {
                 RowsNeeded::of_rows(rows)
             }
             EventTimeSource::Signal { ref detector, .. } => {
-                RowsNeeded::by(Some(detector), tellings, interval_s)
+                RowsNeeded::by(Some(detector), deliveries, interval_s)
             }
         }
     }
@@ -237,7 +237,7 @@ pub fn uses(
         uses.push(FilterEventUse {
             event: place,
             timing: stated.timing.unwrap_or_default(),
-            telling: CrossingDelivery {
+            delivery: CrossingDelivery {
                 applied: stated.applied.unwrap_or_default(),
                 lag_s: stated.lag.as_ref().map(Quantity::si),
             },

@@ -134,8 +134,8 @@ impl Rig for SharedScannerRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = ScannerSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        let beside = SideOutputs::default();
-        Ok(Box::new(ScannerEstimator { settings, columns, beside, past: Past::default(), progress }))
+        let side_outputs = SideOutputs::default();
+        Ok(Box::new(ScannerEstimator { settings, columns, side_outputs, past: Past::default(), progress }))
     }
 
     fn live<'a>(
@@ -146,8 +146,8 @@ impl Rig for SharedScannerRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = ScannerSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        let beside = side_outputs::of(experiment, &settings)?;
-        Ok(Box::new(ScannerEstimator { settings, columns, beside, past: Past::default(), progress }))
+        let side_outputs = side_outputs::of(experiment, &settings)?;
+        Ok(Box::new(ScannerEstimator { settings, columns, side_outputs, past: Past::default(), progress }))
     }
 
     fn signs_from_s(
@@ -214,7 +214,7 @@ struct ScannerEstimator<'a> {
     /// Those of drive and signal.
     columns: [&'a str; 2],
     /// What is said beside the estimates.
-    beside: SideOutputs,
+    side_outputs: SideOutputs,
     past: Past,
     progress: &'a dyn Progress,
 }
@@ -238,12 +238,12 @@ impl Estimator for ScannerEstimator<'_> {
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
         segment.require_usable_signals(&[signal_column])?;
-        past.drive.foresees = self.beside.prediction.is_some();
+        past.drive.foresees = self.side_outputs.prediction.is_some();
         let data = &DrivenSegment::of(&segment, drive_column, past)?;
         let motion = data.motion(settings.hardware.natural_hz());
         segment.require_cycles(motion.frequency_hz)?;
-        let (beside, place) = (&self.beside, &segment.place);
-        let trajectories = segment::estimate(settings, beside, data, past, place, self.progress)?;
+        let (side_outputs, place) = (&self.side_outputs, &segment.place);
+        let trajectories = segment::estimate(settings, side_outputs, data, past, place, self.progress)?;
         let axis = AngleAxis { angle: "angle", motion, drive: data.drive.sine().copied() };
         let mut remarks = sign_after_restart(part, settings.first_peak_positive.is_some());
         remarks.extend(settings.poles_left_out().filter(|_| part.begins));

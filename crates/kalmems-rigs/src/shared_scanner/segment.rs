@@ -26,7 +26,7 @@ use std::f64::consts::{PI, TAU};
 /// part of it to the next.
 pub fn estimate(
     settings: &ScannerSettings,
-    beside: &SideOutputs,
+    side_outputs: &SideOutputs,
     data: &DrivenSegment,
     past: &mut Past,
     place: &str,
@@ -40,12 +40,13 @@ pub fn estimate(
     let rate = *past.motion_rate.get_or_insert(TAU * first_hz);
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let prediction = beside.prediction.filter(|(place, _)| *place == index).map(|(_, which)| which);
+        let prediction = side_outputs.prediction.filter(|(place, _)| *place == index).map(|(_, which)| which);
         // Without a stated sign it is as the filter has it.
         let mirrored = settings.first_peak_positive.map_or(Some(false), |_| past.is_mirrored());
-        let said = FilterSideOutputs { rate, phase: beside.phase, prediction, mirrored, from_s: start_s };
+        let side_outputs =
+            FilterSideOutputs { rate, phase: side_outputs.phase, prediction, mirrored, from_s: start_s };
         let mut trajectories =
-            one(&ScannerFilterTask { settings, filter, data, place, said, progress }, past)?;
+            one(&ScannerFilterTask { settings, filter, data, place, side_outputs, progress }, past)?;
         judge(settings, data, past, &mut trajectories);
         all.append(&mut trajectories);
     }
@@ -66,19 +67,19 @@ pub fn estimate(
 ///
 /// ```
 /// use kalmems_core::SquareRootEkf;
-/// use kalmems_engines::estimate::{FilterPast, Part, Past, SignalSegment, driven::DrivenSegment};
+/// use kalmems_engines::estimate::{FilterPast, SegmentPart, Past, SignalSegment, driven::DrivenSegment};
 /// use kalmems_engines::progress::Silent;
-/// use kalmems_engines::{recording::Recording, units::kind};
-/// use kalmems_rigs::shared_scanner::{Settings, estimate_segment_with};
+/// use kalmems_engines::{recording::SampledRecording, units::kind};
+/// use kalmems_rigs::shared_scanner::{ScannerSettings, estimate_segment_with};
 /// # use std::path::Path;
 ///
 /// # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
 /// let experiment = kalmems_rigs::published().load(&root.join("examples/shared_scanner/experiment.toml"))?;
-/// let settings = Settings::of(&experiment)?;
+/// let settings = ScannerSettings::of(&experiment)?;
 /// let file = experiment.resolve(&experiment.recording(0)?.file);
-/// let recording = Recording::read(&file, &kalmems_rigs::published().rig(&experiment)?.layout(&experiment, 0)?)?;
+/// let recording = SampledRecording::read(&file, &kalmems_rigs::published().rig(&experiment)?.layout(&experiment, 0)?)?;
 ///
-/// let (part, mut past) = (Part::whole(&recording, &recording.segments()[0]), Past::default());
+/// let (part, mut past) = (SegmentPart::whole(&recording, &recording.segments()[0]), Past::default());
 /// let samples = SignalSegment::of(&part, ("cap_V", &kind::VOLTAGE), settings.skip_s, &mut past)?;
 /// let data = DrivenSegment::of(&samples, "drive_V", &mut past)?;
 /// let ekf = settings.filters.iter().find(|filter| filter.basics.key == "ekf").ok_or("no EKF")?;
@@ -106,9 +107,9 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
     if let Some((_, found)) = other.into_iter().find(|(is, _)| *is) {
         return Err(EstimateError::NotAngleAndRate { filter: basics.name.clone(), found });
     }
-    let said =
+    let side_outputs =
         FilterSideOutputs { from_s: data.scored_from(settings.skip_s), ..FilterSideOutputs::default() };
-    let task = ScannerFilterTask { settings, filter, data, place, said, progress };
+    let task = ScannerFilterTask { settings, filter, data, place, side_outputs, progress };
     let begin = |left: Option<MeanAndCovariance>| {
         let Gaussian { mean, covariance } = left.map_or_else(|| task.start(), Ok)?.gaussian();
         Ok(AnyFilter::this(make(mean, covariance)))
@@ -175,7 +176,7 @@ struct ScannerFilterTask<'a> {
     filter: &'a ScannerFilterSettings,
     data: &'a DrivenSegment<'a>,
     place: &'a str,
-    said: FilterSideOutputs,
+    side_outputs: FilterSideOutputs,
     progress: &'a dyn Progress,
 }
 
@@ -209,7 +210,7 @@ pub struct ScannerFilterRun<'a> {
     /// The variance of the signal's noise per sample, in V².
     pub noise_variance: f64,
     /// What is said beside the states.
-    pub said: FilterSideOutputs,
+    pub side_outputs: FilterSideOutputs,
     /// Where it says how far it has come.
     pub progress: &'a dyn Progress,
     /// Where it starts, or each model of a bank does, where all of the first samples say that.
@@ -270,7 +271,7 @@ impl ScannerFilterRun<'_> {
         past: &mut FilterPast,
         begin: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let FilterSideOutputs { rate, phase, from_s, .. } = self.said;
+        let FilterSideOutputs { rate, phase, from_s, .. } = self.side_outputs;
         let course = DrivenCourse::new(plant, self.noise_variance, self.data);
         let course = match self.filter.method {
             Method::HybridEkf => course.and_then(|course| course.in_steps(HYBRID_STEPS)),
@@ -290,7 +291,7 @@ impl ScannerFilterRun<'_> {
 
     /// What predicts zero phases on the filter's way, where it is to.
     fn phase_predictor(&self, past: &mut FilterPast) -> Result<Option<PhasePredictor>, EstimateError> {
-        let FilterSideOutputs { rate, mirrored, prediction: Some(prediction), .. } = self.said else {
+        let FilterSideOutputs { rate, mirrored, prediction: Some(prediction), .. } = self.side_outputs else {
             return Ok(None);
         };
         let mut predictor = if let Some(predictor) = past.predictor.take() {
@@ -308,8 +309,8 @@ impl ScannerFilterRun<'_> {
 impl ScannerFilterTask<'_> {
     fn follower(&self) -> ScannerFilterRun<'_> {
         let (filter, noise_variance) = (&self.filter.basics, self.settings.hardware.noise_variance);
-        let (data, said, progress) = (self.data, self.said, self.progress);
-        ScannerFilterRun { filter, data, noise_variance, said, progress, starts: Vec::new() }
+        let (data, side_outputs, progress) = (self.data, self.side_outputs, self.progress);
+        ScannerFilterRun { filter, data, noise_variance, side_outputs, progress, starts: Vec::new() }
     }
 
     fn bank<P: Plant>(&self, plants: &[P], past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {

@@ -161,8 +161,8 @@ fn told(
 ) -> Option<(usize, DeliveredCrossing)> {
     let taken = crossing.at(threshold.map_or(CrossingTiming::default(), |threshold| threshold.timing))?;
     let judged = crossing.at(CrossingTiming::default()).or(crossing.fallback).unwrap_or(taken);
-    let telling = threshold.map_or(CrossingDelivery::default(), |threshold| threshold.telling);
-    let sample = telling.row(taken.time_s, (crossing.known_at, first), (data.time_s, data.interval_s))?;
+    let delivery = threshold.map_or(CrossingDelivery::default(), |threshold| threshold.delivery);
+    let sample = delivery.row(taken.time_s, (crossing.known_at, first), (data.time_s, data.interval_s))?;
     Some((sample, DeliveredCrossing { taken, judged }))
 }
 

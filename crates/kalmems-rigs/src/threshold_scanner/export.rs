@@ -31,7 +31,7 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<ExportableFilte
             "its crossings are accepted by a rate of false alarms; give `threshold` in `[estimate.crossings]`",
         );
     };
-    let told = (threshold.timing, threshold.telling.applied, threshold.telling.lag_s, threshold.angle_sd);
+    let told = (threshold.timing, threshold.delivery.applied, threshold.delivery.lag_s, threshold.angle_sd);
     let (CrossingTiming::ZeroCrossing, CrossingApplication::Late, None, None) = told else {
         return refuse(
             "it takes crossings otherwise than by their zero as soon as they are known; leave `timing`, `applied`, `lag` and `angle_sd` out",

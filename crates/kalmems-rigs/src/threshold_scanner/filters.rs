@@ -40,7 +40,7 @@ pub struct ThresholdSettings {
     /// Where in time a crossing lies.
     pub timing: CrossingTiming,
     /// When the filter is told.
-    pub telling: CrossingDelivery,
+    pub delivery: CrossingDelivery,
     /// The angle in rad.
     pub angle: f64,
     /// Its standard deviation in rad; `None` takes that which follows from the crossing's time.
@@ -149,7 +149,7 @@ impl ThresholdFilterSettings {
             signal_variance: filter.signal_variance.as_ref().map_or(hardware.noise_variance, Quantity::si),
             threshold: filter.threshold.as_ref().map(|threshold| ThresholdSettings {
                 timing: threshold.timing,
-                telling: CrossingDelivery {
+                delivery: CrossingDelivery {
                     applied: threshold.applied,
                     lag_s: threshold.lag.as_ref().map(Quantity::si),
                 },

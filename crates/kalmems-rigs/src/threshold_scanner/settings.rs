@@ -61,7 +61,7 @@ impl ThresholdScannerSettings {
 impl ThresholdScannerSettings {
     /// How filters are told of crossings.
     pub fn deliveries(&self) -> impl Iterator<Item = CrossingDelivery> + '_ {
-        self.filters.iter().filter_map(|filter| filter.threshold.map(|threshold| threshold.telling))
+        self.filters.iter().filter_map(|filter| filter.threshold.map(|threshold| threshold.delivery))
     }
 
     /// How crossings are looked for. Where the file asks for none they are looked for all the same, to see that the signal is

@@ -8,11 +8,11 @@
 //! together.
 //!
 //! ```
-//! use kalmems::{diagnose::{self, Finding}, progress::Silent, rigs};
+//! use kalmems::{diagnose::{self, DiagnosisFinding}, progress::Silent, rigs};
 //! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
 //! let experiment = rigs::published().load(&root.join("examples/accelerometer/experiment.toml"))?;
 //! let diagnosis = diagnose::diagnose(rigs::published(), &experiment, None, &Silent)?;
-//! assert_eq!(diagnosis.finding, Finding::NothingToChange);
+//! assert_eq!(diagnosis.finding, DiagnosisFinding::NothingToChange);
 //! # Ok::<(), diagnose::DiagnoseError>(())
 //! ```
 

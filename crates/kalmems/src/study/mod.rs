@@ -13,7 +13,7 @@
 //! ```
 //! use kalmems::progress::Silent;
 //! use kalmems::results::Output;
-//! use kalmems::study::{Options, Plan, Shard};
+//! use kalmems::study::{StudyOptions, StudyPlan, Shard};
 //! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
 //! # let folder = tempfile::tempdir()?;
 //! # let simulation = std::fs::read_to_string(root.join("examples/shared_scanner/simulation.toml"))?
@@ -29,8 +29,8 @@
 //!     key = "simulate.start.angle"
 //!     values = ["0.01 rad", "0.05 rad"]
 //! "#)?;
-//! let plan = Plan::load(kalmems::rigs::published(), &file)?;
-//! let all = Options { shard: Shard::WHOLE, threads: None, force: false };
+//! let plan = StudyPlan::load(kalmems::rigs::published(), &file)?;
+//! let all = StudyOptions { shard: Shard::WHOLE, threads: None, force: false };
 //! let progressed = plan.run_all(&out, all, &Silent)?;
 //! let output = Output::begin(&out, &plan.work())?;
 //! let summary = plan.write_results(&[progressed.journal], &output)?;

@@ -344,7 +344,7 @@ impl GapFitTask<'_> {
             // The motions are as late as the vibrometer shows them.
             delay_s: self.on.delay_s,
             scale_known: true,
-            sought: ElectrodeUnknowns::Both,
+            unknowns: ElectrodeUnknowns::Both,
             feedthrough: self.by_harmonics,
         };
         let fit = waveforms.fit().map_err(|why| self.fit_error(why))?;
@@ -491,7 +491,7 @@ pub(super) fn alone<'a>(
         records,
         delay_s: 0.0,
         scale_known: false,
-        sought: ElectrodeUnknowns::Gaps,
+        unknowns: ElectrodeUnknowns::Gaps,
         feedthrough,
     }
 }

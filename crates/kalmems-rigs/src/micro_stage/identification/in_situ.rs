@@ -35,7 +35,7 @@ pub fn in_situ(
     for record in records {
         let one = [record.clone()];
         let waveforms = Waveforms {
-            sought: if is_gain { ElectrodeUnknowns::Gaps } else { ElectrodeUnknowns::Gains },
+            unknowns: if is_gain { ElectrodeUnknowns::Gaps } else { ElectrodeUnknowns::Gains },
             ..alone(plates, gains, noise, &one, feedthrough)
         };
         let fit = waveforms.fit()?;
@@ -88,7 +88,7 @@ impl InSituKnowledge<'_> {
         (names, directions): (&[&str], &[Direction]),
     ) -> Result<(InSitu, Vec<Vec<f64>>), FitError> {
         let found = self.found(plates, gains)?;
-        let (trusted, sought, number) = match self.trusted {
+        let (trusted, unknown, number) = match self.trusted {
             TrustedNumber::Gap => (0, 1, "gap"),
             TrustedNumber::Gain => (1, 0, "gain"),
         };
@@ -96,7 +96,7 @@ impl InSituKnowledge<'_> {
         let mut covariance = vec![vec![0.0; count]; count];
         for (i, row) in found.covariance.iter().enumerate() {
             for (j, value) in row.iter().enumerate() {
-                covariance[2 * i + sought][2 * j + sought] = *value;
+                covariance[2 * i + unknown][2 * j + unknown] = *value;
             }
         }
         for direction in directions {
@@ -115,7 +115,7 @@ impl InSituKnowledge<'_> {
             }
             let other = self.found(&plates, &gains)?;
             for (place, (own, other)) in found.electrodes.iter().zip(&other.electrodes).enumerate() {
-                moved[2 * place + sought] = other[sought].value - own[sought].value;
+                moved[2 * place + unknown] = other[unknown].value - own[unknown].value;
             }
             for (row, by) in covariance.iter_mut().zip(&moved) {
                 row.iter_mut().zip(&moved).for_each(|(entry, other)| *entry += by * other);

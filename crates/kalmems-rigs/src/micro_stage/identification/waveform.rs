@@ -81,7 +81,7 @@ pub struct Waveforms<'a> {
     /// Whether the motion's size is known, as a vibrometer says it.
     pub scale_known: bool,
     /// What of the electrodes is searched for.
-    pub sought: ElectrodeUnknowns,
+    pub unknowns: ElectrodeUnknowns,
     /// Whether the signals have feedthrough that nothing has taken away: it is fitted, and what is then left to
     /// determine gap and gain is the harmonics.
     pub feedthrough: bool,
@@ -103,12 +103,12 @@ impl Waveforms<'_> {
         let largest = self.records.iter().map(|record| record.angle.amplitude).fold(0.0, f64::max);
         for (i, plate) in self.plates.iter().enumerate().take(ELECTRODES) {
             let (gap, gain) = (unknown::gap(i), unknown::gain(i));
-            (start[gap], free[gap]) = (plate.gap, self.sought != ElectrodeUnknowns::Gains);
+            (start[gap], free[gap]) = (plate.gap, self.unknowns != ElectrodeUnknowns::Gains);
             // The plates stay apart; where the scale is searched for, it is the scale that gives way.
             let contact = plate.w1.abs().max(plate.w2.abs()) * largest.portable_tan();
             bounds[gap] = ParameterBounds { low: 1.02 * contact, high: f64::INFINITY };
             start[gap] = start[gap].max(1.1 * contact);
-            (start[gain], free[gain]) = (self.gains[i], self.sought != ElectrodeUnknowns::Gaps);
+            (start[gain], free[gain]) = (self.gains[i], self.unknowns != ElectrodeUnknowns::Gaps);
             free[unknown::offset(i)] = true;
             for index in unknown::feedthrough(i) {
                 free[index] = self.feedthrough;
@@ -234,9 +234,9 @@ pub struct Indeterminate {
 /// Θ → c·Θ, D_n → c·D_n, η → c·η leaves the waveform as it is but for tan θ against θ, a part in 10⁶ at 2 mrad: the
 /// singular value is that small, and the standard error that large.
 pub fn indeterminate(waveforms: &Waveforms) -> Result<Indeterminate, FitError> {
-    let all = Waveforms { scale_known: false, sought: ElectrodeUnknowns::Both, ..waveforms.clone() };
+    let all = Waveforms { scale_known: false, unknowns: ElectrodeUnknowns::Both, ..waveforms.clone() };
     // At the best waveform with trusted gains; the direction is the same at every point of the line that it runs along.
-    let trusted = Waveforms { sought: ElectrodeUnknowns::Gaps, ..all.clone() }.fit()?;
+    let trusted = Waveforms { unknowns: ElectrodeUnknowns::Gaps, ..all.clone() }.fit()?;
     let p = trusted.parameters;
     let logarithms: [f64; UNKNOWNS] = array::from_fn(|i| {
         let (electrode, place) = (i.saturating_sub(2) / EACH, i.saturating_sub(2) % EACH);

@@ -157,7 +157,7 @@ impl TwoAxisFilterTask<'_> {
             filter,
             data: self.data,
             noise_variance,
-            said: FilterSideOutputs::default(),
+            side_outputs: FilterSideOutputs::default(),
             progress: self.progress,
             starts: Vec::new(),
         }
