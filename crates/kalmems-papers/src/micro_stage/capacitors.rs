@@ -61,7 +61,7 @@ fn parameters(work: &PartWork) -> Result<Item, ReproduceError> {
             records: &records,
             delay_s: 0.0,
             scale_known: true,
-            sought: ElectrodeUnknowns::Both,
+            unknowns: ElectrodeUnknowns::Both,
             feedthrough: false,
         };
         let fit = waveforms.fit();

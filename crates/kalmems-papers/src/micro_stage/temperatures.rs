@@ -176,7 +176,7 @@ impl Temperature {
             records: &self.training(seed),
             delay_s: 0.0,
             scale_known: true,
-            sought: ElectrodeUnknowns::Both,
+            unknowns: ElectrodeUnknowns::Both,
             feedthrough: false,
         };
         let fit = waveforms.fit().map_err(failed(HEAD.key))?;

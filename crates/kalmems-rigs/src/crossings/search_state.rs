@@ -63,7 +63,7 @@ impl RowsNeeded {
     }
 }
 
-/// What is kept.
+/// The search for crossings and what it found, carried from one part of a segment to the next.
 pub struct SearchState {
     /// Where crossings are looked for.
     search: Option<CrossingSearch>,

@@ -213,7 +213,7 @@ struct ScannerEstimator<'a> {
     settings: ScannerSettings,
     /// Those of drive and signal.
     columns: [&'a str; 2],
-    /// What is said beside the estimates.
+    /// What it gives besides the estimates.
     side_outputs: SideOutputs,
     past: Past,
     progress: &'a dyn Progress,

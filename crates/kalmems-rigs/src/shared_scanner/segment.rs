@@ -155,7 +155,7 @@ fn turn_phase(trajectory: &mut Trajectory) {
     }
 }
 
-/// What is said of a filter beside its states.
+/// What a filter gives besides its states.
 #[derive(Clone, Copy, Default)]
 pub struct FilterSideOutputs {
     /// The rate of the motion in rad/s.
@@ -209,7 +209,7 @@ pub struct ScannerFilterRun<'a> {
     pub data: &'a DrivenSegment<'a>,
     /// The variance of the signal's noise per sample, in V².
     pub noise_variance: f64,
-    /// What is said beside the states.
+    /// What it gives besides the states.
     pub side_outputs: FilterSideOutputs,
     /// Where it says how far it has come.
     pub progress: &'a dyn Progress,

@@ -1,4 +1,4 @@
-//! What is said of samples that arrive beside their estimates.
+//! What an estimator of arriving samples gives besides estimates: amplitude, phase and predicted zero phases.
 
 use super::settings::ScannerSettings;
 use crate::config::{ConfigError, ConfigFault, Experiment, Key, Method, TriggerDirection};

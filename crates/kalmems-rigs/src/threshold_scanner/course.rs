@@ -31,7 +31,7 @@ pub struct ThresholdCourse<'a> {
     log_likelihood: f64,
 }
 
-/// A crossing as a filter is told of it.
+/// A crossing as it is delivered to a filter.
 #[derive(Clone, Copy)]
 struct DeliveredCrossing {
     /// Where in time the filter takes it to lie.

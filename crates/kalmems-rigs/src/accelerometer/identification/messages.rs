@@ -1,4 +1,4 @@
-//! What is said of the identification.
+//! Messages about the identification.
 
 use super::likelihood::unknown;
 use super::record::IdentificationRecord;

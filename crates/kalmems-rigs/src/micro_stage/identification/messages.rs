@@ -1,4 +1,4 @@
-//! What is said of the fits: values, what is not determined and why.
+//! Messages about the fits: values, what is not determined and why.
 
 use super::common_noise::CommonNoise;
 use super::gaps::GapFit;

@@ -1,4 +1,4 @@
-//! What is said of the fit: values, what is not determined and why.
+//! Messages about the fit: values, what is not determined and why.
 
 use super::{DecayResult, WORTH_SETTING, is_known, unknown};
 use crate::fit::DerivedNumber;
