@@ -261,7 +261,7 @@ fn waveforms<'a>(plates: &'a [TiltingPlate<f64>], records: &'a [WaveRecord]) -> 
         records,
         delay_s: 0.0,
         scale_known: true,
-        sought: ElectrodeUnknowns::Both,
+        unknowns: ElectrodeUnknowns::Both,
         feedthrough: false,
     }
 }
