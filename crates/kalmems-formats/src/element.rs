@@ -145,7 +145,7 @@ impl Element {
         let cells = records(raw, offset, stride, self.bytes).take(rows);
         match (self.kind, self.bytes) {
             (ElementKind::Unsigned | ElementKind::Signed, _) => {
-                out.extend(cells.map(|b| times.integer(self.integer(b))))
+                out.extend(cells.map(|b| times.integer(self.integer(b))));
             }
             (ElementKind::Float, 4) if self.big_endian => {
                 out.extend(cells.map(|b| times.single(f32::from_be_bytes(array(b)))));
@@ -166,7 +166,7 @@ impl Element {
         out.clear();
         match self.kind {
             ElementKind::Unsigned | ElementKind::Signed => {
-                out.extend_from_slice(self.integer(raw).to_string().as_bytes())
+                out.extend_from_slice(self.integer(raw).to_string().as_bytes());
             }
             _ => {
                 let mut number = Vec::with_capacity(1);

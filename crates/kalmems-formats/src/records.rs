@@ -395,7 +395,7 @@ impl RecordTable {
                     text = code.label(raw).into_bytes();
                 }
                 CellKind::Text { lane, offset, bytes, code } => {
-                    code.read(cell(lane, offset, bytes), &mut text)
+                    code.read(cell(lane, offset, bytes), &mut text);
                 }
                 CellKind::Texts { lane } => {
                     text.clear();

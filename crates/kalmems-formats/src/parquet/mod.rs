@@ -542,7 +542,7 @@ impl RowsToRead<'_> {
             match &mut out {
                 OutputColumn::Numbers(out) => out.push(value.map_or(f64::NAN, &mut number)),
                 OutputColumn::Labels(out) => {
-                    push_label(out, self.row + row, &value.map_or_else(Vec::new, &label))
+                    push_label(out, self.row + row, &value.map_or_else(Vec::new, &label));
                 }
             }
         }

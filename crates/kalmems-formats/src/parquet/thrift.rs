@@ -95,7 +95,7 @@ impl ThriftReader<'_> {
             self.place.push(last);
             match (head & 15, kind) {
                 (flag @ (1 | 2), None | Some(ThriftKind::Flag)) => {
-                    (self.each)(&self.place, i64::from(flag == 1))
+                    (self.each)(&self.place, i64::from(flag == 1));
                 }
                 (code, kind) => self.value(code, kind, depth)?,
             }

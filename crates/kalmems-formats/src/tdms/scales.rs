@@ -116,7 +116,7 @@ pub(super) fn steps(objects: [Option<&Properties>; 3]) -> Result<Vec<ScalingStep
         };
         match kind {
             "Linear" => {
-                steps.push(ScalingStep::Linear { factor: own("Slope")?, offset: own("Y_Intercept")? })
+                steps.push(ScalingStep::Linear { factor: own("Slope")?, offset: own("Y_Intercept")? });
             }
             "Polynomial" => {
                 let count =

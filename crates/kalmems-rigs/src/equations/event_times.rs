@@ -69,7 +69,7 @@ impl EventTimes<'_> {
         };
         match &self.found {
             FoundEvents::Recorded(rows) => {
-                told.extend(rows.iter().map(|(row, at_s)| (*row, one(*at_s, 0.0))))
+                told.extend(rows.iter().map(|(row, at_s)| (*row, one(*at_s, 0.0))));
             }
             FoundEvents::Crossed(crossings, first) => {
                 let timing = used.map_or(CrossingTiming::default(), |used| used.timing);

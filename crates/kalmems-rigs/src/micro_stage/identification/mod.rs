@@ -112,11 +112,10 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
             entries.set(experiment, (&gain, &mut table.gain), by.gain, "V ohm")?;
             names.extend([gap, gain]);
             if let Some(feedthrough) = by.feedthrough {
-                let of_drive = crate::micro_stage::device::DriveFeedthrough {
+                table.feedthrough = Some(crate::micro_stage::device::DriveFeedthrough {
                     gain: quantity(experiment, feedthrough[0], "")?,
                     slope: quantity(experiment, feedthrough[1], "s")?,
-                };
-                table.feedthrough = Some(of_drive);
+                });
             }
         }
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
