@@ -12,7 +12,7 @@ use core::array;
 /// the state at the start, process noise aside, in units of the scales. No product HᵀR⁻¹H is formed, so that
 /// weak directions are seen down to the rounding of 𝒪 and not of its square.
 ///
-/// The rows are linearised along the trajectory: `transition` of a [`Link`](crate::Link), and
+/// The rows are linearised along the trajectory: `transition` of a [`StateTransition`](crate::StateTransition), and
 /// [`linearize`](crate::Measurement::linearize) of the measurement. The state looked for is the one at the
 /// start; where everything decays, what comes late tells nothing of it.
 ///

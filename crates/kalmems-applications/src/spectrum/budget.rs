@@ -98,7 +98,7 @@ pub fn budget(
 const NODES: usize = 33;
 
 /// What the stated errors of the path may be wrong by at each wavenumber of a spectrum, in its unit: the root of the sum of the squares of all
-/// [contributions](Contribution), each as the shift of a line there times the slope of the spectrum and as what is lost of its height. `None`
+/// [contributions](LineErrorContribution), each as the shift of a line there times the slope of the spectrum and as what is lost of its height. `None`
 /// where no error is stated.
 ///
 /// It is the same in all scans, and no number of scans makes it smaller.

@@ -143,7 +143,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
         Ok(Self { settings, weights, cycle, samples: 0, told: None, rest: zero, before: None, missed: 0 })
     }
 
-    /// Goes on where another one was left, by what its [`told`](Self::told) was at the sample before the next one.
+    /// Goes on where another one was left, by what its [`last_predicted`](Self::last_predicted) was at the sample before the next one.
     #[must_use]
     pub fn resumed(self, told: Option<P>) -> Self {
         Self { told, ..self }

@@ -18,7 +18,7 @@ const ADDS: f64 = 0.3;
 /// What becomes of each number, and why.
 ///
 /// The numbers whose errors hang together by more than 0.3 are one group. A group is written where all of it is determined to 30 %, by
-/// [`standings_beside`], and where writing it cannot make the estimate worse than it was:
+/// [`joint_number_statuses`], and where writing it cannot make the estimate worse than it was:
 ///
 /// - with the numbers of one half of the recordings the innovations of the other half are not less likely than chance allows
 ///   (cross-validation), and
