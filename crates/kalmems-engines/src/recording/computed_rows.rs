@@ -14,9 +14,9 @@ use kalmems_formats::{
 /// rounding included, but for the file's digest and length.
 ///
 /// ```
-/// use kalmems_engines::recording::{Clock, Layout, RecordingFromRows};
-/// let layout = Layout {
-///     clock: Clock::Column("time_s".to_owned()),
+/// use kalmems_engines::recording::{TimeSource, RecordingLayout, RecordingFromRows};
+/// let layout = RecordingLayout {
+///     clock: TimeSource::Column("time_s".to_owned()),
 ///     segment_column: None,
 ///     columns: Some(vec!["cap_V".to_owned()]),
 ///     declared: Vec::new(),

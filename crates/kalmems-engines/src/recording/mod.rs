@@ -7,9 +7,9 @@
 //! ([`SampledRecording::origin`]). [`Stretches`] gives the same of a file of any length, a part at a time.
 //!
 //! ```no_run
-//! use kalmems_engines::recording::{Clock, Layout, SampledRecording};
-//! let layout = Layout {
-//!     clock: Clock::Column("time_s".to_owned()),
+//! use kalmems_engines::recording::{TimeSource, RecordingLayout, SampledRecording};
+//! let layout = RecordingLayout {
+//!     clock: TimeSource::Column("time_s".to_owned()),
 //!     segment_column: None,
 //!     columns: Some(vec!["cap_V".to_owned()]),
 //!     declared: Vec::new(),

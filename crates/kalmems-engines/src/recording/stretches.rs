@@ -50,9 +50,9 @@ pub struct Stretch {
 /// error.
 ///
 /// ```no_run
-/// use kalmems_engines::recording::{StretchSize, Clock, Layout, Stretches};
+/// use kalmems_engines::recording::{StretchSize, TimeSource, RecordingLayout, Stretches};
 /// # use std::ops::ControlFlow;
-/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, declared: Vec::new(), hints: Default::default(), restarts: None, nominal_rate_hz: None, origin: None };
+/// let layout = RecordingLayout { clock: TimeSource::Column("time_s".to_owned()), segment_column: None, columns: None, declared: Vec::new(), hints: Default::default(), restarts: None, nominal_rate_hz: None, origin: None };
 /// let around = StretchSize { rows: 65_536, first: 65_536, before: 0, after: 0 };
 /// let mut stretches = Stretches::open("recording.csv".as_ref(), &layout, around)?;
 /// let mut sum = 0.0;
