@@ -123,8 +123,8 @@ fn a_scale_of_the_readout_is_the_deviation_of_the_gain() {
     }
 }
 
-/// The part of the drive that reaches the signal, in V per V.
-const FEEDTHROUGH: f64 = 2e-3;
+/// How large the part of the drive that reaches the signal is, in standard deviations of the noise.
+const FEEDTHROUGH: f64 = 30.0;
 
 /// With the feedthrough as a state a filter says how much of the drive there is in the signal, and passes; without it, it does not.
 #[test]
@@ -138,24 +138,30 @@ fn the_feedthrough_of_the_drive_is_found_as_a_state_of_three_devices() {
         let (experiment, mut spoilt) = recorded(&settings);
         let mut drive = Vec::new();
         assert!(spoilt.clone().change_recorded("drive", |volts, _| drive = volts.to_vec()));
+        let largest = drive.iter().fold(0.0_f64, |largest, volts| largest.max(volts.abs()));
+        let mut truth = f64::NAN;
         assert!(spoilt.change_recorded(&signals(&experiment)[0], |values, _| {
-            values.iter_mut().zip(&drive).for_each(|(y, volts)| *y += FEEDTHROUGH * volts);
+            truth = FEEDTHROUGH * noise(values) / largest;
+            values.iter_mut().zip(&drive).for_each(|(y, volts)| *y += truth * volts);
         }));
         let without = Outcome::of(&experiment, &spoilt);
         let mut told = settings.clone();
-        told.push(("estimate.filter.0.readout", "{ feedthrough = { start_sd = \"1e-2\" } }".to_owned()));
+        told.push((
+            "estimate.filter.0.readout",
+            format!("{{ feedthrough = {{ start_sd = \"{:e}\" }} }}", 3.0 * truth),
+        ));
         let (experiment, _) = recorded(&told);
         let with = Outcome::of(&experiment, &spoilt);
         let found = first_trajectory(&experiment, &spoilt);
         let state = found.state("readout_feedthrough").unwrap();
         let (mean, sd) = (state.mean.last().unwrap(), state.sd.last().unwrap());
         println!(
-            "{name}: {mean:e} ± {sd:e} of {FEEDTHROUGH:e}; error {:.3e} without, {:.3e} with, {}",
+            "{name}: {mean:e} ± {sd:e} of {truth:e}; error {:.3e} without, {:.3e} with, {}",
             without.error(),
             with.error(),
             with.refused
         );
-        assert!((mean - FEEDTHROUGH).abs() < 4.0 * sd && *sd < 0.1 * FEEDTHROUGH, "{name}: {mean} ± {sd}");
+        assert!((mean - truth).abs() < 4.0 * sd && *sd < 0.1 * truth, "{name}: {mean} ± {sd} of {truth}");
         assert!(with.passes(), "{name}: {:?}", with.first().map(|first| first.grade));
         assert!(!without.passes(), "{name} passes with a feedthrough");
     }
