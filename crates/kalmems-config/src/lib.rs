@@ -74,7 +74,7 @@ pub use outliers::{Gate, Update};
 pub use patch::{absent, get, put};
 pub use quantity::{FROM_RECORDING, Quantity, noise_schema, with_sd, written};
 pub use reader::read_source;
-pub use readout::{Line, MOST_LINES, Readout};
+pub use readout::{ColouredNoise, Line, MOST_LINES, Readout};
 pub use recording::{Channels, Recording, Reference, Role, Segments};
 pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};
 pub use schema::{experiment_schema, schema_of};

@@ -197,6 +197,10 @@ impl<C: Course> Course for Started<C> {
         if self.is_silent { &self.none } else { self.course.further_innovations() }
     }
 
+    fn drive(&self, k: usize) -> Option<f64> {
+        self.course.drive(k)
+    }
+
     fn derived(&self) -> Option<Derived> {
         self.course.derived()
     }
