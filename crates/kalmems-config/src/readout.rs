@@ -1,6 +1,6 @@
 //! What of a filter's recording is between the sensor and the file.
 
-use super::kinds::Frequency;
+use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
 use super::sign::Positive;
 use super::values::AnyValue;
@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 /// The most lines of a filter.
 pub const MOST_LINES: usize = 2;
 
-/// Constants between the sensor and the recording that a filter has as states, about 0: the recording is
-/// (1 + scale)·signal + offset + lines.
+/// What is between the sensor and the recording, as states of a filter with the mean 0: the recording is
+/// (1 + scale)·signal + offset + feedthrough·drive + lines + coloured noise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReadoutConstants {
@@ -23,9 +23,28 @@ pub struct ReadoutConstants {
     /// the whole signal that is the gain's deviation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<TrackedState>,
+    /// How much of the drive is added to the signal at the same sample, in V per V, such as `{ start_sd = "1e-4" }`. For a device with one
+    /// drive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub feedthrough: Option<TrackedState>,
     /// Lines of known frequencies, such as the mains': at most two.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lines: Vec<InterferenceLine>,
+    /// Noise that a sample shares with those before it, beside the readout's white noise, such as `{ sd = "1 mV", time = "100 us" }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coloured_noise: Option<ColouredNoise>,
+}
+
+/// Stationary noise of first order (Gauss-Markov): its autocovariance after a time t is sd²·e^(−t/time).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ColouredNoise {
+    /// Its standard deviation, in the signal's unit.
+    #[schemars(example = &"1 mV")]
+    pub sd: AnyValue,
+    /// Its correlation time.
+    #[schemars(example = &"100 us")]
+    pub time: Quantity<Time, Positive>,
 }
 
 /// A line of a known frequency whose amplitude and phase are found.
@@ -70,7 +89,7 @@ impl ReadoutConstants {
             return refuse(at.clone(), why);
         }
         if *self == Self::default() {
-            let why = "it names nothing; expected `offset`, `scale` or `lines`, such as `offset = { start_sd = \"10 mV\" }`";
+            let why = "it names nothing; expected `offset`, `scale`, `feedthrough`, `lines` or `coloured_noise`, such as `offset = { start_sd = \"10 mV\" }`";
             return refuse(at.clone(), why.to_owned());
         }
         if self.lines.len() > MOST_LINES {

@@ -55,12 +55,13 @@ impl DeviceUses {
             }
             if let Some(readout) = &filter.readout {
                 if self.states_readout {
-                    let why = "of a device of equations the readout is in `measure`: write the offset or the line there as parameters, which \
-                               `states` can name; leave it out";
+                    let why = "of a device of equations the readout is in `measure`: write the offset, the line or the feedthrough there as parameters, \
+                               which `states` can name, and coloured noise as a state of its own; leave it out";
                     return refuse(key("readout"), why);
                 }
                 let sizes = readout.offset.iter().map(|offset| &offset.start_sd);
-                let mut sizes = sizes.chain(readout.lines.iter().map(|line| &line.start_sd));
+                let sizes = sizes.chain(readout.lines.iter().map(|line| &line.start_sd));
+                let mut sizes = sizes.chain(readout.coloured_noise.iter().map(|noise| &noise.sd));
                 let (kind, name) = if self.reads_capacitance {
                     (&kind::CAPACITANCE, "a capacitance, such as `1 aF`")
                 } else {
@@ -68,7 +69,7 @@ impl DeviceUses {
                 };
                 if sizes.any(|size| !kind.accepts(size.value().unit().dimension())) {
                     let why = format!(
-                        "its signal is recorded as {name}; expected an offset and lines of that kind"
+                        "its signal is recorded as {name}; expected an offset, lines and coloured noise of that kind"
                     );
                     return refuse(key("readout"), &why);
                 }

@@ -151,6 +151,10 @@ pub fn follow(
         if !course.further_signals().is_empty() {
             return Err(EstimateError::SeveralReadouts { filter: filter.name.clone() });
         }
+        if filter.readout.iter().any(ReadoutState::needs_drive) && course.drive(samples.fresh.start).is_none()
+        {
+            return Err(EstimateError::NoDriveToFeedThrough { filter: filter.name.clone() });
+        }
         let all: Vec<StateName> =
             states.iter().copied().chain(filter.readout.iter().map(ReadoutState::name)).collect();
         let mut course = WithReadout::new(course, &filter.readout);

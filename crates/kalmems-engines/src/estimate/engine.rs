@@ -26,6 +26,12 @@ pub trait Course {
     /// The signal; not a number where it is missing.
     fn signal(&self) -> &[f64];
 
+    /// The drive at sample `k` in V, of a device that one drive moves.
+    fn drive(&self, k: usize) -> Option<f64> {
+        let _ = k;
+        None
+    }
+
     /// The names of the signals that correct a filter after the first one, where there are several.
     fn further_signals(&self) -> Vec<String> {
         Vec::new()

@@ -101,6 +101,14 @@ pub enum EstimateError {
         /// Why.
         why: kalmems_core::augmentation::AugmentationError,
     },
+    /// The drive's feedthrough of a device without a drive.
+    #[error(
+        "the filter `{filter}` has `readout.feedthrough`, and this device has no recorded drive in V that could reach the signal; leave it out"
+    )]
+    NoDriveToFeedThrough {
+        /// The filter.
+        filter: String,
+    },
     /// The readout's states of a filter that takes several signals.
     #[error(
         "the filter `{filter}` takes several signals, and its table `readout` is for one; name one in `channels`, or leave it out"

@@ -199,6 +199,10 @@ impl<C: Course> Course for StartedCourse<C> {
         if self.is_silent { &self.none } else { self.course.further_innovations() }
     }
 
+    fn drive(&self, k: usize) -> Option<f64> {
+        self.course.drive(k)
+    }
+
     fn derived(&self) -> Option<DerivedQuantities> {
         self.course.derived()
     }

@@ -1,8 +1,10 @@
-//! What is between a device's signal and its recording, as states of any filter: an offset, a scale, a line of the mains.
+//! What is between a device's signal and its recording, as states of any filter: an offset, a scale, the drive's feedthrough, a line of the
+//! mains, coloured noise.
 //!
-//! With the states x of the device and h(x) of its sensor the recording is
-//! y = (1 + s)·h(x) + b + Σ (c·cos ωt + d·sin ωt), with constants s, b, c and d that may drift as random walks. A course is led with a filter of all of
-//! them; it sees those of the device alone.
+//! With the states x of the device, h(x) of its sensor and the drive u the recording is
+//! y = (1 + s)·h(x) + b + g·u + Σ (c·cos ωt + d·sin ωt) + n + white noise, with constants s, b, g, c and d that may drift as random walks, and the
+//! Gauss-Markov process n of variance σ² and correlation time τ, n(t + Δt) = e^(−Δt/τ)·n(t) + w, var w = σ²·(1 − e^(−2Δt/τ)). A course is led with a
+//! filter of all of them; it sees those of the device alone.
 
 use super::engine::{Course, DerivedQuantities, Filtering};
 use super::gate::SampleGate;
@@ -10,21 +12,29 @@ use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::{
     AnyKnownStateStep, MOST_STATES, SampleCounts, Sensor, StateName, StatePrior, Trajectory, Transition,
 };
-use crate::config::{ConfigError, Experiment, FilterTable, Key, MOST_LINES, Sign, TrackedState};
+use crate::config::{AnyValue, ConfigError, Experiment, FilterTable, Key, MOST_LINES, Sign, TrackedState};
 use crate::units::{Kind, kind};
 use kalmems_core::Portable;
 use kalmems_core::{FilterError, Innovation};
 use std::f64::consts::TAU;
 
-/// A constant between the sensor and the recording.
+/// A state between the sensor and the recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReadoutState {
     name: StateName,
     enters: ReadoutEffect,
     /// Its first standard deviation, about 0.
     sd: f64,
-    /// By how much its variance grows per second.
-    drift: f64,
+    moves: Moves,
+}
+
+/// How it goes on from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Moves {
+    /// As a random walk whose variance grows by so much per second.
+    Walk(f64),
+    /// With its first variance for ever, and so many s until e⁻¹ of it remains.
+    Forgetting(f64),
 }
 
 /// How it enters the recording.
@@ -32,6 +42,8 @@ pub struct ReadoutState {
 enum ReadoutEffect {
     Offset,
     Scale,
+    /// By the drive.
+    Feedthrough,
     /// Of a line with this rate in rad/s.
     Cosine(f64),
     Sine(f64),
@@ -60,31 +72,64 @@ impl ReadoutState {
                     name: (name, unit, kind),
                     enters: *enters,
                     sd,
-                    drift,
+                    moves: Moves::Walk(drift),
                 }));
                 Ok::<_, ConfigError>(())
             };
         if let Some(offset) = &readout.offset {
-            let of = signal_kind(offset);
+            let of = signal_kind(&offset.start_sd);
             add(at.clone().child("offset"), offset, &[("readout_offset", ReadoutEffect::Offset)], of)?;
         }
         if let Some(scale) = &readout.scale {
             let of = ("1", &kind::RATIO, &kind::RATIO_DRIFT);
             add(at.clone().child("scale"), scale, &[("readout_scale", ReadoutEffect::Scale)], of)?;
         }
+        if let Some(feedthrough) = &readout.feedthrough {
+            let of = ("1", &kind::RATIO, &kind::RATIO_DRIFT);
+            let names = [("readout_feedthrough", ReadoutEffect::Feedthrough)];
+            add(at.clone().child("feedthrough"), feedthrough, &names, of)?;
+        }
         for (index, (line, [cosine, sine])) in readout.lines.iter().zip(LINES).enumerate() {
             let rate = TAU * line.frequency.si();
             let names = [(cosine, ReadoutEffect::Cosine(rate)), (sine, ReadoutEffect::Sine(rate))];
             let key = at.clone().child("lines").index(index);
             let size = line.size();
-            add(key, &size, &names, signal_kind(&size))?;
+            add(key, &size, &names, signal_kind(&size.start_sd))?;
+        }
+        if let Some(noise) = &readout.coloured_noise {
+            let (unit, kind, _) = signal_kind(&noise.sd);
+            let key = at.child("coloured_noise").child("sd");
+            let sd = experiment.value(key, &noise.sd, kind, Sign::Positive)?;
+            let name = ("coloured_noise", unit, kind);
+            all.push(Self {
+                name,
+                enters: ReadoutEffect::Offset,
+                sd,
+                moves: Moves::Forgetting(noise.time.si()),
+            });
         }
         Ok(all)
+    }
+
+    /// Whether it is known only with the drive.
+    pub fn needs_drive(&self) -> bool {
+        self.enters == ReadoutEffect::Feedthrough
     }
 
     /// Its name in trajectories.
     pub const fn name(&self) -> StateName {
         self.name
+    }
+
+    /// What a time of so many s leaves of it, and the variance that it adds.
+    fn after(&self, time_s: f64) -> (f64, f64) {
+        match self.moves {
+            Moves::Walk(drift) => (1.0, drift * time_s),
+            Moves::Forgetting(correlation_s) => {
+                let decay = -time_s / correlation_s;
+                (decay.portable_exp(), -self.sd * self.sd * (2.0 * decay).portable_exp_m1())
+            }
+        }
     }
 
     /// Mean and standard deviation at first.
@@ -102,8 +147,8 @@ impl ReadoutState {
 type SignalKind = (&'static str, &'static Kind, &'static Kind);
 
 /// That of a capacitance where the value is one, else that of a voltage, which the value is then checked to be.
-fn signal_kind(state: &TrackedState) -> SignalKind {
-    if kind::CAPACITANCE.accepts(state.start_sd.value().unit().dimension()) {
+fn signal_kind(size: &AnyValue) -> SignalKind {
+    if kind::CAPACITANCE.accepts(size.value().unit().dimension()) {
         ("F", &kind::CAPACITANCE, &kind::CAPACITANCE_DRIFT)
     } else {
         ("V", &kind::VOLTAGE, &kind::VOLTAGE_DRIFT)
@@ -130,7 +175,8 @@ impl<'a> WithReadout<'a> {
         lead: impl FnOnce(&mut dyn Course, &mut dyn Filtering) -> R,
     ) -> R {
         let time_s = self.course.time_s().get(k).copied().unwrap_or(f64::NAN);
-        let mut shown = DeviceStateFilter { filter, states: self.states, time_s, after_s };
+        let drive = self.course.drive(k).unwrap_or(0.0);
+        let mut shown = DeviceStateFilter { filter, states: self.states, time_s, drive, after_s };
         lead(self.course, &mut shown)
     }
 }
@@ -150,6 +196,10 @@ impl Course for WithReadout<'_> {
 
     fn further_innovations(&self) -> &[[f64; 2]] {
         self.course.further_innovations()
+    }
+
+    fn drive(&self, k: usize) -> Option<f64> {
+        self.course.drive(k)
     }
 
     fn derived(&self) -> Option<DerivedQuantities> {
@@ -187,13 +237,24 @@ struct DeviceStateFilter<'a> {
     states: &'a [ReadoutState],
     /// The time of the row in s.
     time_s: f64,
-    /// How long the constants have drifted since the row before and are to be told it yet, in s.
+    /// The drive there.
+    drive: f64,
+    /// How long the readout's states have moved since the row before and are to be told it yet, in s.
     after_s: f64,
 }
 
 impl DeviceStateFilter<'_> {
     fn own(&self) -> usize {
         self.filter.mean().len().saturating_sub(self.states.len())
+    }
+}
+
+impl<'a> DeviceStateFilter<'a> {
+    fn through<'s>(&self, sensor: &'s dyn Sensor, is_recorded: bool) -> SensorWithReadout<'s>
+    where
+        'a: 's,
+    {
+        SensorWithReadout { sensor, states: self.states, time_s: self.time_s, drive: self.drive, is_recorded }
     }
 }
 
@@ -212,9 +273,9 @@ impl Filtering for DeviceStateFilter<'_> {
     }
 
     fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError> {
-        // A step that is taken in parts drifts once.
+        // In a step that is taken in parts they move once.
         let after_s = std::mem::take(&mut self.after_s);
-        self.filter.predict(&WithConstants { transition, states: self.states, after_s })
+        self.filter.predict(&WithReadoutStates { transition, states: self.states, after_s })
     }
 
     fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
@@ -229,8 +290,7 @@ impl Filtering for DeviceStateFilter<'_> {
         variance: f64,
         largest_nis: f64,
     ) -> Result<Innovation<f64, 1>, FilterError> {
-        let sensor =
-            SensorWithReadout { sensor, states: self.states, time_s: self.time_s, is_recorded: false };
+        let sensor = self.through(sensor, false);
         self.filter.update_within(&sensor, y, variance, largest_nis)
     }
 
@@ -241,8 +301,7 @@ impl Filtering for DeviceStateFilter<'_> {
         y: f64,
         variance: f64,
     ) -> Result<Innovation<f64, 1>, FilterError> {
-        let sensor =
-            SensorWithReadout { sensor, states: self.states, time_s: self.time_s, is_recorded: signal == 0 };
+        let sensor = self.through(sensor, signal == 0);
         self.filter.update(signal, &sensor, y, variance)
     }
 
@@ -254,8 +313,8 @@ impl Filtering for DeviceStateFilter<'_> {
     fn predict_phases(&self, _: &mut PhasePredictor, _: f64, _: Option<&dyn StatePropagation>) {}
 }
 
-/// A step of the device, and constants behind its states.
-struct WithConstants<'a> {
+/// A step of the device, and the readout's states behind its own.
+struct WithReadoutStates<'a> {
     transition: &'a dyn Transition,
     states: &'a [ReadoutState],
     after_s: f64,
@@ -263,25 +322,32 @@ struct WithConstants<'a> {
 
 const SQUARE: usize = MOST_STATES * MOST_STATES;
 
-impl WithConstants<'_> {
+impl WithReadoutStates<'_> {
+    /// Where the readout's states go.
+    fn advance_readout(&self, own: usize, x: &[f64], to: &mut [f64]) {
+        for ((to, x), state) in to[own..].iter_mut().zip(&x[own..]).zip(self.states) {
+            *to = state.after(self.after_s).0 * x;
+        }
+    }
+
     /// Puts a matrix of the device's states into one of all.
-    fn spread(&self, to: &mut [f64], own: usize, constants: impl Fn(&ReadoutState) -> f64, from: &[f64]) {
+    fn spread(&self, to: &mut [f64], own: usize, of_readout: impl Fn(&ReadoutState) -> f64, from: &[f64]) {
         let all = own + self.states.len();
         to.fill(0.0);
         for (to, from) in to.chunks_mut(all.max(1)).zip(from.chunks(own.max(1))).take(own) {
             to[..own].copy_from_slice(from);
         }
         for (i, state) in (own..).zip(self.states) {
-            to[i * all + i] = constants(state);
+            to[i * all + i] = of_readout(state);
         }
     }
 }
 
-impl Transition for WithConstants<'_> {
+impl Transition for WithReadoutStates<'_> {
     fn advance(&self, x: &[f64], to: &mut [f64]) {
         let own = x.len() - self.states.len();
         self.transition.advance(&x[..own], &mut to[..own]);
-        to[own..].copy_from_slice(&x[own..]);
+        self.advance_readout(own, x, to);
     }
 
     fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
@@ -289,8 +355,8 @@ impl Transition for WithConstants<'_> {
         let mut room = [0.0; SQUARE];
         let of_device = &mut room[..own * own];
         self.transition.linearize(&x[..own], &mut to[..own], of_device);
-        to[own..].copy_from_slice(&x[own..]);
-        self.spread(jacobian, own, |_| 1.0, of_device);
+        self.advance_readout(own, x, to);
+        self.spread(jacobian, own, |state| state.after(self.after_s).0, of_device);
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
@@ -299,8 +365,8 @@ impl Transition for WithConstants<'_> {
         let (mut room, mut room_of_root) = ([0.0; SQUARE], [0.0; SQUARE]);
         let (of_device, of_root) = (&mut room[..own * own], &mut room_of_root[..own * own]);
         self.transition.noise(of_device, of_root);
-        self.spread(covariance, own, |state| state.drift * self.after_s, of_device);
-        self.spread(root, own, |state| (state.drift * self.after_s).sqrt(), of_root);
+        self.spread(covariance, own, |state| state.after(self.after_s).1, of_device);
+        self.spread(root, own, |state| state.after(self.after_s).1.sqrt(), of_root);
     }
 
     fn moving(&self, states: usize) -> usize {
@@ -313,21 +379,23 @@ struct SensorWithReadout<'a> {
     sensor: &'a dyn Sensor,
     states: &'a [ReadoutState],
     time_s: f64,
+    drive: f64,
     is_recorded: bool,
 }
 
 impl SensorWithReadout<'_> {
     /// What is recorded where the sensor gives this, and its derivative by that.
-    fn recorded(&self, given: f64, constants: &[f64], slopes: &mut [f64]) -> (f64, f64) {
+    fn recorded(&self, given: f64, values: &[f64], slopes: &mut [f64]) -> (f64, f64) {
         slopes.fill(0.0);
         if !self.is_recorded {
             return (given, 1.0);
         }
         let (mut added, mut scale) = (0.0, 1.0);
-        for ((state, value), slope) in self.states.iter().zip(constants).zip(slopes) {
+        for ((state, value), slope) in self.states.iter().zip(values).zip(slopes) {
             *slope = match state.enters {
                 ReadoutEffect::Offset => 1.0,
                 ReadoutEffect::Scale => given,
+                ReadoutEffect::Feedthrough => self.drive,
                 ReadoutEffect::Cosine(rate) => (rate * self.time_s).portable_cos(),
                 ReadoutEffect::Sine(rate) => (rate * self.time_s).portable_sin(),
             };
@@ -349,9 +417,9 @@ impl Sensor for SensorWithReadout<'_> {
 
     fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
         let own = x.len() - self.states.len();
-        let (of_device, of_constants) = slopes.split_at_mut(own);
+        let (of_device, of_readout) = slopes.split_at_mut(own);
         let given = self.sensor.linearize(&x[..own], of_device);
-        let (recorded, scale) = self.recorded(given, &x[own..], of_constants);
+        let (recorded, scale) = self.recorded(given, &x[own..], of_readout);
         for slope in of_device {
             *slope *= scale;
         }

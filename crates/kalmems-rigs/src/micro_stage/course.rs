@@ -66,6 +66,10 @@ impl<P: Plant> Course for StageCourse<'_, P> {
         self.channels.first().map_or(&[], |channel| channel.signal)
     }
 
+    fn drive(&self, k: usize) -> Option<f64> {
+        self.samples.drive.get(k).copied()
+    }
+
     fn further_signals(&self) -> Vec<String> {
         self.channels.iter().skip(1).map(|channel| channel.name.to_owned()).collect()
     }

@@ -175,6 +175,10 @@ impl Course for ThresholdCourse<'_> {
         self.data.signal
     }
 
+    fn drive(&self, k: usize) -> Option<f64> {
+        Some(self.data.drive.sample(k).0)
+    }
+
     /// Σ ln p(θ_th | what came before) over the crossings.
     fn conclude(&self, trajectory: &mut Trajectory) {
         trajectory.crossings_log_likelihood = self.log_likelihood;

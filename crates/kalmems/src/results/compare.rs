@@ -1,5 +1,6 @@
 //! Results of several estimates, laid over one another as a page.
 
+use crate::topics::{explained, link};
 use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series,
     SeriesRole, TextTable, Track,
@@ -65,9 +66,14 @@ pub fn compare_page(folders: &[PathBuf]) -> Result<String, CompareError> {
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let (table, severities) = verdicts(&runs);
     let (figures, left_out) = overlays(&runs);
+    let all_pass = severities.iter().all(|severity| *severity == NoticeSeverity::Ok);
     let mut verdict = PageSection::new("Verdicts")
         .part(PagePart::Verdict)
         .table(table.with_verdicts("verdict", severities));
+    if !all_pass {
+        let to_do = format!("What to do about a filter that does not pass{}.", link("overconfident"));
+        verdict = verdict.paragraph(to_do);
+    }
     if left_out > 0 {
         let text =
             format!("The figures show {MOST} trajectories; {left_out} more are left out: name fewer runs.");
@@ -79,7 +85,8 @@ pub fn compare_page(folders: &[PathBuf]) -> Result<String, CompareError> {
         env!("CARGO_PKG_VERSION"),
         "The numbers are those of the results, which are named above.",
     );
-    Ok(Page::new("Runs compared", names.join(", ")).with(verdict).with(answer).with(made).to_html()?)
+    let page = Page::new("Runs compared", names.join(", ")).with(verdict).with(answer).with(made);
+    Ok(explained(page).to_html()?)
 }
 
 impl ComparedRun {

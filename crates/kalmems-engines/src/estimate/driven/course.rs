@@ -97,6 +97,10 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
         self.data.signal
     }
 
+    fn drive(&self, k: usize) -> Option<f64> {
+        Some(self.data.drive.sample(k).0)
+    }
+
     fn derived(&self) -> Option<DerivedQuantities> {
         let names = [("amplitude", "rad", &kind::ANGLE), (PHASE, "rad", &kind::ANGLE)];
         self.phase_rate.map(|parameter| DerivedQuantities { names, parameter, compute: amplitude_and_phase })
