@@ -4,7 +4,7 @@ use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
 use super::sign::Positive;
 use super::values::AnyValue;
-use super::{Fault, Key, Method, TrackedState};
+use super::{ConfigFault, Key, Method, TrackedState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +15,7 @@ pub const MOST_LINES: usize = 2;
 /// (1 + scale)·signal + offset + feedthrough·drive + lines + coloured noise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Readout {
+pub struct ReadoutConstants {
     /// What is added to the signal, such as `{ start_sd = "10 mV" }`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<TrackedState>,
@@ -29,7 +29,7 @@ pub struct Readout {
     pub feedthrough: Option<TrackedState>,
     /// Lines of known frequencies, such as the mains': at most two.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub lines: Vec<Line>,
+    pub lines: Vec<InterferenceLine>,
     /// Noise that a sample shares with those before it, beside the readout's white noise, such as `{ sd = "1 mV", time = "100 us" }`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coloured_noise: Option<ColouredNoise>,
@@ -50,7 +50,7 @@ pub struct ColouredNoise {
 /// A line of a known frequency whose amplitude and phase are found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Line {
+pub struct InterferenceLine {
     /// Its frequency.
     #[schemars(example = &"50 Hz")]
     pub frequency: Quantity<Frequency, Positive>,
@@ -63,17 +63,17 @@ pub struct Line {
     pub drift: Option<AnyValue>,
 }
 
-impl Line {
+impl InterferenceLine {
     /// Its cosine or its sine as a state.
     pub fn size(&self) -> TrackedState {
         TrackedState { start_sd: self.start_sd.clone(), drift: self.drift.clone() }
     }
 }
 
-impl Readout {
+impl ReadoutConstants {
     /// What no single value can be blamed for, of a filter of this method; `at` is the key of this table.
-    pub(super) fn check(&self, method: Method, at: &Key) -> Result<(), (Key, Fault)> {
-        let refuse = |key: Key, why: String| Err((key, Fault::Value { why }));
+    pub(super) fn check(&self, method: Method, at: &Key) -> Result<(), (Key, ConfigFault)> {
+        let refuse = |key: Key, why: String| Err((key, ConfigFault::Value { why }));
         let has_states = matches!(
             method,
             Method::Ekf

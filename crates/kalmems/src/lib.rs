@@ -4,7 +4,7 @@
 //! steps in order; each can be taken by itself:
 //!
 //! ```
-//! use kalmems::{progress::Silent, evaluate::ReferenceRecording, recording::Recording, rigs};
+//! use kalmems::{progress::Silent, evaluate::ReferenceRecording, recording::SampledRecording, rigs};
 //! use std::{ops::ControlFlow, path::Path};
 //!
 //! # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -12,7 +12,7 @@
 //! let rig = rigs::published().rig(&experiment)?;
 //! for index in rig.wanted(&experiment)? {
 //!     let file = experiment.resolve(&experiment.recording(index)?.file);
-//!     let recording = Recording::read(&file, &rig.layout(&experiment, index)?)?;
+//!     let recording = SampledRecording::read(&file, &rig.layout(&experiment, index)?)?;
 //!     for estimate in rig.estimate(&experiment, index, &recording, &Silent)? {
 //!         let ekf = estimate.trajectories.iter().find(|t| t.key == "ekf").ok_or("no EKF")?;
 //!         println!("{} samples, mean NIS {:?}", ekf.time_s.len(), ekf.consistency(ekf.scored(8e-3)));
@@ -28,10 +28,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod array_experiment;
 pub mod diagnose;
 pub mod draft;
 pub mod expand;
-pub mod given;
 pub mod results;
 pub mod stream;
 pub mod study;

@@ -6,11 +6,13 @@
 //! Gauss-Markov process n of variance σ² and correlation time τ, n(t + Δt) = e^(−Δt/τ)·n(t) + w, var w = σ²·(1 − e^(−2Δt/τ)). A course is led with a
 //! filter of all of them; it sees those of the device alone.
 
-use super::engine::{Course, Derived, Filtering};
-use super::foretell::{Foreteller, Onwards};
-use super::gate::Watch;
-use super::{Counts, MOST_STATES, Prior, Sensor, StateName, TakenOverTo, Trajectory, Transition};
-use crate::config::{AnyValue, ConfigError, Experiment, Filter, Key, MOST_LINES, Sign, TrackedState};
+use super::engine::{Course, DerivedQuantities, Filtering};
+use super::gate::SampleGate;
+use super::phase_prediction::{PhasePredictor, StatePropagation};
+use super::{
+    AnyKnownStateStep, MOST_STATES, SampleCounts, Sensor, StateName, StatePrior, Trajectory, Transition,
+};
+use crate::config::{AnyValue, ConfigError, Experiment, FilterTable, Key, MOST_LINES, Sign, TrackedState};
 use crate::units::{Kind, kind};
 use kalmems_core::Portable;
 use kalmems_core::{FilterError, Innovation};
@@ -20,7 +22,7 @@ use std::f64::consts::TAU;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReadoutState {
     name: StateName,
-    enters: Enters,
+    enters: ReadoutEffect,
     /// Its first standard deviation, about 0.
     sd: f64,
     moves: Moves,
@@ -37,7 +39,7 @@ enum Moves {
 
 /// How it enters the recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Enters {
+enum ReadoutEffect {
     Offset,
     Scale,
     /// By the drive.
@@ -53,42 +55,43 @@ const LINES: [[&str; 2]; MOST_LINES] =
 
 impl ReadoutState {
     /// Those that the table of a filter asks for, of a signal that is a voltage or a capacitance.
-    pub fn of(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<Vec<Self>, ConfigError> {
+    pub fn of(experiment: &Experiment, at: &Key, filter: &FilterTable) -> Result<Vec<Self>, ConfigError> {
         let Some(readout) = &filter.readout else { return Ok(Vec::new()) };
         let at = at.clone().child("readout");
         let mut all = Vec::new();
-        let mut add = |key: Key, state: &TrackedState, names: &[(&'static str, Enters)], of: SignalKind| {
-            let (unit, kind, drifts) = of;
-            let sd =
-                experiment.value(key.clone().child("start_sd"), &state.start_sd, kind, Sign::Positive)?;
-            let drift = match &state.drift {
-                Some(drift) => experiment.value(key.child("drift"), drift, drifts, Sign::NotNegative)?,
-                None => 0.0,
+        let mut add =
+            |key: Key, state: &TrackedState, names: &[(&'static str, ReadoutEffect)], of: SignalKind| {
+                let (unit, kind, drifts) = of;
+                let sd =
+                    experiment.value(key.clone().child("start_sd"), &state.start_sd, kind, Sign::Positive)?;
+                let drift = match &state.drift {
+                    Some(drift) => experiment.value(key.child("drift"), drift, drifts, Sign::NotNegative)?,
+                    None => 0.0,
+                };
+                all.extend(names.iter().map(|(name, enters)| Self {
+                    name: (name, unit, kind),
+                    enters: *enters,
+                    sd,
+                    moves: Moves::Walk(drift),
+                }));
+                Ok::<_, ConfigError>(())
             };
-            all.extend(names.iter().map(|(name, enters)| Self {
-                name: (name, unit, kind),
-                enters: *enters,
-                sd,
-                moves: Moves::Walk(drift),
-            }));
-            Ok::<_, ConfigError>(())
-        };
         if let Some(offset) = &readout.offset {
             let of = signal_kind(&offset.start_sd);
-            add(at.clone().child("offset"), offset, &[("readout_offset", Enters::Offset)], of)?;
+            add(at.clone().child("offset"), offset, &[("readout_offset", ReadoutEffect::Offset)], of)?;
         }
         if let Some(scale) = &readout.scale {
             let of = ("1", &kind::RATIO, &kind::RATIO_DRIFT);
-            add(at.clone().child("scale"), scale, &[("readout_scale", Enters::Scale)], of)?;
+            add(at.clone().child("scale"), scale, &[("readout_scale", ReadoutEffect::Scale)], of)?;
         }
         if let Some(feedthrough) = &readout.feedthrough {
             let of = ("1", &kind::RATIO, &kind::RATIO_DRIFT);
-            let names = [("readout_feedthrough", Enters::Feedthrough)];
+            let names = [("readout_feedthrough", ReadoutEffect::Feedthrough)];
             add(at.clone().child("feedthrough"), feedthrough, &names, of)?;
         }
         for (index, (line, [cosine, sine])) in readout.lines.iter().zip(LINES).enumerate() {
             let rate = TAU * line.frequency.si();
-            let names = [(cosine, Enters::Cosine(rate)), (sine, Enters::Sine(rate))];
+            let names = [(cosine, ReadoutEffect::Cosine(rate)), (sine, ReadoutEffect::Sine(rate))];
             let key = at.clone().child("lines").index(index);
             let size = line.size();
             add(key, &size, &names, signal_kind(&size.start_sd))?;
@@ -98,14 +101,19 @@ impl ReadoutState {
             let key = at.child("coloured_noise").child("sd");
             let sd = experiment.value(key, &noise.sd, kind, Sign::Positive)?;
             let name = ("coloured_noise", unit, kind);
-            all.push(Self { name, enters: Enters::Offset, sd, moves: Moves::Forgetting(noise.time.si()) });
+            all.push(Self {
+                name,
+                enters: ReadoutEffect::Offset,
+                sd,
+                moves: Moves::Forgetting(noise.time.si()),
+            });
         }
         Ok(all)
     }
 
     /// Whether it is known only with the drive.
     pub fn needs_drive(&self) -> bool {
-        self.enters == Enters::Feedthrough
+        self.enters == ReadoutEffect::Feedthrough
     }
 
     /// Its name in trajectories.
@@ -130,8 +138,8 @@ impl ReadoutState {
     }
 
     /// The same, as a search for a start takes it.
-    pub const fn prior(&self) -> Prior {
-        Prior { mean: 0.0, sd: Some(self.sd) }
+    pub const fn prior(&self) -> StatePrior {
+        StatePrior { mean: 0.0, sd: Some(self.sd) }
     }
 }
 
@@ -168,7 +176,7 @@ impl<'a> WithReadout<'a> {
     ) -> R {
         let time_s = self.course.time_s().get(k).copied().unwrap_or(f64::NAN);
         let drive = self.course.drive(k).unwrap_or(0.0);
-        let mut shown = Shown { filter, states: self.states, time_s, drive, after_s };
+        let mut shown = DeviceStateFilter { filter, states: self.states, time_s, drive, after_s };
         lead(self.course, &mut shown)
     }
 }
@@ -194,7 +202,7 @@ impl Course for WithReadout<'_> {
         self.course.drive(k)
     }
 
-    fn derived(&self) -> Option<Derived> {
+    fn derived(&self) -> Option<DerivedQuantities> {
         self.course.derived()
     }
 
@@ -206,7 +214,7 @@ impl Course for WithReadout<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         let time_s = self.course.time_s();
         let after_s = time_s[to] - time_s[to - 1];
@@ -217,14 +225,14 @@ impl Course for WithReadout<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         self.led(filter, (k, 0.0), |course, filter| course.correct(filter, k, counts))
     }
 }
 
 /// A filter of all states as a course sees it that knows the device's.
-struct Shown<'a> {
+struct DeviceStateFilter<'a> {
     filter: &'a mut dyn Filtering,
     states: &'a [ReadoutState],
     /// The time of the row in s.
@@ -235,22 +243,22 @@ struct Shown<'a> {
     after_s: f64,
 }
 
-impl Shown<'_> {
+impl DeviceStateFilter<'_> {
     fn own(&self) -> usize {
         self.filter.mean().len().saturating_sub(self.states.len())
     }
 }
 
-impl<'a> Shown<'a> {
-    fn through<'s>(&self, sensor: &'s dyn Sensor, is_recorded: bool) -> Through<'s>
+impl<'a> DeviceStateFilter<'a> {
+    fn through<'s>(&self, sensor: &'s dyn Sensor, is_recorded: bool) -> SensorWithReadout<'s>
     where
         'a: 's,
     {
-        Through { sensor, states: self.states, time_s: self.time_s, drive: self.drive, is_recorded }
+        SensorWithReadout { sensor, states: self.states, time_s: self.time_s, drive: self.drive, is_recorded }
     }
 }
 
-impl Filtering for Shown<'_> {
+impl Filtering for DeviceStateFilter<'_> {
     fn mean(&self) -> &[f64] {
         &self.filter.mean()[..self.own()]
     }
@@ -270,7 +278,7 @@ impl Filtering for Shown<'_> {
         self.filter.predict(&WithReadoutStates { transition, states: self.states, after_s })
     }
 
-    fn take_over(&mut self, known: &TakenOverTo) -> Result<(), FilterError> {
+    fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
         self.filter.take_over(known)
     }
 
@@ -297,12 +305,12 @@ impl Filtering for Shown<'_> {
         self.filter.update(signal, &sensor, y, variance)
     }
 
-    fn watch(&mut self) -> Option<&mut Watch> {
+    fn watch(&mut self) -> Option<&mut SampleGate> {
         self.filter.watch()
     }
 
-    /// Zero phases are foretold by filters of the motion alone.
-    fn foretell(&self, _: &mut Foreteller, _: f64, _: Option<&dyn Onwards>) {}
+    /// Zero phases are predicted by filters of the motion alone.
+    fn predict_phases(&self, _: &mut PhasePredictor, _: f64, _: Option<&dyn StatePropagation>) {}
 }
 
 /// A step of the device, and the readout's states behind its own.
@@ -367,7 +375,7 @@ impl Transition for WithReadoutStates<'_> {
 }
 
 /// A sensor, and what is between it and the recording.
-struct Through<'a> {
+struct SensorWithReadout<'a> {
     sensor: &'a dyn Sensor,
     states: &'a [ReadoutState],
     time_s: f64,
@@ -375,7 +383,7 @@ struct Through<'a> {
     is_recorded: bool,
 }
 
-impl Through<'_> {
+impl SensorWithReadout<'_> {
     /// What is recorded where the sensor gives this, and its derivative by that.
     fn recorded(&self, given: f64, values: &[f64], slopes: &mut [f64]) -> (f64, f64) {
         slopes.fill(0.0);
@@ -385,14 +393,14 @@ impl Through<'_> {
         let (mut added, mut scale) = (0.0, 1.0);
         for ((state, value), slope) in self.states.iter().zip(values).zip(slopes) {
             *slope = match state.enters {
-                Enters::Offset => 1.0,
-                Enters::Scale => given,
-                Enters::Feedthrough => self.drive,
-                Enters::Cosine(rate) => (rate * self.time_s).portable_cos(),
-                Enters::Sine(rate) => (rate * self.time_s).portable_sin(),
+                ReadoutEffect::Offset => 1.0,
+                ReadoutEffect::Scale => given,
+                ReadoutEffect::Feedthrough => self.drive,
+                ReadoutEffect::Cosine(rate) => (rate * self.time_s).portable_cos(),
+                ReadoutEffect::Sine(rate) => (rate * self.time_s).portable_sin(),
             };
             match state.enters {
-                Enters::Scale => scale += value,
+                ReadoutEffect::Scale => scale += value,
                 _ => added += *slope * value,
             }
         }
@@ -400,7 +408,7 @@ impl Through<'_> {
     }
 }
 
-impl Sensor for Through<'_> {
+impl Sensor for SensorWithReadout<'_> {
     fn read(&self, x: &[f64]) -> f64 {
         let own = x.len() - self.states.len();
         let mut room = [0.0; MOST_STATES];

@@ -1,6 +1,6 @@
 //! Whether a reference is late by more than is stated.
 
-use super::Reference;
+use super::ReferenceMotion;
 use crate::estimate::Trajectory;
 use serde::Serialize;
 
@@ -25,14 +25,19 @@ impl ReferenceLag {
     ///
     /// A lag and an error of the estimate's phase look the same to a comparison with one reference. Of a filter that
     /// follows its signal it is the reference that is blamed.
-    pub fn of(trajectory: &Trajectory, reference: &Reference, from_s: f64, motion_hz: f64) -> Option<Self> {
+    pub fn of(
+        trajectory: &Trajectory,
+        reference: &ReferenceMotion,
+        from_s: f64,
+        motion_hz: f64,
+    ) -> Option<Self> {
         let first = reference.time_s.partition_point(|t| *t < from_s);
         // A sixteenth of a cycle apart is enough to tell.
         let step = (0.06 / motion_hz / usual(&reference.time_s[first..])?).ceil().max(1.0);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // at least 1, and small
         let picked: Vec<usize> = (first..reference.time_s.len()).step_by(step as usize).collect();
         let mean_square = |lag_s: f64| {
-            let shifted = Reference {
+            let shifted = ReferenceMotion {
                 states: reference.states,
                 time_s: picked.iter().map(|k| reference.time_s[*k] - lag_s).collect(),
                 angle: Vec::new(),

@@ -5,7 +5,7 @@ mod reader;
 mod threads;
 
 pub use pace::Pace;
-pub use reader::Reader;
+pub use reader::ReaderProgress;
 pub use threads::{HAS_THREADS, each_on_threads, map_on_threads, processors};
 
 use std::ops::ControlFlow;

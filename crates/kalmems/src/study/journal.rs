@@ -3,9 +3,9 @@
 //! The first line says which study it is. Each line ends with a checksum of itself; a last line without its end was
 //! being written when the program was stopped, and is dropped.
 
-use super::calibration::Judged;
-use super::rows::Row;
-use super::{Plan, Shard, StudyError, plan::hex};
+use super::calibration::RunClaims;
+use super::rows::StudyRow;
+use super::{Shard, StudyError, StudyPlan, plan::hex};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 /// The first line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Header {
+pub(super) struct JournalHeader {
     /// What kind of file it is.
     kalmems: String,
     /// The version of the program.
@@ -39,22 +39,22 @@ const KIND: &str = "journal of a study";
 
 /// A finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Finished {
+pub(super) struct FinishedRun {
     pub(super) run: u64,
     /// Why it has no rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) error: Option<String>,
-    pub(super) rows: Vec<Row>,
+    pub(super) rows: Vec<StudyRow>,
     /// What it says of the claims of its filters, in a calibration.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(super) judged: Vec<Judged>,
+    pub(super) judged: Vec<RunClaims>,
 }
 
 /// Finished runs by their index.
-pub(super) type Runs = BTreeMap<u64, Finished>;
+pub(super) type FinishedRuns = BTreeMap<u64, FinishedRun>;
 
-impl Header {
-    pub(super) fn of(plan: &Plan, digest: String, shard: Shard) -> Self {
+impl JournalHeader {
+    pub(super) fn of(plan: &StudyPlan, digest: String, shard: Shard) -> Self {
         Self {
             kalmems: KIND.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -88,7 +88,11 @@ pub(super) struct Journal {
 
 impl Journal {
     /// Goes on with a journal, or begins one; what is finished already, and whether a half-written line was dropped.
-    pub(super) fn open(path: &Path, header: &Header, anew: bool) -> Result<(Self, Runs, bool), StudyError> {
+    pub(super) fn open(
+        path: &Path,
+        header: &JournalHeader,
+        anew: bool,
+    ) -> Result<(Self, FinishedRuns, bool), StudyError> {
         let failed = |source| StudyError::Io { path: path.to_owned(), source };
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder).map_err(failed)?;
@@ -144,7 +148,7 @@ impl Journal {
             journal.cut(0).map_err(failed)?;
             journal.write(header).map_err(failed)?;
             kalmems_store::sync_folder(folder).map_err(failed)?;
-            return Ok((journal, Runs::new(), false));
+            return Ok((journal, FinishedRuns::new(), false));
         }
         let torn = read.whole < text.len();
         journal.cut(read.whole as u64).map_err(failed)?;
@@ -152,7 +156,7 @@ impl Journal {
     }
 
     /// Adds a finished run.
-    pub(super) fn add(&mut self, finished: &Finished) -> Result<(), StudyError> {
+    pub(super) fn add(&mut self, finished: &FinishedRun) -> Result<(), StudyError> {
         let path = self.path.clone();
         self.write(finished).map_err(|source| StudyError::Io { path, source })
     }
@@ -171,15 +175,15 @@ impl Journal {
 
 /// What a journal holds.
 #[derive(Debug, Default)]
-pub(super) struct Content {
-    pub(super) header: Option<Header>,
-    pub(super) runs: Runs,
+pub(super) struct JournalContent {
+    pub(super) header: Option<JournalHeader>,
+    pub(super) runs: FinishedRuns,
     /// How many bytes its whole lines have.
     whole: usize,
 }
 
 /// Reads a journal that nobody writes.
-pub(super) fn load(path: &Path) -> Result<(Header, Runs), StudyError> {
+pub(super) fn load(path: &Path) -> Result<(JournalHeader, FinishedRuns), StudyError> {
     let text = std::fs::read(path).map_err(|source| StudyError::Io { path: path.to_owned(), source })?;
     let content = read(path, &text)?;
     let header = content
@@ -188,8 +192,8 @@ pub(super) fn load(path: &Path) -> Result<(Header, Runs), StudyError> {
     Ok((header, content.runs))
 }
 
-fn read(path: &Path, text: &[u8]) -> Result<Content, StudyError> {
-    let mut content = Content::default();
+fn read(path: &Path, text: &[u8]) -> Result<JournalContent, StudyError> {
+    let mut content = JournalContent::default();
     let no_journal = |why: &str| StudyError::NoJournal { path: path.to_owned(), why: why.to_owned() };
     for (i, line) in text.split_inclusive(|byte| *byte == b'\n').enumerate() {
         let Some(whole) = line.strip_suffix(b"\n") else {
@@ -201,7 +205,7 @@ fn read(path: &Path, text: &[u8]) -> Result<Content, StudyError> {
             break;
         };
         if i == 0 {
-            let header: Header =
+            let header: JournalHeader =
                 checked(whole).map_err(|_| no_journal("its first line is not that of one"))?;
             if header.kalmems != KIND {
                 return Err(no_journal("its first line is not that of one"));
@@ -209,7 +213,7 @@ fn read(path: &Path, text: &[u8]) -> Result<Content, StudyError> {
             content.header = Some(header);
         } else {
             let damaged = |why: String| StudyError::Damaged { path: path.to_owned(), line: i + 1, why };
-            let finished: Finished = checked(whole).map_err(damaged)?;
+            let finished: FinishedRun = checked(whole).map_err(damaged)?;
             let (run, runs) = (finished.run, content.header.as_ref().map_or(0, |header| header.runs));
             if run >= runs {
                 return Err(damaged(format!("run {run} of {runs}")));

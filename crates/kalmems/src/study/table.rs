@@ -1,31 +1,31 @@
 //! The results of a study as one tidy table.
 
-use super::Plan;
-use super::journal::Runs;
-use super::rows::Row;
+use super::StudyPlan;
+use super::journal::FinishedRuns;
+use super::rows::StudyRow;
 use std::io::{self, Write};
 
 /// One row for each run, segment and estimator; one for a run without figures.
 #[derive(Clone, Debug)]
-pub(super) struct Table {
+pub(super) struct StudyTable {
     pub(super) columns: Vec<String>,
-    pub(super) rows: Vec<Line>,
+    pub(super) rows: Vec<StudyTableRow>,
     /// How many columns come before the figures.
     pub(super) before: usize,
 }
 
 /// A row of the table.
 #[derive(Clone, Debug)]
-pub(super) struct Line {
+pub(super) struct StudyTableRow {
     /// The run, counted from 0.
     pub(super) run: u64,
     /// One per column; empty where there is nothing.
     pub(super) cells: Vec<String>,
 }
 
-impl Table {
+impl StudyTable {
     /// From all runs of a study, in their order.
-    pub(super) fn of(plan: &Plan, runs: &Runs) -> Self {
+    pub(super) fn of(plan: &StudyPlan, runs: &FinishedRuns) -> Self {
         let figures = union(runs.values().flat_map(|finished| &finished.rows));
         let mut columns: Vec<String> = ["point", "repeat", "seed"].map(str::to_owned).to_vec();
         columns.extend(plan.axes.iter().map(|axis| axis.column.clone()));
@@ -38,14 +38,14 @@ impl Table {
             let mut start = vec![run.point.to_string(), run.repeat.to_string(), run.seed.to_string()];
             start.extend(run.settings.into_iter().map(|setting| setting.cell));
             start.push(finished.error.clone().unwrap_or_default());
-            let nothing = Row::new();
+            let nothing = StudyRow::new();
             let lines =
                 if finished.rows.is_empty() { std::slice::from_ref(&nothing) } else { &finished.rows };
             for row in lines {
                 let figures =
                     figures.iter().map(|name| row.get(name).and_then(|v| v.as_str()).unwrap_or_default());
                 let cells = start.iter().cloned().chain(figures.map(str::to_owned)).collect();
-                rows.push(Line { run: *index, cells });
+                rows.push(StudyTableRow { run: *index, cells });
             }
         }
         Self { columns, rows, before }
@@ -80,7 +80,7 @@ pub(super) fn number(cell: &str) -> Option<f64> {
 }
 
 /// The columns of all rows; one that a row has alone stands behind that which it stands behind there.
-fn union<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<String> {
+fn union<'a>(rows: impl Iterator<Item = &'a StudyRow>) -> Vec<String> {
     let mut columns: Vec<String> = Vec::new();
     for row in rows {
         if row.keys().eq(&columns) {
@@ -101,7 +101,7 @@ fn union<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<String> {
 mod tests {
     use super::*;
 
-    fn row(names: &str) -> Row {
+    fn row(names: &str) -> StudyRow {
         names.split_whitespace().map(|name| (name.to_owned(), "1".into())).collect()
     }
 

@@ -6,7 +6,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, WhiteNoise};
+use kalmems::simulate::{ComputedRecording, WhiteNoise};
 use std::f64::consts::TAU;
 
 /// A device, its filter's further settings, and the unit of its signal.
@@ -23,7 +23,7 @@ const DEVICES: [Shown; 4] = [
 const LINE: [f64; 4] = [700.0, 30.0, 0.4, 10.0];
 
 /// The recording with a line and an offset, and their sizes in the signal's unit.
-fn spoilt(experiment: &Experiment, simulated: &Unwritten) -> (Unwritten, f64) {
+fn spoilt(experiment: &Experiment, simulated: &ComputedRecording) -> (ComputedRecording, f64) {
     let (mut spoilt, mut sd) = (simulated.clone(), 0.0);
     let [hz, amplitude, phase, offset] = LINE;
     assert!(spoilt.change_recorded(&signals(experiment)[0], |values, times| {
@@ -35,7 +35,7 @@ fn spoilt(experiment: &Experiment, simulated: &Unwritten) -> (Unwritten, f64) {
     (spoilt, sd)
 }
 
-fn first_trajectory(experiment: &Experiment, simulated: &Unwritten) -> Trajectory {
+fn first_trajectory(experiment: &Experiment, simulated: &ComputedRecording) -> Trajectory {
     let rig = published().rig(experiment).unwrap();
     let recording = simulated.recorded(&rig.layout(experiment, 0).unwrap()).unwrap();
     rig.estimate(experiment, 0, &recording, &Silent).unwrap().swap_remove(0).trajectories.swap_remove(0)
