@@ -12,6 +12,8 @@ __all__ = [
     "calibrate",
     "image",
     "spectrum",
+    "batch_files",
+    "estimate_many",
     "run_command",
     "check",
     "replaced",
@@ -87,6 +89,19 @@ def estimate(
     references: _Recordings,
     progress: _Progress = None,
 ) -> Outcome: ...
+def batch_files(patterns: Sequence[str]) -> list[tuple[str, Path]]: ...
+def estimate_many(
+    text: str,
+    path: Path,
+    has_lines: bool,
+    recordings: Sequence[tuple[str, Path | None, Columns | None]],
+    folder: Path,
+    of: str | None = None,
+    reference: str | None = None,
+    threads: int | None = None,
+    force: bool = False,
+    progress: _Progress = None,
+) -> tuple[str, str, int, int, bool]: ...
 def identify(
     text: str,
     path: Path,

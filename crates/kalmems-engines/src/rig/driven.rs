@@ -16,7 +16,7 @@ use crate::estimate::{
 };
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::{Outlook, Topic};
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, Layout, Source};
 use crate::simulate::{
     Channel, Converter, Drive, Sample, SimulateError, Simulation, Simulator, WhiteNoise, drive_of,
@@ -189,7 +189,12 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
     }
 
     /// It has no angle; see [`Rig::values`].
-    fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        _: &[Reference],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
     }
 }

@@ -25,7 +25,7 @@ use crate::evaluate::{Instruments, MotionErrors, ONE_ANGLE, Reference, Reference
 use crate::export::{self, ExportError, Exported, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, Layout, Recording, Segment};
 use crate::simulate::{SimulateError, Simulation};
 
@@ -228,8 +228,14 @@ pub trait Rig: Send + Sync {
     /// The simulation that the experiment's `[simulate]` describes, checked and ready to run.
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError>;
 
-    /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared.
-    fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>>;
+    /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared, or
+    /// the work is stopped before.
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        references: &[Reference],
+        stop: &Interruption,
+    ) -> Vec<Option<MotionErrors>>;
 
     /// Identifies parameters of the device from the recordings that their roles say are for that.
     fn identify(

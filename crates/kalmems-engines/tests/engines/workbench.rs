@@ -7,7 +7,7 @@ use kalmems_engines::config::{
 use kalmems_engines::estimate::{EstimateError, SegmentEstimate};
 use kalmems_engines::evaluate::{MotionErrors, Reference};
 use kalmems_engines::outlook::Outlook;
-use kalmems_engines::progress::Progress;
+use kalmems_engines::progress::{Interruption, Progress};
 use kalmems_engines::recording::Layout;
 use kalmems_engines::rig::{Estimator, Rig, Workbench};
 use kalmems_engines::simulate::{SimulateError, Simulation};
@@ -91,7 +91,7 @@ impl Rig for ForkRig {
         Err(Self::refused(experiment).into())
     }
 
-    fn evaluate(&self, _: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(&self, _: &SegmentEstimate, _: &[Reference], _: &Interruption) -> Vec<Option<MotionErrors>> {
         Vec::new()
     }
 }

@@ -32,7 +32,7 @@ use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::export::{ExportError, Exported, Request};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::Layout;
 use crate::simulate::{SimulateError, Simulation};
 use crate::{Channels, Estimator, Rig, Template, TemplateChannel};
@@ -238,7 +238,12 @@ impl Rig for EquationsRig {
     }
 
     /// It has no angle; see [`Rig::values`].
-    fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        _: &[Reference],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
     }
 }

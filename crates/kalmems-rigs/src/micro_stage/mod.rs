@@ -32,7 +32,7 @@ use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::micro_stage::device::MicroStage;
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, Layout};
 use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
@@ -188,7 +188,12 @@ impl Rig for MicroStageRig {
     }
 
     /// Its records are judged by the rate; see [`Rig::values`].
-    fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        _: &[Reference],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
     }
 

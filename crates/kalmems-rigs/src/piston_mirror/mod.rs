@@ -32,7 +32,7 @@ use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstim
 use crate::evaluate::{MotionErrors, Reference, ValueState};
 use crate::outlook::Outlook;
 use crate::piston_mirror::device::PistonMirror;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, Layout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -169,7 +169,12 @@ impl Rig for PistonMirrorRig {
     }
 
     /// It has no angle; see [`Rig::values`].
-    fn evaluate(&self, estimate: &SegmentEstimate, _: &[Reference]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        _: &[Reference],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
     }
 }

@@ -34,7 +34,7 @@ use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, Layout, Recording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{SimulateError, Simulation};
@@ -183,13 +183,18 @@ impl Rig for SharedScannerRig {
         identification::identify(experiment, progress)
     }
 
-    fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        references: &[Reference],
+        stop: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         let extent = Extent {
             from_s: estimate.from_s(),
             motion_hz: estimate.motion.frequency_hz,
             drive: estimate.drive.as_ref(),
         };
-        let errors = |t| references.first().and_then(|reference| evaluate_motion(t, reference, extent));
+        let errors = |t| references.first().and_then(|reference| evaluate_motion(t, reference, extent, stop));
         estimate.trajectories.iter().map(errors).collect()
     }
 

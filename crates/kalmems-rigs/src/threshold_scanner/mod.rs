@@ -31,7 +31,7 @@ use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_mo
 use crate::export::{ExportError, Filter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, Topic};
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, Layout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::threshold_scanner::device::ThresholdScanner;
@@ -151,18 +151,23 @@ impl Rig for ThresholdScannerRig {
         Ok(Box::new(ThresholdSimulation::of(experiment)?))
     }
 
-    fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        references: &[Reference],
+        stop: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         let motion_hz = estimate.motion.frequency_hz;
         let extent = Extent { from_s: estimate.from_s(), motion_hz, drive: estimate.drive.as_ref() };
         let time = &estimate.segment.time;
         let end_s = time.at(time.len().saturating_sub(1)) + time.interval_s().unwrap_or(0.0);
         let one = |trajectory| {
             let reference = references.first()?;
-            let mut errors = evaluate_motion(trajectory, reference, extent)?;
+            let mut errors = evaluate_motion(trajectory, reference, extent, stop)?;
             if estimate.parts > 1 {
                 errors.parts = errors.error.parts(time.start_s(), end_s, estimate.parts);
             }
-            errors.reference_lag = ReferenceLag::of(trajectory, reference, extent.from_s, motion_hz);
+            errors.reference_lag = ReferenceLag::of(trajectory, reference, (extent.from_s, motion_hz), stop);
             Some(errors)
         };
         estimate.trajectories.iter().map(one).collect()

@@ -4,7 +4,7 @@ use super::{RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{Experiment, Fault, Key};
 use crate::estimate::{Around, EstimateError, Part, SegmentEstimate, StretchJudge, StretchSummary};
 use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording, SegmentJudge};
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 use crate::recording::{self, Finding, Instant, Source, Stretches};
 use crate::{Estimator, Rig, Workbench};
 use std::cell::Cell;
@@ -201,14 +201,9 @@ impl Work<'_> {
         };
         let described = self.experiment.recording(self.index)?;
         let estimates = (vec![estimate], StretchSummary::default());
-        Ok(evaluate(
-            (self.rig, self.experiment),
-            described,
-            part.recording.clone(),
-            estimates,
-            known,
-            Some((judge, part.ends)),
-        )?)
+        let work = (part.recording.clone(), estimates, known);
+        // Of a part it takes no time that anybody would see.
+        evaluate((self.rig, self.experiment), described, work, Some((judge, part.ends)), &Silent)
     }
 }
 

@@ -39,6 +39,8 @@ pub use answer::AnswerChange;
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
 pub use likeliest::{identify, likeliest};
+#[cfg(feature = "parquet-results")]
+pub(crate) use noise::leaves_noise_open;
 pub use noise::{FoundNoise, load_with_noise, noise_of_recording, with_noise};
 pub use note::ScaleNote;
 pub use paste::pasted;

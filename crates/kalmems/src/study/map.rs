@@ -4,7 +4,7 @@ use super::Plan;
 use super::axis::Axis;
 use super::pictures::{axis, name};
 use super::spread::{groups, spreads};
-use super::table::Table;
+use crate::table::Table;
 use kalmems_core::Portable;
 use kalmems_figures::{self, Grid, Panel, Scale, Series};
 use std::collections::BTreeMap;

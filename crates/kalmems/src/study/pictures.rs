@@ -5,7 +5,7 @@ use super::axis::{Setting, Values};
 use super::description::{Picture, Spacing};
 use super::map::{self, Map};
 use super::spread::{Group, groups, spreads};
-use super::table::{Table, number};
+use crate::table::{Table, number};
 use crate::units::{Header, Value};
 use kalmems_figures::{self, Figure, Panel, Role, Series};
 use std::collections::BTreeMap;

@@ -1,10 +1,11 @@
 //! The results of a whole study, written as one.
 
 use super::calibration::{self, CalibrationSummary};
-use super::journal::{self, Header, Runs};
+use super::journal::{Header, Runs};
 use super::pictures::pictures;
-use super::table::Table;
+use super::table::table;
 use super::{Plan, Shard, StudyError, spread};
+use crate::journal::{self, JournalError};
 use crate::results::write_figure;
 use crate::results::{Notice, Output, RUN_FILE};
 use crate::rigs::Workbench;
@@ -79,7 +80,7 @@ impl fmt::Display for Summary {
 impl Plan {
     /// The plan of a study, from one of its journals.
     pub fn from_journal(workbench: &Workbench, path: &Path) -> Result<Self, StudyError> {
-        let (header, _) = journal::load(path)?;
+        let (header, _) = journal::load::<Header>(path)?;
         Self::parse(workbench, (&header.study, &header.experiment), header.calibration)
     }
 
@@ -98,10 +99,10 @@ impl Plan {
     pub fn write_results(&self, journals: &[PathBuf], output: &Output) -> Result<Summary, StudyError> {
         let (header, runs) = joined(journals)?;
         let input_id = self.input_id(&header.digest);
-        let table = Table::of(self, &runs);
+        let table = table(self, &runs);
         output.write("results.csv", |w| table.write_csv(w))?;
         #[cfg(feature = "parquet-results")]
-        output.write("results.parquet", |w| super::parquet::write(&table, w))?;
+        output.write("results.parquet", |w| table.write_parquet(w))?;
         let drawn = self.description.figure.iter().filter_map(|picture| table.column(&picture.metric));
         let drawn: Vec<usize> = drawn.filter(|column| table.is_number(*column)).collect();
         if !drawn.is_empty() {
@@ -114,7 +115,7 @@ impl Plan {
             let long = calibration::long_table(summary);
             output.write("calibration.csv", |w| long.write_csv(w))?;
             #[cfg(feature = "parquet-results")]
-            output.write("calibration.parquet", |w| super::parquet::write(&long, w))?;
+            output.write("calibration.parquet", |w| long.write_parquet(w))?;
             output.write("calibration.json", |w| {
                 serde_json::to_writer_pretty(&mut *w, summary).map_err(io::Error::other)?;
                 w.write_all(b"\n")
@@ -206,10 +207,10 @@ fn joined(journals: &[PathBuf]) -> Result<(Header, Runs), StudyError> {
     let mut holders: BTreeMap<u64, usize> = BTreeMap::new();
     let mut shards = Vec::new();
     for (i, path) in journals.iter().enumerate() {
-        let (header, runs) = journal::load(path)?;
+        let (header, runs) = journal::load::<Header>(path)?;
         shards.push(header.shard.parse::<Shard>()?);
         let (first, joined) = whole.get_or_insert_with(|| (header.clone(), Runs::new()));
-        if let Some(why) = first.differs(&header) {
+        if let Some(why) = first.is_of_another_study(&header) {
             return Err(StudyError::Different { first: journals[0].clone(), second: path.clone(), why });
         }
         for (run, finished) in runs {
@@ -224,7 +225,10 @@ fn joined(journals: &[PathBuf]) -> Result<(Header, Runs), StudyError> {
             joined.insert(run, finished);
         }
     }
-    let no_journal = || StudyError::NoJournal { path: PathBuf::new(), why: "none was named".to_owned() };
+    let no_journal = || {
+        let why = "none was named".to_owned();
+        StudyError::from(JournalError::NoJournal { path: PathBuf::new(), work: "study", why })
+    };
     let (header, runs) = whole.ok_or_else(no_journal)?;
     let missing = header.runs - runs.len() as u64;
     if let Some(first) = (0..header.runs).find(|run| !runs.contains_key(run)) {

@@ -2,12 +2,13 @@
 
 use super::calibration::{Drawn, Judged, judged, state_signs};
 use super::error::RunError;
-use super::journal::{Finished, Header, Journal, Runs};
+use super::journal::{Finished, Header, Runs};
 use super::plan::Ready;
-use super::rows::{Row, rows};
 use super::{Plan, Shard, StudyError};
+use crate::journal::Journal;
 use crate::progress::{Progress, each_on_threads, processors};
 use crate::results::Metrics;
+use crate::rows::{Row, rows};
 use crate::simulate::Unwritten;
 use crate::workflow;
 use std::num::NonZero;
@@ -76,7 +77,7 @@ impl Plan {
     /// How many were done where the work was stopped; `None` where it came to its end.
     fn run_missing(
         &self,
-        journal: &mut Journal,
+        journal: &mut Journal<Header>,
         finished: &Runs,
         options: Options,
         progress: &dyn Progress,
@@ -93,7 +94,7 @@ impl Plan {
             |place, heard| self.finish(missing[place], heard),
             |_, finished| {
                 done += 1;
-                journal.add(&finished)
+                journal.add(&finished).map_err(StudyError::from)
             },
         )?;
         Ok((done < missing.len() as u64).then_some(done))

@@ -1,7 +1,7 @@
 //! A figure of the results over the repeats of each point.
 
 use super::Plan;
-use super::table::{Table, number};
+use crate::table::{Table, number};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 

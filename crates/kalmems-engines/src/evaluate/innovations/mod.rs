@@ -14,6 +14,7 @@ mod windows;
 pub use evidence::{CycleEvidence, Histogram, InnovationEvidence, SpectrumGroup};
 pub use result::{InnovationTest, Place, TestResult, WRONG, nis};
 
+use crate::progress::Interruption;
 use cycle::Cycle;
 use moments::Moments;
 use spectrum::SpectrumRecord;
@@ -43,8 +44,12 @@ impl InnovationRecord {
     }
 
     /// Takes innovations and their standard deviations in, in the order of time; what is not finite is no update.
-    pub fn take(&mut self, time_s: &[f64], innovation: &[f64], sd: &[f64]) {
-        for ((time_s, innovation), sd) in time_s.iter().zip(innovation).zip(sd) {
+    /// The work ends where it is stopped.
+    pub fn take(&mut self, time_s: &[f64], innovation: &[f64], sd: &[f64], stop: &Interruption) {
+        for (k, ((time_s, innovation), sd)) in time_s.iter().zip(innovation).zip(sd).enumerate() {
+            if stop.is_requested_at(k) {
+                return;
+            }
             let z = innovation / sd;
             if !z.is_finite() {
                 continue;

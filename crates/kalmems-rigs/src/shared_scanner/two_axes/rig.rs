@@ -9,7 +9,7 @@ use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{Around, Axis, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
 use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, Layout, Recording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
@@ -126,7 +126,12 @@ impl Rig for TwoAxesRig {
         simulation(experiment)
     }
 
-    fn evaluate(&self, estimate: &SegmentEstimate, references: &[Reference]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        references: &[Reference],
+        stop: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         let from_s = estimate.from_s();
         let first = (ANGLES[0][0], estimate.motion, estimate.drive.as_ref());
         let others = estimate.other_axes.iter().map(|axis| (axis.angle, axis.motion, axis.drive.as_ref()));
@@ -135,7 +140,7 @@ impl Rig for TwoAxesRig {
             let mut found = axes.iter().filter_map(|(angle, motion, drive)| {
                 let reference = references.iter().find(|reference| reference.states[0] == *angle)?;
                 let extent = Extent { from_s, motion_hz: motion.frequency_hz, drive: *drive };
-                evaluate_motion(trajectory, reference, extent)
+                evaluate_motion(trajectory, reference, extent, stop)
             });
             let mut first = found.next()?;
             first.other_angles = found.collect();

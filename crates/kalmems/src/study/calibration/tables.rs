@@ -1,7 +1,7 @@
 //! A calibration as tables: three for people, and one with all of it for programs.
 
 use super::{CalibrationSummary, ClaimCalibration, FilterCalibration, Share, TestCount};
-use crate::study::table::{Line, Table};
+use crate::table::{Line, Table};
 use kalmems_figures::{self as figures, Column};
 
 /// The grades, from the best to the worst, with what stands above their columns.
@@ -170,5 +170,5 @@ pub(in super::super) fn long_table(summary: &CalibrationSummary) -> Table {
             }
         }
     }
-    Table { columns: COLUMNS.map(str::to_owned).to_vec(), rows, before: 4 }
+    Table { columns: COLUMNS.map(str::to_owned).to_vec(), words: Vec::new(), rows, before: 4 }
 }

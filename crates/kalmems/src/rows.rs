@@ -5,11 +5,11 @@ use serde_json::{Map, Value};
 
 /// Columns by name, in their order, with their text: numbers as short as they read back as the same bits. Text, because
 /// that is what no reading and writing changes.
-pub(super) type Row = Map<String, Value>;
+pub(crate) type Row = Map<String, Value>;
 
 /// All rows of a run, from what `metrics.json` of an estimate would hold. A figure that there is not has no column; of
 /// a list, the row has the length.
-pub(super) fn rows(metrics: &Metrics) -> Vec<Row> {
+pub(crate) fn rows(metrics: &Metrics) -> Vec<Row> {
     let metrics = serde_json::to_value(metrics).unwrap_or_default();
     let mut rows = Vec::new();
     for recording in list(&metrics, "recordings") {
