@@ -69,7 +69,8 @@ fn side_by_side<T: Send, E>(
 ) -> Result<bool, E> {
     let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
     std::thread::scope(|scope| {
-        let (send, receive) = mpsc::channel();
+        // A thread waits until its result is taken: results do not pile up, and an end of the work is not overtaken by points behind it.
+        let (send, receive) = mpsc::sync_channel(0);
         for _ in 0..threads.clamp(1, count.max(1)) {
             let (send, next, stopped, point) = (send.clone(), &next, &stopped, &point);
             scope.spawn(move || {

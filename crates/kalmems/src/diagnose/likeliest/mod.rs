@@ -39,8 +39,9 @@ const FARTHEST: f64 = 3.0;
 /// e^{±1.96 sd} of it, that of another by the profile of the likelihood. A number that is not determined with its stated sign is tried with
 /// the other one.
 ///
-/// Numbers whose errors hang together are put into the experiment all or not at all, and only where that can do no harm: see
-/// [`Judgement`]. Of what is not determined a recording is sought that would determine it.
+/// Numbers whose errors hang together are put into the experiment all or not at all, and only where that can do no harm: the
+/// estimate with them must not be worse on samples that did not determine them. Of what is not determined a recording is sought that would
+/// determine it.
 ///
 /// # Errors
 ///
