@@ -28,7 +28,9 @@ fn example(name: &str) -> String {
 fn laboratory(recordings: usize) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("experiment.toml"), example("experiment.toml")).unwrap();
-    let rows = |name: &str, count: usize| example(name).lines().take(count + 1).collect::<Vec<_>>().join("\n") + "\n";
+    let rows = |name: &str, count: usize| {
+        example(name).lines().take(count + 1).collect::<Vec<_>>().join("\n") + "\n"
+    };
     for kind in ["scans", "truth"] {
         fs::create_dir(folder.path().join(kind)).unwrap();
     }
@@ -132,7 +134,8 @@ fn the_summary_has_a_row_for_each_recording_with_its_errors_and_the_figures_of_a
     assert_eq!(all.len(), 2 * estimators.len());
     assert_eq!(all.iter().filter(|row| row["trusted"] == "yes").count(), 2);
     // Without references of their own, the reference of the experiment's recording is not taken for theirs.
-    let without = run(folder, &["batch", "scans/scan1.csv", "--experiment", "experiment.toml", "--out", "bare"]);
+    let without =
+        run(folder, &["batch", "scans/scan1.csv", "--experiment", "experiment.toml", "--out", "bare"]);
     assert_eq!(code(&without), Some(0), "{}", said(&without));
     assert!(said(&without).contains("is in a file of its own and is left out"), "{}", said(&without));
     assert!(!rows(&folder.join("bare/summary.csv"))[0].contains_key("errors.angle.rmse_deg"));
@@ -170,13 +173,16 @@ fn the_trajectories_are_those_of_an_estimate_to_the_last_bit_and_can_be_a_record
         }
     }
     // The filters one after the other, as the summary of an estimate has them.
-    let keys: Vec<String> = rows(&folder.join("out/results.csv")).iter().map(|row| row["estimator"].clone()).collect();
+    let keys: Vec<String> =
+        rows(&folder.join("out/results.csv")).iter().map(|row| row["estimator"].clone()).collect();
     let mut row = 0;
     for key in keys {
         for own in rows(&folder.join(format!("alone/trajectory_{key}.csv"))) {
             for (name, all) in wanted.iter().zip(&found) {
-                let expected: f64 =
-                    own.get(*name).filter(|cell| !cell.is_empty()).map_or(f64::NAN, |cell| cell.parse().unwrap());
+                let expected: f64 = own
+                    .get(*name)
+                    .filter(|cell| !cell.is_empty())
+                    .map_or(f64::NAN, |cell| cell.parse().unwrap());
                 assert_eq!(all[row].to_bits(), expected.to_bits(), "{key} {name} {row}");
             }
             row += 1;
@@ -195,7 +201,11 @@ fn what_is_new_is_estimated_what_is_equal_is_not_and_what_fails_keeps_no_other_f
     fs::write(folder.join("scans/noise.csv"), "time_s,mutual_V\n0,nothing\n").unwrap();
     let output = batch(folder, "out", &[]);
     assert_eq!(code(&output), Some(5), "{}", said(&output));
-    assert!(said(&output).contains("4 recordings: 2 estimated, 1 with the content of another, 1 failed"), "{}", said(&output));
+    assert!(
+        said(&output).contains("4 recordings: 2 estimated, 1 with the content of another, 1 failed"),
+        "{}",
+        said(&output)
+    );
     assert!(said(&output).contains("`scan0` is `again`"), "{}", said(&output));
     let summary = rows(&folder.join("out/summary.csv"));
     let by = |name: &str| summary.iter().find(|row| row["recording"] == name).unwrap();
