@@ -150,6 +150,11 @@ impl Outcome {
         each.flatten().map(of).collect()
     }
 
+    /// How long the work took in Rust, in s.
+    fn took_s(&self) -> f64 {
+        self.info.took.as_secs_f64()
+    }
+
     /// The segments with their trajectories, as dictionaries; see `kalmems._result`.
     fn segments<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyList>> {
         let all = PyList::empty(slf.py());

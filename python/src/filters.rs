@@ -1,8 +1,9 @@
 //! Filters over arrays, for models of one's own.
 
 use crate::watch::Watch;
+use kalmems_core::smooth::{Backward, Smoothed};
 use kalmems_core::{
-    Covariance, Ekf, Filter, Mat, NumericMeasurement, NumericProcess, ProcessNoise, SigmaPoints, Ukf,
+    Covariance, Ekf, Filter, Gaussian, Mat, NumericMeasurement, NumericProcess, ProcessNoise, SigmaPoints, Ukf,
 };
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyArithmeticError, PyValueError};
@@ -215,6 +216,8 @@ struct Job<'a> {
     x0: &'a [f64],
     p0: &'a [f64],
     points: Option<[f64; 3]>,
+    /// Whether what later samples say of earlier states is wanted as well.
+    smooths: bool,
     /// Whether to stop before a sample.
     stop: &'a dyn Fn() -> bool,
 }
@@ -228,6 +231,8 @@ struct Run {
     s: Vec<f64>,
     nis: Vec<f64>,
     log_likelihood: Vec<f64>,
+    /// Mean and covariance given all samples, where they are wanted.
+    smoothed: Option<(Vec<f64>, Vec<f64>)>,
     /// Where and why it stopped, if it did.
     stopped: Option<(usize, String)>,
 }
@@ -252,16 +257,25 @@ fn follow<F: Filter<f64, N>, const N: usize, const M: usize>(mut filter: F, job:
         width: job.width,
     };
     let r = square::<M>(job.r);
+    let mut steps: Vec<Backward<f64, N>> = Vec::new();
     for k in 0..rows {
         if k % 64 == 0 && (job.stop)() {
             run.stopped = Some((k, String::new()));
             return run;
         }
-        if k > 0
-            && let Err(why) = filter.predict(&motion, &(k - 1))
-        {
-            run.stopped = Some((k, why.to_string()));
-            return run;
+        if k > 0 {
+            let before = job.smooths.then(|| now(&filter));
+            let predicted = filter.predict_linked(&motion, &(k - 1)).and_then(|link| {
+                let step = before.map(|before| Backward::new(&before, &link, filter.mean()));
+                step.transpose()
+            });
+            match predicted {
+                Ok(step) => steps.extend(step),
+                Err(why) => {
+                    run.stopped = Some((k, why.to_string()));
+                    return run;
+                }
+            }
         }
         let y: [f64; M] = std::array::from_fn(|i| job.z[k * M + i]);
         // What is missing is not made up: a prediction stands there.
@@ -294,7 +308,38 @@ fn follow<F: Filter<f64, N>, const N: usize, const M: usize>(mut filter: F, job:
             }
         }
     }
+    if job.smooths && rows > 0 {
+        match smoothed(&now(&filter), &steps, job.stop) {
+            Ok(all) => run.smoothed = Some(all),
+            Err(why) => run.stopped = Some((rows - 1, why)),
+        }
+    }
     run
+}
+
+/// What a filter says at present.
+fn now<F: Filter<f64, N>, const N: usize>(filter: &F) -> Gaussian<f64, N> {
+    Gaussian { mean: *filter.mean(), covariance: filter.covariance() }
+}
+
+/// Means and covariances given all samples, row after row, from the last one back.
+fn smoothed<const N: usize>(
+    last: &Gaussian<f64, N>,
+    steps: &[Backward<f64, N>],
+    stop: &dyn Fn() -> bool,
+) -> Result<(Vec<f64>, Vec<f64>), String> {
+    let mut state = Smoothed::newest(last).map_err(|why| why.to_string())?;
+    let mut rows = vec![state];
+    for (k, step) in steps.iter().rev().enumerate() {
+        if k % 64 == 0 && stop() {
+            return Err(String::new());
+        }
+        state = step.apply(&state);
+        rows.push(state);
+    }
+    let means = rows.iter().rev().flat_map(|row| row.mean).collect();
+    let covariances = rows.iter().rev().flat_map(|row| row.covariance().to_full().0.into_iter().flatten());
+    Ok((means, covariances.collect()))
 }
 
 fn of_size<const N: usize, const M: usize>(job: &Job) -> Run {
@@ -391,11 +436,11 @@ impl Given {
         &'a self,
         motion: Model<'a>,
         sensor: Model<'a>,
-        points: Option<[f64; 3]>,
+        (points, smooths): (Option<[f64; 3]>, bool),
         stop: &'a dyn Fn() -> bool,
     ) -> Job<'a> {
         let Self { z, inputs, q, r, x0, p0, width, .. } = self;
-        Job { motion, sensor, z, inputs, width: *width, q, r, x0, p0, points, stop }
+        Job { motion, sensor, z, inputs, width: *width, q, r, x0, p0, points, smooths, stop }
     }
 
     /// The answer as arrays.
@@ -415,13 +460,17 @@ impl Given {
         all.set_item("S", PyArray1::from_vec(py, run.s).reshape([rows, m, m])?)?;
         all.set_item("nis", PyArray1::from_vec(py, run.nis))?;
         all.set_item("log_likelihood", PyArray1::from_vec(py, run.log_likelihood))?;
+        if let Some((x, p)) = run.smoothed {
+            all.set_item("smoothed_x", PyArray1::from_vec(py, x).reshape([rows, n])?)?;
+            all.set_item("smoothed_P", PyArray1::from_vec(py, p).reshape([rows, n, n])?)?;
+        }
         Ok(all)
     }
 }
 
 /// The linear Kalman filter over arrays.
 #[pyfunction]
-#[pyo3(signature = (z, f, h, q, r, x0, p0, b=None, u=None))]
+#[pyo3(signature = (z, f, h, q, r, x0, p0, b=None, u=None, smooth=false))]
 #[allow(clippy::too_many_arguments)] // the letters of the equations
 pub fn kalman<'py>(
     py: Python<'py>,
@@ -434,6 +483,7 @@ pub fn kalman<'py>(
     p0: Numbers<'py>,
     b: Option<Numbers<'py>>,
     u: Option<Numbers<'py>>,
+    smooth: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given = Given::of(&z, u.as_ref(), &q, &r, &x0, &p0)?;
     let (f, h) = (shaped("F", &f, &[given.n, given.n])?, shaped("H", &h, &[given.m, given.n])?);
@@ -445,7 +495,7 @@ pub fn kalman<'py>(
         let stop = || watch.stops(None);
         let motion = Model { value: &motion, derivative: Some(&slope), scales: &given.scales };
         let sensor = Model { value: &sensor, derivative: Some(&seen), scales: &given.scales };
-        sized(&given.job(motion, sensor, None, &stop), given.n, given.m)
+        sized(&given.job(motion, sensor, (None, smooth), &stop), given.n, given.m)
     });
     given.answer(py, run, &watch)
 }
@@ -455,7 +505,7 @@ type Functions<'py> = [Option<(Option<usize>, Option<Bound<'py, PyAny>>)>; 4];
 
 /// The extended Kalman filter of a model of functions, or with the spread (α, β, κ) of its points the unscented one.
 #[pyfunction]
-#[pyo3(signature = (z, functions, q, r, x0, p0, u=None, points=None))]
+#[pyo3(signature = (z, functions, q, r, x0, p0, u=None, points=None, smooth=false))]
 #[allow(clippy::too_many_arguments)] // the letters of the equations
 pub fn nonlinear<'py>(
     py: Python<'py>,
@@ -467,6 +517,7 @@ pub fn nonlinear<'py>(
     p0: Numbers<'py>,
     u: Option<Numbers<'py>>,
     points: Option<[f64; 3]>,
+    smooth: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given = Given::of(&z, u.as_ref(), &q, &r, &x0, &p0)?;
     let watch = Watch::new(None);
@@ -492,7 +543,7 @@ pub fn nonlinear<'py>(
                 derivative: hx.as_ref().map(|of| of as &dyn Function),
                 scales: &given.scales,
             };
-            sized(&given.job(motion, sensor, points, &stop), given.n, given.m)
+            sized(&given.job(motion, sensor, (points, smooth), &stop), given.n, given.m)
         });
         return given.answer(py, run, &watch);
     }
@@ -513,7 +564,7 @@ pub fn nonlinear<'py>(
         Model { value: f, derivative: fx.as_ref().map(|of| of as &dyn Function), scales: &given.scales };
     let sensor =
         Model { value: h, derivative: hx.as_ref().map(|of| of as &dyn Function), scales: &given.scales };
-    let run = sized(&given.job(motion, sensor, points, &stop), given.n, given.m);
+    let run = sized(&given.job(motion, sensor, (points, smooth), &stop), given.n, given.m);
     if let Some(error) = called.iter().flatten().find_map(|function| function.error.borrow_mut().take()) {
         return Err(error);
     }

@@ -4,6 +4,7 @@
 //! and errors their type, and nothing is computed.
 
 mod applications;
+mod batch;
 mod command;
 mod document;
 mod errors;
@@ -23,6 +24,8 @@ use pyo3::prelude::*;
 mod _kalmems {
     #[pymodule_export]
     use super::applications::{calibrate, image, spectrum};
+    #[pymodule_export]
+    use super::batch::{batch_files, estimate_many};
     #[pymodule_export]
     use super::command::run_command;
     #[pymodule_export]

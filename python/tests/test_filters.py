@@ -53,6 +53,41 @@ def test_the_linear_filter_is_that_of_the_equations_with_samples_missing() -> No
     assert np.array_equal(filters.kalman(masked, F, H, Q, R, X0, P0, B=B, u=U).x, found.x)
 
 
+def test_the_smoother_is_the_estimate_by_all_samples_at_once() -> None:
+    z = measured()[:40]
+    z[5] = np.nan
+    u = U[:40]
+    found = filters.kalman(z, F, H, Q, R, X0, P0, B=B, u=u, smooth=True)
+    assert found.smoothed is not None
+    # All states as one vector, by the normal equations of what is known of them: a start, steps and samples.
+    count = len(z)
+    information, vector = np.zeros((2 * count, 2 * count)), np.zeros(2 * count)
+
+    def know(places: list[slice], matrices: list[np.ndarray], value: np.ndarray, covariance: np.ndarray) -> None:
+        weight = np.linalg.inv(covariance)
+        for one, of_one in zip(places, matrices, strict=True):
+            vector[one] += of_one.T @ weight @ value
+            for other, of_other in zip(places, matrices, strict=True):
+                information[one, other] += of_one.T @ weight @ of_other
+
+    at = [slice(2 * k, 2 * k + 2) for k in range(count)]
+    know([at[0]], [np.eye(2)], X0, P0)
+    for k in range(count):
+        if k > 0:
+            know([at[k - 1], at[k]], [-F, np.eye(2)], B @ u[k - 1], Q)
+        if np.isfinite(z[k]).all():
+            know([at[k]], [H], z[k], R)
+    covariance = np.linalg.inv(information)
+    assert np.allclose(found.smoothed.x.ravel(), covariance @ vector, atol=1e-9)
+    assert np.allclose(found.smoothed.P, [covariance[one, one] for one in at], atol=1e-9)
+    assert np.all(found.smoothed.sd <= found.sd + 1e-12)
+    model = {"f": lambda x, u: F @ x + B @ u, "h": lambda x, u: H @ x, "Q": Q, "R": R}
+    for nonlinear in (filters.Ekf(**model), filters.Ukf(**model)):
+        again = nonlinear.run(z, X0, P0, u, smooth=True).smoothed
+        assert again is not None and np.allclose(again.x, found.smoothed.x, atol=1e-6)
+    assert filters.kalman(z, F, H, Q, R, X0, P0, B=B, u=u).smoothed is None
+
+
 def test_nonlinear_filters_of_a_linear_model_are_the_linear_filter() -> None:
     z = measured()
     linear = filters.kalman(z, F, H, Q, R, X0, P0, B=B, u=U)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import multiprocessing
 import pickle
 from pathlib import Path
+from shutil import copy
+from typing import Any
 
 import numpy as np
 import pytest
@@ -174,22 +176,80 @@ def test_applications_give_arrays_and_figures() -> None:
         kalmems.spectrum(EXAMPLES / "shared_scanner/image.toml")
 
 
+def many(recorded: dict[str, np.ndarray]) -> dict[str, kalmems.Recording | Path]:
+    return {
+        "file": EXAMPLES / "shared_scanner/recording.csv",
+        "arrays": kalmems.Recording(recorded),
+        "once more": kalmems.Recording(recorded),
+        "gone": Path("gone.csv"),
+        "backwards": kalmems.Recording({**recorded, "time_s": recorded["time_s"][::-1]}),
+    }
+
+
 def test_many_recordings_have_a_file_each_and_one_summary(
     scanner: kalmems.Experiment, recorded: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    given = {
-        "file": EXAMPLES / "shared_scanner/recording.csv",
-        "arrays": kalmems.Recording(recorded),
-        "gone": tmp_path / "gone.csv",
-        "backwards": kalmems.Recording({**recorded, "time_s": recorded["time_s"][::-1]}),
-    }
-    first = scanner.estimate_many(given, tmp_path / "many")
-    assert (first.estimated, first.before, list(first.failures)) == (2, 0, ["gone", "backwards"])
-    again = scanner.estimate_many(given, tmp_path / "many")
+    scanner = scanner.replace({"recording[0].reference": None})
+    first = scanner.estimate_many(many(recorded), tmp_path / "many")
+    assert (first.estimated, first.before, list(first.failures)) == (2, 0, ["backwards", "gone"])
+    assert first.same_as == {"once more": "arrays"} and "gone.csv" in first.failures["gone"]
+    again = scanner.estimate_many(many(recorded), tmp_path / "many", threads=1)
     assert (again.estimated, again.before) == (0, 2) and again.rows() == first.rows()
-    assert {(row["recording"], row["filter"], row["grade"]) for row in first.rows()} >= {("file", "EKF", "doubtful"), ("arrays", "UKF", "doubtful")}
-    tables = [parquet.read_table(tmp_path / "many" / f"{name}.parquet") for name in ("file", "arrays")]
-    assert tables[0].equals(tables[1]) and tables[0].num_rows == 3 * len(recorded["time_s"])
-    changed = scanner.replace({"estimate.skip": "9 ms"}).estimate_many(given, tmp_path / "many")
-    assert changed.estimated == 2
+    assert [row["recording"] for row in first.rows()] == ["file", "arrays", "once more", "gone", "backwards"]
+    # As another reader of Parquet has them, to the last bit.
+    result = scanner.estimate(kalmems.Recording(recorded))
+    tables = [parquet.read_table(tmp_path / "many/trajectories" / f"{name}.parquet") for name in ("file", "arrays")]
+    for table in tables:
+        assert table.num_rows == 3 * len(recorded["time_s"])
+        own = table.filter(pyarrow_equal(table["filter"], "ekf"))
+        for name, values in result["EKF"].columns().items():
+            found = own[name].to_numpy()
+            assert np.array_equal(np.where(np.isfinite(values), values, np.nan), found.astype(float), equal_nan=True), name
+    told = parquet.ParquetFile(tmp_path / "many/trajectories/file.parquet").metadata.row_group(0)
+    angle = next(one for one in map(told.column, range(told.num_columns)) if one.path_in_schema == "angle_rad")
+    assert angle.compression == "ZSTD" and "BYTE_STREAM_SPLIT" in angle.encodings
+    # Another experiment is other work, which is not put over this.
+    other = scanner.replace({"estimate.skip": "9 ms"})
+    with pytest.raises(kalmems.KalmemsError, match="another batch"):
+        other.estimate_many(many(recorded), tmp_path / "many")
+    assert other.estimate_many(many(recorded), tmp_path / "many", force=True).estimated == 2
+
+
+def pyarrow_equal(column: Any, word: str) -> Any:
+    import pyarrow.compute
+
+    return pyarrow.compute.equal(column, word)
+
+
+def test_a_batch_says_that_it_leaves_a_reference_out_and_takes_one_for_each_recording(
+    scanner: kalmems.Experiment, tmp_path: Path
+) -> None:
+    for name in ("recording", "reference"):
+        copy(EXAMPLES / f"shared_scanner/{name}.csv", tmp_path / f"{name}.csv")
+    files = str(tmp_path / "recording.*")
+    with pytest.warns(UserWarning, match="is left out"):
+        without = scanner.estimate_many(files, tmp_path / "without")
+    assert "errors.angle.rmse_deg" not in without.rows()[0]
+    copy(tmp_path / "reference.csv", tmp_path / "truth-recording.csv")
+    with_it = scanner.estimate_many([files], tmp_path / "with", reference=str(tmp_path / "truth-{name}.csv"))
+    alone = scanner.estimate().best
+    assert alone is not None
+    assert float(with_it.rows()[0]["errors.angle.rmse_deg"]) == alone.metrics["errors"]["angle"]["rmse_deg"]
+
+
+def test_paths_with_a_scheme_are_read_and_written(scanner: kalmems.Experiment, tmp_path: Path) -> None:
+    fsspec = pytest.importorskip("fsspec")
+    system = fsspec.filesystem("memory")
+    content = (EXAMPLES / "shared_scanner/recording.csv").read_bytes()
+    for name in ("monday", "tuesday"):
+        system.pipe_file(f"/scans/{name}.csv", content)
+    scanner = scanner.replace({"recording[0].reference": None})
+    here = scanner.estimate_many({"monday": EXAMPLES / "shared_scanner/recording.csv"}, tmp_path / "here")
+    there = scanner.estimate_many("memory://scans/*.csv", "memory://results/week")
+    assert (there.estimated, there.same_as) == (1, {"tuesday": "monday"})
+    place = "trajectories/monday.parquet"
+    assert system.cat_file(f"/results/week/{place}") == (tmp_path / "here" / place).read_bytes()
+    assert [row["grade"] for row in there.rows()] == 2 * [here.rows()[0]["grade"]]
+    again = scanner.estimate_many("memory://scans/monday.csv", "memory://results/week")
+    assert (again.estimated, again.before, [row["recording"] for row in again.rows()]) == (0, 1, ["monday"])

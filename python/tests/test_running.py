@@ -55,6 +55,33 @@ def test_an_interruption_ends_the_work_soon(scanner: kalmems.Experiment, recorde
         assert came and ended - came[0] < 2.0
 
 
+def test_an_interruption_ends_the_evaluation(
+    scanner: kalmems.Experiment, recorded: dict[str, np.ndarray], truth: dict[str, np.ndarray]
+) -> None:
+    times = 20
+    rows = len(truth["time_s"])
+    reference = kalmems.Recording(
+        {
+            "time_s": np.round(np.arange(rows * times) * 1e-6, 9),
+            **{name: np.tile(values, times) for name, values in truth.items() if name != "time_s"},
+        }
+    )
+    stages: list[str] = []
+    sent: list[float] = []
+
+    def heard(what: str, done: int, total: int) -> None:
+        stages.append(what)
+        if what == "evaluating" and not sent:
+            assert done < total
+            sent.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        scanner.estimate(long_recording(recorded, times), reference=reference, progress=heard)
+    ended = time.monotonic()
+    assert stages[-1] == "evaluating" and ended - sent[0] < 1.0
+
+
 def test_progress_is_told_and_may_raise(scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]) -> None:
     told = []
     scanner.estimate(long_recording(recorded, 10), progress=lambda *what: told.append(what))

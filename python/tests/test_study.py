@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import logging
+import os
 import pickle
-from concurrent.futures import ProcessPoolExecutor
+import signal
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import pytest
 from conftest import EXAMPLES
@@ -16,7 +20,7 @@ from kalmems._kalmems import run_command
 STIFFNESS = "device.shared_scanner.resonator.stiffness"
 
 
-def made() -> kalmems.Study:
+def made(repeats: int = 2) -> kalmems.Study:
     experiment = kalmems.Experiment.load(EXAMPLES / "shared_scanner/simulation.toml").replace(
         {
             "simulate.duration": "4 ms",
@@ -27,7 +31,7 @@ def made() -> kalmems.Study:
     )
     return experiment.study(
         [{"key": STIFFNESS, "name": "stiffness", "applies_to": "told", "values": ["1.098e-4 N m", "1.10e-4 N m", "1.102e-4 N m"]}],
-        repeats=2,
+        repeats=repeats,
         seed=1,
         truth={STIFFNESS: "1.10e-4 N m"},
         name="small",
@@ -67,6 +71,85 @@ def test_an_executor_runs_the_parts(tmp_path: Path) -> None:
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         pooled = study.run(tmp_path / "pooled", executor=pool, parts=2)
     assert results(pooled.folder) == results(study.run(tmp_path / "here").folder)
+
+
+class Unreliable:
+    """An executor whose workers die on one part and hang on another, the first time."""
+
+    def __init__(self) -> None:
+        self.pool = ThreadPoolExecutor(2)
+        self.given: list[tuple[int, int]] = []
+
+    def submit(self, function: Any, part: Any, number: int) -> Future[bytes]:
+        self.given.append((part.part, number))
+        if number == 1 and part.part in (1, 2):
+            future: Future[bytes] = Future()
+            if part.part == 1:
+                future.set_exception(RuntimeError("the worker died"))
+            return future
+        return self.pool.submit(function, part, number)
+
+
+def test_parts_of_workers_that_die_or_hang_are_given_out_again(tmp_path: Path) -> None:
+    study, executor = made(), Unreliable()
+    told: list[tuple[str, int, int]] = []
+    run = study.run(
+        tmp_path / "run", executor=executor, parts=4, deadline=0.5, progress=lambda *what: told.append(what)
+    )
+    assert results(run.folder) == results(study.run(tmp_path / "here").folder)
+    assert {part for part, number in executor.given if number > 1} >= {1, 2}
+    assert told[-1] == ("studying", 4, 4)
+
+
+def test_a_part_that_fails_each_time_is_told(tmp_path: Path) -> None:
+    class Broken:
+        def submit(self, function: Any, part: Any, number: int) -> Future[bytes]:
+            future: Future[bytes] = Future()
+            future.set_exception(RuntimeError(f"attempt {number}"))
+            return future
+
+    with pytest.raises(RuntimeError, match="attempt 5"):
+        made().run(tmp_path / "run", executor=Broken(), parts=2)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system cannot halt a process")
+def test_dask_loses_and_doubles_nothing_with_a_worker_killed_one_hung_and_one_joining(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    study = made(repeats=8)
+    expected = results(study.run(tmp_path / "here").folder)
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with (
+        dask_config(),
+        distributed.LocalCluster(**options, silence_logs=logging.CRITICAL) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        first, second = [worker["pid"] for worker in client.run(worker_process).values()]
+        killed: list[int] = []
+
+        def heard(what: str, done: int, total: int) -> None:
+            if not killed:
+                killed.append(done)
+                os.kill(first, signal.SIGKILL)
+                os.kill(second, signal.SIGSTOP)
+                cluster.scale(3)
+
+        try:
+            run = study.run(tmp_path / "run", executor=client, parts=12, deadline=3.0, progress=heard)
+        finally:
+            os.kill(second, signal.SIGKILL)
+        assert killed and killed[0] < 12
+        assert results(run.folder) == expected
+        assert run.summary["runs"] == 24 and not run.summary["failures"]
+
+
+def worker_process() -> dict[str, int]:
+    return {"pid": os.getpid()}
+
+
+def dask_config() -> Any:
+    import dask
+
+    return dask.config.set({"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": "5s"})
 
 
 def test_a_study_that_is_wrong_names_its_key() -> None:

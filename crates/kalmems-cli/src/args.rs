@@ -10,7 +10,8 @@ use std::path::PathBuf;
 const BELOW: &str = "To begin: `kalmems new --list`, then `kalmems help start`. Topics such as `verdict` or `recordings`: \
     `kalmems help topics`.\n\n\
     Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an estimate; 2 usage; 3 under \
-    --strict, a filter's answer is doubtful or worse; 4 the connection that samples came over broke; 130 interrupted.";
+    --strict, a filter's answer is doubtful or worse; 4 the connection that samples came over broke; 5 some recordings of a batch could \
+    not be estimated, and the results have all others; 130 interrupted.";
 
 /// Motion estimation for MEMS devices with capacitive sensors.
 #[derive(Parser)]
@@ -25,6 +26,9 @@ pub struct CommandLine {
 
 #[derive(Subcommand)]
 pub enum Command {
+    /// Estimate many recordings by one experiment, with the trajectories of each in a Parquet file and one table of all.
+    #[cfg(feature = "parquet-results")]
+    Batch(BatchArguments),
     /// Calibrate an instrument by a known motion.
     Calibrate(CalibrateArguments),
     /// Lay results of `kalmems estimate` over one another in one page.
@@ -66,6 +70,51 @@ pub enum Command {
     Stream(StreamArguments),
     /// Simulate and estimate an experiment many times, over a grid or with random parameters, and compare the filters or test their claims.
     Study(StudyArguments),
+}
+
+/// What stands below the help of `batch`.
+#[cfg(feature = "parquet-results")]
+const BELOW_BATCH: &str = "Results: `trajectories/NAME.parquet` of each recording, with the columns `segment`, `stretch` and `filter` in front; \
+    `summary.csv` with a row for each recording; `results.csv` with all figures of all filters; `report.html`. Both tables are there as Parquet \
+    as well.\n\n\
+    What is finished is kept in a journal beside the folder: after an interruption, or with further recordings, the same command computes \
+    only what is missing. Recordings with the same content are estimated once.\n\n\
+    Exit codes: 0 all recordings were estimated; 5 some could not be estimated, and the table says why of each; 1 none could, or the \
+    experiment is wrong; 3 under --strict, an answer is doubtful or worse; 130 interrupted.";
+
+#[cfg(feature = "parquet-results")]
+#[derive(Args)]
+#[command(after_help = BELOW_BATCH)]
+pub struct BatchArguments {
+    /// The recordings: files, or patterns such as \"recordings/*.csv\" in quotes.
+    #[arg(value_name = "RECORDING", required = true)]
+    pub recordings: Vec<String>,
+    /// The experiment file, in which each recording stands in the place of the one that it names.
+    #[arg(long, value_name = "FILE")]
+    pub experiment: PathBuf,
+    /// Which recording of the experiment they stand for, by its name or role [default: the only one, or the only one with the role `test`].
+    #[arg(long = "as", value_name = "NAME")]
+    pub of: Option<String>,
+    /// The file of each recording's reference, with `{name}` in the place of the recording's name, such as `truth/{name}.csv`; without it, a
+    /// reference in a file of its own is left out.
+    #[arg(long, value_name = "FILE")]
+    pub reference: Option<String>,
+    /// The folder for the results; the journal of what is finished stands beside it [default: out/batches/<name of the experiment>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Put aside the results, and the journal, of another batch.
+    #[arg(long)]
+    pub force: bool,
+    /// How many recordings at once; the results do not depend on it [default: as many as the machine can]. Each takes the memory of its samples
+    /// and trajectories.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZero<usize>>,
+    /// End with exit code 3 if the answer of the filter to trust is doubtful or worse in a recording.
+    #[arg(long)]
+    pub strict: bool,
+    /// Print the summary as JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args)]

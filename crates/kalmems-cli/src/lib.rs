@@ -7,7 +7,8 @@
 //! ```
 //!
 //! Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an estimate; 2 usage; 3 under
-//! `--strict`, an estimate failed its consistency test; 4 the connection that samples came over broke; 130 interrupted.
+//! `--strict`, an estimate failed its consistency test; 4 the connection that samples came over broke; 5 some recordings of a batch could
+//! not be estimated; 130 interrupted.
 
 // Both panic where nobody reads: `print` and `tell!` are for that.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
@@ -61,6 +62,8 @@ pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsStr
     #[cfg(not(target_family = "wasm"))]
     interrupt::listen();
     let ending = match &arguments.command {
+        #[cfg(feature = "parquet-results")]
+        Command::Batch(arguments) => commands::batch::run(workbench, arguments),
         Command::Calibrate(arguments) => commands::calibrate::run(arguments),
         Command::Compare(arguments) => commands::compare::run(arguments),
         Command::Completions(arguments) => commands::completions::run(arguments),

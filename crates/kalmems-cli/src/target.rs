@@ -17,11 +17,16 @@ pub fn begin(out: Option<&PathBuf>, usual: &[&str], work: &Work) -> Result<Outpu
 /// Puts the complete result in its place, and says where the earlier one is, if that is kept; the folder.
 pub fn finish(output: Output) -> Result<PathBuf, CommandEnding> {
     let out = output.target().to_owned();
-    let EarlierResult { earlier } = output.commit().map_err(|e| CommandEnding::Wrong(e.to_string()))?;
-    if let Some(earlier) = earlier {
+    let committed = output.commit().map_err(|e| CommandEnding::Wrong(e.to_string()))?;
+    tell_of(&committed);
+    Ok(out)
+}
+
+/// Says where the earlier result is, if that is kept.
+pub fn tell_of(committed: &EarlierResult) {
+    if let Some(earlier) = &committed.earlier {
         tell!("the earlier result, which differs from this one, is kept in {}", earlier.display());
     }
-    Ok(out)
 }
 
 /// Writes a page that is a result of its own.

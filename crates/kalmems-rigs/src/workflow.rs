@@ -10,7 +10,7 @@ use crate::evaluate::{
     ErrorsByState, Judgement, MotionErrors, ReferenceError, ReferenceRecording, SegmentJudge, ValueState,
     evaluate_values,
 };
-use crate::progress::{Progress, ReaderProgress};
+use crate::progress::{Interruption, Progress, ReaderProgress};
 use crate::recording::{ReadError, SampledRecording};
 use crate::simulate::ComputedRecording;
 use crate::{Rig, Workbench};
@@ -124,7 +124,8 @@ pub fn estimate(
             &rig.reference(experiment)?,
             &mut |done, total| reading.hear(done, total),
         )?;
-        recordings.push(evaluate((rig, experiment), described, recording, estimates, reference, None)?);
+        let work = (recording, estimates, reference);
+        recordings.push(evaluate((rig, experiment), described, work, None, progress)?);
     }
     if recordings.iter().all(|recording| recording.segments.is_empty()) {
         let why = "no recording has a segment to estimate".to_owned();
@@ -155,7 +156,8 @@ pub fn estimate_computed(
         simulated.truth(layout)
     })?;
     let described = experiment.recording(index)?;
-    let outcome = evaluate((rig, experiment), described, recording, estimates, reference, None)?;
+    let work = (recording, estimates, reference);
+    let outcome = evaluate((rig, experiment), described, work, None, progress)?;
     Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings: vec![outcome] })
 }
 
@@ -164,31 +166,42 @@ pub fn estimate_computed(
 fn evaluate(
     (rig, experiment): (&dyn Rig, &Experiment),
     described: &config::Recording,
-    recording: SampledRecording,
-    (estimates, stretches): (Vec<SegmentEstimate>, StretchSummary),
-    reference: Option<ReferenceRecording>,
+    (recording, (estimates, stretches), reference): (
+        SampledRecording,
+        (Vec<SegmentEstimate>, StretchSummary),
+        Option<ReferenceRecording>,
+    ),
     mut judge: Option<(&mut SegmentJudge, bool)>,
-) -> Result<RecordingOutcome, ReadError> {
+    progress: &dyn Progress,
+) -> Result<RecordingOutcome, WorkflowError> {
+    let samples =
+        |estimate: &SegmentEstimate| estimate.trajectories.iter().map(|t| t.time_s.len()).sum::<usize>();
+    let stop = Interruption::by(progress);
+    progress.begin("evaluating", estimates.iter().map(samples).sum::<usize>() as u64);
     let mut segments = Vec::new();
     for estimate in estimates {
         let found = match &reference {
             Some(reference) => reference.angles_of(&estimate.segment)?,
             None => Vec::new(),
         };
-        let errors = rig.evaluate(&estimate, &found);
+        let errors = rig.evaluate(&estimate, &found, &stop);
         let known = match &reference {
             Some(reference) => reference.values_of(&estimate.segment)?,
             None => Vec::new(),
         };
         let from_s = estimate.from_s();
-        let values = estimate.trajectories.iter().map(|t| evaluate_values(t, &known, from_s)).collect();
+        let values =
+            estimate.trajectories.iter().map(|t| evaluate_values(t, &known, from_s, &stop)).collect();
         let mut of_its_own = SegmentJudge::default();
         let (judge, ends) = match &mut judge {
             Some((judge, ends)) => (&mut **judge, *ends),
             None => (&mut of_its_own, true),
         };
-        judge.take(&estimate);
+        judge.take(&estimate, &stop);
         let judgements = if ends { judge.judgements(&estimate) } else { Vec::new() };
+        if stop.is_requested() {
+            return Err(EstimateError::Interrupted.into());
+        }
         segments.push(SegmentOutcome { estimate, errors, values, judgements });
     }
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);

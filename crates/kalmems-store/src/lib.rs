@@ -154,6 +154,26 @@ impl Output {
         Ok(())
     }
 
+    /// Makes a file that is complete already, and that nobody changes, one of the result: by a second name of it where the file system
+    /// has that, else by a copy. It is refused where its SHA-256 is not the expected one.
+    pub fn adopt(&self, name: &str, complete: &Path, sha256: &str) -> Result<(), OutputError> {
+        let found = self.staging.adopt(name, complete).and_then(|()| self.staging.checksum(name));
+        if found.map_err(|source| self.error(name, source))? != sha256 {
+            let source = io::Error::other(format!("{} was changed while it was needed", complete.display()));
+            return Err(self.error(name, source));
+        }
+        self.sealed.borrow_mut().insert(name.to_owned(), sha256.to_owned());
+        Ok(())
+    }
+
+    /// A file with this SHA-256 of the result that stands at the target, which nobody changed since it was written.
+    pub fn standing_file(&self, sha256: &str) -> Option<PathBuf> {
+        let TargetState::Result { manifest, seen, .. } = &self.standing else { return None };
+        let mut same =
+            manifest.files.iter().filter(|(name, of)| of.as_str() == sha256 && seen.contains_key(*name));
+        same.next().map(|(name, _)| self.place.join(name))
+    }
+
     /// The error of a file of this name that cannot be written.
     pub fn error(&self, name: &str, source: io::Error) -> OutputError {
         OutputError::Io { path: self.target.join(name), source }

@@ -121,6 +121,21 @@ impl Staging {
         OpenOptions::new().write(true).create_new(true).open(path)
     }
 
+    /// Takes a complete file into the result.
+    pub(crate) fn adopt(&self, name: &str, complete: &Path) -> io::Result<()> {
+        let path = self.result().join(name);
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder)?;
+        }
+        writeln!(self.list.borrow_mut(), "{name}")?;
+        if fs::hard_link(complete, &path).is_err() {
+            let mut copy = OpenOptions::new().write(true).create_new(true).open(&path)?;
+            io::copy(&mut File::open(complete)?, &mut copy)?;
+            copy.sync_all()?;
+        }
+        Ok(())
+    }
+
     /// The checksum of a file of the result that is complete.
     pub(crate) fn checksum(&self, name: &str) -> io::Result<String> {
         checksum_within(&self.result(), name)

@@ -94,6 +94,91 @@ impl ArrayExperiment {
         Ok(())
     }
 
+    /// Puts another file in the place of that of a recording, read as that is; which recording, as with [`recording`](Self::recording). A
+    /// reference in a file of its own is replaced by `reference`, and left out where that is `None`. Other recordings with its role are left
+    /// out: each is estimated by itself.
+    pub fn file(
+        &mut self,
+        of: Option<&str>,
+        file: &Path,
+        reference: Option<&Path>,
+    ) -> Result<(), ConfigError> {
+        let place = self.alone(of)?;
+        let key = Key::from("recording").index(place).child("file");
+        let text = |file: &Path| {
+            let absolute = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+            absolute.into_os_string().into_string().map_err(|found| {
+                let why = format!("a path in Unicode is expected, and this is `{}`", found.display());
+                self.error(key.clone(), ConfigFault::Value { why })
+            })
+        };
+        let (file, reference) = (text(file)?, reference.map(text).transpose()?);
+        let recording = self.table(place)?;
+        recording.insert("file".to_owned(), Value::String(file));
+        let own = |table: &Value| table.get("file").is_some();
+        match (recording.get_mut("reference"), reference) {
+            (Some(Value::Table(table)), Some(reference)) => {
+                table.insert("file".to_owned(), Value::String(reference));
+            }
+            (Some(table), None) if own(table) => drop(recording.remove("reference")),
+            _ => {}
+        }
+        self.note_change();
+        self.recordings.push(place);
+        Ok(())
+    }
+
+    /// Whether this recording has a reference in a file of its own.
+    #[cfg(feature = "parquet-results")]
+    pub(crate) fn has_reference_file(&mut self, of: Option<&str>) -> bool {
+        let recording = self.alone(of).and_then(|place| self.table(place).cloned());
+        recording.is_ok_and(|recording| {
+            recording.get("reference").is_some_and(|reference| reference.get("file").is_some())
+        })
+    }
+
+    /// The experiment without the files of a recording that is to be replaced, as text, and the other files that it names.
+    #[cfg(feature = "parquet-results")]
+    pub(crate) fn without_recording(
+        &mut self,
+        of: Option<&str>,
+    ) -> Result<(String, Vec<PathBuf>), ConfigError> {
+        let place = self.alone(of)?;
+        let recording = self.table(place)?;
+        recording.remove("file");
+        if let Some(Value::Table(reference)) = recording.get_mut("reference") {
+            reference.remove("file");
+        }
+        let mut files = Vec::new();
+        for recording in self.document.get("recording").and_then(Value::as_array).into_iter().flatten() {
+            for table in [Some(recording), recording.get("reference")].into_iter().flatten() {
+                files.extend(table.get("file").and_then(Value::as_str).map(PathBuf::from));
+            }
+        }
+        Ok((self.document.to_string(), files))
+    }
+
+    /// Leaves out the recordings that have the role of this one; its place then.
+    pub(crate) fn alone(&mut self, of: Option<&str>) -> Result<usize, ConfigError> {
+        let place = self.place(of)?;
+        let Some(all) = self.document.get_mut("recording").and_then(Value::as_array_mut) else {
+            return Ok(place);
+        };
+        let role = |recording: &Value| recording.get("role").and_then(Value::as_str).map(str::to_owned);
+        let own = all.get(place).map(role);
+        let (mut kept, mut here) = (Vec::new(), place);
+        for (index, recording) in std::mem::take(all).into_iter().enumerate() {
+            if index == place {
+                here = kept.len();
+            }
+            if index == place || Some(role(&recording)) != own {
+                kept.push(recording);
+            }
+        }
+        *all = kept;
+        Ok(here)
+    }
+
     /// Puts arrays in the place of the file of a recording's reference; which recording, as with [`recording`](Self::recording).
     pub fn reference(&mut self, of: Option<&str>, given: &ArrayRecording) -> Result<(), ConfigError> {
         let place = self.place(of)?;

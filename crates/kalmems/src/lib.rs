@@ -4,7 +4,7 @@
 //! steps in order; each can be taken by itself:
 //!
 //! ```
-//! use kalmems::{progress::Silent, evaluate::ReferenceRecording, recording::SampledRecording, rigs};
+//! use kalmems::{progress::{Interruption, Silent}, evaluate::ReferenceRecording, recording::SampledRecording, rigs};
 //! use std::{ops::ControlFlow, path::Path};
 //!
 //! # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -20,7 +20,7 @@
 //!         // Only now is the reference opened.
 //!         let reference = ReferenceRecording::read(&experiment, (index, recording.origin()), &rig.reference(&experiment)?, &mut |_, _| ControlFlow::Continue(()))?;
 //!         let reference = reference.ok_or("no reference")?.segment(&estimate.segment.label)?;
-//!         for errors in rig.evaluate(&estimate, &reference) {
+//!         for errors in rig.evaluate(&estimate, &reference, &Interruption::never()) {
 //!             println!("angle RMSE {:?} deg", errors.map(|e| e.angle.rmse_deg));
 //!         }
 //!     }
@@ -29,12 +29,19 @@
 //! ```
 
 pub mod array_experiment;
+#[cfg(feature = "parquet-results")]
+pub mod batch;
 pub mod diagnose;
 pub mod draft;
 pub mod expand;
+mod journal;
+#[cfg(feature = "parquet-results")]
+mod parquet;
 pub mod results;
+mod rows;
 pub mod stream;
 pub mod study;
+mod table;
 
 pub use kalmems_applications as applications;
 pub use kalmems_engines::{

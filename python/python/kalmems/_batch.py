@@ -1,175 +1,117 @@
-"""Many recordings by one experiment, each a file of its own, and one summary."""
+"""Many recordings by one experiment, each a file of its own, and one table."""
 
 from __future__ import annotations
 
 import csv
-import hashlib
+import html
 import json
 import os
+import tempfile
 import warnings
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ._errors import KalmemsError, VerdictWarning
+from . import _kalmems, _places
 from ._recording import Recording
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
-    from ._result import Result
+
+File: TypeAlias = "str | os.PathLike[str]"
+Many: TypeAlias = "File | Iterable[File] | Mapping[str, Recording | File]"
 
 
-@dataclass(frozen=True)
 class Batch:
-    """What came of many recordings."""
+    """What came of many recordings, in a folder."""
 
-    folder: Path
-    """`summary.csv` has a row for each recording and filter, `NAME.parquet` the trajectories of one recording."""
-    estimated: int
-    """How many were estimated now."""
-    before: int
-    """How many were there already."""
-    failures: dict[str, str]
-    """Those that could not be estimated, and why."""
+    def __init__(self, folder: File, told: dict[str, Any], text: str, estimated: int, before: int) -> None:
+        self.folder = folder
+        """`summary.csv` has a row for each recording, `results.csv` all figures of all filters, `trajectories/NAME.parquet` the trajectories of one
+        recording, and `report.html` shows them."""
+        self.estimated = estimated
+        """How many were estimated now."""
+        self.before = before
+        """How many were estimated by an earlier call."""
+        self.same_as: dict[str, str] = told["same_as"]
+        """Recordings with the content of an earlier one, which share its estimate, and its name."""
+        self.failures: dict[str, str] = told["failures"]
+        """Those that could not be estimated, and why."""
+        self.doubtful: list[str] = told["doubtful"]
+        """Those in which the answer to trust is doubtful or worse."""
+        self._text = text
 
-    def rows(self) -> list[dict[str, str]]:
-        """The rows of the summary."""
-        with (self.folder / "summary.csv").open(newline="", encoding="utf-8") as lines:
-            return list(csv.DictReader(lines))
+    def _read(self, name: str) -> bytes:
+        return _places.read(f"{self.folder}/{name}")
+
+    def rows(self, table: str = "summary") -> list[dict[str, str]]:
+        """The rows of `summary`, one for each recording, or of `results`."""
+        return list(csv.DictReader(self._read(f"{table}.csv").decode().splitlines()))
+
+    def to_pandas(self, table: str = "summary") -> Any:
+        """One of both tables as a `pandas.DataFrame`."""
+        import io
+
+        import pandas
+
+        return pandas.read_csv(io.BytesIO(self._read(f"{table}.csv")))
+
+    def to_polars(self, table: str = "summary") -> Any:
+        """One of both tables as a `polars.DataFrame`."""
+        import polars
+
+        return polars.read_parquet(self._read(f"{table}.parquet"))
+
+    def __repr__(self) -> str:
+        return f"{self._text}\nin {self.folder}"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>"
 
 
 def estimate_many(
     experiment: Experiment,
-    recordings: Mapping[str, Recording | str | os.PathLike[str]] | Iterable[str | os.PathLike[str]],
-    folder: str | os.PathLike[str],
+    recordings: Many,
+    folder: File,
     of: str | None,
+    reference: str | None,
+    threads: int | None,
+    progress: Callable[[str, int, int], object] | None,
+    force: bool,
 ) -> Batch:
     """See `Experiment.estimate_many`."""
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    if not isinstance(recordings, Mapping):
-        recordings = _named(recordings)
-    text = experiment.to_toml()
-    estimated, before, failures, summaries = 0, 0, {}, []
-    for name, recording in recordings.items():
-        told = folder / f"{name}.json"
-        key = _key(text, recording)
-        kept = json.loads(told.read_text(encoding="utf-8")) if told.exists() else {}
-        if kept.get("key") == key and (folder / f"{name}.parquet").exists():
-            before += 1
-        else:
-            try:
-                with warnings.catch_warnings():
-                    # The summary says it of each.
-                    warnings.simplefilter("ignore", VerdictWarning)
-                    result = _estimated(experiment, recording, of)
-            except (KalmemsError, OSError) as error:
-                failures[name] = str(error)
-                continue
-            kept = {"key": key, "rows": _rows(name, result)}
-            _write(result, folder / f"{name}.parquet")
-            _whole(told, json.dumps(kept))
-            estimated += 1
-        summaries += kept["rows"]
-    columns = list(dict.fromkeys(column for row in summaries for column in row))
-    lines = [columns, *([row.get(column, "") for column in columns] for row in summaries)]
-    place = folder / "summary.csv.part"
-    with place.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file, lineterminator="\n").writerows(lines)
-    place.replace(folder / "summary.csv")
-    return Batch(folder, estimated, before, failures)
+    with tempfile.TemporaryDirectory() as scratch:
+        given = _given(recordings, Path(scratch))
+        with _places.written(folder) as here:
+            told, text, estimated, before, without = _kalmems.estimate_many(
+                experiment.to_toml(),
+                experiment.path,
+                experiment._has_lines,
+                given,
+                here,
+                of,
+                reference,
+                threads,
+                force,
+                progress,
+            )
+    if without:
+        warnings.warn(
+            "the reference of the experiment is in a file of its own and is left out; name one for each recording by `reference`",
+            stacklevel=3,
+        )
+    return Batch(folder if _places.is_remote(folder) else Path(folder), json.loads(told), text, estimated, before)
 
 
-def _named(files: Iterable[str | os.PathLike[str]]) -> dict[str, str | os.PathLike[str]]:
-    """Files by their names without folder and ending; refused where two have one."""
-    named: dict[str, str | os.PathLike[str]] = {}
+def _given(recordings: Many, scratch: Path) -> list[tuple[str, Path | None, _kalmems.Columns | None]]:
+    """Each recording by its name: its file, here, or its columns."""
+    if isinstance(recordings, Mapping):
+        return [
+            (name, None, one._native) if isinstance(one, Recording) else (name, _places.fetched(one, scratch), None)
+            for name, one in recordings.items()
+        ]
+    files = [recordings] if isinstance(recordings, (str, os.PathLike)) else list(recordings)
+    here: list[str] = []
     for file in files:
-        name = Path(file).stem
-        if name in named:
-            raise ValueError(f"`{named[name]}` and `{file}` have one name; give a mapping of names of your own to the files")
-        named[name] = file
-    return named
-
-
-def _key(text: str, recording: Recording | str | os.PathLike[str]) -> str:
-    """What tells this work from other: the experiment and the numbers."""
-    if isinstance(recording, Recording):
-        said = [recording.sha256, repr((recording._units, recording._segments, recording._clock))]
-    else:
-        try:
-            with Path(recording).open("rb") as file:
-                digest = hashlib.sha256()
-                while piece := file.read(1 << 20):
-                    digest.update(piece)
-            said = [digest.hexdigest()]
-        except OSError:
-            # It is told by who reads it.
-            said = ["none"]
-    return hashlib.sha256("\n".join([text, *said]).encode()).hexdigest()
-
-
-def _estimated(experiment: Experiment, recording: Recording | str | os.PathLike[str], of: str | None) -> Result:
-    if isinstance(recording, Recording):
-        return experiment.estimate(recording if of is None else {of: recording})
-    described = experiment.to_dict()["recording"]
-    names = [number for number, one in enumerate(described) if of is None or of in (one.get("name"), one.get("role"))]
-    if len(names) != 1:
-        raise ValueError(f"which of the {len(described)} recordings of the experiment is meant is not clear; say its name or role by `of`")
-    return experiment.replace({f"recording[{names[0]}].file": str(Path(recording).absolute())}).estimate()
-
-
-def _rows(name: str, result: Result) -> list[dict[str, Any]]:
-    rows = []
-    for segment in result.segments:
-        for one in segment:
-            consistency = one.metrics.get("consistency") or {}
-            row = {
-                "recording": name,
-                "segment": segment.label,
-                "stretch": segment.stretch,
-                "filter": one.name,
-                "grade": one.grade or "",
-                "verdict": one.verdict,
-                "mean_nis": consistency.get("mean_nis", ""),
-                "motion_Hz": segment.metrics.get("motion_hz", ""),
-                "samples": one.metrics["counts"]["samples"],
-                "without_signal": one.metrics["counts"]["without_signal"],
-                "sha256": result.sources[0][1],
-            }
-            errors = one.metrics.get("errors")
-            if errors:
-                row["angle_rmse_deg"] = errors["angle"]["rmse_deg"]
-            rows.append(row)
-    return rows
-
-
-def _write(result: Result, path: Path) -> None:
-    """All trajectories of a result in one table, with segment and filter in front."""
-    import pyarrow
-    import pyarrow.parquet
-
-    tables = []
-    for segment in result.segments:
-        for one in segment:
-            table = one.to_arrow()
-            for place, (column, value) in enumerate(
-                [("segment", segment.label), ("stretch", str(segment.stretch)), ("filter", one.key)]
-            ):
-                values = pyarrow.array([value] * len(one)).dictionary_encode()
-                table = table.add_column(place, column, values)
-            tables.append(table)
-    table = pyarrow.concat_tables(tables, promote_options="default")
-    numbers = [field.name for field in table.schema if pyarrow.types.is_floating(field.type)]
-    part = path.with_suffix(".part")
-    pyarrow.parquet.write_table(
-        table, part, compression="zstd", use_dictionary=["segment", "stretch", "filter"], use_byte_stream_split=numbers
-    )
-    part.replace(path)
-
-
-def _whole(path: Path, text: str) -> None:
-    """A file that is there whole or not at all."""
-    part = path.with_suffix(".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+        here += [str(_places.fetched(one, scratch)) for one in _places.matching(file)]
+    return [(name, file, None) for name, file in _kalmems.batch_files(here)]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from . import _kalmems
-from ._batch import Batch, estimate_many
+from ._batch import Batch, Many, estimate_many
 from ._errors import VerdictError, VerdictWarning
 from ._recording import Recording
 from ._result import Diagnosis, Identification, Result, Simulation
@@ -119,18 +119,29 @@ class Experiment:
 
     def estimate_many(
         self,
-        recordings: Mapping[str, Recording | str | os.PathLike[str]] | Iterable[str | os.PathLike[str]],
+        recordings: Many,
         folder: str | os.PathLike[str],
         *,
         of: str | None = None,
+        reference: str | None = None,
+        threads: int | None = None,
+        progress: Progress = None,
+        force: bool = False,
     ) -> Batch:
-        """Estimates many recordings one after the other: trajectories as a Parquet file for each (needs pyarrow) and one `summary.csv`.
+        """Estimates many recordings, as `kalmems batch` does: a Parquet file with the trajectories of each, and one table.
 
-        Recordings are files, by their names or by names of one's own, or arrays. What is there already of the same numbers and the same
-        experiment is not computed again, and one that fails is listed and keeps no other from being estimated. `of` says which recording of the
-        experiment they stand for, where it has several.
+        Recordings are files or patterns, such as `"recordings/*.csv"`, or a mapping of names of one's own to files or arrays. A path with a
+        scheme, such as `s3://bucket/scan.csv`, is read through fsspec, and so is `folder` written.
+
+        What is finished is kept in a journal beside the folder: after an interruption, or with further recordings, the same call computes only
+        what is missing. Recordings with the same content are estimated once, and one that fails is listed and keeps no other from being
+        estimated.
+
+        `of` says which recording of the experiment they stand for, by its name or role, where it has several. `reference` is the path of each
+        recording's reference, with `{name}` in the place of its name; without it, a reference in a file of its own is left out. With `force` what
+        another batch left there is put aside. So many `threads` work at once, or as many as the machine has.
         """
-        return estimate_many(self, recordings, folder, of)
+        return estimate_many(self, recordings, folder, of, reference, threads, progress, force)
 
     def identify(
         self, recordings: Recordings = None, *, reference: Recordings = None, progress: Progress = None

@@ -12,6 +12,8 @@ __all__ = [
     "calibrate",
     "image",
     "spectrum",
+    "batch_files",
+    "estimate_many",
     "run_command",
     "check",
     "replaced",
@@ -61,6 +63,7 @@ class Outcome:
     def summary(self) -> str: ...
     def experiment_toml(self) -> str: ...
     def sources(self) -> list[tuple[str, str, int]]: ...
+    def took_s(self) -> float: ...
     def segments(self) -> list[dict[str, Any]]: ...
     def report_html(self) -> str: ...
     def figures(self) -> dict[str, bytes]: ...
@@ -87,6 +90,19 @@ def estimate(
     references: _Recordings,
     progress: _Progress = None,
 ) -> Outcome: ...
+def batch_files(patterns: Sequence[str]) -> list[tuple[str, Path]]: ...
+def estimate_many(
+    text: str,
+    path: Path,
+    has_lines: bool,
+    recordings: Sequence[tuple[str, Path | None, Columns | None]],
+    folder: Path,
+    of: str | None = None,
+    reference: str | None = None,
+    threads: int | None = None,
+    force: bool = False,
+    progress: _Progress = None,
+) -> tuple[str, str, int, int, bool]: ...
 def identify(
     text: str,
     path: Path,
@@ -121,6 +137,7 @@ def kalman(
     p0: _Numbers,
     b: _Numbers | None = None,
     u: _Numbers | None = None,
+    smooth: bool = False,
 ) -> dict[str, _Numbers]: ...
 def nonlinear(
     z: _Numbers,
@@ -131,6 +148,7 @@ def nonlinear(
     p0: _Numbers,
     u: _Numbers | None = None,
     points: tuple[float, float, float] | None = None,
+    smooth: bool = False,
 ) -> dict[str, _Numbers]: ...
 def study_check(texts: tuple[str, str, Path]) -> tuple[str, int, int]: ...
 def study_run(

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import _kalmems
+from ._executor import finished
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
@@ -42,21 +43,23 @@ class Study:
         threads: int | None = None,
         executor: Any = None,
         parts: int | None = None,
+        deadline: float | None = None,
         progress: Progress = None,
         force: bool = False,
     ) -> StudyResult:
         """Runs the study and writes its results into a folder; what is finished stays in a journal beside it, and the same call goes on from there.
 
         With an `executor` that has `submit`, such as one of `concurrent.futures` or a client of Dask distributed, its workers run as many `parts`,
-        each on one thread, and the results are those of a run here to the last byte.
+        each on one thread, and the results are those of a run here to the last byte. Where no part is finished for `deadline` s, those that are
+        missing are given out again, since a worker may hang; whichever comes first counts, and both say the same. Left out, that is ten times
+        the longest that one was waited for, and at least a minute. `progress` hears how many parts are finished.
         """
         folder = Path(folder)
         if executor is None:
             journal = _kalmems.study_run(self._texts, folder, 1, 1, threads, progress)
             return self._merged([journal], folder, force)
         count = min(parts if parts is not None else 32, self.runs)
-        futures = [executor.submit(Part.run, part) for part in self.parts(count)]
-        return self.merge([future.result() for future in futures], folder, force=force)
+        return self.merge(finished(executor, self.parts(count), deadline, progress), folder, force=force)
 
     def merge(
         self, parts: Iterable[bytes | str | os.PathLike[str]], folder: str | os.PathLike[str], *, force: bool = False

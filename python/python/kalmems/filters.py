@@ -16,11 +16,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _kalmems
 
-__all__ = ["Ekf", "Filtered", "Ukf", "kalman"]
+__all__ = ["Ekf", "Filtered", "Smoothed", "Ukf", "kalman"]
 
 Numbers = NDArray[np.float64]
 Function: TypeAlias = Callable[..., Any]
 """A function of Python, `f(x)` or with inputs `f(x, u)`, or one compiled by `numba.cfunc`; see `Ekf`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """What all samples say of the state at each (Rauch, Tung and Striebel)."""
+
+    x: Numbers
+    """The mean of the state: a row for each sample."""
+    P: Numbers
+    """Its covariance."""
+
+    @property
+    def sd(self) -> Numbers:
+        """The standard deviations of the state."""
+        return np.sqrt(np.diagonal(self.P, axis1=1, axis2=2))
+
+    def __len__(self) -> int:
+        return len(self.x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +57,8 @@ class Filtered:
     """The normalised innovation squared: on average as many as there are measurements, of a filter that is right."""
     log_likelihood: Numbers
     """ln p(z | past) of each sample."""
+    smoothed: Smoothed | None = None
+    """The state given the later samples as well, where `smooth=True` asked for it."""
 
     @property
     def sd(self) -> Numbers:
@@ -60,19 +80,24 @@ def kalman(
     *,
     B: ArrayLike | None = None,
     u: ArrayLike | None = None,
+    smooth: bool = False,
 ) -> Filtered:
-    """The Kalman filter of x′ = F·x + B·u + w, z = H·x + v with the covariances Q of w and R of v; `u[k]` acts from sample k to k + 1."""
+    """The Kalman filter of x′ = F·x + B·u + w, z = H·x + v with the covariances Q of w and R of v; `u[k]` acts from sample k to k + 1. With
+    `smooth` also the smoother over all samples."""
     rows, states = _rows(z), _vector(x0)
     n, m = states.size, rows.shape[1]
     inputs = None if u is None else _rows(u)
     gain = None if B is None else _matrix(B, n, None if inputs is None else inputs.shape[1])
     if (inputs is None) != (gain is None):
         raise ValueError("`B` and `u` belong together")
-    return Filtered(
-        **_kalmems.kalman(
-            rows, _matrix(F, n, n), _matrix(H, m, n), _matrix(Q, n, n), _matrix(R, m, m), states, _matrix(P0, n, n), gain, inputs
-        )
-    )
+    matrices = (_matrix(F, n, n), _matrix(H, m, n), _matrix(Q, n, n), _matrix(R, m, m))
+    return _filtered(_kalmems.kalman(rows, *matrices, states, _matrix(P0, n, n), gain, inputs, smooth))
+
+
+def _filtered(found: dict[str, Numbers]) -> Filtered:
+    x, covariance = found.pop("smoothed_x", None), found.pop("smoothed_P", None)
+    smoothed = None if x is None or covariance is None else Smoothed(x, covariance)
+    return Filtered(**found, smoothed=smoothed)
 
 
 class _Nonlinear:
@@ -91,8 +116,11 @@ class _Nonlinear:
         self._functions = [f, F, h, H]
         self._q, self._r = Q, R
 
-    def run(self, z: ArrayLike, x0: ArrayLike, P0: ArrayLike, u: ArrayLike | None = None) -> Filtered:
-        """Takes the samples `z`, a row each, with the inputs `u`; `u[k]` acts from sample k to k + 1, and `h` sees it at k."""
+    def run(
+        self, z: ArrayLike, x0: ArrayLike, P0: ArrayLike, u: ArrayLike | None = None, *, smooth: bool = False
+    ) -> Filtered:
+        """Takes the samples `z`, a row each, with the inputs `u`; `u[k]` acts from sample k to k + 1, and `h` sees it at k. With `smooth` also
+        the smoother over all samples."""
         rows, states = _rows(z), _vector(x0)
         n, m = states.size, rows.shape[1]
         compiled = [hasattr(function, "address") for function in self._functions if function is not None]
@@ -100,10 +128,10 @@ class _Nonlinear:
             raise ValueError("some functions of the model are compiled and some are not; give all of one kind")
         functions = [None if function is None else _handed_over(function) for function in self._functions]
         inputs = None if u is None else _rows(u)
-        found = _kalmems.nonlinear(
-            rows, functions, _matrix(self._q, n, n), _matrix(self._r, m, m), states, _matrix(P0, n, n), inputs, self._points
+        noise = (_matrix(self._q, n, n), _matrix(self._r, m, m))
+        return _filtered(
+            _kalmems.nonlinear(rows, functions, *noise, states, _matrix(P0, n, n), inputs, self._points, smooth)
         )
-        return Filtered(**found)
 
 
 class Ekf(_Nonlinear):

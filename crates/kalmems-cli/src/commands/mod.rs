@@ -1,5 +1,7 @@
 //! The commands, one file each.
 
+#[cfg(feature = "parquet-results")]
+pub mod batch;
 pub mod calibrate;
 pub mod compare;
 pub mod completions;

@@ -1,5 +1,7 @@
 //! The command, as a process.
 
+#[cfg(feature = "parquet-results")]
+mod batch;
 mod cli;
 mod columns;
 mod diagnosis;

@@ -98,7 +98,7 @@ pub fn batch_start(
     rows: Range<usize>,
     search: &StartSearch,
 ) -> Result<BatchStart, NoBatchStart> {
-    let mut batch = Batch { course: RefCell::new(course), rows, search, left_out: Vec::new() };
+    let mut batch = StartBatch { course: RefCell::new(course), rows, search, left_out: Vec::new() };
     let (mut found, mut fits) = batch.minima()?;
     for _ in 0..ROUNDS {
         let Some(left_out) = outliers(&batch.of_samples(&found.parameters)) else { break };
@@ -113,7 +113,7 @@ pub fn batch_start(
 }
 
 /// The rows of a course from which a start is found.
-struct Batch<'a> {
+struct StartBatch<'a> {
     course: RefCell<&'a mut dyn Course>,
     rows: Range<usize>,
     search: &'a StartSearch,
@@ -123,7 +123,7 @@ struct Batch<'a> {
 
 type StartDeviations = [f64; MOST_STATES];
 
-impl Batch<'_> {
+impl StartBatch<'_> {
     fn states(&self) -> usize {
         self.search.prior.len().min(MOST_STATES)
     }
@@ -402,7 +402,7 @@ fn oscillating(
     })
 }
 
-impl Regression<MOST_STATES> for Batch<'_> {
+impl Regression<MOST_STATES> for StartBatch<'_> {
     fn residuals(&self, start: &StartDeviations, each: &mut impl FnMut(f64)) {
         if self.led(start, false, &mut |residual, _| each(residual)).is_err() {
             each(f64::NAN);

@@ -2,7 +2,10 @@
 
 use super::{Claim, PartErrors, ReferenceLag, ReferenceMotion};
 use crate::estimate::{Trajectory, is_the_only_one};
-use crate::signal::{Extreme, GAP, Sine, extremes_of_angle, extremes_of_rate, fit_cycles, usual_interval};
+use crate::progress::Interruption;
+use crate::signal::{
+    Extreme, GAP, Sine, extremes_of_angle, extremes_of_rate, fit_cycles_until, usual_interval,
+};
 use kalmems_core::{Portable, Scalar};
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -107,16 +110,17 @@ pub struct PhasePoint {
     pub error_deg: f64,
 }
 
-/// Compares a trajectory with the reference. `None` where not one sample can be compared.
+/// Compares a trajectory with the reference. `None` where not one sample can be compared, and where the work is stopped.
 pub fn evaluate_motion(
     trajectory: &Trajectory,
     reference: &ReferenceMotion,
     extent: ComparisonExtent,
+    stop: &Interruption,
 ) -> Option<MotionErrors> {
     if trajectory.time_s.is_empty() {
         return None;
     }
-    let (estimated, sd) = reference.estimate_at(trajectory);
+    let (estimated, sd) = reference.estimate_at(trajectory, stop);
     let from = reference.time_s.partition_point(|t| *t < extent.from_s);
     let time_s = &reference.time_s[from..];
     let (truth, estimated) = (&reference.angle[from..], &estimated[from..]);
@@ -125,17 +129,21 @@ pub fn evaluate_motion(
 
     let series = ErrorSeries { time_s: time_s.to_vec(), error, sd: sd.to_vec() };
     let place = trajectory.states.iter().position(|state| state.name == reference.states[0]);
-    let claim = place.and_then(|place| Claim::of(&series, truth, (trajectory, place), reference.accuracy));
+    let claim =
+        place.and_then(|place| Claim::of(&series, truth, (trajectory, place), reference.accuracy, stop));
     let angle = angle_errors(&series.error, truth, claim)?;
 
     let mirrored = rms(estimated.iter().zip(truth).map(|(e, r)| -e - r))?;
     let sign_disagrees = mirrored < 0.5 * angle.rmse_deg.to_radians();
 
+    if stop.is_requested() {
+        return None;
+    }
     let (ours, theirs) = extremes(trajectory, reference, extent);
     let phase = phase_errors(&ours, &theirs, extent.motion_hz);
     let shift = |extremes: &[Extreme]| mean_shift(extremes, extent);
 
-    let cycles = paired_cycles(time_s, estimated, truth, extent.motion_hz);
+    let cycles = paired_cycles(time_s, (estimated, truth), extent.motion_hz, stop);
     Some(MotionErrors {
         of: reference.states[0],
         angle,
@@ -246,10 +254,15 @@ struct CycleError {
     reference: f64,
 }
 
-fn paired_cycles(time_s: &[f64], estimated: &[f64], truth: &[f64], motion_hz: f64) -> Vec<CycleError> {
+fn paired_cycles(
+    time_s: &[f64],
+    (estimated, truth): (&[f64], &[f64]),
+    motion_hz: f64,
+    stop: &Interruption,
+) -> Vec<CycleError> {
     let Some(start) = time_s.first() else { return Vec::new() };
-    let ours = fit_cycles(time_s, estimated, motion_hz, *start);
-    let theirs = fit_cycles(time_s, truth, motion_hz, *start);
+    let ours = fit_cycles_until(stop, time_s, estimated, (motion_hz, *start));
+    let theirs = fit_cycles_until(stop, time_s, truth, (motion_hz, *start));
     let mut ours = ours.iter().peekable();
     theirs
         .iter()
@@ -353,7 +366,8 @@ mod tests {
                 rate: with_rate.then_some(rate),
                 accuracy: Accuracy::default(),
             };
-            let errors = evaluate_motion(&trajectory(0.151, 2.0), &reference, extent).unwrap();
+            let errors =
+                evaluate_motion(&trajectory(0.151, 2.0), &reference, extent, &Interruption::never()).unwrap();
             assert_abs_diff_eq!(errors.peak_phase_rmse_deg.unwrap(), 2.0, epsilon = 2e-3);
             assert_abs_diff_eq!(errors.cycle_phase_rmse_deg.unwrap(), 2.0, epsilon = 1e-6);
             assert_abs_diff_eq!(errors.amplitude_rmse_deg.unwrap(), 1e-3_f64.to_degrees(), epsilon = 1e-9);
@@ -388,6 +402,7 @@ mod tests {
                 accuracy: Accuracy::default(),
             },
             extent,
+            &Interruption::never(),
         )
         .unwrap();
         // The cubic's error is h⁴·ω⁴·A/384, 4e-8 rad.
@@ -410,6 +425,7 @@ mod tests {
                 accuracy: Accuracy::default(),
             },
             extent,
+            &Interruption::never(),
         )
         .unwrap();
         assert!(errors.sign_disagrees);
@@ -424,7 +440,8 @@ mod tests {
             evaluate_motion(
                 &trajectory(0.15, 0.0),
                 &ReferenceMotion { states: ANGLE, time_s, angle, rate: None, accuracy: Accuracy::default() },
-                extent
+                extent,
+                &Interruption::never(),
             )
             .is_none()
         );

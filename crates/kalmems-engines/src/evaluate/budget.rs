@@ -1,6 +1,7 @@
 //! What of a claimed uncertainty is due to what.
 
 use crate::estimate::Trajectory;
+use crate::progress::Interruption;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -78,8 +79,16 @@ impl BudgetRecord {
     }
 
     /// Takes samples in, those from the place on.
-    pub(super) fn take(&mut self, trajectory: &Trajectory, scored: std::ops::Range<usize>) {
+    pub(super) fn take(
+        &mut self,
+        trajectory: &Trajectory,
+        scored: std::ops::Range<usize>,
+        stop: &Interruption,
+    ) {
         for k in scored {
+            if stop.is_requested_at(k) {
+                return;
+            }
             let finite = |place: usize| {
                 let sd = trajectory.states.get(place).and_then(|state| state.sd.get(k));
                 sd.is_some_and(|sd| sd.is_finite())

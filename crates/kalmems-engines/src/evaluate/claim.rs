@@ -2,6 +2,7 @@
 
 use super::{ErrorSeries, WRONG};
 use crate::estimate::Trajectory;
+use crate::progress::Interruption;
 use crate::signal::least_squares;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -85,6 +86,7 @@ impl Claim {
         truth: &[f64],
         (trajectory, state): (&Trajectory, usize),
         accuracy: Accuracy,
+        stop: &Interruption,
     ) -> Option<Self> {
         let (first, last) = (series.time_s.first()?, series.time_s.last()?);
         let variance = |sd: &f64| sd * sd + accuracy.sd * accuracy.sd;
@@ -97,9 +99,12 @@ impl Claim {
         let own = independent;
         let common = CommonErrorShares::of(&trajectory.common_shares(state, *first, *last));
         let independent = common.worth(own).max(1.0);
-        let late_s = accuracy.likely_delay_s(series, truth, independent / most, &variance);
+        let late_s = accuracy.likely_delay_s((series, truth), independent / most, &variance, stop);
         let (mut samples, mut within, mut sum) = (0_usize, 0_usize, 0.0);
         for (k, (error, sd)) in series.error.iter().zip(&series.sd).enumerate() {
+            if stop.is_requested_at(k) {
+                return None;
+            }
             let late = if late_s == 0.0 { 0.0 } else { late_s * rate(series, truth, k).unwrap_or(0.0) };
             let square = (error - late).powi(2) / variance(sd);
             // Infinite where an error is there and none is claimed.
@@ -110,7 +115,7 @@ impl Claim {
             }
         }
         let n = samples as f64;
-        let explained = ErrorDecomposition::of(series, truth);
+        let explained = ErrorDecomposition::of(series, truth, stop);
         let (within, mean_square) = (within as f64 / n, sum / n);
         (samples > 0).then(|| {
             let p_value = f64::NAN;
@@ -166,16 +171,19 @@ impl Accuracy {
     /// independent: that which explains them best, drawn to zero by what is stated.
     fn likely_delay_s(
         self,
-        series: &ErrorSeries,
-        truth: &[f64],
+        (series, truth): (&ErrorSeries, &[f64]),
         share: f64,
         variance: &dyn Fn(&f64) -> f64,
+        stop: &Interruption,
     ) -> f64 {
         if self.delay_sd_s == 0.0 {
             return 0.0;
         }
         let (mut product, mut square) = (0.0, self.delay_sd_s.powi(-2));
         for (k, (error, sd)) in series.error.iter().zip(&series.sd).enumerate() {
+            if stop.is_requested_at(k) {
+                break;
+            }
             let Some(rate) = rate(series, truth, k) else { continue };
             let weight = share / variance(sd);
             if (weight * error).is_finite() {
@@ -196,11 +204,14 @@ fn rate(series: &ErrorSeries, truth: &[f64], k: usize) -> Option<f64> {
 
 impl ErrorDecomposition {
     /// The nearest in least squares; `None` of too few errors, and where the reference does not move.
-    pub fn of(series: &ErrorSeries, truth: &[f64]) -> Option<Self> {
+    pub fn of(series: &ErrorSeries, truth: &[f64], stop: &Interruption) -> Option<Self> {
         let places: Vec<f64> = (0..series.error.len()).map(|k| k as f64).collect();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a place
         let basis = |place: f64| {
             let k = place as usize;
+            if stop.is_requested_at(k) {
+                return [0.0; 3];
+            }
             let moving = truth[k].is_finite().then(|| rate(series, truth, k)).flatten();
             moving.map_or([1.0, 0.0, 0.0], |rate| [1.0, truth[k], rate])
         };
@@ -246,7 +257,7 @@ mod tests {
 
     fn claim(error: impl Fn(f64, f64) -> f64, lasts_s: f64, accuracy: Accuracy) -> Claim {
         let (series, truth) = series(error);
-        Claim::of(&series, &truth, (&lasting(lasts_s), 0), accuracy).unwrap()
+        Claim::of(&series, &truth, (&lasting(lasts_s), 0), accuracy, &Interruption::never()).unwrap()
     }
 
     #[test]
@@ -293,7 +304,7 @@ mod tests {
     fn errors_without_a_claimed_size_are_infinitely_too_large() {
         let (mut series, truth) = series(|_, _| 1e-6);
         series.sd.fill(0.0);
-        let own = Claim::of(&series, &truth, (&lasting(0.1), 0), EXACT).unwrap();
+        let own = Claim::of(&series, &truth, (&lasting(0.1), 0), EXACT, &Interruption::never()).unwrap();
         assert!(own.fails() && own.within == 0.0, "{own:?}");
     }
 
@@ -304,12 +315,13 @@ mod tests {
         let (series, truth) = series(|_, z| 1e-3 * z + 3e-3);
         let sd = (1e-6_f64 + 9e-6).sqrt();
         let series = ErrorSeries { sd: vec![sd; series.error.len()], ..series };
-        let independent = Claim::of(&series, &truth, (&trajectory, 0), EXACT).unwrap();
+        let independent =
+            Claim::of(&series, &truth, (&trajectory, 0), EXACT, &Interruption::never()).unwrap();
         trajectory.time_s.clone_from(&series.time_s);
         trajectory.states[0].sd.clone_from(&series.sd);
         let (name, states) = ("gain".into(), vec![vec![3e-3; series.error.len()]]);
         trajectory.considered = vec![crate::estimate::Contribution { name, states, told: [0.0, 1.0] }];
-        let common = Claim::of(&series, &truth, (&trajectory, 0), EXACT).unwrap();
+        let common = Claim::of(&series, &truth, (&trajectory, 0), EXACT, &Interruption::never()).unwrap();
         // w = 0.9: 1/((1 − 0.81)/9999 + 0.81).
         assert!((common.independent - 1.2345).abs() < 1e-3 && independent.independent > 9000.0, "{common:?}");
         assert!(!common.fails() && common.p_value > 0.2, "{common:?}");

@@ -5,6 +5,7 @@ use super::innovations::{InnovationEvidence, InnovationRecord, TestResult};
 use super::parameter::{ParameterAnswer, ParameterRecord};
 use super::rejections::{RejectionRecord, Rejections};
 use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
+use crate::progress::Interruption;
 
 /// Judges the filters of one segment, in memory that does not grow with it.
 #[derive(Clone, Default)]
@@ -43,14 +44,15 @@ struct FilterJudge {
 }
 
 impl SegmentJudge {
-    /// Takes what the filters say of new samples; the innovations of the settling time are not judged.
-    pub fn take(&mut self, estimate: &SegmentEstimate) {
+    /// Takes what the filters say of new samples, those until the work is stopped; the innovations of the settling time are not judged.
+    pub fn take(&mut self, estimate: &SegmentEstimate, stop: &Interruption) {
         let own = estimate.trajectories.iter().filter(|trajectory| is_of_its_own(trajectory));
         for (place, trajectory) in own.enumerate() {
             if self.filters.len() <= place {
                 self.filters.push(FilterJudge::new(trajectory, estimate));
             }
-            self.filters[place].take(trajectory, estimate);
+            self.filters[place].take(trajectory, estimate, stop);
+            stop.advance(trajectory.time_s.len());
         }
         for (place, trajectory) in estimate.trajectories.iter().enumerate() {
             let known = self.budgets.iter().position(|(own, _)| *own == place);
@@ -62,7 +64,7 @@ impl SegmentJudge {
                 && !trajectory.considered.is_empty()
             {
                 let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
-                self.budgets[known].1.take(trajectory, scored);
+                self.budgets[known].1.take(trajectory, scored, stop);
             }
         }
     }
@@ -123,14 +125,14 @@ impl FilterJudge {
         }
     }
 
-    fn take(&mut self, trajectory: &Trajectory, estimate: &SegmentEstimate) {
+    fn take(&mut self, trajectory: &Trajectory, estimate: &SegmentEstimate, stop: &Interruption) {
         let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
         let [time_s, innovation, sd] =
             [&trajectory.time_s, &trajectory.innovation, &trajectory.innovation_sd]
                 .map(|all| &all[scored.clone()]);
-        self.innovations.take(time_s, innovation, sd);
+        self.innovations.take(time_s, innovation, sd, stop);
         for ((_, record), signal) in self.further.iter_mut().zip(&trajectory.further) {
-            record.take(time_s, &signal.innovation[scored.clone()], &signal.sd[scored.clone()]);
+            record.take(time_s, &signal.innovation[scored.clone()], &signal.sd[scored.clone()], stop);
         }
         self.rejections.take(trajectory, estimate);
         for (record, prior) in self.parameters.iter_mut().zip(&trajectory.parameters) {

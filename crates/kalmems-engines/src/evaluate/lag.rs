@@ -2,6 +2,7 @@
 
 use super::ReferenceMotion;
 use crate::estimate::Trajectory;
+use crate::progress::Interruption;
 use serde::Serialize;
 
 /// A reference whose times do not fit.
@@ -28,8 +29,8 @@ impl ReferenceLag {
     pub fn of(
         trajectory: &Trajectory,
         reference: &ReferenceMotion,
-        from_s: f64,
-        motion_hz: f64,
+        (from_s, motion_hz): (f64, f64),
+        stop: &Interruption,
     ) -> Option<Self> {
         let first = reference.time_s.partition_point(|t| *t < from_s);
         // A sixteenth of a cycle apart is enough to tell.
@@ -44,7 +45,7 @@ impl ReferenceLag {
                 rate: None,
                 accuracy: reference.accuracy,
             };
-            let (estimated, _) = shifted.estimate_at(trajectory);
+            let (estimated, _) = shifted.estimate_at(trajectory, stop);
             let squares = estimated.iter().zip(&picked).map(|(e, k)| (e - reference.angle[*k]).powi(2));
             let (count, sum) =
                 squares.filter(|s| s.is_finite()).fold((0_usize, 0.0), |(n, sum), s| (n + 1, sum + s));

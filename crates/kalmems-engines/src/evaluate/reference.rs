@@ -5,6 +5,7 @@ use super::{
 };
 use crate::config::{ConfigError, ConfigFault, Experiment, Key, Sign};
 use crate::estimate::Trajectory;
+use crate::progress::Interruption;
 use crate::recording::{Instant, ReadError, RecordingLayout, Restarts, SampledRecording, Segment};
 use crate::signal::{GAP, hermite, usual_interval};
 use crate::units::{Kind, kind};
@@ -315,8 +316,8 @@ impl ReferenceMotion {
     ///
     /// Where the reference was not sampled with the signal, the estimate between two samples is the cubic
     /// through both angles and rates; outside the recording, in its gaps, where the filter had stopped, and between
-    /// the samples of an estimate without a rate, it is not a number.
-    pub fn estimate_at(&self, trajectory: &Trajectory) -> (Vec<f64>, Vec<f64>) {
+    /// the samples of an estimate without a rate, it is not a number; nor is it where the work is stopped before.
+    pub fn estimate_at(&self, trajectory: &Trajectory, stop: &Interruption) -> (Vec<f64>, Vec<f64>) {
         let nothing = || (vec![f64::NAN; self.time_s.len()], Vec::new());
         let Some(angle) = trajectory.state(self.states[0]) else { return nothing() };
         let rate = trajectory.state(self.states[1]);
@@ -332,7 +333,12 @@ impl ReferenceMotion {
             }
             _ => (f64::NAN, None),
         };
-        let (means, sds): (Vec<f64>, Vec<Option<f64>>) = self.time_s.iter().map(|t| at(*t)).unzip();
+        let (means, sds): (Vec<f64>, Vec<Option<f64>>) = self
+            .time_s
+            .iter()
+            .enumerate()
+            .map(|(k, t)| if stop.is_requested_at(k) { (f64::NAN, None) } else { at(*t) })
+            .unzip();
         if angle.sd.is_empty() {
             return (means, Vec::new());
         }

@@ -3,6 +3,7 @@
 use super::reference::{TimePlace, place};
 use super::{Accuracy, Claim, ErrorSeries};
 use crate::estimate::{StateSeries, Trajectory};
+use crate::progress::Interruption;
 use crate::signal::{cubic_between, hermite, usual_interval};
 use crate::units::Kind;
 use kalmems_core::Portable;
@@ -68,14 +69,19 @@ pub struct ValueErrors {
 pub type ErrorsByState = BTreeMap<&'static str, ValueErrors>;
 
 /// Compares a trajectory with each reference from a time on; without an entry where not one sample can be compared.
-pub fn evaluate_values(trajectory: &Trajectory, references: &[ValueReference], from_s: f64) -> ErrorsByState {
+pub fn evaluate_values(
+    trajectory: &Trajectory,
+    references: &[ValueReference],
+    from_s: f64,
+    stop: &Interruption,
+) -> ErrorsByState {
     let one = |reference: &ValueReference| {
         if trajectory.time_s.is_empty() {
             return None;
         }
         let state = trajectory.state(reference.state.name)?;
         let rate = reference.state.rate.and_then(|rate| trajectory.state(rate));
-        Some((state.name, errors(trajectory, (state, rate), reference, from_s)?))
+        Some((state.name, errors(trajectory, (state, rate), reference, (from_s, stop))?))
     };
     references.iter().filter_map(one).collect()
 }
@@ -84,7 +90,7 @@ fn errors(
     trajectory: &Trajectory,
     (state, rate): (&StateSeries, Option<&StateSeries>),
     reference: &ValueReference,
-    from_s: f64,
+    (from_s, stop): (f64, &Interruption),
 ) -> Option<ValueErrors> {
     let times = &trajectory.time_s[..];
     let usual = usual_interval(times);
@@ -115,7 +121,10 @@ fn errors(
     let mut truth = Vec::new();
     // Half an ulp of a decimal time must not decide about a sample.
     let from = reference.time_s.partition_point(|t| *t < from_s * (1.0 - 1e-12));
-    for (time, known) in reference.time_s[from..].iter().zip(&reference.value[from..]) {
+    for (k, (time, known)) in reference.time_s[from..].iter().zip(&reference.value[from..]).enumerate() {
+        if stop.is_requested_at(k) {
+            return None;
+        }
         let error = mean(*time) - known;
         if error.is_finite() {
             series.time_s.push(*time);
@@ -132,7 +141,8 @@ fn errors(
     let snr_db = 10.0 * (average(&mut truth.iter().map(|t| t * t)) / square).portable_log10();
     let line = line(&truth, &series.error);
     let place = trajectory.states.iter().position(|own| own.name == state.name);
-    let claim = place.and_then(|place| Claim::of(&series, &truth, (trajectory, place), reference.accuracy));
+    let claim =
+        place.and_then(|place| Claim::of(&series, &truth, (trajectory, place), reference.accuracy, stop));
     (samples > 0).then(|| ValueErrors {
         unit: state.unit,
         rmse: square.sqrt(),
@@ -192,12 +202,12 @@ mod tests {
         }
         let value = time_s.iter().map(|t| 1e-3 + 1e-6 * t).collect();
         let references = [ValueReference { state: &POSITION, time_s, value, accuracy: Accuracy::default() }];
-        let all = evaluate_values(&trajectory, &references, 10.0);
+        let all = evaluate_values(&trajectory, &references, 10.0, &Interruption::never());
         let errors = &all["position"];
         assert!((errors.rmse - 5_f64.sqrt() * 1e-9).abs() < 1e-15, "{errors:?}");
         assert!((errors.bias - 1e-9).abs() < 1e-15 && (errors.largest - 3e-9).abs() < 1e-15);
         assert_eq!((errors.samples, errors.within_three_sigma), (90, Some(0.5)));
-        assert!(evaluate_values(&trajectory, &references, 1e3).is_empty());
+        assert!(evaluate_values(&trajectory, &references, 1e3, &Interruption::never()).is_empty());
     }
 
     #[test]
@@ -218,6 +228,7 @@ mod tests {
             &trajectory,
             &[ValueReference { state: &POSITION, time_s, value, accuracy: Accuracy::default() }],
             0.0,
+            &Interruption::never(),
         );
         // The cubic is off by h⁴/384; the straight line were, by h²/8.
         let bound = 0.1_f64.powi(4) / 384.0;

@@ -1,9 +1,11 @@
 //! What long work tells, and how it is stopped.
 
+mod interruption;
 mod pace;
 mod reader;
 mod threads;
 
+pub use interruption::Interruption;
 pub use pace::Pace;
 pub use reader::ReaderProgress;
 pub use threads::{HAS_THREADS, each_on_threads, map_on_threads, processors};

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 /// How long work goes on between two looks.
-const PULSE: Duration = Duration::from_millis(50);
+pub(super) const PULSE: Duration = Duration::from_millis(50);
 
 /// Steps between two looks at the clock.
 const STEPS: usize = 64;

@@ -17,7 +17,7 @@ use crate::estimate::{
 };
 use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::outlook::{Outlook, OutlookTopic};
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, RecordingLayout, RecordingSource};
 use crate::simulate::{
     Converter, Drive, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator, WhiteNoise,
@@ -192,7 +192,12 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
     }
 
     /// It has no angle; see [`Rig::values`].
-    fn evaluate(&self, estimate: &SegmentEstimate, _: &[ReferenceMotion]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        _: &[ReferenceMotion],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
     }
 }

@@ -26,7 +26,7 @@ use crate::evaluate::{Instruments, MotionErrors, ONE_ANGLE, ReferenceChannels, R
 use crate::export::{self, ExportError, ExportableFilter, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, RecordingLayout, SampledRecording, Segment};
 use crate::simulate::{SimulateError, Simulation};
 
@@ -229,11 +229,13 @@ pub trait Rig: Send + Sync {
     /// The simulation that the experiment's `[simulate]` describes, checked and ready to run.
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError>;
 
-    /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared.
+    /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared, or
+    /// the work is stopped before.
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
         references: &[ReferenceMotion],
+        stop: &Interruption,
     ) -> Vec<Option<MotionErrors>>;
 
     /// Identifies parameters of the device from the recordings that their roles say are for that.

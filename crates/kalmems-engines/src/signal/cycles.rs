@@ -1,6 +1,7 @@
 //! Amplitude and phase, cycle by cycle.
 
 use super::fit_sine_at;
+use crate::progress::Interruption;
 
 /// One cycle's sine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +17,16 @@ pub struct Cycle {
 /// Fits a sine of this frequency to each whole cycle from `start_s` on. A cycle with fewer than eight finite
 /// samples is left out; those within a gap cost nothing, however long it is.
 pub fn fit_cycles(time_s: &[f64], y: &[f64], frequency_hz: f64, start_s: f64) -> Vec<Cycle> {
+    fit_cycles_until(&Interruption::never(), time_s, y, (frequency_hz, start_s))
+}
+
+/// The same, of the cycles until the work is stopped.
+pub(crate) fn fit_cycles_until(
+    stop: &Interruption,
+    time_s: &[f64],
+    y: &[f64],
+    (frequency_hz, start_s): (f64, f64),
+) -> Vec<Cycle> {
     let Some(last) = time_s.last() else { return Vec::new() };
     let mut cycles = Vec::new();
     let mut first = time_s.partition_point(|t| *t < start_s);
@@ -24,7 +35,7 @@ pub fn fit_cycles(time_s: &[f64], y: &[f64], frequency_hz: f64, start_s: f64) ->
         let start = start_s + index / frequency_hz;
         let next = start_s + (index + 1.0) / frequency_hz;
         // So far from the start that numbers do not tell two cycles apart, there is none to be fitted.
-        if next > *last || next <= start {
+        if next > *last || next <= start || stop.is_requested_at(cycles.len()) {
             break;
         }
         let end = first + time_s[first..].partition_point(|t| *t < next);

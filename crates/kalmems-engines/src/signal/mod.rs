@@ -14,6 +14,7 @@ pub use allan::{AllanDeviation, Deviation, octaves};
 pub use band_limited::band_limited;
 pub use confidence::Confident;
 pub use cubic::{cubic_between, hermite, polynomial_between};
+pub(crate) use cycles::fit_cycles_until;
 pub use cycles::{Cycle, fit_cycles};
 pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};
 pub use interval::{GAP, usual_interval};

@@ -7,7 +7,7 @@ use kalmems_engines::config::{
 use kalmems_engines::estimate::{EstimateError, SegmentEstimate};
 use kalmems_engines::evaluate::{MotionErrors, ReferenceMotion};
 use kalmems_engines::outlook::Outlook;
-use kalmems_engines::progress::Progress;
+use kalmems_engines::progress::{Interruption, Progress};
 use kalmems_engines::recording::RecordingLayout;
 use kalmems_engines::rig::{Estimator, Rig, Workbench};
 use kalmems_engines::simulate::{SimulateError, Simulation};
@@ -92,7 +92,12 @@ impl Rig for ForkRig {
         Err(Self::refused(experiment).into())
     }
 
-    fn evaluate(&self, _: &SegmentEstimate, _: &[ReferenceMotion]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        _: &SegmentEstimate,
+        _: &[ReferenceMotion],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         Vec::new()
     }
 }

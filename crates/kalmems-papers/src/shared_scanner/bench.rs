@@ -7,7 +7,7 @@ use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{EstimateError, FilterPast, Past, SideOutputs, Trajectory};
 use crate::evaluate::{Accuracy, ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::program::ReproduceError;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::signal::extremes_of_rate;
 use crate::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_core::Measurement;
@@ -172,7 +172,7 @@ impl ScannerBench {
         for filter in &settings.filters {
             let trajectories = follow(&settings, filter, &data, progress).ok()?;
             judged.extend(trajectories.into_iter().map(|trajectory| {
-                let errors = evaluate_motion(&trajectory, &motion.truth, extent);
+                let errors = evaluate_motion(&trajectory, &motion.truth, extent, &Interruption::never());
                 EstimatorResult { trajectory, errors }
             }));
         }

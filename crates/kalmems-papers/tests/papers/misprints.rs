@@ -4,7 +4,7 @@
 use kalmems::circuit::{AmplitudeDetector, Circuit, Excitation, HighPass, SineMotion};
 use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{EstimateError, FilterPast, Past, SegmentPart, SignalSegment, Trajectory};
-use kalmems::progress::Silent;
+use kalmems::progress::{Interruption, Silent};
 use kalmems::results::{EstimatorMetrics, Metrics, Verdict};
 use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::{ScannerSettings, estimate_segment_with};
@@ -54,7 +54,7 @@ fn printed(outcome: &Outcome, misprint: Misprint) -> EstimatorMetrics {
     segment.estimate.trajectories = trajectories.unwrap();
     let references = recording.reference.as_ref().unwrap().angles_of(&segment.estimate.segment).unwrap();
     let rig = published().rig(&outcome.experiment).unwrap();
-    segment.errors = rig.evaluate(&segment.estimate, &references);
+    segment.errors = rig.evaluate(&segment.estimate, &references, &Interruption::never());
     let found = Metrics::of(&outcome).estimators().next().unwrap().clone();
     let errors = found.errors.as_ref().map(|e| (e.angle.rmse_deg, e.peak_phase_rmse_deg));
     println!("{misprint:?}: {:?} {errors:?} {:?}", found.verdict, found.failure);

@@ -37,7 +37,7 @@ use crate::estimate::{
 use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -189,7 +189,12 @@ impl Rig for AccelerometerRig {
     }
 
     /// It has no angle; see [`Rig::values`].
-    fn evaluate(&self, estimate: &SegmentEstimate, _: &[ReferenceMotion]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        _: &[ReferenceMotion],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
     }
 }

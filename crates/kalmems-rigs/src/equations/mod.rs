@@ -34,7 +34,7 @@ use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::export::{ExportError, ExportRequest, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::RecordingLayout;
 use crate::simulate::{SimulateError, Simulation};
 use crate::{Estimator, RecordingChannels, Rig, Template, TemplateChannel};
@@ -240,7 +240,12 @@ impl Rig for EquationsRig {
     }
 
     /// It has no angle; see [`Rig::values`].
-    fn evaluate(&self, estimate: &SegmentEstimate, _: &[ReferenceMotion]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        _: &[ReferenceMotion],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
     }
 }

@@ -34,7 +34,7 @@ use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::micro_stage::device::MicroStage;
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, RecordingLayout};
 use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
@@ -190,7 +190,12 @@ impl Rig for MicroStageRig {
     }
 
     /// Its records are judged by the rate; see [`Rig::values`].
-    fn evaluate(&self, estimate: &SegmentEstimate, _: &[ReferenceMotion]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        _: &[ReferenceMotion],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
     }
 

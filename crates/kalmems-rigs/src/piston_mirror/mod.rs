@@ -34,7 +34,7 @@ use crate::estimate::{
 use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::outlook::Outlook;
 use crate::piston_mirror::device::PistonMirror;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -171,7 +171,12 @@ impl Rig for PistonMirrorRig {
     }
 
     /// It has no angle; see [`Rig::values`].
-    fn evaluate(&self, estimate: &SegmentEstimate, _: &[ReferenceMotion]) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        estimate: &SegmentEstimate,
+        _: &[ReferenceMotion],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
     }
 }

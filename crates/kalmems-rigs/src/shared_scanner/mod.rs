@@ -34,7 +34,7 @@ use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_
 use crate::export::{ExportError, ExportableFilter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{SimulateError, Simulation};
@@ -188,13 +188,14 @@ impl Rig for SharedScannerRig {
         &self,
         estimate: &SegmentEstimate,
         references: &[ReferenceMotion],
+        stop: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         let extent = ComparisonExtent {
             from_s: estimate.from_s(),
             motion_hz: estimate.motion.frequency_hz,
             drive: estimate.drive.as_ref(),
         };
-        let errors = |t| references.first().and_then(|reference| evaluate_motion(t, reference, extent));
+        let errors = |t| references.first().and_then(|reference| evaluate_motion(t, reference, extent, stop));
         estimate.trajectories.iter().map(errors).collect()
     }
 

@@ -32,7 +32,7 @@ use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceLag, ReferenceMot
 use crate::export::{ExportError, ExportableFilter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, OutlookTopic};
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::threshold_scanner::device::ThresholdScanner;
@@ -160,6 +160,7 @@ impl Rig for ThresholdScannerRig {
         &self,
         estimate: &SegmentEstimate,
         references: &[ReferenceMotion],
+        stop: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         let motion_hz = estimate.motion.frequency_hz;
         let extent =
@@ -168,11 +169,11 @@ impl Rig for ThresholdScannerRig {
         let end_s = time.at(time.len().saturating_sub(1)) + time.interval_s().unwrap_or(0.0);
         let one = |trajectory| {
             let reference = references.first()?;
-            let mut errors = evaluate_motion(trajectory, reference, extent)?;
+            let mut errors = evaluate_motion(trajectory, reference, extent, stop)?;
             if estimate.parts > 1 {
                 errors.parts = errors.error.parts(time.start_s(), end_s, estimate.parts);
             }
-            errors.reference_lag = ReferenceLag::of(trajectory, reference, extent.from_s, motion_hz);
+            errors.reference_lag = ReferenceLag::of(trajectory, reference, (extent.from_s, motion_hz), stop);
             Some(errors)
         };
         estimate.trajectories.iter().map(one).collect()

@@ -6,7 +6,7 @@ use crate::estimate::{
     EstimateError, RowsAround, SegmentEstimate, SegmentPart, StretchJudge, StretchSummary,
 };
 use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording, SegmentJudge};
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 use crate::recording::{self, Finding, Instant, RecordingSource, Stretches};
 use crate::{Estimator, Rig, Workbench};
 use std::cell::Cell;
@@ -203,14 +203,9 @@ impl RecordingWork<'_> {
         };
         let described = self.experiment.recording(self.index)?;
         let estimates = (vec![estimate], StretchSummary::default());
-        Ok(evaluate(
-            (self.rig, self.experiment),
-            described,
-            part.recording.clone(),
-            estimates,
-            known,
-            Some((judge, part.ends)),
-        )?)
+        let work = (part.recording.clone(), estimates, known);
+        // Of a part it takes no time that anybody would see.
+        evaluate((self.rig, self.experiment), described, work, Some((judge, part.ends)), &Silent)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::trial::DiagnosisTrial;
 use crate::evaluate::{ErrorDecomposition, ErrorSeries};
+use crate::progress::Interruption;
 use serde::Serialize;
 
 /// How an answer differs from another one of the same samples: Δx = offset + scale·x + early·ẋ and a rest.
@@ -44,12 +45,14 @@ impl AnswerChange {
         let none =
             Self { rms: square.sqrt(), offset: 0.0, scale: 0.0, early_s: 0.0, share: 0.0, of_rms, claimed };
         let series = ErrorSeries { time_s: from.answer_time_s.clone(), error: difference, sd: Vec::new() };
-        Some(ErrorDecomposition::of(&series, &from.answer).map_or(none, |found| Self {
-            offset: found.bias,
-            scale: found.scale,
-            early_s: found.early_s,
-            share: found.share,
-            ..none
+        Some(ErrorDecomposition::of(&series, &from.answer, &Interruption::never()).map_or(none, |found| {
+            Self {
+                offset: found.bias,
+                scale: found.scale,
+                early_s: found.early_s,
+                share: found.share,
+                ..none
+            }
         }))
     }
 

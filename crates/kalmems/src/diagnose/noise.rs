@@ -100,6 +100,11 @@ pub fn noise_of_recording(
     found(workbench, raw, &|bench| bench.with_recording(recording.clone()), progress)
 }
 
+/// Whether an experiment leaves a noise to its recording.
+pub(crate) fn leaves_noise_open(raw: &Experiment) -> Result<bool, ConfigError> {
+    sought(raw).map(|sought| !sought.is_empty())
+}
+
 /// Finds the noises with what this makes of a bench.
 fn found(
     workbench: &Workbench,

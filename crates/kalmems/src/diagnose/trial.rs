@@ -4,6 +4,7 @@ use crate::config::Experiment;
 use crate::estimate::{SegmentEstimate, Trajectory};
 use crate::evaluate::{SegmentJudge, TestResult};
 use crate::fit::Innovations;
+use crate::progress::Interruption;
 use crate::rigs::Rig;
 use crate::signal::Sine;
 
@@ -114,7 +115,7 @@ impl DiagnosisTrial {
             .filter_map(|prior| Some((prior.name, *trajectory.state(prior.name)?.mean.last()?)))
             .collect();
         let mut judge = SegmentJudge::default();
-        judge.take(estimate);
+        judge.take(estimate, &Interruption::never());
         let judgement = judge.of(&trajectory.key).unwrap_or_default();
         self.has_fault |= judgement.parameters.iter().any(|parameter| parameter.fault.is_some());
         self.loses_lock |= !trajectory.lock.held();

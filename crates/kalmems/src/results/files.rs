@@ -8,9 +8,10 @@ use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
 use crate::progress::Pace;
 use crate::recording::{RecordingSource, contribution_column};
-use crate::workflow::Outcome;
+use crate::workflow::{Outcome, RecordingOutcome, SegmentOutcome};
 use kalmems_figures::ReportError;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::io::{self, Write};
 use std::time::UNIX_EPOCH;
 
@@ -59,16 +60,16 @@ pub fn write_estimate(
     stop: &dyn Fn() -> bool,
 ) -> Result<(), ResultWriteError> {
     for recording in outcome.recordings.iter().filter(|_| options.trajectories) {
-        let column = recording.segments.first().map_or("", |s| s.estimate.signal_column.as_str());
-        let unit = recording.recording.column(column).ok().and_then(|c| c.header.unit);
-        let unit = unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header());
         for segment in &recording.segments {
+            let unit = signal_unit(recording, segment);
             let prefix = prefix(outcome, recording, &segment.estimate.segment);
             for trajectory in &segment.estimate.trajectories {
                 let name = format!("{prefix}trajectory_{}.csv", trajectory.key);
                 let mut finished = true;
+                let columns = columns(trajectory, &unit);
                 output.write(&name, |w| {
-                    finished = write_trajectory(trajectory, &unit, w, stop)?;
+                    write_header(&columns, w)?;
+                    finished = write_rows(&columns, w, stop)?;
                     Ok(())
                 })?;
                 if !finished || stop() {
@@ -102,60 +103,59 @@ fn input_id(outcome: &Outcome) -> String {
     format!("{}: {}", outcome.experiment.name, files.collect::<Vec<_>>().join(", "))
 }
 
-/// One row per sample; a cell is empty where there is no number. Numbers are as short as they can be and still
-/// read back as the same bits. Whether it came to the end, or was stopped.
-fn write_trajectory(
-    trajectory: &Trajectory,
-    signal_unit: &str,
-    w: &mut dyn Write,
-    stop: &dyn Fn() -> bool,
-) -> io::Result<bool> {
-    write_header(trajectory, signal_unit, w)?;
-    write_rows(trajectory, w, stop)
-}
-
-/// The names of the columns of a trajectory.
-pub(super) fn write_header(trajectory: &Trajectory, signal_unit: &str, w: &mut dyn Write) -> io::Result<()> {
-    write!(w, "time_s")?;
+/// The columns of a trajectory: their names with units, and a number for each sample, which is not finite where there is none.
+pub(super) fn columns<'a>(trajectory: &'a Trajectory, signal_unit: &str) -> Vec<(String, Cow<'a, [f64]>)> {
+    let mut columns = vec![("time_s".to_owned(), Cow::from(&trajectory.time_s))];
     for state in &trajectory.states {
-        write!(w, ",{}_{}", state.name, state.unit)?;
+        columns.push((format!("{}_{}", state.name, state.unit), Cow::from(&state.mean)));
         if trajectory.claims() {
-            write!(w, ",{}_sd_{}", state.name, state.unit)?;
+            columns.push((format!("{}_sd_{}", state.name, state.unit), Cow::from(&state.sd)));
         }
     }
-    write!(w, ",innovation_{signal_unit},innovation_sd_{signal_unit},nis_1")?;
+    let mut update = [&trajectory.innovation, &trajectory.innovation_sd, &trajectory.nis].map(Cow::from);
+    for one in trajectory.rejected.iter().filter(|one| one.signal == 0) {
+        // What was rejected has an innovation and no part in anything.
+        for (column, value) in update.iter_mut().zip([one.innovation, one.sd, f64::NAN]) {
+            if let Some(cell) = column.to_mut().get_mut(one.sample) {
+                *cell = value;
+            }
+        }
+    }
+    let names =
+        [format!("innovation_{signal_unit}"), format!("innovation_sd_{signal_unit}"), "nis_1".to_owned()];
+    columns.extend(names.into_iter().zip(update));
     for (place, one) in trajectory.considered.iter().enumerate() {
         // Numbers whose errors hang together have as many directions.
         let before = trajectory.considered.iter().take(place).filter(|other| other.name == one.name).count();
         let by = if before > 0 { format!("{} {}", one.name, before + 1) } else { one.name.to_string() };
-        for state in &trajectory.states {
-            write!(w, ",{}", contribution_column(state.name, state.unit, &by))?;
+        for (state, moved) in trajectory.states.iter().zip(&one.states) {
+            columns.push((contribution_column(state.name, state.unit, &by), Cow::from(moved)));
         }
     }
-    writeln!(w)
+    columns
 }
 
-/// The rows of a trajectory; see [`write_trajectory`].
+/// The names of the columns of a trajectory.
+pub(super) fn write_header(columns: &[(String, Cow<[f64]>)], w: &mut dyn Write) -> io::Result<()> {
+    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+    writeln!(w, "{}", names.join(","))
+}
+
+/// One row per sample; a cell is empty where there is no number. Numbers are as short as they can be and still
+/// read back as the same bits. Whether it came to the end, or was stopped.
 pub(super) fn write_rows(
-    trajectory: &Trajectory,
+    columns: &[(String, Cow<[f64]>)],
     w: &mut dyn Write,
     stop: &dyn Fn() -> bool,
 ) -> io::Result<bool> {
     let mut pace = Pace::default();
-    let mut rejected = trajectory.rejected.iter().filter(|one| one.signal == 0).peekable();
-    for k in 0..trajectory.time_s.len() {
+    let Some(((_, time_s), others)) = columns.split_first() else { return Ok(true) };
+    for (k, time_s) in time_s.iter().enumerate() {
         if pace.is_due(k) && stop() {
             return Ok(false);
         }
-        write!(w, "{}", trajectory.time_s[k])?;
-        let states = trajectory.states.iter().flat_map(|s| [s.mean.get(k), s.sd.get(k)]).flatten();
-        let update = match rejected.next_if(|one| one.sample == k) {
-            // What was rejected has an innovation and no part in anything.
-            Some(one) => [one.innovation, one.sd, f64::NAN],
-            None => [trajectory.innovation[k], trajectory.innovation_sd[k], trajectory.nis[k]],
-        };
-        let moved = trajectory.considered.iter().flat_map(|one| &one.states).filter_map(|moved| moved.get(k));
-        for value in states.chain(&update).chain(moved) {
+        write!(w, "{time_s}")?;
+        for value in others.iter().filter_map(|(_, values)| values.get(k)) {
             if value.is_finite() {
                 write!(w, ",{value:e}")?;
             } else {
@@ -165,6 +165,13 @@ pub(super) fn write_rows(
         writeln!(w)?;
     }
     Ok(true)
+}
+
+/// The unit of the signal that a segment's innovations are of, as names of columns have it.
+pub(super) fn signal_unit(recording: &RecordingOutcome, segment: &SegmentOutcome) -> String {
+    let column = recording.recording.column(&segment.estimate.signal_column).ok();
+    let unit = column.and_then(|column| column.header.unit);
+    unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header())
 }
 
 /// The record of a run.

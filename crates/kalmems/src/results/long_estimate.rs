@@ -2,18 +2,14 @@
 
 use super::figure_files::write_figure;
 use super::figures::{SegmentFigures, course};
-use super::files::{record_of_run, write_header, write_rows};
-use super::metrics::{segment, texts};
+use super::files::{columns, record_of_run, signal_unit, write_header, write_rows};
 use super::names::of_parts;
 use super::page::page_with;
+use super::pooled::PooledMetrics;
 use super::tracks::Tracks;
-use super::{
-    Metrics, Output, RUN_FILE, RecordingMetrics, ResultFile, ResultWriteError, RunInfo, SegmentMetrics,
-    WriteOptions,
-};
+use super::{Metrics, Output, RUN_FILE, ResultFile, ResultWriteError, RunInfo, SegmentMetrics, WriteOptions};
 use crate::config::Experiment;
 use crate::diagnose::{FoundNoise, ScaleNote};
-use crate::estimate::StretchSummary;
 use crate::recording::{RecordingSource, Segment};
 use crate::rigs::Rig;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
@@ -33,7 +29,7 @@ pub struct LongEstimate<'a> {
     output: &'a Output,
     experiment: &'a Experiment,
     input_id: String,
-    recordings: Vec<RecordingMetrics>,
+    pooled: PooledMetrics,
     drawn: Vec<Vec<SegmentFigures>>,
     /// What has passed of the present segment.
     tracks: Tracks,
@@ -41,7 +37,6 @@ pub struct LongEstimate<'a> {
     files: BTreeMap<String, ResultFile>,
     /// Figures of the parts of the present segment.
     parts: Vec<PartFigures>,
-    began_s: f64,
     options: WriteOptions,
     stop: &'a dyn Fn() -> bool,
 }
@@ -72,12 +67,11 @@ impl<'a> LongEstimate<'a> {
             rig,
             experiment,
             input_id: input_id(experiment),
-            recordings: Vec::new(),
+            pooled: PooledMetrics::default(),
             drawn: Vec::new(),
             tracks: Tracks::default(),
             files: BTreeMap::new(),
             parts: Vec::new(),
-            began_s: f64::NAN,
             options,
             stop,
         }
@@ -88,26 +82,14 @@ impl<'a> LongEstimate<'a> {
         if (self.stop)() {
             return Err(ResultWriteError::Interrupted);
         }
-        while self.recordings.len() <= part.index {
-            let (name, file) = (part.outcome.name.clone(), part.outcome.recording.source().file.clone());
-            let reference = part.outcome.reference.as_ref().map(|r| r.recording().source().file.clone());
-            self.recordings.push(RecordingMetrics {
-                name,
-                file,
-                origin: part.outcome.recording.source().origin.clone(),
-                diagnosis: Vec::new(),
-                reference,
-                reference_diagnosis: Vec::new(),
-                stretches: StretchSummary::default(),
-                segments: Vec::new(),
-            });
-            self.drawn.push(Vec::new());
+        if self.drawn.len() <= part.index {
+            self.drawn.resize_with(part.index + 1, Vec::new);
         }
-        let Some(outcome) = part.outcome.segments.first() else { return Ok(()) };
-        let (figures, time) = (segment(outcome), &outcome.estimate.segment.time);
+        let figures = self.pooled.take(part);
+        let (Some(outcome), Some(figures)) = (part.outcome.segments.first(), figures) else { return Ok(()) };
+        let time = &outcome.estimate.segment.time;
         let last_s = time.at(time.len().saturating_sub(1));
         if part.begins {
-            self.began_s = time.start_s();
             self.parts.clear();
             self.tracks = Tracks::default();
         }
@@ -115,14 +97,6 @@ impl<'a> LongEstimate<'a> {
             self.tracks.take(&part.outcome, outcome);
         }
         self.parts.push(PartFigures::of(&figures, time.start_s().midpoint(last_s)));
-        let segments = &mut self.recordings[part.index].segments;
-        match segments.last_mut() {
-            Some(own) if !part.begins => {
-                own.pool(figures);
-                own.duration_s = last_s - self.began_s;
-            }
-            _ => segments.push(figures),
-        }
         if self.options.trajectories {
             self.trajectories(part, outcome)?;
         }
@@ -143,19 +117,18 @@ impl<'a> LongEstimate<'a> {
 
     fn trajectories(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), ResultWriteError> {
         let estimate = &outcome.estimate;
-        let column = part.outcome.recording.column(&estimate.signal_column).ok();
-        let unit = column.and_then(|column| column.header.unit);
-        let unit = unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header());
+        let unit = signal_unit(&part.outcome, outcome);
         let prefix = self.prefix(part, &estimate.segment);
         for trajectory in &estimate.trajectories {
             let name = format!("{prefix}trajectory_{}.csv", trajectory.key);
+            let columns = columns(trajectory, &unit);
             if !self.files.contains_key(&name) {
                 let mut file = self.output.create(&name)?;
-                write_header(trajectory, &unit, &mut file).map_err(|e| self.output.error(&name, e))?;
+                write_header(&columns, &mut file).map_err(|e| self.output.error(&name, e))?;
                 self.files.insert(name.clone(), file);
             }
             let Some(file) = self.files.get_mut(&name) else { continue };
-            let whole = write_rows(trajectory, file, self.stop);
+            let whole = write_rows(&columns, file, self.stop);
             if !whole.map_err(|e| self.output.error(&name, e))? {
                 return Err(ResultWriteError::Interrupted);
             }
@@ -174,7 +147,7 @@ impl<'a> LongEstimate<'a> {
             return Ok(());
         }
         let prefix = self.prefix(part, &outcome.estimate.segment);
-        let judged = self.recordings[part.index].segments.last();
+        let judged = self.pooled.segment(part.index);
         let trusted = judged.and_then(SegmentMetrics::trusted);
         let mut all = SegmentFigures::of(&part.outcome, outcome, &self.tracks, &prefix, trusted);
         if self.parts.len() > 1 {
@@ -189,28 +162,13 @@ impl<'a> LongEstimate<'a> {
 
     /// Writes what belongs to the whole, with what the signal cannot tell and what noises it told; the figures.
     pub fn finish(
-        mut self,
+        self,
         whole: &[WholeRecording],
         (notes, noise): (Vec<ScaleNote>, Vec<FoundNoise>),
         info: RunInfo,
     ) -> Result<Metrics, ResultWriteError> {
-        for (own, whole) in self.recordings.iter_mut().zip(whole) {
-            own.diagnosis = texts(&whole.diagnosis);
-            own.stretches = whole.stretches.clone();
-            own.reference_diagnosis =
-                whole.reference.as_ref().map_or_else(Vec::new, |(_, found)| texts(found));
-        }
         let rig = self.rig;
-        let metrics = Metrics {
-            schema_version: Metrics::SCHEMA_VERSION,
-            experiment: self.experiment.name.to_string(),
-            rig: rig.name(),
-            values: rig.values(self.experiment),
-            held_as_exact: self.experiment.held_as_exact(),
-            scale_notes: notes,
-            noise_from_recording: noise,
-            recordings: std::mem::take(&mut self.recordings),
-        };
+        let metrics = self.pooled.finish((rig, self.experiment), whole, (notes, noise));
         self.output.write("metrics.json", |w| {
             serde_json::to_writer_pretty(&mut *w, &metrics)?;
             writeln!(w)

@@ -15,10 +15,13 @@ mod metrics;
 mod names;
 mod outlook;
 mod page;
+mod pooled;
 mod simulation;
 mod streamed;
 mod summary;
 mod tracks;
+#[cfg(feature = "parquet-results")]
+mod trajectories;
 mod verdict;
 
 pub use compare::{CompareError, compare_page};
@@ -38,9 +41,12 @@ pub use metrics::{
     DriveMetrics, EstimatorMetrics, FilterSelection, FindingText, Metrics, RecordingMetrics, SegmentMetrics,
 };
 pub use outlook::{draw_outlook, outlook_figures, outlook_page, write_outlook};
+pub(crate) use pooled::PooledMetrics;
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
 pub(crate) use streamed::StreamTracks;
 pub use summary::{
     Notice, budget_table, is_unexplained, notices, notices_in_short, parameters_table, summary_table,
 };
+#[cfg(feature = "parquet-results")]
+pub(crate) use trajectories::TrajectoryFile;
 pub use verdict::Verdict;

@@ -2,6 +2,7 @@
 
 use crate::estimate::SegmentEstimate;
 use crate::evaluate::{InnovationTest, SegmentJudge};
+use crate::progress::Interruption;
 
 /// Innovations that are judged together; what a fault of now adds to more of them is too little to be seen.
 const WINDOW: f64 = 1_048_576.0;
@@ -24,7 +25,7 @@ impl StreamJudge {
     }
 
     pub(super) fn take(&mut self, estimate: &SegmentEstimate) {
-        self.now.take(estimate);
+        self.now.take(estimate, &Interruption::never());
         if self.now.count() >= WINDOW {
             let all = estimate.trajectories.iter().map(|t| (t.key.clone(), failing(&self.now, &t.key)));
             self.before = all.collect();

@@ -1,6 +1,7 @@
 //! Why there is no study.
 
 use crate::config::ConfigError;
+use crate::journal::JournalError;
 use crate::results::OutputError;
 use crate::simulate::SimulateError;
 use crate::workflow::WorkflowError;
@@ -30,48 +31,9 @@ pub enum StudyError {
         /// What the system says.
         source: io::Error,
     },
-    /// A file is no journal of a study.
-    #[error(
-        "{} is no journal of a study: {why}; name the journals that `kalmems study` writes, or remove the file",
-        path.display()
-    )]
-    NoJournal {
-        /// The file.
-        path: PathBuf,
-        /// What was found.
-        why: String,
-    },
-    /// A line of a journal is not what was written.
-    #[error(
-        "{}:{line}: this line is damaged ({why}); remove it, and its point will be computed again",
-        path.display()
-    )]
-    Damaged {
-        /// The journal.
-        path: PathBuf,
-        /// The line, counted from 1.
-        line: usize,
-        /// What was found.
-        why: String,
-    },
-    /// The journal is that of another study.
-    #[error(
-        "{} belongs to another study: {why}; give another folder with --out, or --force to begin anew and \
-         keep it beside the new one",
-        path.display()
-    )]
-    OtherStudy {
-        /// The journal.
-        path: PathBuf,
-        /// In what it differs.
-        why: String,
-    },
-    /// Another process writes the journal.
-    #[error("{} is being written by another process; let it end, or give another folder with --out", path.display())]
-    Busy {
-        /// The journal.
-        path: PathBuf,
-    },
+    /// A journal cannot be read or written, or is that of another study.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// The shards are not those of one study.
     #[error("{} and {} are not of the same study: {why}", first.display(), second.display())]
     Different {

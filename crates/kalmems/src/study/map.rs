@@ -4,7 +4,7 @@ use super::StudyPlan;
 use super::axis::StudyAxis;
 use super::pictures::{axis, name};
 use super::spread::{groups, spreads};
-use super::table::StudyTable;
+use crate::table::TidyTable;
 use kalmems_core::Portable;
 use kalmems_figures::{self, AxisScale, MapGrid, Panel, Series};
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ pub(super) struct StudyMap {
 /// A panel with the medians for each estimator and segment.
 pub(super) fn panels(
     plan: &StudyPlan,
-    table: &StudyTable,
+    table: &TidyTable,
     column: usize,
     map: &StudyMap,
 ) -> Result<Vec<Panel>, String> {

@@ -46,18 +46,16 @@ mod description;
 mod error;
 mod journal;
 mod map;
-#[cfg(feature = "parquet-results")]
-mod parquet;
 mod pictures;
 mod plan;
 mod results;
-mod rows;
 mod run;
 mod seed;
 mod shard;
 mod spread;
 mod table;
 
+pub use crate::journal::JournalError;
 pub use calibration::{
     ClaimCalibration, ClaimFinding, CoverageLevel, FilterCalibration, GradeCount, Share,
     StudyCalibrationSummary, TestCount, Uniformity,

@@ -5,7 +5,7 @@ use super::axis::{AxisValue, AxisValues};
 use super::description::{Spacing, StudyPicture};
 use super::map::{self, StudyMap};
 use super::spread::{RowGroup, groups, spreads};
-use super::table::{StudyTable, number};
+use crate::table::{TidyTable, number};
 use crate::units::{ColumnHeader, Value};
 use kalmems_figures::{self, Figure, Panel, Series, SeriesRole};
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 const MOST: usize = 8;
 
 /// The pictures that the study file asks for, and what is wrong with those that are not there.
-pub(super) fn pictures(plan: &StudyPlan, table: &StudyTable) -> (Vec<Figure>, Vec<String>) {
+pub(super) fn pictures(plan: &StudyPlan, table: &TidyTable) -> (Vec<Figure>, Vec<String>) {
     let (mut figures, mut notes) = (Vec::new(), Vec::new());
     for (i, picture) in plan.description.figure.iter().enumerate() {
         match one(plan, table, picture, i) {
@@ -25,7 +25,7 @@ pub(super) fn pictures(plan: &StudyPlan, table: &StudyTable) -> (Vec<Figure>, Ve
     (figures, notes)
 }
 
-fn one(plan: &StudyPlan, table: &StudyTable, picture: &StudyPicture, index: usize) -> Result<Figure, String> {
+fn one(plan: &StudyPlan, table: &TidyTable, picture: &StudyPicture, index: usize) -> Result<Figure, String> {
     let column = figure_column(table, &picture.metric)?;
     let place_of = |name: &str| plan.axes.iter().position(|axis| axis.name == name);
     let place = picture.against.as_deref().map_or(Some(0), place_of);
@@ -67,7 +67,7 @@ fn one(plan: &StudyPlan, table: &StudyTable, picture: &StudyPicture, index: usiz
 /// Lines over one axis, or points where its values are drawn by chance.
 fn lines(
     plan: &StudyPlan,
-    table: &StudyTable,
+    table: &TidyTable,
     column: usize,
     place: usize,
     y: kalmems_figures::Axis,
@@ -90,7 +90,7 @@ pub(super) fn axis(plan: &StudyPlan, place: usize) -> kalmems_figures::Axis {
     if grid.is_some_and(|grid| grid.spacing == Spacing::Log) { axis.log() } else { axis }
 }
 
-fn figure_column(table: &StudyTable, name: &str) -> Result<usize, String> {
+fn figure_column(table: &TidyTable, name: &str) -> Result<usize, String> {
     let numbers = || (table.before..table.columns.len()).filter(|column| table.is_number(*column));
     if let Some(column) = numbers().find(|column| table.columns[*column] == name) {
         return Ok(column);
@@ -100,7 +100,7 @@ fn figure_column(table: &StudyTable, name: &str) -> Result<usize, String> {
     Err(format!("{fault}; the runs need not be made again for a figure"))
 }
 
-fn caption(plan: &StudyPlan, table: &StudyTable, place: usize, over: Option<usize>) -> String {
+fn caption(plan: &StudyPlan, table: &TidyTable, place: usize, over: Option<usize>) -> String {
     let repeats = plan.description.repeats;
     let mut caption = if matches!(plan.axes[place].values, AxisValues::Drawn(_)) {
         "One point for each run.".to_owned()
@@ -125,7 +125,7 @@ fn caption(plan: &StudyPlan, table: &StudyTable, place: usize, over: Option<usiz
 /// The median over the repeats with its band, one line for each estimator and value of the other axes.
 fn over_grid(
     plan: &StudyPlan,
-    table: &StudyTable,
+    table: &TidyTable,
     column: usize,
     place: usize,
 ) -> Result<Vec<Series>, String> {
@@ -176,7 +176,7 @@ fn value(setting: &AxisValue) -> String {
 }
 
 /// A point for each run.
-fn over_draws(plan: &StudyPlan, table: &StudyTable, column: usize, place: usize) -> Vec<Series> {
+fn over_draws(plan: &StudyPlan, table: &TidyTable, column: usize, place: usize) -> Vec<Series> {
     let (groups, of_rows) = groups(table);
     let mut points: BTreeMap<usize, Vec<(f64, f64)>> = BTreeMap::new();
     for (line, group) in table.rows.iter().zip(of_rows) {

@@ -8,13 +8,12 @@ use super::error::RunError;
 use super::seed::{self, Draw};
 use crate::config::{ConfigError, ConfigFault, Experiment, Key, Source, read_source};
 use crate::config::{absent, put};
+use crate::journal::{digest_of, hex};
 use crate::results::Work;
 use crate::rigs::Workbench;
 use crate::simulate::{Simulation, described};
 use sha2::{Digest, Sha256};
-use std::fmt::Write as _;
-use std::io::Read as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use toml::Table;
 
 /// Names that the results have already.
@@ -245,7 +244,12 @@ impl StudyPlan {
                     for file in [Some(described.file.as_path()), reference].into_iter().flatten() {
                         match told.arrays().get(file) {
                             Some(arrays) => hash.update(&arrays.digest().sha256),
-                            None => hash.update(digest_of(&told.resolve(file))?),
+                            None => {
+                                let path = told.resolve(file);
+                                let digest = digest_of(&path, &|| false)
+                                    .map_err(|source| StudyError::Io { path, source })?;
+                                hash.update(digest.unwrap_or_default());
+                            }
                         }
                     }
                 }
@@ -520,26 +524,4 @@ fn flatten<'a>(
         }
     }
     Ok(())
-}
-
-fn digest_of(path: &PathBuf) -> Result<Vec<u8>, StudyError> {
-    let failed = |source| StudyError::Io { path: path.clone(), source };
-    let mut hash = Sha256::new();
-    let mut file = std::fs::File::open(path).map_err(failed)?;
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        let count = file.read(&mut buffer).map_err(failed)?;
-        if count == 0 {
-            return Ok(hash.finalize().to_vec());
-        }
-        hash.update(buffer.get(..count).unwrap_or_default());
-    }
-}
-
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }

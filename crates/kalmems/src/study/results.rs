@@ -1,10 +1,11 @@
 //! The results of a whole study, written as one.
 
 use super::calibration::{self, StudyCalibrationSummary};
-use super::journal::{self, FinishedRuns, JournalHeader};
+use super::journal::{FinishedRuns, JournalHeader};
 use super::pictures::pictures;
-use super::table::StudyTable;
+use super::table::table;
 use super::{Shard, StudyError, StudyPlan, spread};
+use crate::journal::{self, JournalError};
 use crate::results::write_figure;
 use crate::results::{Notice, Output, RUN_FILE};
 use crate::rigs::Workbench;
@@ -81,7 +82,7 @@ impl fmt::Display for Summary {
 impl StudyPlan {
     /// The plan of a study, from one of its journals.
     pub fn from_journal(workbench: &Workbench, path: &Path) -> Result<Self, StudyError> {
-        let (header, _) = journal::load(path)?;
+        let (header, _) = journal::load::<JournalHeader>(path)?;
         Self::parse(workbench, (&header.study, &header.experiment), header.calibration)
     }
 
@@ -100,10 +101,10 @@ impl StudyPlan {
     pub fn write_results(&self, journals: &[PathBuf], output: &Output) -> Result<Summary, StudyError> {
         let (header, runs) = joined(journals)?;
         let input_id = self.input_id(&header.digest);
-        let table = StudyTable::of(self, &runs);
+        let table = table(self, &runs);
         output.write("results.csv", |w| table.write_csv(w))?;
         #[cfg(feature = "parquet-results")]
-        output.write("results.parquet", |w| super::parquet::write(&table, w))?;
+        output.write("results.parquet", |w| table.write_parquet(w))?;
         let drawn = self.description.figure.iter().filter_map(|picture| table.column(&picture.metric));
         let drawn: Vec<usize> = drawn.filter(|column| table.is_number(*column)).collect();
         if !drawn.is_empty() {
@@ -116,7 +117,7 @@ impl StudyPlan {
             let long = calibration::long_table(summary);
             output.write("calibration.csv", |w| long.write_csv(w))?;
             #[cfg(feature = "parquet-results")]
-            output.write("calibration.parquet", |w| super::parquet::write(&long, w))?;
+            output.write("calibration.parquet", |w| long.write_parquet(w))?;
             output.write("calibration.json", |w| {
                 serde_json::to_writer_pretty(&mut *w, summary).map_err(io::Error::other)?;
                 w.write_all(b"\n")
@@ -211,10 +212,10 @@ fn joined(journals: &[PathBuf]) -> Result<(JournalHeader, FinishedRuns), StudyEr
     let mut holders: BTreeMap<u64, usize> = BTreeMap::new();
     let mut shards = Vec::new();
     for (i, path) in journals.iter().enumerate() {
-        let (header, runs) = journal::load(path)?;
+        let (header, runs) = journal::load::<JournalHeader>(path)?;
         shards.push(header.shard.parse::<Shard>()?);
         let (first, joined) = whole.get_or_insert_with(|| (header.clone(), FinishedRuns::new()));
-        if let Some(why) = first.differs(&header) {
+        if let Some(why) = first.is_of_another_study(&header) {
             return Err(StudyError::Different { first: journals[0].clone(), second: path.clone(), why });
         }
         for (run, finished) in runs {
@@ -229,7 +230,10 @@ fn joined(journals: &[PathBuf]) -> Result<(JournalHeader, FinishedRuns), StudyEr
             joined.insert(run, finished);
         }
     }
-    let no_journal = || StudyError::NoJournal { path: PathBuf::new(), why: "none was named".to_owned() };
+    let no_journal = || {
+        let why = "none was named".to_owned();
+        StudyError::from(JournalError::NoJournal { path: PathBuf::new(), work: "study", why })
+    };
     let (header, runs) = whole.ok_or_else(no_journal)?;
     let missing = header.runs - runs.len() as u64;
     if let Some(first) = (0..header.runs).find(|run| !runs.contains_key(run)) {

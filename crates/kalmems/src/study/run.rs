@@ -2,12 +2,13 @@
 
 use super::calibration::{DrawnDeviation, RunClaims, judged, state_signs};
 use super::error::RunError;
-use super::journal::{FinishedRun, FinishedRuns, Journal, JournalHeader};
+use super::journal::{FinishedRun, FinishedRuns, JournalHeader};
 use super::plan::RunStart;
-use super::rows::{StudyRow, rows};
 use super::{Shard, StudyError, StudyPlan};
+use crate::journal::Journal;
 use crate::progress::{Progress, each_on_threads, processors};
 use crate::results::Metrics;
+use crate::rows::{ResultRow, rows};
 use crate::simulate::ComputedRecording;
 use crate::workflow;
 use std::num::NonZero;
@@ -76,7 +77,7 @@ impl StudyPlan {
     /// How many were done where the work was stopped; `None` where it came to its end.
     fn run_missing(
         &self,
-        journal: &mut Journal,
+        journal: &mut Journal<JournalHeader>,
         finished: &FinishedRuns,
         options: StudyOptions,
         progress: &dyn Progress,
@@ -93,7 +94,7 @@ impl StudyPlan {
             |place, heard| self.finish(missing[place], heard),
             |_, finished| {
                 done += 1;
-                journal.add(&finished)
+                journal.add(&finished).map_err(StudyError::from)
             },
         )?;
         Ok((done < missing.len() as u64).then_some(done))
@@ -118,7 +119,7 @@ impl StudyPlan {
         &self,
         index: u64,
         progress: &dyn Progress,
-    ) -> Result<(Vec<StudyRow>, Vec<RunClaims>), RunError> {
+    ) -> Result<(Vec<ResultRow>, Vec<RunClaims>), RunError> {
         let (ready, drawn) = self.ready(&self.run(index))?;
         let outcome = match ready {
             RunStart::Simulated(simulation, mut told) => {

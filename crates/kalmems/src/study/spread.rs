@@ -1,7 +1,7 @@
 //! A figure of the results over the repeats of each point.
 
 use super::StudyPlan;
-use super::table::{StudyTable, number};
+use crate::table::{TidyTable, number};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
@@ -29,7 +29,7 @@ pub(super) struct RowGroup {
 }
 
 /// The groups of a table, in its order, and the group of each of its rows; `None` for a run without figures.
-pub(super) fn groups(table: &StudyTable) -> (Vec<RowGroup>, Vec<Option<usize>>) {
+pub(super) fn groups(table: &TidyTable) -> (Vec<RowGroup>, Vec<Option<usize>>) {
     let places = ["recording", "segment", "estimator", "estimator_name"].map(|name| table.column(name));
     let mut groups: Vec<RowGroup> = Vec::new();
     let mut of_rows = Vec::with_capacity(table.rows.len());
@@ -51,7 +51,7 @@ pub(super) fn groups(table: &StudyTable) -> (Vec<RowGroup>, Vec<Option<usize>>) 
 }
 
 /// Median and range of a column, for each point and group that have it.
-pub(super) fn spreads(plan: &StudyPlan, table: &StudyTable, column: usize) -> Vec<EstimatorSpread> {
+pub(super) fn spreads(plan: &StudyPlan, table: &TidyTable, column: usize) -> Vec<EstimatorSpread> {
     let (_, of_rows) = groups(table);
     let mut values: BTreeMap<(u64, usize), Vec<f64>> = BTreeMap::new();
     for (line, group) in table.rows.iter().zip(of_rows) {
@@ -80,7 +80,7 @@ pub(super) fn spreads(plan: &StudyPlan, table: &StudyTable, column: usize) -> Ve
 /// A table of the spread of each column: one row for each point, segment, estimator and figure.
 pub(super) fn write_csv(
     plan: &StudyPlan,
-    table: &StudyTable,
+    table: &TidyTable,
     columns: &[usize],
     w: &mut dyn Write,
 ) -> io::Result<()> {

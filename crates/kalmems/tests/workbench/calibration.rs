@@ -5,7 +5,9 @@ use kalmems::progress::{Progress, Silent};
 use kalmems::results::{Metrics, Output, Verdict};
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
-use kalmems::study::{ClaimFinding, StudyCalibrationSummary, StudyError, StudyOptions, StudyPlan, Summary};
+use kalmems::study::{
+    ClaimFinding, JournalError, StudyCalibrationSummary, StudyError, StudyOptions, StudyPlan, Summary,
+};
 use kalmems::workflow::estimate_computed;
 use std::collections::BTreeMap;
 use std::fs;
@@ -138,7 +140,7 @@ fn threads_interruptions_and_shards_change_no_byte_of_a_calibration() {
     // Another number of runs is another calibration, and a study of the same files is none.
     let other = folder.plan("experiment.toml", 21).unwrap();
     let refused = folder.run(&other, "one", ("1/1", 2), &Silent).unwrap_err();
-    assert!(matches!(refused, StudyError::OtherStudy { .. }), "{refused}");
+    assert!(matches!(refused, StudyError::Journal(JournalError::Other { .. })), "{refused}");
 }
 
 /// The second way: the truth put together by hand from the table, simulated, and estimated by the filter as the file has it.

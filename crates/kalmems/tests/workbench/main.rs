@@ -7,6 +7,7 @@ mod draft;
 mod experiment_files;
 mod folders;
 mod identification;
+mod interruption;
 mod nist_strd;
 mod noise;
 mod outlook;

@@ -6,7 +6,7 @@ use kalmems::recording::{Hints, RecordingLayout, SampledRecording, TimeSource};
 use kalmems::results::{Output, RunInfo, Work, write_simulation};
 use kalmems::rigs::published;
 use kalmems::simulate::ComputedRecording;
-use kalmems::study::{Shard, StudyError, StudyOptions, StudyPlan, Summary};
+use kalmems::study::{JournalError, Shard, StudyError, StudyOptions, StudyPlan, Summary};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs;
@@ -205,10 +205,13 @@ fn a_journal_is_that_of_one_study() {
 
     fs::write(folder.path("study.toml"), STUDY.replace("1.097e-4", "1.096e-4")).unwrap();
     let refused = folder.run("out", "1/1", 2, &Silent).unwrap_err();
-    assert!(matches!(refused, StudyError::OtherStudy { .. }), "{refused}");
+    assert!(matches!(refused, StudyError::Journal(JournalError::Other { .. })), "{refused}");
     fs::write(folder.path("study.toml"), STUDY).unwrap();
     fs::write(folder.path("experiment.toml"), experiment().replace("5.71 pF", "5.72 pF")).unwrap();
-    assert!(matches!(folder.run("out", "1/1", 2, &Silent), Err(StudyError::OtherStudy { .. })));
+    assert!(matches!(
+        folder.run("out", "1/1", 2, &Silent),
+        Err(StudyError::Journal(JournalError::Other { .. }))
+    ));
     assert_eq!(fs::read(folder.path("out.journal")).unwrap(), journal);
     let force = StudyOptions { shard: Shard::WHOLE, threads: None, force: true };
     folder.plan().unwrap().run_all(&folder.path("out"), force, &Silent).unwrap();
@@ -222,10 +225,10 @@ fn a_journal_is_that_of_one_study() {
     )
     .unwrap();
     let damaged = folder.run("out", "1/1", 2, &Silent).unwrap_err();
-    assert!(matches!(damaged, StudyError::Damaged { line: 2, .. }), "{damaged}");
+    assert!(matches!(damaged, StudyError::Journal(JournalError::Damaged { line: 2, .. })), "{damaged}");
     fs::write(folder.path("out.journal"), "years of work\n").unwrap();
     let foreign = folder.plan().unwrap().run_all(&folder.path("out"), force, &Silent).unwrap_err();
-    assert!(matches!(foreign, StudyError::NoJournal { .. }), "{foreign}");
+    assert!(matches!(foreign, StudyError::Journal(JournalError::NoJournal { .. })), "{foreign}");
     assert_eq!(fs::read_to_string(folder.path("out.journal")).unwrap(), "years of work\n");
 }
 
@@ -448,5 +451,8 @@ fn a_recording_can_be_studied() {
     let csv = fs::read_to_string(folder.path("written/recording.csv")).unwrap();
     fs::write(folder.path("written/recording.csv"), csv + "\n").unwrap();
     fs::remove_dir_all(folder.path("out")).unwrap();
-    assert!(matches!(folder.run("out", "1/1", 1, &Silent), Err(StudyError::OtherStudy { .. })));
+    assert!(matches!(
+        folder.run("out", "1/1", 1, &Silent),
+        Err(StudyError::Journal(JournalError::Other { .. }))
+    ));
 }

@@ -14,6 +14,7 @@ mod windows;
 pub use evidence::{CycleEvidence, InnovationEvidence, InnovationHistogram, SpectrumGroup};
 pub use result::{InnovationTest, TestPlace, TestResult, WRONG, nis};
 
+use crate::progress::Interruption;
 use cycle::InnovationCycle;
 use moments::InnovationMoments;
 use spectrum::SpectrumRecord;
@@ -44,8 +45,12 @@ impl InnovationRecord {
     }
 
     /// Takes innovations and their standard deviations in, in the order of time; what is not finite is no update.
-    pub fn take(&mut self, time_s: &[f64], innovation: &[f64], sd: &[f64]) {
-        for ((time_s, innovation), sd) in time_s.iter().zip(innovation).zip(sd) {
+    /// The work ends where it is stopped.
+    pub fn take(&mut self, time_s: &[f64], innovation: &[f64], sd: &[f64], stop: &Interruption) {
+        for (k, ((time_s, innovation), sd)) in time_s.iter().zip(innovation).zip(sd).enumerate() {
+            if stop.is_requested_at(k) {
+                return;
+            }
             let z = innovation / sd;
             if !z.is_finite() {
                 continue;

@@ -1,4 +1,5 @@
 use super::*;
+use crate::progress::Interruption;
 use crate::simulate::WhiteNoise;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -18,7 +19,7 @@ fn record(z: &[f64]) -> InnovationRecord {
     let (mut first, mut length) = (0, 1);
     while first < z.len() {
         let part = first..(first + length).min(z.len());
-        record.take(&times[part.clone()], &z[part.clone()], &vec![1.0; part.len()]);
+        record.take(&times[part.clone()], &z[part.clone()], &vec![1.0; part.len()], &Interruption::never());
         (first, length) = (part.end, 3 * length + 1);
     }
     record
@@ -85,7 +86,7 @@ fn parts_of_any_length_and_blocks_give_the_same() {
     let z = noise(150_000, 7);
     let times: Vec<f64> = (0..z.len()).map(|k| k as f64 * INTERVAL_S).collect();
     let mut whole = InnovationRecord::new([MOTION_HZ], 0.0);
-    whole.take(&times, &z, &vec![1.0; z.len()]);
+    whole.take(&times, &z, &vec![1.0; z.len()], &Interruption::never());
     assert_eq!(whole.tests(true), record(&z).tests(true));
     assert!(whole.tests(true).iter().all(|found| found.p_value > 1e-4), "{:?}", whole.tests(true));
 }
@@ -119,7 +120,7 @@ fn harmonics_that_the_samples_cannot_tell_apart_are_looked_at_once() {
         let z = noise(2000, 50 + seed);
         let times: Vec<f64> = (0..z.len()).map(|k| k as f64 / 8.0).collect();
         let mut record = InnovationRecord::new([1.0], 0.0);
-        record.take(&times, &z, &vec![1.0; z.len()]);
+        record.take(&times, &z, &vec![1.0; z.len()], &Interruption::never());
         for found in record.tests(true) {
             let place = match found.test {
                 InnovationTest::Harmonics => 0,

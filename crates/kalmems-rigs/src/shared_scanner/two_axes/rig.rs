@@ -11,7 +11,7 @@ use crate::estimate::{
 };
 use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::outlook::Outlook;
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
@@ -133,6 +133,7 @@ impl Rig for TwoAxesRig {
         &self,
         estimate: &SegmentEstimate,
         references: &[ReferenceMotion],
+        stop: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         let from_s = estimate.from_s();
         let first = (ANGLES[0][0], estimate.motion, estimate.drive.as_ref());
@@ -142,7 +143,7 @@ impl Rig for TwoAxesRig {
             let mut found = axes.iter().filter_map(|(angle, motion, drive)| {
                 let reference = references.iter().find(|reference| reference.states[0] == *angle)?;
                 let extent = ComparisonExtent { from_s, motion_hz: motion.frequency_hz, drive: *drive };
-                evaluate_motion(trajectory, reference, extent)
+                evaluate_motion(trajectory, reference, extent, stop)
             });
             let mut first = found.next()?;
             first.other_angles = found.collect();

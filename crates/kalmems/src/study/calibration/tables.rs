@@ -1,7 +1,7 @@
 //! A calibration as tables: three for people, and one with all of it for programs.
 
 use super::{ClaimCalibration, FilterCalibration, Share, StudyCalibrationSummary, TestCount};
-use crate::study::table::{StudyTable, StudyTableRow};
+use crate::table::{TidyRow, TidyTable};
 use kalmems_figures::{self as figures, ColumnHead};
 
 /// The grades, from the best to the worst, with what stands above their columns.
@@ -116,13 +116,13 @@ const COLUMNS: [&str; 14] = [
 
 /// All numbers, one to a row: how often each grade was given and each test failed, the coverage at each level, and the bins of
 /// each histogram of ranks with the band that all of them lie in where the ranks are uniform.
-pub(in super::super) fn long_table(summary: &StudyCalibrationSummary) -> StudyTable {
+pub(in super::super) fn long_table(summary: &StudyCalibrationSummary) -> TidyTable {
     let mut rows = Vec::new();
     for filter in &summary.filters {
         let mut add = |cells: [String; 10]| {
             let FilterCalibration { point, recording, segment, estimator, .. } = filter;
             let start = [point, recording, segment, estimator].map(Clone::clone);
-            rows.push(StudyTableRow { run: 0, cells: start.into_iter().chain(cells).collect() });
+            rows.push(TidyRow { run: 0, cells: start.into_iter().chain(cells).collect() });
         };
         let empty = String::new;
         let text = |x: f64| format!("{x:?}");
@@ -170,5 +170,5 @@ pub(in super::super) fn long_table(summary: &StudyCalibrationSummary) -> StudyTa
             }
         }
     }
-    StudyTable { columns: COLUMNS.map(str::to_owned).to_vec(), rows, before: 4 }
+    TidyTable { columns: COLUMNS.map(str::to_owned).to_vec(), words: Vec::new(), rows, before: 4 }
 }

@@ -5,7 +5,7 @@
 use kalmems::estimate::SegmentEstimate;
 use kalmems::estimate::Trajectory;
 use kalmems::evaluate::{Accuracy, ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
-use kalmems::progress::Silent;
+use kalmems::progress::{Interruption, Silent};
 use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::simulate::{Drive, Simulator, WhiteNoise};
@@ -223,7 +223,7 @@ pub fn estimate(simulated: &Simulated, told: &Told, toml: &str) -> SegmentEstima
 /// The errors of a trajectory; the sign of the motion is taken as known.
 pub fn errors(simulated: &Simulated, trajectory: &Trajectory, skip_s: f64) -> MotionErrors {
     let extent = ComparisonExtent { from_s: skip_s, motion_hz: simulated.motion_hz, drive: None };
-    let direct = evaluate_motion(trajectory, &simulated.reference, extent).unwrap();
+    let direct = evaluate_motion(trajectory, &simulated.reference, extent, &Interruption::never()).unwrap();
     if !direct.sign_disagrees {
         return direct;
     }
@@ -233,7 +233,7 @@ pub fn errors(simulated: &Simulated, trajectory: &Trajectory, skip_s: f64) -> Mo
             *mean = -*mean;
         }
     }
-    evaluate_motion(&mirrored, &simulated.reference, extent).unwrap()
+    evaluate_motion(&mirrored, &simulated.reference, extent, &Interruption::never()).unwrap()
 }
 
 /// The first quartile, the median and the third.

@@ -6,7 +6,7 @@ use super::{DRIVES_HZ, Recorded, STEPS, hardware, path, recorded, uniforms};
 use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{Past, Trajectory};
 use kalmems::evaluate::{Accuracy, ComparisonExtent, ReferenceMotion, evaluate_motion};
-use kalmems::progress::Silent;
+use kalmems::progress::{Interruption, Silent};
 use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::two_axes::{TwoAxisSettings, estimate, first_tones};
 use kalmems::simulate::{Drive, Simulator, Tone};
@@ -126,7 +126,7 @@ fn reached(trajectory: &Trajectory, recorded: &Recorded) -> [Reached; 2] {
             motion_hz: 0.5 * DRIVES_HZ[axis],
             drive: None,
         };
-        let errors = evaluate_motion(trajectory, &reference, extent).unwrap();
+        let errors = evaluate_motion(trajectory, &reference, extent, &Interruption::never()).unwrap();
         Reached { angle: errors.angle.rmse_deg, phase: errors.peak_phase_rmse_deg.unwrap_or(f64::INFINITY) }
     })
 }

@@ -4,7 +4,7 @@ use crate::devices::{Device, Setting};
 use kalmems::config::Experiment;
 use kalmems::diagnose::{Diagnosis, diagnose_recording};
 use kalmems::evaluate::{SegmentJudge, TestResult};
-use kalmems::progress::Silent;
+use kalmems::progress::{Interruption, Silent};
 use kalmems::recording::SampledRecording;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
@@ -114,7 +114,7 @@ impl Faulty {
         let Ok(estimates) = rig.estimate(&self.told, index, &self.recording, &Silent) else { return true };
         estimates.iter().any(|estimate| {
             let mut judge = SegmentJudge::default();
-            judge.take(estimate);
+            judge.take(estimate, &Interruption::never());
             let key = &estimate.trajectories[0].key;
             !estimate.trajectories[0].lock.held()
                 || judge.of(key).is_some_and(|judgement| judgement.tests.iter().any(TestResult::fails))
