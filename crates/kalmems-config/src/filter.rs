@@ -5,7 +5,7 @@ use super::event::EventUse;
 use super::kinds::{Frequency, Time, VoltageVariance};
 use super::outliers::{OutlierGate, Update};
 use super::quantity::Quantity;
-use super::readout::ReadoutConstants;
+use super::readout::ReadoutStates;
 use super::sign::Positive;
 use super::values::{AnyValue, Values};
 use super::{ConfigFault, CrossingUse, Key, Variant};
@@ -47,7 +47,7 @@ pub struct FilterTable {
     /// An offset, a scale and lines between the sensor and the recording that are states, such as
     /// `{ offset = { start_sd = "10 mV" }, lines = [{ frequency = "50 Hz", start_sd = "1 mV" }] }`; for a filter of one signal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub readout: Option<ReadoutConstants>,
+    pub readout: Option<ReadoutStates>,
     /// Whether the demodulator's two low-pass poles, which the device's readout states, are tracked as two states;
     /// false if left out.
     #[serde(default, skip_serializing_if = "is_false")]

@@ -74,7 +74,7 @@ pub use outliers::{OutlierGate, Update};
 pub use patch::{absent, get, put};
 pub use quantity::{FROM_RECORDING, Quantity, noise_schema, with_sd, written};
 pub use reader::read_source;
-pub use readout::{ColouredNoise, InterferenceLine, MOST_LINES, ReadoutConstants};
+pub use readout::{ColouredNoise, InterferenceLine, MOST_LINES, ReadoutStates};
 pub use recording::{Channels, Recording, RecordingRole, Reference, Segments};
 pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};
 pub use schema::{experiment_schema, schema_of};

@@ -15,7 +15,7 @@ pub const MOST_LINES: usize = 2;
 /// (1 + scale)·signal + offset + feedthrough·drive + lines + coloured noise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct ReadoutConstants {
+pub struct ReadoutStates {
     /// What is added to the signal, such as `{ start_sd = "10 mV" }`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<TrackedState>,
@@ -70,7 +70,7 @@ impl InterferenceLine {
     }
 }
 
-impl ReadoutConstants {
+impl ReadoutStates {
     /// What no single value can be blamed for, of a filter of this method; `at` is the key of this table.
     pub(super) fn check(&self, method: Method, at: &Key) -> Result<(), (Key, ConfigFault)> {
         let refuse = |key: Key, why: String| Err((key, ConfigFault::Value { why }));
