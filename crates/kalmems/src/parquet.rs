@@ -168,7 +168,7 @@ mod tests {
         for _ in 0..2 {
             file.rows([Cells::Numbers(numbers.clone()), Cells::Words(words.clone())]).unwrap();
         }
-        let reader = SerializedFileReader::new(bytes::Bytes::from(file.finish().unwrap())).unwrap();
+        let reader = SerializedFileReader::new(Bytes::from(file.finish().unwrap())).unwrap();
         assert_eq!(reader.metadata().num_row_groups(), 2);
         let rows: Vec<_> = reader.get_row_iter(None).unwrap().map(Result::unwrap).collect();
         assert_eq!(rows.len(), 14_000);
