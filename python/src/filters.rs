@@ -3,7 +3,8 @@
 use crate::watch::Watch;
 use kalmems_core::smooth::{Backward, Smoothed};
 use kalmems_core::{
-    Covariance, Ekf, Filter, Gaussian, Mat, NumericMeasurement, NumericProcess, ProcessNoise, SigmaPoints, Ukf,
+    Covariance, Ekf, Filter, Gaussian, Mat, NumericMeasurement, NumericProcess, ProcessNoise, SigmaPoints,
+    Ukf,
 };
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyArithmeticError, PyValueError};

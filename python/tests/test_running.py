@@ -68,6 +68,8 @@ def test_an_interruption_ends_the_evaluation(
     )
     stages: list[str] = []
     sent: list[float] = []
+    # The command, which other tests run in this process, takes the signal for itself.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def heard(what: str, done: int, total: int) -> None:
         stages.append(what)

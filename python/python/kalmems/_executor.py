@@ -15,8 +15,8 @@ LEAST_S = 60.0
 """How long no part may be finished, at least, before those that are missing are given out again."""
 TIMES = 10.0
 """The same in multiples of the longest time until now."""
-ATTEMPTS = 5
-"""How often a part is given out before its failure is told."""
+FAILURES = 5
+"""How often a part may fail before that is told."""
 
 
 def finished(
@@ -28,7 +28,7 @@ def finished(
     """
     attempts: list[list[Any]] = [[executor.submit(attempt, part, 1)] for part in parts]
     found: dict[int, bytes] = {}
-    last, longest = time.monotonic(), 0.0
+    last, longest, waits = time.monotonic(), 0.0, 0
     try:
         while len(found) < len(parts):
             for place in range(len(parts)):
@@ -39,15 +39,16 @@ def finished(
                     continue
                 found[place] = given
                 now = time.monotonic()
-                longest, last = max(longest, now - last), now
+                longest, last, waits = max(longest, now - last), now, 0
                 if progress is not None:
                     progress("studying", len(found), len(parts))
             patience = max(LEAST_S, TIMES * longest) if deadline is None else deadline
-            if len(found) < len(parts) and time.monotonic() - last > patience:
+            # Longer from time to time: it may come to a worker that hangs, or before another has joined.
+            if len(found) < len(parts) and time.monotonic() - last > patience * 2**waits:
                 for place in range(len(parts)):
-                    if place not in found and len(attempts[place]) < ATTEMPTS:
+                    if place not in found:
                         attempts[place].append(executor.submit(attempt, parts[place], len(attempts[place]) + 1))
-                last = time.monotonic()
+                last, waits = time.monotonic(), waits + 1
             time.sleep(LOOK_S)
     finally:
         # Those that hang, or that are not needed any more.
@@ -63,17 +64,19 @@ def attempt(part: Part, number: int) -> bytes:
 
 
 def _first_done(executor: Any, part: Part, futures: list[Any]) -> bytes | None:
-    """What the first future that is done gives. One that failed is given out again, but for the last time."""
-    for future in list(futures):
+    """What the first future that is done gives. Where all failed, the part is given out again, but for the last time."""
+    failed: list[Exception] = []
+    for future in futures:
         if not future.done():
             continue
         try:
             result: bytes = future.result()
             return result
-        except Exception:
+        except Exception as error:
             # A worker that died takes its work with it; what the part itself raises, it raises each time.
-            if len(futures) >= ATTEMPTS and all(other.done() for other in futures):
-                raise
-            if all(other.done() for other in futures):
-                futures.append(executor.submit(attempt, part, len(futures) + 1))
+            failed.append(error)
+    if len(failed) == len(futures):
+        if len(failed) >= FAILURES:
+            raise failed[-1]
+        futures.append(executor.submit(attempt, part, len(futures) + 1))
     return None

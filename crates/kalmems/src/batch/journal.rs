@@ -47,11 +47,10 @@ impl JournalWork for BatchHeader {
 
     fn differs(&self, from: &Self) -> Option<String> {
         if self.version != from.version {
-            Some(format!("it was made by version {}, and this is {}", self.version, from.version))
-        } else {
-            (self.digest != from.digest)
-                .then(|| "the experiment, or a file that it names, has changed".to_owned())
+            return Some(format!("it was made by version {}, and this is {}", self.version, from.version));
         }
+        (self.digest != from.digest)
+            .then(|| "the experiment, or a file that it names, has changed".to_owned())
     }
 
     fn key(&self, piece: &BatchPiece) -> Result<String, String> {

@@ -193,7 +193,7 @@ impl Batch {
                 match finished {
                     Ok(piece) => {
                         estimated += 1;
-                        if pieces.get(&piece.key).is_none() {
+                        if !pieces.contains_key(&piece.key) {
                             writer.add(&piece)?;
                         }
                         pieces.insert(piece.key.clone(), piece);
@@ -208,7 +208,7 @@ impl Batch {
         if estimated + failures.len() < missing.len() {
             return Err(interrupted(before + estimated, alone.len()));
         }
-        let rows = self.rows(recordings, (&looked, &same_as), (&pieces, &failures));
+        let rows = rows(recordings, (&looked, &same_as), (&pieces, &failures));
         let summary = write_results((&self.name, &self.source.text), &rows, &output, &place_of)?;
         let committed = output.commit()?;
         clear(&folder, alone.iter().map(|(_, key)| *key))
@@ -277,32 +277,29 @@ impl Batch {
         let given = with_recording(given, self.of.as_deref(), recording, reference.as_deref())?;
         finish((&self.workbench, given), key, folder, progress)
     }
+}
 
-    /// What is known of each recording, in their order.
-    fn rows<'a>(
-        &self,
-        recordings: &'a [BatchRecording],
-        (looked, same_as): (&'a [Looked], &BTreeMap<usize, usize>),
-        (pieces, failures): (&'a BatchPieces, &'a BTreeMap<usize, String>),
-    ) -> Vec<BatchRow<'a>> {
-        let row = |(place, (recording, looked)): (usize, (&'a BatchRecording, &'a Looked))| {
-            let first = same_as.get(&place).copied();
-            let (sha256, came) = match looked {
-                Err(why) => ("", RecordingEstimate::Failed(why)),
-                Ok((sha256, key)) => {
-                    let came = match (failures.get(&first.unwrap_or(place)), pieces.get(key)) {
-                        (None, Some(piece)) => RecordingEstimate::Made(piece),
-                        (why, _) => {
-                            RecordingEstimate::Failed(why.map_or("it was not estimated", String::as_str))
-                        }
-                    };
-                    (sha256.as_str(), came)
-                }
-            };
-            BatchRow { recording, sha256, same_as: first.and_then(|first| recordings.get(first)), came }
+/// What is known of each recording, in their order.
+fn rows<'a>(
+    recordings: &'a [BatchRecording],
+    (looked, same_as): (&'a [Looked], &BTreeMap<usize, usize>),
+    (pieces, failures): (&'a BatchPieces, &'a BTreeMap<usize, String>),
+) -> Vec<BatchRow<'a>> {
+    let row = |(place, (recording, looked)): (usize, (&'a BatchRecording, &'a Looked))| {
+        let first = same_as.get(&place).copied();
+        let (sha256, came) = match looked {
+            Err(why) => ("", RecordingEstimate::Failed(why)),
+            Ok((sha256, key)) => {
+                let came = match (failures.get(&first.unwrap_or(place)), pieces.get(key)) {
+                    (None, Some(piece)) => RecordingEstimate::Made(piece),
+                    (why, _) => RecordingEstimate::Failed(why.map_or("it was not estimated", String::as_str)),
+                };
+                (sha256.as_str(), came)
+            }
         };
-        recordings.iter().zip(looked).enumerate().map(row).collect()
-    }
+        BatchRow { recording, sha256, same_as: first.and_then(|first| recordings.get(first)), came }
+    };
+    recordings.iter().zip(looked).enumerate().map(row).collect()
 }
 
 /// Which recordings have the content of an earlier one, and of which.

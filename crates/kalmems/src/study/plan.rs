@@ -242,14 +242,13 @@ impl StudyPlan {
                     let described = told.recording(index)?;
                     let reference = described.reference.as_ref().map(|reference| reference.file(described));
                     for file in [Some(described.file.as_path()), reference].into_iter().flatten() {
-                        match told.arrays().get(file) {
-                            Some(arrays) => hash.update(&arrays.digest().sha256),
-                            None => {
-                                let path = told.resolve(file);
-                                let digest = digest_of(&path, &|| false)
-                                    .map_err(|source| StudyError::Io { path, source })?;
-                                hash.update(digest.unwrap_or_default());
-                            }
+                        if let Some(arrays) = told.arrays().get(file) {
+                            hash.update(&arrays.digest().sha256);
+                        } else {
+                            let path = told.resolve(file);
+                            let digest = digest_of(&path, &|| false)
+                                .map_err(|source| StudyError::Io { path, source })?;
+                            hash.update(digest.unwrap_or_default());
                         }
                     }
                 }
