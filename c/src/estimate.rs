@@ -4,11 +4,11 @@ use crate::error::{Failure, KalmemsError, guarded, or, or_null};
 use crate::experiment::KalmemsExperiment;
 use crate::text::{at, handed_over, owned};
 use crate::watch::{KalmemsProgress, Watch};
+use kalmems::array_experiment::PreparedExperiment;
 use kalmems::estimate::{Trajectory, TrajectoryKind};
-use kalmems::given::Ready;
 use kalmems::results::{
-    Estimated, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices, parameters_table,
-    summary_table,
+    Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table, notices,
+    parameters_table, summary_table,
 };
 use kalmems::rigs::published;
 use std::ffi::{CString, c_char, c_void};
@@ -84,8 +84,8 @@ impl KalmemsEstimate {
                         place,
                         name: owned(&trajectory.name),
                         kind: owned(kind(trajectory.kind)),
-                        recording_name: owned(&of_recording.name.to_string()),
-                        segment_label: owned(&estimate.segment.label.to_string()),
+                        recording_name: owned(&of_recording.name),
+                        segment_label: owned(&estimate.segment.label),
                         passes: judged.iter().any(|(name, passes)| *name == trajectory.name && *passes),
                         columns,
                         units,
@@ -159,7 +159,8 @@ pub unsafe extern "C" fn kalmems_estimate(
         // SAFETY: as the crate says of all functions.
         let experiment = unsafe { experiment.as_ref() }.ok_or_else(|| Failure::null("the experiment"))?;
         let watch = Watch::new(progress, user);
-        let Ready { workbench, experiment, noise } = experiment.given().ready(published(), &watch)?;
+        let PreparedExperiment { workbench, experiment, noise } =
+            experiment.given().prepare(published(), &watch)?;
         let estimated = Estimated::of(&workbench, &experiment, noise, &watch)?;
         let estimate = KalmemsEstimate::of(estimated, RunInfo { started, took: clock.elapsed() })?;
         Ok(Box::into_raw(Box::new(estimate)))
@@ -344,7 +345,7 @@ pub unsafe extern "C" fn kalmems_estimate_write(
                 .estimated
                 .write(&output, WriteOptions { trajectories: true }, estimate.info, &|| false)?;
             output.commit()?;
-            Ok::<bool, WriteError>(true)
+            Ok::<bool, ResultWriteError>(true)
         };
         write().map_err(|error| Failure::estimation(&error))
     });

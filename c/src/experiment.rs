@@ -3,18 +3,18 @@
 use crate::error::{Failure, KalmemsError, guarded, or, or_null};
 use crate::recording::KalmemsRecording;
 use crate::text::{at, at_or_none};
-use kalmems::given::Given;
+use kalmems::array_experiment::ArrayExperiment;
 use std::ffi::c_char;
 use std::path::Path;
 
 /// An experiment with the recordings that were given for it.
 pub struct KalmemsExperiment {
-    given: Given,
+    given: ArrayExperiment,
 }
 
 impl KalmemsExperiment {
     /// A copy for an estimate, which leaves this one as it is. Arrays are shared.
-    pub fn given(&self) -> Given {
+    pub fn given(&self) -> ArrayExperiment {
         self.given.clone()
     }
 }
@@ -29,7 +29,7 @@ pub unsafe extern "C" fn kalmems_experiment_open(
         // SAFETY: as the crate says of all functions.
         let path = Path::new(unsafe { at(path, "the path of the experiment") }?);
         let source = kalmems::config::Source::load(path)?;
-        let given = Given::new(&source.text, path)?;
+        let given = ArrayExperiment::new(&source.text, path)?;
         Ok(Box::into_raw(Box::new(KalmemsExperiment { given })))
     });
     or_null(made, error)
@@ -46,7 +46,7 @@ pub unsafe extern "C" fn kalmems_experiment_parse(
         // SAFETY: as the crate says of all functions.
         let (text, path) =
             unsafe { (at(text, "the text of the experiment")?, at(path, "the path of the experiment")?) };
-        let given = Given::new(text, Path::new(path))?;
+        let given = ArrayExperiment::new(text, Path::new(path))?;
         Ok(Box::into_raw(Box::new(KalmemsExperiment { given })))
     });
     or_null(made, error)
@@ -62,7 +62,7 @@ pub unsafe extern "C" fn kalmems_experiment_give(
     error: *mut *mut KalmemsError,
 ) -> bool {
     // SAFETY: as the crate says of all functions.
-    or(guarded(|| unsafe { give(experiment, of, recording, Given::recording) }), false, error)
+    or(guarded(|| unsafe { give(experiment, of, recording, ArrayExperiment::recording) }), false, error)
 }
 
 /// Puts a recording in the place of the file of a reference; which one, as with `kalmems_experiment_give`.
@@ -74,12 +74,15 @@ pub unsafe extern "C" fn kalmems_experiment_give_reference(
     error: *mut *mut KalmemsError,
 ) -> bool {
     // SAFETY: as the crate says of all functions.
-    or(guarded(|| unsafe { give(experiment, of, recording, Given::reference) }), false, error)
+    or(guarded(|| unsafe { give(experiment, of, recording, ArrayExperiment::reference) }), false, error)
 }
 
 /// How arrays get into an experiment.
-type Giving =
-    fn(&mut Given, Option<&str>, &kalmems::given::GivenRecording) -> Result<(), kalmems::config::ConfigError>;
+type Giving = fn(
+    &mut ArrayExperiment,
+    Option<&str>,
+    &kalmems::array_experiment::ArrayRecording,
+) -> Result<(), kalmems::config::ConfigError>;
 
 unsafe fn give(
     experiment: *mut KalmemsExperiment,

@@ -2,7 +2,7 @@
 
 use crate::error::{Failure, KalmemsError, guarded, or};
 use crate::text::at;
-use kalmems::given::{GivenClock, GivenRecording};
+use kalmems::array_experiment::{ArrayClock, ArrayRecording};
 use kalmems::recording::{Array, Arrays};
 use std::collections::BTreeMap;
 use std::ffi::c_char;
@@ -13,15 +13,15 @@ pub struct KalmemsRecording {
     columns: Vec<Array>,
     units: BTreeMap<String, String>,
     segments: Option<String>,
-    clock: Option<GivenClock>,
+    clock: Option<ArrayClock>,
 }
 
 impl KalmemsRecording {
     /// As what an experiment takes.
-    pub fn given(&self) -> Result<GivenRecording, Failure> {
+    pub fn given(&self) -> Result<ArrayRecording, Failure> {
         let arrays =
             Arrays::new(self.columns.clone()).map_err(|error| Failure::argument(&error.to_string()))?;
-        Ok(GivenRecording {
+        Ok(ArrayRecording {
             arrays,
             units: self.units.clone(),
             segments: self.segments.clone(),
@@ -107,7 +107,7 @@ pub unsafe extern "C" fn kalmems_recording_rate(
     error: *mut *mut KalmemsError,
 ) -> bool {
     let told = |recording: &mut KalmemsRecording| {
-        recording.clock = Some(GivenClock::Rate(rate_hz));
+        recording.clock = Some(ArrayClock::Rate(rate_hz));
         Ok(())
     };
     // SAFETY: as the crate says of all functions.
@@ -123,7 +123,7 @@ pub unsafe extern "C" fn kalmems_recording_clock(
 ) -> bool {
     // SAFETY: as the crate says of all functions.
     let told = |recording: &mut KalmemsRecording| unsafe {
-        recording.clock = Some(GivenClock::Column(at(column, "the name of a column")?.to_owned()));
+        recording.clock = Some(ArrayClock::Column(at(column, "the name of a column")?.to_owned()));
         Ok(())
     };
     unsafe { changed(recording, told, error) }

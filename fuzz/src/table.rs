@@ -1,6 +1,6 @@
 //! Bytes as a file of a format.
 
-use kalmems_formats::{Block, Format, Hints, Table, TimeUnit, Wanted, open_reader};
+use kalmems_formats::{Block, Format, Hints, Table, TimeUnit, WantedColumn, open_reader};
 use std::io::Cursor;
 
 /// Opens and reads the bytes, as they are and with the hints that a format without names needs.
@@ -24,14 +24,14 @@ fn drain(mut table: Box<dyn Table>) {
     for column in 0..count {
         // The first is the time, as in most files.
         let number = match column {
-            0 => Wanted::Time { column, unit: TimeUnit::decimal(-9), origin: None },
-            _ => Wanted::Number { column, power: if column % 2 == 0 { 0 } else { -3 } },
+            0 => WantedColumn::Time { column, unit: TimeUnit::decimal(-9), origin: None },
+            _ => WantedColumn::Number { column, power: if column % 2 == 0 { 0 } else { -3 } },
         };
         if table.want(&[number]).is_ok() {
             wanted.push(number);
         }
         if column % 4 == 3 || wanted.is_empty() {
-            wanted.push(Wanted::Label { column });
+            wanted.push(WantedColumn::Label { column });
         }
     }
     // All, or those that are of one length with the first.

@@ -3,7 +3,7 @@
 use crate::errors::{Raise, failed};
 use crate::watch::Watch;
 use kalmems::applications::calibration::{CalibrationSummary, GyroscopeCalibration, calibrate as calibrated};
-use kalmems::applications::image::{Developed, Image, ImageMetrics, reconstruct};
+use kalmems::applications::image::{DevelopedImage, Image, ImageMetrics, reconstruct};
 use kalmems::applications::spectrum::{SpectrumFile, SpectrumMetrics, measure};
 use kalmems::rigs::published;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -45,7 +45,7 @@ pub fn image<'py>(
     let file = Image::load(&path).map_err(|error| error.raise(py))?;
     let watch = Watch::new(progress);
     let outcome = py.detach(|| reconstruct(&file, &watch)).map_err(|error| stopped(py, &watch, &error))?;
-    let developed = Developed::of(&outcome);
+    let developed = DevelopedImage::of(&outcome);
     let metrics = ImageMetrics::of(&outcome, &developed, None).map_err(|error| failed(py, &error))?;
     let [columns, rows] = developed.picture.size();
     let picture = PyArray1::from_slice(py, developed.picture.values()).reshape([rows, columns])?;

@@ -1,7 +1,7 @@
 //! Experiments as text, as dictionaries, and changed.
 
 use crate::errors::Raise;
-use kalmems::config::{ConfigError, Experiment, FROM_RECORDING, Fault, Key, Place, Step, put};
+use kalmems::config::{ConfigError, ConfigFault, ConfigPlace, Experiment, FROM_RECORDING, Key, KeyStep, put};
 use kalmems::rigs::published;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -72,17 +72,17 @@ pub fn replaced(py: Python<'_>, text: &str, path: PathBuf, changes: &Bound<'_, P
 
 /// Takes a key away, where it is there.
 fn remove(document: &mut Table, key: &Key) {
-    let Some((Step::Name(last), way)) = key.steps().split_last() else { return };
+    let Some((KeyStep::Name(last), way)) = key.steps().split_last() else { return };
     let mut steps = way.iter();
-    let Some(Step::Name(first)) = steps.next() else {
+    let Some(KeyStep::Name(first)) = steps.next() else {
         document.remove(last);
         return;
     };
     let inside = steps.try_fold(document.get_mut(first), |here, step| {
         let here = here?;
         Some(match step {
-            Step::Name(name) => here.get_mut(name.as_str()),
-            Step::Index(index) => here.get_mut(*index),
+            KeyStep::Name(name) => here.get_mut(name.as_str()),
+            KeyStep::Index(index) => here.get_mut(*index),
         })
     });
     if let Some(Some(Value::Table(table))) = inside {
@@ -91,12 +91,13 @@ fn remove(document: &mut Table, key: &Key) {
 }
 
 fn parsed(py: Python<'_>, text: &str, path: &Path) -> PyResult<Table> {
-    text.parse::<Table>()
-        .map_err(|error| at(path, Key::default(), Fault::Value { why: error.message().to_owned() }).raise(py))
+    text.parse::<Table>().map_err(|error| {
+        at(path, Key::default(), ConfigFault::Value { why: error.message().to_owned() }).raise(py)
+    })
 }
 
-fn at(path: &Path, key: Key, fault: Fault) -> ConfigError {
-    ConfigError { place: Box::new(Place { file: path.to_owned(), position: None, key }), fault }
+fn at(path: &Path, key: Key, fault: ConfigFault) -> ConfigError {
+    ConfigError { place: Box::new(ConfigPlace { file: path.to_owned(), position: None, key }), fault }
 }
 
 fn table(document: &Bound<'_, PyDict>, place: &str) -> PyResult<Table> {

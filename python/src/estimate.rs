@@ -4,14 +4,14 @@ use crate::document::without_lines;
 use crate::errors::{Raise, failed};
 use crate::recording::Columns;
 use crate::watch::Watch;
+use kalmems::array_experiment::{ArrayExperiment, PreparedExperiment};
 use kalmems::config::Experiment;
 use kalmems::diagnose::DiagnoseError;
 use kalmems::estimate::{Trajectory, TrajectoryKind};
-use kalmems::given::{Given, Ready};
-use kalmems::recording::Source;
+use kalmems::recording::RecordingSource;
 use kalmems::results::{
-    Estimated, Output, RunInfo, Work, WriteError, WriteOptions, budget_table, notices, parameters_table,
-    summary_table,
+    Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table, notices,
+    parameters_table, summary_table,
 };
 use kalmems::rigs::published;
 use kalmems::workflow::{RecordingOutcome, SegmentOutcome};
@@ -33,16 +33,16 @@ pub fn ready(
     (recordings, references): (&Recordings, &Recordings),
     has_lines: bool,
     watch: &Watch,
-) -> Result<Ready, DiagnoseError> {
+) -> Result<PreparedExperiment, DiagnoseError> {
     let told = |error| DiagnoseError::from(without_lines(error, has_lines));
-    let mut given = Given::new(text, path).map_err(told)?;
+    let mut given = ArrayExperiment::new(text, path).map_err(told)?;
     for (of, columns) in recordings {
         given.recording(of.as_deref(), columns.get().given()).map_err(told)?;
     }
     for (of, columns) in references {
         given.reference(of.as_deref(), columns.get().given()).map_err(told)?;
     }
-    given.ready(published(), watch).map_err(|error| match error {
+    given.prepare(published(), watch).map_err(|error| match error {
         DiagnoseError::Config(error) => told(error),
         other => other,
     })
@@ -62,7 +62,7 @@ pub fn estimate(
 ) -> PyResult<Outcome> {
     let (started, clock, watch) = (SystemTime::now(), Instant::now(), Watch::new(progress));
     let found = py.detach(|| {
-        let Ready { workbench, experiment, noise } =
+        let PreparedExperiment { workbench, experiment, noise } =
             ready(&text, &path, (&recordings, &references), has_lines, &watch)
                 .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)?;
         Estimated::of(&workbench, &experiment, noise, &watch)
@@ -87,10 +87,10 @@ impl Outcome {
         &self.estimated.outcome.experiment
     }
 
-    fn stopped(error: WriteError, watch: &Watch, py: Python<'_>) -> PyErr {
+    fn stopped(error: ResultWriteError, watch: &Watch, py: Python<'_>) -> PyErr {
         match (watch.error(), error) {
             (Some(error), _) => error,
-            (None, WriteError::Interrupted) => PyKeyboardInterrupt::new_err(()),
+            (None, ResultWriteError::Interrupted) => PyKeyboardInterrupt::new_err(()),
             (None, error) => failed(py, &error),
         }
     }
@@ -122,7 +122,7 @@ impl Outcome {
         let metrics = &self.estimated.metrics;
         let further = [parameters_table(metrics), budget_table(metrics)];
         let all = std::iter::once(summary_table(metrics, true)).chain(further.into_iter().flatten());
-        all.map(|table| (table.columns.iter().map(kalmems::figures::Column::head).collect(), table.rows))
+        all.map(|table| (table.columns.iter().map(kalmems::figures::ColumnHead::head).collect(), table.rows))
             .collect()
     }
 
@@ -141,7 +141,7 @@ impl Outcome {
 
     /// What was read: file, SHA-256 and number of bytes.
     fn sources(&self) -> Vec<(String, String, u64)> {
-        let of = |source: &Source| (source.file.clone(), source.sha256.clone(), source.bytes);
+        let of = |source: &RecordingSource| (source.file.clone(), source.sha256.clone(), source.bytes);
         let recordings = self.estimated.outcome.recordings.iter();
         let each = recordings.flat_map(|recording| {
             let reference = recording.reference.as_ref().map(|reference| reference.recording().source());
@@ -200,7 +200,7 @@ impl Outcome {
             self.estimated.write(&output, WriteOptions { trajectories }, self.info, &stop)?;
             let target = output.target().to_owned();
             output.commit()?;
-            Ok::<PathBuf, WriteError>(target)
+            Ok::<PathBuf, ResultWriteError>(target)
         });
         written.map_err(|error| Self::stopped(error, &watch, py))
     }

@@ -1,7 +1,7 @@
 //! Recordings that are handed over as arrays.
 
 use crate::errors::failed;
-use kalmems::given::{GivenClock, GivenRecording};
+use kalmems::array_experiment::{ArrayClock, ArrayRecording};
 use kalmems::recording::{Array, ArrayType, Arrays};
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyTypeError;
@@ -15,12 +15,12 @@ type Column<'py> = (String, char, usize, i32, PyReadonlyArray1<'py, u8>, Option<
 /// The columns of a recording, which nobody can change any more.
 #[pyclass(frozen, module = "kalmems._kalmems")]
 pub struct Columns {
-    given: GivenRecording,
+    given: ArrayRecording,
 }
 
 impl Columns {
     /// As what an experiment takes.
-    pub const fn given(&self) -> &GivenRecording {
+    pub const fn given(&self) -> &ArrayRecording {
         &self.given
     }
 }
@@ -60,8 +60,8 @@ impl Columns {
             });
         }
         let arrays = Arrays::new(arrays).map_err(|error| failed(py, &error))?;
-        let clock = clock.map(GivenClock::Column).or(rate_hz.map(GivenClock::Rate));
-        Ok(Self { given: GivenRecording { arrays, units, segments, clock } })
+        let clock = clock.map(ArrayClock::Column).or(rate_hz.map(ArrayClock::Rate));
+        Ok(Self { given: ArrayRecording { arrays, units, segments, clock } })
     }
 
     /// How many samples there are.

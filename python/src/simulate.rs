@@ -4,7 +4,7 @@ use crate::document::without_lines;
 use crate::errors::{Raise, failed};
 use crate::watch::Watch;
 use kalmems::rigs::published;
-use kalmems::simulate::{SimulateError, Unwritten, described};
+use kalmems::simulate::{ComputedRecording, SimulateError, described};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -29,7 +29,7 @@ pub fn simulate<'py>(
             .parse(&text, &path)
             .map_err(|error| SimulateError::from(without_lines(error, has_lines)))?;
         let simulation = published().rig(&experiment)?.simulate(&experiment)?;
-        let samples = Unwritten::of(simulation.as_ref(), &watch)?;
+        let samples = ComputedRecording::of(simulation.as_ref(), &watch)?;
         Ok::<_, SimulateError>((samples, described(&experiment, simulation.as_ref())))
     });
     if let Some(error) = watch.error() {

@@ -2,7 +2,7 @@
 
 use crate::errors::{Raise, failed};
 use kalmems::rigs::published;
-use kalmems::stream::{Opened, Outputs, StreamError, StreamSummary, stream as estimated};
+use kalmems::stream::{OpenedConnection, StreamError, StreamOutputs, StreamSummary, stream as estimated};
 use pyo3::prelude::*;
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::PathBuf;
@@ -41,8 +41,8 @@ impl Stream {
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let work = move || {
-            let connection = Box::new(Opened::new(Fed { arriving, rest: Vec::new(), taken: 0 }));
-            let outputs = Outputs { lines: Some(Box::new(Told(told))), ..Outputs::default() };
+            let connection = Box::new(OpenedConnection::new(Fed { arriving, rest: Vec::new(), taken: 0 }));
+            let outputs = StreamOutputs { lines: Some(Box::new(Told(told))), ..StreamOutputs::default() };
             let stop = || stopped.load(Ordering::Relaxed);
             estimated(published(), &experiment, connection, outputs, state.as_deref(), &stop)
         };

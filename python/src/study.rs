@@ -4,7 +4,7 @@ use crate::errors::{Raise, failed};
 use crate::watch::Watch;
 use kalmems::results::Output;
 use kalmems::rigs::published;
-use kalmems::study::{Options, Plan, Shard, StudyError};
+use kalmems::study::{Shard, StudyError, StudyOptions, StudyPlan};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
 use pyo3::prelude::*;
 use std::num::NonZero;
@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 /// A study's text and its experiment's, with where that stands.
 type Texts = (String, String, PathBuf);
 
-fn plan(py: Python<'_>, (study, experiment, path): &Texts) -> PyResult<Plan> {
-    Plan::of_texts(published(), (study, Path::new("study.toml")), (experiment, path))
+fn plan(py: Python<'_>, (study, experiment, path): &Texts) -> PyResult<StudyPlan> {
+    StudyPlan::of_texts(published(), (study, Path::new("study.toml")), (experiment, path))
         .map_err(|error| raised(py, error, None))
 }
 
@@ -53,7 +53,7 @@ pub fn study_run(
         return Err(PyValueError::new_err(format!("there is no part {part} of {of}")));
     };
     let watch = Watch::new(progress);
-    let options = Options { shard, threads: threads.and_then(NonZero::new), force: false };
+    let options = StudyOptions { shard, threads: threads.and_then(NonZero::new), force: false };
     let progressed = py.detach(|| plan.run_all(&folder, options, &watch));
     progressed.map(|progressed| progressed.journal).map_err(|error| raised(py, error, Some(&watch)))
 }

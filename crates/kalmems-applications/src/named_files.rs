@@ -1,7 +1,7 @@
 //! Reading the files that a calibration, an image or a spectrum names.
 
 use crate::progress::Progress;
-use crate::recording::{Finding, Layout, Purpose, ReadError, Recording, Source};
+use crate::recording::{Finding, Purpose, ReadError, RecordingLayout, RecordingSource, SampledRecording};
 use std::path::Path;
 
 /// Reads files and remembers what they were and what was found in them.
@@ -10,7 +10,7 @@ pub(super) struct NamedFiles<'a> {
     settings: &'static str,
     purpose: Purpose,
     pub(super) progress: &'a dyn Progress,
-    pub(super) sources: Vec<Source>,
+    pub(super) sources: Vec<RecordingSource>,
     /// The name of a file, and what was found in it; each once.
     pub(super) findings: Vec<(String, Finding)>,
 }
@@ -29,7 +29,11 @@ impl<'a> NamedFiles<'a> {
     }
 
     /// Reads a file.
-    pub(super) fn read(&mut self, path: &Path, layout: &Layout) -> Result<Recording, NamedFileError> {
+    pub(super) fn read(
+        &mut self,
+        path: &Path,
+        layout: &RecordingLayout,
+    ) -> Result<SampledRecording, NamedFileError> {
         if !path.exists() {
             let why = format!(
                 "there is no file `{}`; give its path from the folder of the {}, or put it there",
@@ -40,7 +44,7 @@ impl<'a> NamedFiles<'a> {
         }
         let mut started = false;
         let progress = self.progress;
-        let read = Recording::read_with(path, layout, &mut |done, total| {
+        let read = SampledRecording::read_with(path, layout, &mut |done, total| {
             if !started {
                 progress.begin("reading", total);
                 started = true;

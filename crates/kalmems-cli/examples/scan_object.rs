@@ -3,7 +3,7 @@
 //!
 //!     cargo run --release -p kalmems-cli --example scan_object -- out/simulated/shared_scanner_two_axes/reference.csv out/intensity.csv
 
-use kalmems::applications::image::Scene;
+use kalmems::applications::image::TissueScene;
 use kalmems::simulate::WhiteNoise;
 use std::error::Error;
 use std::fmt::Write as _;
@@ -32,7 +32,7 @@ pub fn scan(reference: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
     let names: Vec<&str> = rows.next().unwrap_or_default().split(',').collect();
     let place = |name: &str| names.iter().position(|n| *n == name).ok_or(format!("no column `{name}`"));
     let places = [place("time_s")?, place("angle_x_rad")?, place("angle_y_rad")?];
-    let object = Scene::mucosa(1).without_chart();
+    let object = TissueScene::mucosa(1).without_chart();
     let mut noise = WhiteNoise::new(1, 0);
     let mut text = "time_s,intensity_1\n".to_owned();
     for row in rows {

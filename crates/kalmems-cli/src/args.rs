@@ -16,7 +16,7 @@ const BELOW: &str = "To begin: `kalmems new --list`, then `kalmems help start`. 
 /// Motion estimation for MEMS devices with capacitive sensors.
 #[derive(Parser)]
 #[command(name = "kalmems", version, about, after_help = BELOW, max_term_width = 100, disable_help_subcommand = true)]
-pub struct Arguments {
+pub struct CommandLine {
     /// Print the result and errors only: no progress, no notes, no hint at the next command.
     #[arg(long, short, global = true)]
     pub quiet: bool,
@@ -120,8 +120,8 @@ pub struct BatchArguments {
 #[derive(Args)]
 pub struct SchemaArguments {
     /// What the files describe.
-    #[arg(value_enum, default_value_t = Described::Experiment)]
-    pub of: Described,
+    #[arg(value_enum, default_value_t = SchemaSubject::Experiment)]
+    pub of: SchemaSubject,
     /// Write the schema to this file and not to the console.
     #[arg(long, value_name = "FILE")]
     pub write: Option<PathBuf>,
@@ -156,7 +156,7 @@ pub struct HelpArguments {
 
 /// What a file can describe.
 #[derive(Clone, Copy, ValueEnum)]
-pub enum Described {
+pub enum SchemaSubject {
     /// A device, its recordings and filters.
     Experiment,
     /// The calibration of a gyroscope.
@@ -172,12 +172,12 @@ pub enum Described {
 #[derive(Args)]
 pub struct CalibrateArguments {
     #[command(subcommand)]
-    pub what: Calibrated,
+    pub what: CalibrationSubject,
 }
 
 /// What can be calibrated.
 #[derive(Subcommand)]
-pub enum Calibrated {
+pub enum CalibrationSubject {
     /// A gyroscope: scale factor, cross-axis terms, bias, uncertainty budget; Allan deviations of a record at rest.
     Gyro(GyroArguments),
 }

@@ -21,7 +21,7 @@ mod progress;
 mod target;
 mod tell;
 
-use args::{Arguments, Command};
+use args::{Command, CommandLine};
 use clap::Parser;
 use kalmems::recording::panic_is_caught;
 use kalmems::rigs::Workbench;
@@ -29,7 +29,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// How a command ended, other than well.
-enum Ending {
+enum CommandEnding {
     /// Something is wrong; in words.
     Wrong(String),
     /// Stopped by the user.
@@ -50,7 +50,7 @@ pub fn run(workbench: &Workbench) -> ExitCode {
 /// The same with these arguments, of which the first is the name of the program, in a program that is no other's; the exit code.
 pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     tell_of_unexpected_panics_alone();
-    let arguments = match Arguments::try_parse_from(arguments) {
+    let arguments = match CommandLine::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(told) => {
             // Of a usage error, or help that was asked for. Where nobody reads it, it is lost.
@@ -88,11 +88,13 @@ pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsStr
     };
     let (message, code) = match ending {
         Ok(()) => return 0,
-        Err(Ending::Told(code)) => return code,
-        Err(Ending::Wrong(message)) => (message, 1),
-        Err(Ending::NotConsistent(message)) => (message, 3),
-        Err(Ending::Paused(message)) => (message, interrupt::EXIT_CODE),
-        Err(Ending::Interrupted) => ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE),
+        Err(CommandEnding::Told(code)) => return code,
+        Err(CommandEnding::Wrong(message)) => (message, 1),
+        Err(CommandEnding::NotConsistent(message)) => (message, 3),
+        Err(CommandEnding::Paused(message)) => (message, interrupt::EXIT_CODE),
+        Err(CommandEnding::Interrupted) => {
+            ("interrupted; nothing was written".to_owned(), interrupt::EXIT_CODE)
+        }
     };
     tell::line(format_args!("error: {message}"));
     code
@@ -109,18 +111,18 @@ pub fn tell_of_unexpected_panics_alone() {
 }
 
 /// Prints a result as JSON, with a line break at its end.
-fn print_json(result: &impl serde::Serialize) -> Result<(), Ending> {
-    let json = serde_json::to_string_pretty(result).map_err(|e| Ending::Wrong(e.to_string()))?;
+fn print_json(result: &impl serde::Serialize) -> Result<(), CommandEnding> {
+    let json = serde_json::to_string_pretty(result).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
     print(&(json + "\n"))
 }
 
 /// Prints to standard output. A reader that closes the pipe early has what it wanted.
-fn print(text: &str) -> Result<(), Ending> {
+fn print(text: &str) -> Result<(), CommandEnding> {
     use std::io::{ErrorKind, Write};
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-            Err(Ending::Wrong(format!("cannot write to standard output: {e}")))
+            Err(CommandEnding::Wrong(format!("cannot write to standard output: {e}")))
         }
         _ => Ok(()),
     }

@@ -9,37 +9,37 @@ use std::ops::ControlFlow;
 #[cfg_attr(target_family = "wasm", path = "progress/lines.rs")]
 #[cfg_attr(not(target_family = "wasm"), path = "progress/terminal.rs")]
 mod shown;
-use shown::Shown;
+use shown::TerminalBar;
 
 /// Work below this many units is over before a bar could be read; a browser takes longer, and has no cursor that blinks.
 const LONG: u64 = if cfg!(target_family = "wasm") { 100_000 } else { 2_000_000 };
 
 /// Shows progress where somebody sees it, and passes interruptions on.
-pub struct Bar {
-    shown: RefCell<Option<Shown>>,
+pub struct ProgressDisplay {
+    shown: RefCell<Option<TerminalBar>>,
     shortest: u64,
 }
 
-impl Default for Bar {
+impl Default for ProgressDisplay {
     fn default() -> Self {
         Self { shown: RefCell::default(), shortest: LONG }
     }
 }
 
-impl Bar {
+impl ProgressDisplay {
     /// For work of which every single unit takes time.
     pub fn of_large_units() -> Self {
         Self { shown: RefCell::default(), shortest: 1 }
     }
 }
 
-impl Progress for Bar {
+impl Progress for ProgressDisplay {
     fn begin(&self, what: &str, total: u64) {
         let mut shown = self.shown.borrow_mut();
         // One is gone before the next is there.
         *shown = None;
         if total >= self.shortest && !is_quiet() {
-            *shown = Shown::begin(what, total);
+            *shown = TerminalBar::begin(what, total);
         }
     }
 

@@ -91,7 +91,7 @@ impl<'de> Deserialize<'de> for Clock {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Keys {
+        struct ClockKeys {
             column: Option<String>,
             rate: Option<Quantity<Frequency, Positive>>,
             start: Option<Quantity<Time>>,
@@ -99,21 +99,21 @@ impl<'de> Deserialize<'de> for Clock {
             scale: Option<AnyValue>,
         }
         const EXPECTED: &str = "expected either `column = \"time_s\"` or `rate = \"8 kHz\"`";
-        match Keys::deserialize(deserializer)? {
-            Keys { column: Some(column), rate, start: None, unit, scale } => {
+        match ClockKeys::deserialize(deserializer)? {
+            ClockKeys { column: Some(column), rate, start: None, unit, scale } => {
                 let column = ColumnChoice::of_keys(column, unit, scale).map_err(D::Error::custom)?;
                 Ok(Self::Column(TimeColumn { column, rate }))
             }
-            Keys { column: None, rate: Some(rate), start, unit: None, scale: None } => {
+            ClockKeys { column: None, rate: Some(rate), start, unit: None, scale: None } => {
                 Ok(Self::Rate { rate, start })
             }
-            Keys { column: None, rate: Some(_), .. } => Err(D::Error::custom(
+            ClockKeys { column: None, rate: Some(_), .. } => Err(D::Error::custom(
                 "found `unit` or `scale` with `rate`; they are for a column of times, so remove them",
             )),
-            Keys { column: Some(_), start: Some(_), .. } => Err(D::Error::custom(
+            ClockKeys { column: Some(_), start: Some(_), .. } => Err(D::Error::custom(
                 "found `start` with `column`; a time column says itself when it starts, so remove `start`",
             )),
-            Keys { column: None, rate: None, .. } => {
+            ClockKeys { column: None, rate: None, .. } => {
                 Err(D::Error::custom(format!("found neither `column` nor `rate`; {EXPECTED}")))
             }
         }

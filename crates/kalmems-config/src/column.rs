@@ -4,7 +4,7 @@ use super::error::shown;
 use super::format::FileFormat;
 use super::values::AnyValue;
 use super::{Clock, Quantity, Segments, TimeColumn};
-use crate::layout::{self, DeclaredColumn, Layout, Reading};
+use crate::layout::{self, ColumnReading, DeclaredColumn, RecordingLayout};
 use crate::units::{Unit, Value};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
@@ -39,7 +39,7 @@ struct ColumnTable {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnChoice {
     table: ColumnTable,
-    reading: Option<Reading>,
+    reading: Option<ColumnReading>,
 }
 
 impl ColumnChoice {
@@ -49,7 +49,7 @@ impl ColumnChoice {
     }
 
     /// What is said of its numbers, where that is more than the name.
-    pub const fn reading(&self) -> Option<&Reading> {
+    pub const fn reading(&self) -> Option<&ColumnReading> {
         self.reading.as_ref()
     }
 
@@ -78,7 +78,7 @@ impl ColumnChoice {
             );
         }
         let said = unit.is_some() || scale.is_some() || offset.is_some();
-        let reading = said.then_some(Reading { unit, scale, offset });
+        let reading = said.then_some(ColumnReading { unit, scale, offset });
         Ok(Self { table, reading })
     }
 
@@ -143,8 +143,8 @@ impl Serialize for ColumnChoice {
 
 impl<'de> Deserialize<'de> for ColumnChoice {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Either;
-        impl<'de> Visitor<'de> for Either {
+        struct ColumnChoiceVisitor;
+        impl<'de> Visitor<'de> for ColumnChoiceVisitor {
             type Value = ColumnChoice;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -162,7 +162,7 @@ impl<'de> Deserialize<'de> for ColumnChoice {
                 ColumnChoice::of(table).map_err(A::Error::custom)
             }
         }
-        deserializer.deserialize_any(Either)
+        deserializer.deserialize_any(ColumnChoiceVisitor)
     }
 }
 
@@ -205,16 +205,16 @@ impl FileColumns<'_> {
     }
 
     /// How to read these columns of it, or all.
-    pub fn layout(&self, columns: Option<&[&str]>) -> Layout {
+    pub fn layout(&self, columns: Option<&[&str]>) -> RecordingLayout {
         let all = || self.columns.iter().map(|(_, column, _)| column.name().to_owned()).collect();
-        Layout {
+        RecordingLayout {
             clock: match self.clock {
-                Some(Clock::Column(times)) => layout::Clock::Column(times.column.name().to_owned()),
-                Some(Clock::Rate { rate, start }) => layout::Clock::Rate {
+                Some(Clock::Column(times)) => layout::TimeSource::Column(times.column.name().to_owned()),
+                Some(Clock::Rate { rate, start }) => layout::TimeSource::Rate {
                     rate_hz: rate.si(),
                     start_s: start.as_ref().map_or(0.0, Quantity::si),
                 },
-                None => layout::Clock::Rate { rate_hz: 1.0, start_s: 0.0 },
+                None => layout::TimeSource::Rate { rate_hz: 1.0, start_s: 0.0 },
             },
             segment_column: self.segments.map(|segments| segments.column.clone()),
             columns: Some(columns.map_or_else(all, |some| some.iter().map(|&c| c.to_owned()).collect())),

@@ -4,7 +4,7 @@ use super::reader::read_below;
 use super::source::Source;
 use super::uncertainty::{CORRELATION, Correlations};
 use super::variation::Variations;
-use super::{ConfigError, Experiment, Fault, Key};
+use super::{ConfigError, ConfigFault, Experiment, Key};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{DeserializeOwned, EnumAccess, VariantAccess, Visitor};
 use serde::ser::SerializeMap;
@@ -72,20 +72,20 @@ pub(super) struct DeviceTable {
     name: String,
     /// As it was written.
     written: serde_json::Value,
-    claimed: OnceLock<Claimed>,
+    claimed: OnceLock<ParsedDevice>,
     /// The correlations that are stated beside it.
     pub(super) correlation: Correlations,
 }
 
 /// What a rig reads from the table.
 #[derive(Clone)]
-struct Claimed {
+struct ParsedDevice {
     description: Arc<dyn Any + Send + Sync>,
     /// As it is written out, with every default that has a value.
     written: serde_json::Value,
 }
 
-impl Claimed {
+impl ParsedDevice {
     fn of<T: DeviceDescription>(description: T) -> Self {
         // What is not a table of values, lists and tables could not have been read.
         let written = serde_json::to_value(&description).unwrap_or_default();
@@ -114,15 +114,15 @@ impl DeviceTable {
             claimed
         } else {
             let description: T = read_below(source, &key())?;
-            description.check().map_err(|(key, why)| source.error_at(key, Fault::Value { why }))?;
-            self.claimed.get_or_init(|| Claimed::of(description))
+            description.check().map_err(|(key, why)| source.error_at(key, ConfigFault::Value { why }))?;
+            self.claimed.get_or_init(|| ParsedDevice::of(description))
         };
         // Two rigs may read the same table, each in its own way.
         Arc::clone(&claimed.description).downcast::<T>().or_else(|_| {
             // By the one reader that there is: a second one for each device would be compiled for this alone.
             let whole = serde_json::json!({ "device": { T::NAME: claimed.written } });
             let text = toml::to_string(&whole)
-                .map_err(|e| source.error_at(key(), Fault::Value { why: e.to_string() }))?;
+                .map_err(|e| source.error_at(key(), ConfigFault::Value { why: e.to_string() }))?;
             read_below(&Source::of(&text, &source.path)?, &key()).map(Arc::new)
         })
     }
@@ -157,14 +157,14 @@ impl Experiment {
             self.device.description(&self.source)
         } else {
             let why = format!("this rig is for a `[device.{}]`", T::NAME);
-            Err(self.error("device", Fault::Value { why }))
+            Err(self.error("device", ConfigFault::Value { why }))
         }
     }
 
     /// Puts another device, or another description of the same, in the place of the one that there is. The correlations of the same
     /// device stay, but for those of numbers without an uncertainty.
     pub fn set_device<T: DeviceDescription>(&mut self, device: T) {
-        let claimed = Claimed::of(device);
+        let claimed = ParsedDevice::of(device);
         let written = claimed.written.clone();
         let before = std::mem::take(&mut self.device.correlation);
         let correlation = if self.device.name == T::NAME { before } else { Correlations::default() };

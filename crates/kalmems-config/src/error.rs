@@ -9,32 +9,32 @@ use std::path::PathBuf;
 #[error("{place}: {fault}")]
 pub struct ConfigError {
     /// Where.
-    pub place: Box<Place>,
+    pub place: Box<ConfigPlace>,
     /// What was found, what was expected, and what to write.
-    pub fault: Fault,
+    pub fault: ConfigFault,
 }
 
 /// A place in an experiment file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct ConfigPlace {
     /// The experiment file, as the caller named it.
     pub file: PathBuf,
     /// Line and column, counted from 1; `None` where the whole file is meant.
-    pub position: Option<Position>,
+    pub position: Option<LineAndColumn>,
     /// The key; empty where the whole file is meant.
     pub key: Key,
 }
 
 /// A line and a column (in characters), counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Position {
+pub struct LineAndColumn {
     /// The line.
     pub line: usize,
     /// The column.
     pub column: usize,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for ConfigPlace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.file.display())?;
         if let Some(position) = self.position {
@@ -47,7 +47,7 @@ impl fmt::Display for Place {
 /// What is wrong.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum Fault {
+pub enum ConfigFault {
     /// There is no such file.
     #[error("there is no such file; name an experiment file, such as `experiment.toml`")]
     NotFound,
@@ -145,7 +145,7 @@ pub enum Fault {
     },
 }
 
-impl Fault {
+impl ConfigFault {
     /// A key that is not one of those known, with the nearest of them.
     pub fn unknown_key<'a>(found: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
         let known: Vec<String> = known.into_iter().map(str::to_owned).collect();

@@ -1,12 +1,12 @@
 //! What an experiment file says about the estimate that is wanted.
 
 use super::event::EventSource;
-use super::filter::Filter;
+use super::filter::FilterTable;
 use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
 use super::sign::{NotNegative, Positive};
 use super::values::Values;
-use super::{Fault, Key};
+use super::{ConfigFault, Key};
 use schemars::JsonSchema;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -21,10 +21,10 @@ pub struct Estimate {
     /// The sign of the first extreme of the angle after the first maximum of the drive after `skip`. Where the measurement is even in
     /// the angle no filter can know it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub first_peak: Option<Peak>,
+    pub first_peak: Option<ExtremeSign>,
     /// The same for the second axis of a device that has two; `first_peak` is then that of the first.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub first_peak_y: Option<Peak>,
+    pub first_peak_y: Option<ExtremeSign>,
     /// The power density of the process noise by state, such as
     /// `{ angular_acceleration = "1e8 rad^2/s^3" }`, for every filter that does not state its own.
     #[serde(default, skip_serializing_if = "Values::is_empty")]
@@ -43,7 +43,7 @@ pub struct Estimate {
     /// The filters, at least one, each in a table `[[estimate.filter]]`.
     #[serde(rename = "filter", default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(min = 1))]
-    pub filters: Vec<Filter>,
+    pub filters: Vec<FilterTable>,
 }
 
 /// A detector of crossings: a derivative of a Gaussian over the signal, of whose response the tops count.
@@ -82,13 +82,13 @@ pub struct Crossings {
 
 impl Crossings {
     /// What no single value can be blamed for: the key, and what is wrong; `table` is the key of this table.
-    pub(super) fn check(&self, table: &Key) -> Result<(), (Key, Fault)> {
+    pub(super) fn check(&self, table: &Key) -> Result<(), (Key, ConfigFault)> {
         let at = |name: &str| table.clone().child(name);
-        let refuse = |name: &str, why: &str| Err((at(name), Fault::Value { why: why.to_owned() }));
+        let refuse = |name: &str, why: &str| Err((at(name), ConfigFault::Value { why: why.to_owned() }));
         match (self.threshold, &self.false_alarms, self.keep) {
             (None, None, _) => {
                 let remedy = "write `threshold = 4`, or `false_alarms = \"10 Hz\"`".to_owned();
-                Err((at("threshold"), Fault::MissingKey { remedy }))
+                Err((at("threshold"), ConfigFault::MissingKey { remedy }))
             }
             (Some(_), Some(_), _) => refuse("false_alarms", "found `threshold` too; write one of them"),
             (Some(_), None, Some(_)) => refuse("keep", "it goes with `false_alarms`; leave it out"),
@@ -100,7 +100,7 @@ impl Crossings {
 /// The sign of an extreme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Peak {
+pub enum ExtremeSign {
     /// Above 0.
     Positive,
     /// Below 0.
@@ -109,12 +109,12 @@ pub enum Peak {
 
 impl Estimate {
     /// What no single value can be blamed for: the key, and what is wrong; `table` is the key of this table.
-    pub(super) fn check(&self) -> Result<(), (Key, Fault)> {
+    pub(super) fn check(&self) -> Result<(), (Key, ConfigFault)> {
         let key = Key::from("estimate");
         if self.filters.is_empty() {
             let why =
                 "found no filter; add at least one table `[[estimate.filter]]` with a `name` and a `method`";
-            return Err((key, Fault::Value { why: why.to_owned() }));
+            return Err((key, ConfigFault::Value { why: why.to_owned() }));
         }
         if let Some(crossings) = &self.crossings {
             crossings.check(&key.clone().child("crossings"))?;
@@ -127,7 +127,8 @@ impl Estimate {
             let at = key.clone().child("filter").index(index);
             filter.check(&at)?;
             if let Some(first) = seen.insert(filter.name.key(), at.clone()) {
-                let fault = Fault::DuplicateName { name: filter.name.to_string(), first: first.to_string() };
+                let fault =
+                    ConfigFault::DuplicateName { name: filter.name.to_string(), first: first.to_string() };
                 return Err((at.child("name"), fault));
             }
         }

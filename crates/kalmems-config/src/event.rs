@@ -4,7 +4,7 @@ use super::kinds::Time;
 use super::quantity::Quantity;
 use super::sign::{NotNegative, Positive};
 use super::values::AnyValue;
-use super::{Applied, Crossings, Fault, Key, Timing};
+use super::{ConfigFault, CrossingApplication, CrossingTiming, Crossings, Key};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -50,17 +50,20 @@ pub enum Edge {
 
 impl EventSource {
     /// What no single value can be blamed for: the key, and what is wrong. `at` is the key of this table.
-    pub(super) fn check(&self, at: &Key) -> Result<(), (Key, Fault)> {
+    pub(super) fn check(&self, at: &Key) -> Result<(), (Key, ConfigFault)> {
         if let Some(detector) = &self.detector {
             detector.check(&at.clone().child("detector"))?;
         }
         let refuse =
-            |name: &str, why: &str| Err((at.clone().child(name), Fault::Value { why: why.to_owned() }));
+            |name: &str, why: &str| Err((at.clone().child(name), ConfigFault::Value { why: why.to_owned() }));
         if self.signal.is_some() {
             if self.detector.is_none() {
                 let remedy =
                     "write `detector = { width = \"30 us\", separation = \"300 us\", threshold = 4 }`";
-                return Err((at.clone().child("detector"), Fault::MissingKey { remedy: remedy.to_owned() }));
+                return Err((
+                    at.clone().child("detector"),
+                    ConfigFault::MissingKey { remedy: remedy.to_owned() },
+                ));
             }
             if self.known_within.is_some() {
                 let why = "its detector says how long after a crossing it knows of it; leave it out";
@@ -91,10 +94,10 @@ impl EventSource {
 pub struct EventUse {
     /// Of an event that a signal shows: where in time its crossing lies; `zero_crossing` if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub timing: Option<Timing>,
+    pub timing: Option<CrossingTiming>,
     /// Of an event that a signal shows: when the filter is told of it; `late` if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub applied: Option<Applied>,
+    pub applied: Option<CrossingApplication>,
     /// How long after the event a filter is told that is told late; as long as the detector takes if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"390 us")]

@@ -6,13 +6,13 @@ use super::reader;
 use super::schema::remedy;
 use super::source::Source;
 use super::uncertainty::Correlations;
-use super::values::{self, AnyValue, Entry, Values};
+use super::values::{self, AnyValue, ExpectedEntry, Values};
 use super::variation::Variations;
 use super::{
-    ArraysByFile, Channels, ConfigError, DriveSource, Estimate, Fault, Identify, Key, Name, Recording,
-    Reference, Sign, Simulate, Stream,
+    ArraysByFile, Channels, ConfigError, ConfigFault, DriveSource, Estimate, Identify, Key, Name, Recording,
+    Reference, Sign, Simulate, StreamTable,
 };
-use crate::layout::{DeclaredColumn, Layout};
+use crate::layout::{DeclaredColumn, RecordingLayout};
 use crate::units::Kind;
 use kalmems_formats::{Arrays, Hints};
 use schemars::JsonSchema;
@@ -49,7 +49,7 @@ pub struct Experiment {
     pub simulate: Option<Simulate>,
     /// Samples that arrive while they are estimated.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub stream: Option<Stream>,
+    pub stream: Option<StreamTable>,
     #[serde(skip)]
     pub(super) source: Source,
     #[serde(skip)]
@@ -81,7 +81,7 @@ impl Experiment {
     fn check(&self) -> Result<(), ConfigError> {
         if self.recordings.is_empty() && self.simulate.is_none() {
             let why = "found no recording; expected at least one `[[recording]]`".to_owned();
-            let empty = self.error("recording", Fault::Value { why });
+            let empty = self.error("recording", ConfigFault::Value { why });
             if empty.place.position.is_some() {
                 return Err(empty);
             }
@@ -89,7 +89,7 @@ impl Experiment {
                 let key = Key::from("recording");
                 remedy::<Self>(&key, &key)
             };
-            return Err(self.error("recording", Fault::MissingKey { remedy }));
+            return Err(self.error("recording", ConfigFault::MissingKey { remedy }));
         }
         self.check_names()?;
         self.check_columns()?;
@@ -112,7 +112,7 @@ impl Experiment {
             for (key, file) in files {
                 let Some(Err((name, why))) = file.map(|file| file.check()) else { continue };
                 let key = if name == DeclaredColumn::CLOCK { key } else { key.child("channels") };
-                return Err(self.error(key.child(&name), Fault::Value { why }));
+                return Err(self.error(key.child(&name), ConfigFault::Value { why }));
             }
         }
         Ok(())
@@ -128,10 +128,10 @@ impl Experiment {
                 }
                 let remedy =
                     "with several recordings each needs a name, such as `name = \"test-1\"`".to_owned();
-                return Err(self.error(key.child("name"), Fault::MissingKey { remedy }));
+                return Err(self.error(key.child("name"), ConfigFault::MissingKey { remedy }));
             };
             if let Some(first) = seen.get(name) {
-                let fault = Fault::DuplicateName { name: name.to_string(), first: first.to_string() };
+                let fault = ConfigFault::DuplicateName { name: name.to_string(), first: first.to_string() };
                 return Err(self.error(key.child("name"), fault));
             }
             seen.insert(name, key);
@@ -221,7 +221,7 @@ impl Experiment {
     }
 
     /// An error at a key, with its line; for what only a rig can check.
-    pub fn error(&self, key: impl Into<Key>, fault: Fault) -> ConfigError {
+    pub fn error(&self, key: impl Into<Key>, fault: ConfigFault) -> ConfigError {
         self.source.error_at(key.into(), fault)
     }
 
@@ -233,7 +233,7 @@ impl Experiment {
         &self,
         key: impl Into<Key>,
         values: &Values,
-        expected: [Entry; N],
+        expected: [ExpectedEntry; N],
     ) -> Result<[f64; N], ConfigError> {
         let found = self.values_of(key, values, &expected)?;
         Ok(std::array::from_fn(|i| found.get(i).copied().unwrap_or(f64::NAN)))
@@ -244,7 +244,7 @@ impl Experiment {
         &self,
         key: impl Into<Key>,
         values: &Values,
-        expected: &[Entry],
+        expected: &[ExpectedEntry],
     ) -> Result<Vec<f64>, ConfigError> {
         values::read(values, expected)
             .map_err(|(name, fault)| self.error(key.into().child(name.last()), fault))
@@ -258,7 +258,7 @@ impl Experiment {
         kind: &Kind,
         sign: Sign,
     ) -> Result<f64, ConfigError> {
-        sign.check(value.value(), kind).map_err(|why| self.error(key, Fault::Value { why }))
+        sign.check(value.value(), kind).map_err(|why| self.error(key, ConfigFault::Value { why }))
     }
 
     /// The columns of a recording by the meanings that a rig knows, in the order of `meanings`. All of them
@@ -284,12 +284,12 @@ impl Experiment {
     ) -> Result<Vec<&'a str>, ConfigError> {
         let key = key.into();
         if let Some((name, _)) = channels.iter().find(|(name, _)| !meanings.contains(name)) {
-            return Err(self.error(key.child(name), Fault::unknown_key(name, meanings.iter().copied())));
+            return Err(self.error(key.child(name), ConfigFault::unknown_key(name, meanings.iter().copied())));
         }
         let column = |meaning: &&str| {
             channels.column(meaning).ok_or_else(|| {
                 let remedy = format!("name the column, such as `{meaning} = \"{meaning}_V\"`");
-                self.error(key.clone().child(meaning), Fault::MissingKey { remedy })
+                self.error(key.clone().child(meaning), ConfigFault::MissingKey { remedy })
             })
         };
         meanings.iter().map(column).collect()
@@ -297,7 +297,7 @@ impl Experiment {
 
     /// The places of the recordings with one of these roles, which are those that a rig estimates; refused where there
     /// is none.
-    pub fn to_estimate(&self, roles: &[super::Role]) -> Result<Vec<usize>, ConfigError> {
+    pub fn to_estimate(&self, roles: &[super::RecordingRole]) -> Result<Vec<usize>, ConfigError> {
         let places = (0..self.recordings.len()).filter(|i| roles.contains(&self.recordings[*i].role));
         let places: Vec<usize> = places.collect();
         if places.is_empty() {
@@ -312,7 +312,7 @@ impl Experiment {
                 ""
             };
             let why = format!("no recording has the role {why}; those are estimated{simulated}");
-            return Err(self.error("recording", Fault::Value { why }));
+            return Err(self.error("recording", ConfigFault::Value { why }));
         }
         Ok(places)
     }
@@ -321,28 +321,28 @@ impl Experiment {
     pub fn recording(&self, index: usize) -> Result<&Recording, ConfigError> {
         self.recordings.get(index).ok_or_else(|| {
             let why = format!("there is no recording {index}; there are {}", self.recordings.len());
-            self.error("recording", Fault::Value { why })
+            self.error("recording", ConfigFault::Value { why })
         })
     }
 }
 
 impl Recording {
     /// How to read these columns of its file.
-    pub fn layout(&self, columns: &[&str]) -> Layout {
+    pub fn layout(&self, columns: &[&str]) -> RecordingLayout {
         of_arrays(self.in_file().layout(Some(columns)), self.arrays.as_ref())
     }
 
     /// How to read these columns of its reference's file.
-    pub fn reference_layout(&self, reference: &Reference, columns: &[&str]) -> Layout {
+    pub fn reference_layout(&self, reference: &Reference, columns: &[&str]) -> RecordingLayout {
         of_arrays(reference.in_file(self).layout(Some(columns)), reference.arrays.as_ref())
     }
 }
 
 /// The same where arrays stand in the place of the file: how that is written does not matter then.
-fn of_arrays(layout: Layout, arrays: Option<&Arrays>) -> Layout {
+fn of_arrays(layout: RecordingLayout, arrays: Option<&Arrays>) -> RecordingLayout {
     match arrays {
         Some(arrays) => {
-            Layout { hints: Hints { arrays: Some(arrays.clone()), ..Hints::default() }, ..layout }
+            RecordingLayout { hints: Hints { arrays: Some(arrays.clone()), ..Hints::default() }, ..layout }
         }
         None => layout,
     }

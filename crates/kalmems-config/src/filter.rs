@@ -3,12 +3,12 @@
 use super::error::shown;
 use super::event::EventUse;
 use super::kinds::{Frequency, Time, VoltageVariance};
-use super::outliers::{Gate, Update};
+use super::outliers::{OutlierGate, Update};
 use super::quantity::Quantity;
-use super::readout::Readout;
+use super::readout::ReadoutStates;
 use super::sign::Positive;
 use super::values::{AnyValue, Values};
-use super::{Fault, Key, Threshold, Variant};
+use super::{ConfigFault, CrossingUse, Key, Variant};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
@@ -20,7 +20,7 @@ use std::fmt;
 /// One way of estimating the motion: a method, where it starts, and which states it tracks beside the motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Filter {
+pub struct FilterTable {
     /// Its name in tables and pictures. Files are named after it, in lower case.
     pub name: FilterName,
     /// How it estimates.
@@ -30,7 +30,7 @@ pub struct Filter {
     /// first samples are likeliest; where `start_sd` is stated, one of the shared-electrode scanner or of the micro-stage from the
     /// amplitude and phase that the first cycles of the signal show. Not for `lock_in`, which has no start.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub start: Option<Start>,
+    pub start: Option<FilterStart>,
     /// The first standard deviation of each state, such as `{ angle = "0.15 rad", rate = "15e3 rad/s" }`. Not for
     /// `model` and `lock_in`, which claim none, and not needed with a start from the signal, which finds its own. There it says how far from
     /// rest a state may be, where that is known; of the shared-electrode scanner and the micro-stage how far the first swing may be off.
@@ -47,7 +47,7 @@ pub struct Filter {
     /// An offset, a scale and lines between the sensor and the recording that are states, such as
     /// `{ offset = { start_sd = "10 mV" }, lines = [{ frequency = "50 Hz", start_sd = "1 mV" }] }`; for a filter of one signal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub readout: Option<Readout>,
+    pub readout: Option<ReadoutStates>,
     /// Whether the demodulator's two low-pass poles, which the device's readout states, are tracked as two states;
     /// false if left out.
     #[serde(default, skip_serializing_if = "is_false")]
@@ -62,7 +62,7 @@ pub struct Filter {
     pub signal_variance: Option<Quantity<VoltageVariance, Positive>>,
     /// How a filter of a threshold-sensing scanner uses the crossings; not at all if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub threshold: Option<Threshold>,
+    pub threshold: Option<CrossingUse>,
     /// The events of a device of one's own that correct the filter, by their names, each with how it is told of them:
     /// `{ crossing = {} }`; none if left out.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -97,7 +97,7 @@ pub struct Filter {
     /// for a filter that takes every sample; 1e-7 if left out, and `false` for the method `euler_ekf`. Where more than an eighth of the samples are rejected for some time,
     /// all are taken again until the filter follows them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gate: Option<Gate>,
+    pub gate: Option<OutlierGate>,
     /// How a sample whose innovation is large is weighed; `normal` if left out. With the others the stated variance is that of the
     /// bulk of the noise, of which a part has heavier tails.
     #[serde(default, skip_serializing_if = "Update::is_normal")]
@@ -219,17 +219,17 @@ pub struct TrackedState {
 
 /// Where a filter starts.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Start {
+pub enum FilterStart {
     /// At these values.
     Values(Values),
     /// At what the first cycles of the signal show.
     FromSignal,
 }
 
-/// The word for [`Start::FromSignal`].
+/// The word for [`FilterStart::FromSignal`].
 const FROM_SIGNAL: &str = "from_signal";
 
-impl Serialize for Start {
+impl Serialize for FilterStart {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Values(values) => values.serialize(serializer),
@@ -238,19 +238,19 @@ impl Serialize for Start {
     }
 }
 
-impl<'de> Deserialize<'de> for Start {
+impl<'de> Deserialize<'de> for FilterStart {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct WordOrTable;
-        impl<'de> Visitor<'de> for WordOrTable {
-            type Value = Start;
+        struct FilterStartVisitor;
+        impl<'de> Visitor<'de> for FilterStartVisitor {
+            type Value = FilterStart;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 write!(f, "a table of values or the word `\"{FROM_SIGNAL}\"`")
             }
 
-            fn visit_str<E: Error>(self, word: &str) -> Result<Start, E> {
+            fn visit_str<E: Error>(self, word: &str) -> Result<FilterStart, E> {
                 if word == FROM_SIGNAL {
-                    return Ok(Start::FromSignal);
+                    return Ok(FilterStart::FromSignal);
                 }
                 Err(E::custom(format!(
                     "`{}` is not a start; expected a table of values or the word `{FROM_SIGNAL}`",
@@ -258,15 +258,15 @@ impl<'de> Deserialize<'de> for Start {
                 )))
             }
 
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Start, A::Error> {
-                Values::deserialize(MapAccessDeserializer::new(map)).map(Start::Values)
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<FilterStart, A::Error> {
+                Values::deserialize(MapAccessDeserializer::new(map)).map(FilterStart::Values)
             }
         }
-        deserializer.deserialize_any(WordOrTable)
+        deserializer.deserialize_any(FilterStartVisitor)
     }
 }
 
-impl JsonSchema for Start {
+impl JsonSchema for FilterStart {
     fn schema_name() -> Cow<'static, str> {
         "Start".into()
     }
@@ -351,11 +351,11 @@ impl JsonSchema for FilterName {
     }
 }
 
-impl Filter {
+impl FilterTable {
     /// The same of the keys about samples that are no samples of the signal.
-    fn check_taking(&self, at: &Key) -> Result<(), (Key, Fault)> {
+    fn check_taking(&self, at: &Key) -> Result<(), (Key, ConfigFault)> {
         let word = self.method.word();
-        let refuse = |name: &str, why: String| Err((at.clone().child(name), Fault::Value { why }));
+        let refuse = |name: &str, why: String| Err((at.clone().child(name), ConfigFault::Value { why }));
         if !self.method.claims() && self.gate.is_some() {
             let why =
                 format!("the method `{word}` expects no innovation that could be too large; leave it out");
@@ -379,15 +379,15 @@ impl Filter {
 
     /// Whether it starts from the signal: where it says so, and where it says nothing.
     pub fn starts_from_signal(&self) -> bool {
-        !matches!(self.start, Some(Start::Values(_)))
+        !matches!(self.start, Some(FilterStart::Values(_)))
     }
 
     /// What no single value can be blamed for, for the filter that stands at `at`.
-    pub(super) fn check(&self, at: &Key) -> Result<(), (Key, Fault)> {
+    pub(super) fn check(&self, at: &Key) -> Result<(), (Key, ConfigFault)> {
         let word = self.method.word();
-        let refuse = |name: &str, why: String| Err((at.clone().child(name), Fault::Value { why }));
+        let refuse = |name: &str, why: String| Err((at.clone().child(name), ConfigFault::Value { why }));
         let missing = |name: &str, remedy: &str| {
-            Err((at.clone().child(name), Fault::MissingKey { remedy: remedy.to_owned() }))
+            Err((at.clone().child(name), ConfigFault::MissingKey { remedy: remedy.to_owned() }))
         };
         if matches!(self.method, Method::LockIn | Method::DirectInversion) && self.start.is_some() {
             return refuse("start", format!("the method `{word}` has no start; leave it out"));

@@ -3,8 +3,8 @@
 use super::kinds::Time;
 use super::quantity::NUMBER_FIRST;
 use super::sign::Positive;
-use super::{ConfigError, Experiment, Fault, Key, Quantity};
-use crate::layout::{Layout, Restarts};
+use super::{ConfigError, ConfigFault, Experiment, Key, Quantity};
+use crate::layout::{RecordingLayout, Restarts};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -75,8 +75,8 @@ impl Serialize for LongestGap {
 
 impl<'de> Deserialize<'de> for LongestGap {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Text;
-        impl Visitor<'_> for Text {
+        struct GapsVisitor;
+        impl Visitor<'_> for GapsVisitor {
             type Value = LongestGap;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -87,7 +87,7 @@ impl<'de> Deserialize<'de> for LongestGap {
                 LongestGap::parse(text).map_err(E::custom)
             }
         }
-        deserializer.deserialize_any(Text)
+        deserializer.deserialize_any(GapsVisitor)
     }
 }
 
@@ -118,7 +118,7 @@ impl Experiment {
         index: usize,
         columns: &[&str],
         cycle_s: f64,
-    ) -> Result<Layout, ConfigError> {
+    ) -> Result<RecordingLayout, ConfigError> {
         let recording = self.recording(index)?;
         let most_s = MOST_CYCLES * cycle_s;
         let longest_s = match &recording.gaps {
@@ -133,8 +133,8 @@ impl Experiment {
                 1.0 / cycle_s
             );
             let key = Key::from("recording").index(index).child("gaps").child("longest");
-            return Err(self.error(key, Fault::Value { why }));
+            return Err(self.error(key, ConfigFault::Value { why }));
         }
-        Ok(Layout { restarts: Some(Restarts::beyond(longest_s)), ..recording.layout(columns) })
+        Ok(RecordingLayout { restarts: Some(Restarts::beyond(longest_s)), ..recording.layout(columns) })
     }
 }

@@ -22,13 +22,13 @@ pub enum Variant {
 /// How a filter uses the crossings of the threshold.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Threshold {
+pub struct CrossingUse {
     /// Where in time a crossing lies; `zero_crossing` if left out.
     #[serde(default)]
-    pub timing: Timing,
+    pub timing: CrossingTiming,
     /// When the filter is told of it; `late` if left out.
     #[serde(default)]
-    pub applied: Applied,
+    pub applied: CrossingApplication,
     /// How long after a crossing a filter is told that is told late; as long as the detector takes if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"390 us")]
@@ -55,7 +55,7 @@ pub struct Threshold {
 /// What of a crossing's response says when it was.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Timing {
+pub enum CrossingTiming {
     /// The sample of the steepest rise.
     Sample,
     /// The top of a parabola through it and its neighbours.
@@ -68,7 +68,7 @@ pub enum Timing {
 /// When a filter is told of a crossing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Applied {
+pub enum CrossingApplication {
     /// As soon as a detector that runs with the signal knows of it: the filter goes back to its time.
     #[default]
     Late,

@@ -26,7 +26,7 @@ pub struct Identify {
     pub feedthrough: Option<FeedthroughBy>,
     /// What of each electrode is taken from the device table where no vibrometer says how far the stage moves.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub trusted: Option<Trusted>,
+    pub trusted: Option<TrustedNumber>,
 }
 
 fn likeliest() -> serde_json::Value {
@@ -46,7 +46,7 @@ pub enum FeedthroughBy {
 /// A number of an electrode that is trusted, so that the others follow from the signal alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Trusted {
+pub enum TrustedNumber {
     /// Its gain: the gap follows.
     Gain,
     /// Its gap: the gain follows.

@@ -4,7 +4,7 @@
 use super::kinds::{Angle, Frequency, Ratio, Time};
 use super::quantity::Quantity;
 use super::sign::{NotNegative, Positive};
-use super::simulate::{CutOff, RecordedDrive, bits};
+use super::simulate::{PowerCut, RecordedDrive, bits};
 use super::values::AnyValue;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -64,7 +64,7 @@ pub struct SineInput {
     pub phase: Option<Quantity<Angle>>,
     /// When it is off; never if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub cut_off: Option<CutOff>,
+    pub cut_off: Option<PowerCut>,
 }
 
 /// A square wave: each period begins with the high level.
@@ -108,7 +108,7 @@ pub struct SweepInput {
     pub lasting: Option<Quantity<Time, Positive>>,
     /// When it is off; never if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub cut_off: Option<CutOff>,
+    pub cut_off: Option<PowerCut>,
 }
 
 /// The sum of an offset and of several sines.

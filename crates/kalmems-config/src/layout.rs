@@ -5,9 +5,9 @@ use kalmems_formats::{Hints, Instant};
 
 /// What an experiment file says about the columns of a recording.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
+pub struct RecordingLayout {
     /// Where the time comes from.
-    pub clock: Clock,
+    pub clock: TimeSource,
     /// The column that tells several records in one file apart.
     pub segment_column: Option<String>,
     /// The columns to read, each of which must be there and have a unit. `None`: all but the time and the
@@ -27,7 +27,7 @@ pub struct Layout {
 
 /// Where the times of the rows come from.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Clock {
+pub enum TimeSource {
     /// A column of times.
     Column(String),
     /// A fixed rate, where there is no such column; each segment begins at the start.
@@ -49,12 +49,12 @@ pub struct DeclaredColumn {
     /// Where its numbers are of no use without a unit: one that would fit, for messages.
     pub usual_unit: Option<&'static str>,
     /// What is said of its numbers, where that is more than the name.
-    pub reading: Option<Reading>,
+    pub reading: Option<ColumnReading>,
 }
 
 /// What is said of a column's numbers: the value is `scale · number`, in the product of both units, plus `offset`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Reading {
+pub struct ColumnReading {
     /// The unit of the numbers as it was written, and what it is; that of the column's name if it is not said.
     pub unit: Option<(String, Unit)>,
     /// What each number is multiplied by.

@@ -54,42 +54,42 @@ pub use arrays::ArraysByFile;
 pub use clock::{Clock, TimeColumn};
 pub use column::{ColumnChoice, FileColumns};
 pub use device::{DeviceDescription, DeviceKind};
-pub use error::{ConfigError, Fault, Place, Position};
-pub use estimate::{Crossings, Estimate, Peak};
+pub use error::{ConfigError, ConfigFault, ConfigPlace, LineAndColumn};
+pub use estimate::{Crossings, Estimate, ExtremeSign};
 pub use event::{Edge, EventSource, EventUse};
 pub use experiment::Experiment;
-pub use filter::{Filter, FilterName, Method, Start, TrackedState};
+pub use filter::{FilterName, FilterStart, FilterTable, Method, TrackedState};
 pub use format::{DecimalMark, FileFormat, FileKind, Separator};
 pub use gaps::{CYCLES, Gaps, LongestGap, MOST_CYCLES};
-pub use hybrid::{Applied, Threshold, Timing, Variant};
-pub use identify::{FeedthroughBy, Identify, Trusted};
+pub use hybrid::{CrossingApplication, CrossingTiming, CrossingUse, Variant};
+pub use identify::{FeedthroughBy, Identify, TrustedNumber};
 pub use inputs::{
     ChannelAdc, ConstantInput, InputSource, InputSources, InputStep, InputTone, RingDownInput,
     SimulatedChannel, SineInput, SquareInput, StepsInput, SweepInput, TonesInput,
 };
 pub use key::Key;
-pub use key::Step;
+pub use key::KeyStep;
 pub use name::Name;
-pub use outliers::{Gate, Update};
+pub use outliers::{OutlierGate, Update};
 pub use patch::{absent, get, put};
 pub use quantity::{FROM_RECORDING, Quantity, noise_schema, with_sd, written};
 pub use reader::read_source;
-pub use readout::{Line, MOST_LINES, Readout};
-pub use recording::{Channels, Recording, Reference, Role, Segments};
+pub use readout::{ColouredNoise, InterferenceLine, MOST_LINES, ReadoutStates};
+pub use recording::{Channels, Recording, RecordingRole, Reference, Segments};
 pub use regulated::{RegulatedDrive, TemperatureRamp, TriggerDirection, TriggerOutput};
 pub use schema::{experiment_schema, schema_of};
 pub use sign::{Any, NotNegative, NotZero, Positive, Sign, SignOf};
 pub use simulate::{
-    AccelerationDrive, Adc, CaptureDrive, ConstantDrive, CutOff, Dither, DriveSource, DriveTone,
+    AccelerationDrive, Adc, CaptureDrive, ConstantDrive, Dither, DriveSource, DriveTone, PowerCut,
     PrescribedMotion, RecordedDrive, RingDownDrive, Simulate, SineDrive, SquareDriveSource, StageConditions,
     SweepDrive, TonesDrive,
 };
 pub use source::Source;
-pub use stream::{Field, FieldType, Stream, StreamFormat, StreamTrigger, Sync, TriggerChannel};
+pub use stream::{FieldType, FrameField, StreamFormat, StreamTable, StreamTrigger, Sync, TriggerChannel};
 pub use uncertainty::{CORRELATION, Correlations, Direction, UncertainNumber, cholesky, exactly};
-pub use uses::Uses;
-pub use values::{AnyValue, Entry, Values};
-pub use variation::Varied;
+pub use uses::DeviceUses;
+pub use values::{AnyValue, ExpectedEntry, Values};
+pub use variation::VariedExperiment;
 pub use vibrometer::Vibrometer;
 
 pub use kalmems_units as units;

@@ -8,7 +8,7 @@ use std::fmt;
 
 /// Whether a filter rejects outliers, and how seldom a sample that is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Gate {
+pub enum OutlierGate {
     /// It takes every sample.
     Off,
     /// It rejects a sample whose innovation is less probable than this.
@@ -18,7 +18,7 @@ pub enum Gate {
 /// The largest probability of a false rejection: two in a hundred samples, at 2.3 standard deviations.
 const MOST: f64 = 0.02;
 
-impl Gate {
+impl OutlierGate {
     /// The probability that it rejects a sample of a filter that is right, where it rejects any.
     pub const fn false_rejections(self) -> Option<f64> {
         match self {
@@ -28,7 +28,7 @@ impl Gate {
     }
 }
 
-impl Serialize for Gate {
+impl Serialize for OutlierGate {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Off => serializer.serialize_bool(false),
@@ -37,28 +37,28 @@ impl Serialize for Gate {
     }
 }
 
-impl<'de> Deserialize<'de> for Gate {
+impl<'de> Deserialize<'de> for OutlierGate {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct FalseOrNumber;
         impl Visitor<'_> for FalseOrNumber {
-            type Value = Gate;
+            type Value = OutlierGate;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 write!(f, "`false` or a probability, such as `1e-7`")
             }
 
-            fn visit_bool<E: Error>(self, on: bool) -> Result<Gate, E> {
+            fn visit_bool<E: Error>(self, on: bool) -> Result<OutlierGate, E> {
                 if on {
                     return Err(E::custom(
                         "`true` does not say how seldom; write a probability, such as `1e-7`, or leave it out",
                     ));
                 }
-                Ok(Gate::Off)
+                Ok(OutlierGate::Off)
             }
 
-            fn visit_f64<E: Error>(self, number: f64) -> Result<Gate, E> {
+            fn visit_f64<E: Error>(self, number: f64) -> Result<OutlierGate, E> {
                 if number > 0.0 && number <= MOST {
-                    return Ok(Gate::FalseRejections(number));
+                    return Ok(OutlierGate::FalseRejections(number));
                 }
                 Err(E::custom(format!(
                     "`{number}` is not above 0 and up to {MOST}; write how probable it may be that a sample that is no outlier is \
@@ -67,7 +67,7 @@ impl<'de> Deserialize<'de> for Gate {
             }
 
             #[allow(clippy::cast_precision_loss)] // what is not exact is far above `MOST`, and refused
-            fn visit_i64<E: Error>(self, number: i64) -> Result<Gate, E> {
+            fn visit_i64<E: Error>(self, number: i64) -> Result<OutlierGate, E> {
                 self.visit_f64(number as f64)
             }
         }
@@ -75,7 +75,7 @@ impl<'de> Deserialize<'de> for Gate {
     }
 }
 
-impl JsonSchema for Gate {
+impl JsonSchema for OutlierGate {
     fn schema_name() -> Cow<'static, str> {
         "Gate".into()
     }

@@ -1,40 +1,40 @@
 //! A value put at a key of a parsed experiment file.
 
-use super::{Fault, Key, Step};
+use super::{ConfigFault, Key, KeyStep};
 use toml::{Table, Value};
 
 /// Puts a value at a key. Tables on the way that are not there are made; entries of lists are not.
-pub fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), Fault> {
-    let (Some(Step::Name(first)), steps) = (key.steps().first(), key.steps().get(1..).unwrap_or_default())
+pub fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), ConfigFault> {
+    let (Some(KeyStep::Name(first)), steps) = (key.steps().first(), key.steps().get(1..).unwrap_or_default())
     else {
-        return Err(Fault::Value { why: "a key begins with a name".to_owned() });
+        return Err(ConfigFault::Value { why: "a key begins with a name".to_owned() });
     };
-    if let Some(Step::Index(_)) = steps.first()
+    if let Some(KeyStep::Index(_)) = steps.first()
         && !document.contains_key(first)
     {
-        return Err(Fault::Value { why: format!("there is no list `{first}` in the experiment file") });
+        return Err(ConfigFault::Value { why: format!("there is no list `{first}` in the experiment file") });
     }
     let mut here = document.entry(first).or_insert_with(|| Value::Table(Table::new()));
     for step in steps {
         here = match (step, here) {
-            (Step::Name(name), Value::Table(table)) => {
+            (KeyStep::Name(name), Value::Table(table)) => {
                 table.entry(name).or_insert_with(|| Value::Table(Table::new()))
             }
-            (Step::Name(name), other) => {
+            (KeyStep::Name(name), other) => {
                 let why = format!("`{name}` cannot stand below {}", other.type_str());
-                return Err(Fault::Value { why });
+                return Err(ConfigFault::Value { why });
             }
-            (Step::Index(index), Value::Array(items)) => {
+            (KeyStep::Index(index), Value::Array(items)) => {
                 let count = items.len();
                 items.get_mut(*index).ok_or_else(|| {
                     let why =
                         format!("there is no entry {index} of this list; it has {count}, counted from 0");
-                    Fault::Value { why }
+                    ConfigFault::Value { why }
                 })?
             }
-            (Step::Index(_), other) => {
+            (KeyStep::Index(_), other) => {
                 let why = format!("an index needs a list, and {} stands there", other.type_str());
-                return Err(Fault::Value { why });
+                return Err(ConfigFault::Value { why });
             }
         };
     }
@@ -44,10 +44,10 @@ pub fn put(document: &mut Table, key: &Key, value: Value) -> Result<(), Fault> {
 
 /// The value at a key.
 pub fn get<'a>(document: &'a Table, key: &Key) -> Option<&'a Value> {
-    let (Step::Name(first), steps) = key.steps().split_first()? else { return None };
+    let (KeyStep::Name(first), steps) = key.steps().split_first()? else { return None };
     steps.iter().try_fold(document.get(first)?, |value, step| match step {
-        Step::Name(name) => value.get(name.as_str()),
-        Step::Index(index) => value.get(*index),
+        KeyStep::Name(name) => value.get(name.as_str()),
+        KeyStep::Index(index) => value.get(*index),
     })
 }
 
@@ -57,14 +57,14 @@ pub fn absent<'a>(document: &'a Table, key: &'a Key) -> Option<(&'a str, Vec<&'a
     let mut list: Option<&[Value]> = None;
     for step in key.steps() {
         let value = match step {
-            Step::Name(name) => {
+            KeyStep::Name(name) => {
                 let there = table?;
                 let Some(value) = there.get(name) else {
                     return Some((name, there.keys().map(String::as_str).collect()));
                 };
                 value
             }
-            Step::Index(index) => list?.get(*index)?,
+            KeyStep::Index(index) => list?.get(*index)?,
         };
         table = value.as_table();
         list = value.as_array().map(Vec::as_slice);

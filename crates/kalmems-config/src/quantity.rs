@@ -96,9 +96,9 @@ fn schema(kind: &Kind, sign: Sign) -> Schema {
 }
 
 /// Reads a value of a kind from text or a number.
-struct Text(&'static Kind, Sign);
+struct QuantityVisitor(&'static Kind, Sign);
 
-impl<'de> Visitor<'de> for Text {
+impl<'de> Visitor<'de> for QuantityVisitor {
     type Value = Value;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -151,7 +151,7 @@ impl<K, S> Serialize for Quantity<K, S> {
 
 impl<'de, K: KindOf, S: SignOf> Deserialize<'de> for Quantity<K, S> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(Text(K::kind(), S::SIGN)).map(Self::from)
+        deserializer.deserialize_any(QuantityVisitor(K::kind(), S::SIGN)).map(Self::from)
     }
 }
 

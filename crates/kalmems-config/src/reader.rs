@@ -6,11 +6,11 @@
 
 use super::device::DEVICE;
 use super::error::shown;
-use super::key::Step;
+use super::key::KeyStep;
 use super::schema::remedy;
 use super::source::Source;
 use super::uncertainty::CORRELATION;
-use super::{ConfigError, Fault, Key};
+use super::{ConfigError, ConfigFault, Key};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::de::value::StrDeserializer;
@@ -26,16 +26,16 @@ use toml::de::{DeString, DeTable, DeValue};
 
 /// A fault, and what is known of its place so far.
 #[derive(Debug)]
-pub(super) struct Failure {
-    pub fault: Fault,
+pub(super) struct ReadFailure {
+    pub fault: ConfigFault,
     pub key: Key,
     /// The byte of the text; `None` where the whole file is meant.
     pub byte: Option<usize>,
 }
 
-impl Failure {
+impl ReadFailure {
     /// What to write instead is filled in by whoever knows the schema.
-    pub fn new(fault: Fault) -> Self {
+    pub fn new(fault: ConfigFault) -> Self {
         Self { fault, key: Key::default(), byte: None }
     }
 
@@ -46,27 +46,27 @@ impl Failure {
     }
 
     fn under(mut self, name: &str) -> Self {
-        self.key.prepend(Step::Name(name.to_owned()));
+        self.key.prepend(KeyStep::Name(name.to_owned()));
         self
     }
 
     fn under_index(mut self, index: usize) -> Self {
-        self.key.prepend(Step::Index(index));
+        self.key.prepend(KeyStep::Index(index));
         self
     }
 }
 
-impl fmt::Display for Failure {
+impl fmt::Display for ReadFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.key, self.fault)
     }
 }
 
-impl std::error::Error for Failure {}
+impl std::error::Error for ReadFailure {}
 
-impl serde::de::Error for Failure {
+impl serde::de::Error for ReadFailure {
     fn custom<T: fmt::Display>(why: T) -> Self {
-        Self::new(Fault::Value { why: why.to_string() })
+        Self::new(ConfigFault::Value { why: why.to_string() })
     }
 
     fn invalid_type(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
@@ -80,7 +80,11 @@ impl serde::de::Error for Failure {
             Unexpected::Map => "a table".to_owned(),
             other => other.to_string(),
         };
-        Self::new(Fault::Type { found, expected: in_words(&expected.to_string()), remedy: String::new() })
+        Self::new(ConfigFault::Type {
+            found,
+            expected: in_words(&expected.to_string()),
+            remedy: String::new(),
+        })
     }
 
     fn invalid_value(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
@@ -89,19 +93,23 @@ impl serde::de::Error for Failure {
 
     fn invalid_length(length: usize, expected: &dyn Expected) -> Self {
         let found = format!("a list of {length}");
-        Self::new(Fault::Type { found, expected: in_words(&expected.to_string()), remedy: String::new() })
+        Self::new(ConfigFault::Type {
+            found,
+            expected: in_words(&expected.to_string()),
+            remedy: String::new(),
+        })
     }
 
     fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
-        Self::new(Fault::unknown_key(field, expected.iter().copied()))
+        Self::new(ConfigFault::unknown_key(field, expected.iter().copied()))
     }
 
     fn unknown_variant(variant: &str, expected: &'static [&'static str]) -> Self {
-        Self::new(Fault::unknown_word(variant, expected.iter().copied()))
+        Self::new(ConfigFault::unknown_word(variant, expected.iter().copied()))
     }
 
     fn missing_field(field: &'static str) -> Self {
-        Self::new(Fault::MissingKey { remedy: String::new() }).under(field)
+        Self::new(ConfigFault::MissingKey { remedy: String::new() }).under(field)
     }
 }
 
@@ -133,8 +141,9 @@ pub fn read_source<T: DeserializeOwned + JsonSchema>(source: &Source) -> Result<
     let document = source.document()?;
     let read = read::<T>(document.get_ref());
     drop(document);
-    read.map_err(|Failure { mut fault, key, byte }| {
-        if let Fault::MissingKey { remedy: what } | Fault::Type { remedy: what, .. } = &mut fault {
+    read.map_err(|ReadFailure { mut fault, key, byte }| {
+        if let ConfigFault::MissingKey { remedy: what } | ConfigFault::Type { remedy: what, .. } = &mut fault
+        {
             *what = remedy::<T>(&key, &key);
         }
         source.error(key, byte, fault)
@@ -147,12 +156,14 @@ pub(super) fn read_below<T: DeserializeOwned + JsonSchema>(
     place: &Key,
 ) -> Result<T, ConfigError> {
     let document = source.document()?;
-    let missing =
-        || source.error_at(place.clone(), Fault::MissingKey { remedy: format!("add the table `[{place}]`") });
+    let missing = || {
+        source
+            .error_at(place.clone(), ConfigFault::MissingKey { remedy: format!("add the table `[{place}]`") })
+    };
     let mut table = document.get_ref();
     let mut value = None;
     for step in place.steps() {
-        let Step::Name(name) = step else { return Err(missing()) };
+        let KeyStep::Name(name) = step else { return Err(missing()) };
         let found: &Spanned<DeValue<'_>> = table.get(name.as_str()).ok_or_else(missing)?;
         value = Some(found);
         if let Some(inner) = found.get_ref().as_table() {
@@ -160,13 +171,14 @@ pub(super) fn read_below<T: DeserializeOwned + JsonSchema>(
         }
     }
     let value = value.ok_or_else(missing)?;
-    T::deserialize(Reader { value }).map_err(|failure| {
-        let Failure { mut fault, key, byte } = failure.at(value.span());
+    T::deserialize(ValueReader { value }).map_err(|failure| {
+        let ReadFailure { mut fault, key, byte } = failure.at(value.span());
         let full = place.steps().iter().rev().cloned().fold(key.clone(), |mut full, step| {
             full.prepend(step);
             full
         });
-        if let Fault::MissingKey { remedy: what } | Fault::Type { remedy: what, .. } = &mut fault {
+        if let ConfigFault::MissingKey { remedy: what } | ConfigFault::Type { remedy: what, .. } = &mut fault
+        {
             *what = remedy::<T>(&key, &full);
         }
         source.error(full, byte, fault)
@@ -174,7 +186,7 @@ pub(super) fn read_below<T: DeserializeOwned + JsonSchema>(
 }
 
 /// Reads the document.
-fn read<T: DeserializeOwned>(document: &DeTable<'_>) -> Result<T, Failure> {
+fn read<T: DeserializeOwned>(document: &DeTable<'_>) -> Result<T, ReadFailure> {
     T::deserialize(TableReader { table: document })
 }
 
@@ -184,10 +196,10 @@ struct TableReader<'a> {
 }
 
 impl<'de> Deserializer<'de> for TableReader<'_> {
-    type Error = Failure;
+    type Error = ReadFailure;
 
-    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
-        visitor.visit_map(Entries::of(self.table))
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadFailure> {
+        visitor.visit_map(TableEntries::of(self.table))
     }
 
     serde::forward_to_deserialize_any! {
@@ -197,24 +209,24 @@ impl<'de> Deserializer<'de> for TableReader<'_> {
 }
 
 /// A number of the document.
-enum Number {
+enum DocumentNumber {
     Whole(i64),
     Real(f64),
 }
 
 /// One value of the document.
 #[derive(Clone, Copy)]
-struct Reader<'a> {
+struct ValueReader<'a> {
     value: &'a Spanned<DeValue<'a>>,
 }
 
-impl Reader<'_> {
-    fn refuse<T>(self, expected: impl Into<String>) -> Result<T, Failure> {
+impl ValueReader<'_> {
+    fn refuse<T>(self, expected: impl Into<String>) -> Result<T, ReadFailure> {
         Err(self.refusal(expected.into()))
     }
 
     /// Compiled once, and not for each type that is read.
-    fn refusal(self, expected: String) -> Failure {
+    fn refusal(self, expected: String) -> ReadFailure {
         let found = match self.value.get_ref() {
             DeValue::String(s) => format!("the text `{}`", shown(s)),
             DeValue::Integer(n) => format!("the number `{}`", shown(n.as_str())),
@@ -224,37 +236,39 @@ impl Reader<'_> {
             DeValue::Array(_) => "a list".to_owned(),
             DeValue::Table(_) => "a table".to_owned(),
         };
-        let fault = Fault::Type { found, expected, remedy: String::new() };
-        Failure::new(fault).at(self.value.span())
+        let fault = ConfigFault::Type { found, expected, remedy: String::new() };
+        ReadFailure::new(fault).at(self.value.span())
     }
 
     /// With the place, where it went wrong.
-    fn placed<T>(self, result: Result<T, Failure>) -> Result<T, Failure> {
+    fn placed<T>(self, result: Result<T, ReadFailure>) -> Result<T, ReadFailure> {
         result.map_err(|failure| failure.at(self.value.span()))
     }
 
     /// Compiled once, too.
-    fn number(self) -> Result<Number, Failure> {
+    fn number(self) -> Result<DocumentNumber, ReadFailure> {
         let number = match self.value.get_ref() {
-            DeValue::Integer(n) => i64::from_str_radix(n.as_str(), n.radix()).ok().map(Number::Whole),
-            DeValue::Float(n) => n.as_str().parse().ok().map(Number::Real),
+            DeValue::Integer(n) => i64::from_str_radix(n.as_str(), n.radix()).ok().map(DocumentNumber::Whole),
+            DeValue::Float(n) => n.as_str().parse().ok().map(DocumentNumber::Real),
             _ => None,
         };
         number.ok_or_else(|| {
-            Failure::new(Fault::Value { why: "the number is too large; write it with an exponent".into() })
+            ReadFailure::new(ConfigFault::Value {
+                why: "the number is too large; write it with an exponent".into(),
+            })
         })
     }
 }
 
-impl<'de> Deserializer<'de> for Reader<'_> {
-    type Error = Failure;
+impl<'de> Deserializer<'de> for ValueReader<'_> {
+    type Error = ReadFailure;
 
-    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadFailure> {
         let result = match self.value.get_ref() {
             DeValue::String(s) => visitor.visit_str(s),
             DeValue::Integer(_) | DeValue::Float(_) => match self.number() {
-                Ok(Number::Whole(n)) => visitor.visit_i64(n),
-                Ok(Number::Real(n)) => visitor.visit_f64(n),
+                Ok(DocumentNumber::Whole(n)) => visitor.visit_i64(n),
+                Ok(DocumentNumber::Real(n)) => visitor.visit_f64(n),
                 Err(failure) => Err(failure),
             },
             DeValue::Boolean(b) => visitor.visit_bool(*b),
@@ -263,42 +277,42 @@ impl<'de> Deserializer<'de> for Reader<'_> {
                 Err(serde::de::Error::invalid_type(found, &visitor))
             }
             DeValue::Array(array) => visitor.visit_seq(Items { items: array.iter(), index: 0 }),
-            DeValue::Table(table) => visitor.visit_map(Entries::of(table)),
+            DeValue::Table(table) => visitor.visit_map(TableEntries::of(table)),
         };
         self.placed(result)
     }
 
     // Each asks its visitor for one thing alone: what else a visitor can take is then not compiled.
 
-    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadFailure> {
         match self.value.get_ref() {
             DeValue::Boolean(b) => self.placed(visitor.visit_bool(*b)),
             _ => self.refuse("`true` or `false`, without quotes"),
         }
     }
 
-    fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+    fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadFailure> {
         if !(self.value.get_ref().is_float() || self.value.get_ref().is_integer()) {
             return self.refuse("a number, without quotes");
         }
         match self.number().map_err(|failure| failure.at(self.value.span()))? {
-            Number::Whole(n) => self.placed(visitor.visit_i64(n)),
-            Number::Real(n) => self.placed(visitor.visit_f64(n)),
+            DocumentNumber::Whole(n) => self.placed(visitor.visit_i64(n)),
+            DocumentNumber::Real(n) => self.placed(visitor.visit_f64(n)),
         }
     }
 
-    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadFailure> {
         match self.value.get_ref() {
             DeValue::String(s) => self.placed(visitor.visit_str(s)),
             _ => self.refuse("text in quotes"),
         }
     }
 
-    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadFailure> {
         self.deserialize_str(visitor)
     }
 
-    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadFailure> {
         match self.value.get_ref() {
             DeValue::Array(array) => self.placed(visitor.visit_seq(Items { items: array.iter(), index: 0 })),
             DeValue::Table(_) => self.refuse("a list of tables"),
@@ -306,9 +320,9 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         }
     }
 
-    fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+    fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadFailure> {
         match self.value.get_ref() {
-            DeValue::Table(table) => self.placed(visitor.visit_map(Entries::of(table))),
+            DeValue::Table(table) => self.placed(visitor.visit_map(TableEntries::of(table))),
             _ => self.refuse("a table"),
         }
     }
@@ -318,14 +332,14 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         _name: &'static str,
         fields: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Failure> {
+    ) -> Result<V::Value, ReadFailure> {
         match self.value.get_ref() {
-            DeValue::Table(table) => self.placed(visitor.visit_map(Entries::of(table))),
+            DeValue::Table(table) => self.placed(visitor.visit_map(TableEntries::of(table))),
             _ => self.refuse(format!("a table with keys from: {}", fields.join(", "))),
         }
     }
 
-    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadFailure> {
         visitor.visit_some(self)
     }
 
@@ -333,7 +347,7 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         self,
         _name: &'static str,
         visitor: V,
-    ) -> Result<V::Value, Failure> {
+    ) -> Result<V::Value, ReadFailure> {
         visitor.visit_newtype_struct(self)
     }
 
@@ -343,16 +357,16 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         name: &'static str,
         variants: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Failure> {
+    ) -> Result<V::Value, ReadFailure> {
         let choice = match self.value.get_ref() {
             DeValue::String(word) => Choice { word, span: self.value.span(), content: None, reader: self },
             DeValue::Table(table) => {
-                let mut entries = Entries::of(table).entries;
+                let mut entries = TableEntries::of(table).entries;
                 entries.retain(|(key, _)| name != DEVICE || key.get_ref() != CORRELATION);
                 let [(key, content)] = entries.as_slice() else {
                     let found = entries.iter().map(|(key, _)| shown(key.get_ref())).collect();
                     let known = variants.iter().map(|v| (*v).to_owned()).collect();
-                    return Err(Failure::new(Fault::OneOf { found, known }).at(self.value.span()));
+                    return Err(ReadFailure::new(ConfigFault::OneOf { found, known }).at(self.value.span()));
                 };
                 Choice { word: key.get_ref(), span: key.span(), content: Some(*content), reader: self }
             }
@@ -368,12 +382,12 @@ impl<'de> Deserializer<'de> for Reader<'_> {
 }
 
 /// The entries of a table in the order of the file.
-struct Entries<'a> {
+struct TableEntries<'a> {
     entries: Vec<(&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>)>,
     next: usize,
 }
 
-impl<'a> Entries<'a> {
+impl<'a> TableEntries<'a> {
     fn of(table: &'a DeTable<'a>) -> Self {
         let mut entries: Vec<_> = table.iter().collect();
         entries.sort_by_key(|(key, _)| key.span().start);
@@ -381,21 +395,22 @@ impl<'a> Entries<'a> {
     }
 }
 
-impl<'de> MapAccess<'de> for Entries<'_> {
-    type Error = Failure;
+impl<'de> MapAccess<'de> for TableEntries<'_> {
+    type Error = ReadFailure;
 
-    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, Failure> {
+    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, ReadFailure> {
         let Some((key, _)) = self.entries.get(self.next) else { return Ok(None) };
-        let name: StrDeserializer<'_, Failure> = key.get_ref().as_ref().into_deserializer();
+        let name: StrDeserializer<'_, ReadFailure> = key.get_ref().as_ref().into_deserializer();
         seed.deserialize(name).map(Some).map_err(|failure| failure.under(key.get_ref()).at(key.span()))
     }
 
-    fn next_value_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<T::Value, Failure> {
+    fn next_value_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<T::Value, ReadFailure> {
         let Some((key, value)) = self.entries.get(self.next) else {
             return Err(serde::de::Error::custom("no entry is left"));
         };
         self.next += 1;
-        seed.deserialize(Reader { value }).map_err(|failure| failure.at(value.span()).under(key.get_ref()))
+        seed.deserialize(ValueReader { value })
+            .map_err(|failure| failure.at(value.span()).under(key.get_ref()))
     }
 }
 
@@ -406,13 +421,16 @@ struct Items<'a> {
 }
 
 impl<'de> SeqAccess<'de> for Items<'_> {
-    type Error = Failure;
+    type Error = ReadFailure;
 
-    fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Failure> {
+    fn next_element_seed<T: DeserializeSeed<'de>>(
+        &mut self,
+        seed: T,
+    ) -> Result<Option<T::Value>, ReadFailure> {
         let Some(value) = self.items.next() else { return Ok(None) };
         let index = self.index;
         self.index += 1;
-        seed.deserialize(Reader { value })
+        seed.deserialize(ValueReader { value })
             .map(Some)
             .map_err(|failure| failure.at(value.span()).under_index(index))
     }
@@ -423,22 +441,22 @@ struct Choice<'a> {
     word: &'a str,
     span: Range<usize>,
     content: Option<&'a Spanned<DeValue<'a>>>,
-    reader: Reader<'a>,
+    reader: ValueReader<'a>,
 }
 
 impl<'de> EnumAccess<'de> for Choice<'_> {
-    type Error = Failure;
+    type Error = ReadFailure;
     type Variant = Self;
 
-    fn variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<(T::Value, Self), Failure> {
-        let name: StrDeserializer<'_, Failure> = self.word.into_deserializer();
+    fn variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<(T::Value, Self), ReadFailure> {
+        let name: StrDeserializer<'_, ReadFailure> = self.word.into_deserializer();
         match seed.deserialize(name) {
             Ok(variant) => Ok((variant, self)),
             Err(mut failure) => {
                 // The name of a table is a key, not a word.
                 if self.content.is_some() {
-                    if let Fault::UnknownWord { found, suggestion, known } = failure.fault {
-                        failure.fault = Fault::UnknownKey { found, suggestion, known };
+                    if let ConfigFault::UnknownWord { found, suggestion, known } = failure.fault {
+                        failure.fault = ConfigFault::UnknownKey { found, suggestion, known };
                     }
                     failure = failure.under(self.word);
                 }
@@ -449,25 +467,25 @@ impl<'de> EnumAccess<'de> for Choice<'_> {
 }
 
 impl<'de> VariantAccess<'de> for Choice<'_> {
-    type Error = Failure;
+    type Error = ReadFailure;
 
-    fn unit_variant(self) -> Result<(), Failure> {
+    fn unit_variant(self) -> Result<(), ReadFailure> {
         match self.content {
             None => Ok(()),
             Some(_) => self.reader.refuse(format!("the word `\"{}\"` alone", self.word)),
         }
     }
 
-    fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Failure> {
+    fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, ReadFailure> {
         match self.content {
             Some(value) => seed
-                .deserialize(Reader { value })
+                .deserialize(ValueReader { value })
                 .map_err(|failure| failure.at(value.span()).under(self.word)),
             None => self.reader.refuse("a table, not its name alone"),
         }
     }
 
-    fn tuple_variant<V: Visitor<'de>>(self, _len: usize, visitor: V) -> Result<V::Value, Failure> {
+    fn tuple_variant<V: Visitor<'de>>(self, _len: usize, visitor: V) -> Result<V::Value, ReadFailure> {
         self.reader.deserialize_seq(visitor)
     }
 
@@ -475,9 +493,9 @@ impl<'de> VariantAccess<'de> for Choice<'_> {
         self,
         fields: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Failure> {
+    ) -> Result<V::Value, ReadFailure> {
         match self.content {
-            Some(value) => Reader { value }
+            Some(value) => ValueReader { value }
                 .deserialize_struct("", fields, visitor)
                 .map_err(|failure| failure.under(self.word)),
             None => self.reader.refuse("a table, not its name alone"),

@@ -23,7 +23,7 @@ pub struct Recording {
     pub name: Option<Name>,
     /// What it was taken for.
     #[schemars(example = &"test")]
-    pub role: Role,
+    pub role: RecordingRole,
     /// The file with the samples, relative to the folder of the experiment file.
     #[schemars(example = &"recording.csv")]
     pub file: PathBuf,
@@ -53,7 +53,7 @@ pub struct Recording {
 impl Recording {
     /// A file with these columns, of which nothing else is said.
     pub const fn of(
-        role: Role,
+        role: RecordingRole,
         file: PathBuf,
         clock: Clock,
         channels: Channels,
@@ -87,7 +87,7 @@ impl Recording {
 /// What a recording was taken for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Role {
+pub enum RecordingRole {
     /// An estimate is wanted, and judged where there is a reference.
     Test,
     /// Parameters are identified from it.
@@ -108,7 +108,7 @@ pub enum Role {
     Gyro,
 }
 
-impl Role {
+impl RecordingRole {
     /// All of them.
     pub const ALL: [Self; 9] = [
         Self::Test,

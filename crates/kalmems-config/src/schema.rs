@@ -1,7 +1,7 @@
 //! The JSON schema of experiment files, and what those of other files are made with, from the types that read them.
 
 use super::device::DeviceKind;
-use super::key::Step;
+use super::key::KeyStep;
 use super::{Experiment, Key};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
@@ -114,8 +114,8 @@ fn tables(schema: &Value, key: &Key) -> String {
 }
 
 /// The schema of what stands one step further down.
-fn below<'a>(schema: &'a Value, step: &Step) -> Option<&'a Value> {
-    let Step::Name(name) = step else { return schema.get("items") };
+fn below<'a>(schema: &'a Value, step: &KeyStep) -> Option<&'a Value> {
+    let KeyStep::Name(name) = step else { return schema.get("items") };
     let direct = schema.get("properties").and_then(|properties| properties.get(name));
     let mut variants =
         ["oneOf", "anyOf"].into_iter().filter_map(|word| schema.get(word)?.as_array()).flatten();

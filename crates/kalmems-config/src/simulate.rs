@@ -9,8 +9,8 @@ use super::quantity::Quantity;
 use super::regulated::{RegulatedDrive, TemperatureRamp};
 use super::sign::{NotNegative, Positive};
 use super::values::Values;
-use super::{ColumnChoice, Fault, Key};
-use crate::layout::Layout;
+use super::{ColumnChoice, ConfigFault, Key};
+use crate::layout::RecordingLayout;
 use schemars::JsonSchema;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -268,7 +268,7 @@ pub struct RecordedDrive {
 
 impl RecordedDrive {
     /// How to read its file, where a column that states no unit would usually be in this one.
-    pub fn layout(&self, usual_unit: &'static str) -> Layout {
+    pub fn layout(&self, usual_unit: &'static str) -> RecordingLayout {
         let columns = vec![("column", &self.column, Some(usual_unit))];
         FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
             .layout(None)
@@ -320,13 +320,13 @@ pub struct CaptureDrive {
     pub hold: Quantity<Time, NotNegative>,
     /// How the power is cut off; never, if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub cut_off: Option<CutOff>,
+    pub cut_off: Option<PowerCut>,
 }
 
 /// Times without power.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct CutOff {
+pub struct PowerCut {
     /// When the first begins; with the recording if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at: Option<Quantity<Time, NotNegative>>,
@@ -347,7 +347,7 @@ pub struct CutOff {
 /// the rounding of a converter.
 const SETTLED: f64 = 20.0;
 
-impl CutOff {
+impl PowerCut {
     /// What is wrong with one of its keys.
     pub fn check(&self) -> Result<(), (&'static str, String)> {
         let transient = self.transient.si();
@@ -415,10 +415,10 @@ impl Simulate {
     }
 
     /// What no single value can be blamed for: the key, and what is wrong.
-    pub(super) fn check(&self) -> Result<(), (Key, Fault)> {
+    pub(super) fn check(&self) -> Result<(), (Key, ConfigFault)> {
         let at = |name: &str, why: String| {
             let key = name.split('.').fold(Key::from("simulate"), Key::child);
-            Err((key, Fault::Value { why }))
+            Err((key, ConfigFault::Value { why }))
         };
         let samples = self.duration.si() * self.sampling_rate.si();
         if !(1.0 - 1e-6..MOST_SAMPLES).contains(&samples) {

@@ -1,8 +1,8 @@
 //! The text of an experiment file and its lines.
 
-use super::error::{Place, Position, shown};
-use super::key::Step;
-use super::{ConfigError, Fault, Key};
+use super::error::{ConfigPlace, LineAndColumn, shown};
+use super::key::KeyStep;
+use super::{ConfigError, ConfigFault, Key};
 use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -36,32 +36,32 @@ impl Source {
         let refuse = |fault| whole_file(path, fault);
         let cannot = |e: std::io::Error| {
             refuse(match e.kind() {
-                ErrorKind::NotFound => Fault::NotFound,
-                ErrorKind::IsADirectory => Fault::Folder,
-                _ => Fault::Read { why: e.to_string() },
+                ErrorKind::NotFound => ConfigFault::NotFound,
+                ErrorKind::IsADirectory => ConfigFault::Folder,
+                _ => ConfigFault::Read { why: e.to_string() },
             })
         };
         let file = File::open(path).map_err(cannot)?;
         if file.metadata().map_err(cannot)?.is_dir() {
-            return Err(refuse(Fault::Folder));
+            return Err(refuse(ConfigFault::Folder));
         }
         let mut bytes = Vec::new();
         // One byte more than allowed tells a file that is too large, however large it is.
         file.take(LIMIT as u64 + 1).read_to_end(&mut bytes).map_err(cannot)?;
         if bytes.len() > LIMIT {
-            return Err(refuse(Fault::TooLarge { limit: LIMIT }));
+            return Err(refuse(ConfigFault::TooLarge { limit: LIMIT }));
         }
         String::from_utf8(bytes).map(|text| Self { path: path.to_owned(), text }).map_err(|e| {
             let position = Some(position(e.as_bytes(), e.utf8_error().valid_up_to()));
-            let place = Place { file: path.to_owned(), position, key: Key::default() };
-            ConfigError { place: Box::new(place), fault: Fault::NotUtf8 }
+            let place = ConfigPlace { file: path.to_owned(), position, key: Key::default() };
+            ConfigError { place: Box::new(place), fault: ConfigFault::NotUtf8 }
         })
     }
 
     /// Takes text that is not too large.
     pub fn of(text: &str, path: &Path) -> Result<Self, ConfigError> {
         if text.len() > LIMIT {
-            return Err(whole_file(path, Fault::TooLarge { limit: LIMIT }));
+            return Err(whole_file(path, ConfigFault::TooLarge { limit: LIMIT }));
         }
         Ok(Self { path: path.to_owned(), text: text.to_owned() })
     }
@@ -75,10 +75,10 @@ impl Source {
         let Some((span, e)) = spanned.min_by_key(|(span, _)| span.start) else { return Ok(document) };
         let fault = if e.message().starts_with("duplicate key") {
             let key = self.text.get(span.clone()).unwrap_or_default();
-            Fault::DuplicateKey { key: shown(key) }
+            ConfigFault::DuplicateKey { key: shown(key) }
         } else {
             let column = position(self.text.as_bytes(), span.start).column;
-            Fault::Syntax { column, why: e.message().trim().replace('\n', "; ") }
+            ConfigFault::Syntax { column, why: e.message().trim().replace('\n', "; ") }
         };
         Err(self.error(Key::default(), Some(span.start), fault))
     }
@@ -116,31 +116,31 @@ impl Source {
     }
 
     /// An error at a place in the text.
-    pub fn error(&self, key: Key, byte: Option<usize>, fault: Fault) -> ConfigError {
+    pub fn error(&self, key: Key, byte: Option<usize>, fault: ConfigFault) -> ConfigError {
         let position = byte.map(|byte| position(self.text.as_bytes(), byte));
-        ConfigError { place: Box::new(Place { file: self.path.clone(), position, key }), fault }
+        ConfigError { place: Box::new(ConfigPlace { file: self.path.clone(), position, key }), fault }
     }
 
     /// An error at a key; where the key is not there, at the table in which it is missing.
-    pub fn error_at(&self, key: Key, fault: Fault) -> ConfigError {
+    pub fn error_at(&self, key: Key, fault: ConfigFault) -> ConfigError {
         let document = DeTable::parse(&self.text).ok();
         let byte = document.and_then(|document| locate(document.get_ref(), &key));
         self.error(key, byte, fault)
     }
 }
 
-fn whole_file(path: &Path, fault: Fault) -> ConfigError {
-    let place = Place { file: path.to_owned(), position: None, key: Key::default() };
+fn whole_file(path: &Path, fault: ConfigFault) -> ConfigError {
+    let place = ConfigPlace { file: path.to_owned(), position: None, key: Key::default() };
     ConfigError { place: Box::new(place), fault }
 }
 
 /// The line and column of a byte.
-fn position(text: &[u8], at: usize) -> Position {
+fn position(text: &[u8], at: usize) -> LineAndColumn {
     let before = text.get(..at).unwrap_or(text);
     let line_start = before.iter().rposition(|b| *b == b'\n').map_or(0, |newline| newline + 1);
     let line = before.split(|b| *b == b'\n').count();
     let column = String::from_utf8_lossy(before.get(line_start..).unwrap_or_default()).chars().count() + 1;
-    Position { line, column }
+    LineAndColumn { line, column }
 }
 
 /// The first byte of the deepest part of `key` that is there.
@@ -153,13 +153,13 @@ fn locate(document: &DeTable<'_>, key: &Key) -> Option<usize> {
             Some(value) => value.as_table(),
         };
         let value = match step {
-            Step::Name(name) => {
+            KeyStep::Name(name) => {
                 let Some((key, value)) = table.and_then(|t| t.get_key_value(name.as_str())) else { break };
                 // A table is found by its header, a value by its key.
                 byte = Some(if value.get_ref().is_table() { value.span().start } else { key.span().start });
                 value
             }
-            Step::Index(index) => {
+            KeyStep::Index(index) => {
                 let items = inside.and_then(DeValue::as_array);
                 let Some(value) = items.and_then(|a| a.get(*index)) else { break };
                 byte = Some(value.span().start);

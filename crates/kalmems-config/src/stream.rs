@@ -16,7 +16,7 @@ use std::num::NonZeroU32;
 /// be estimated, whose file need not be there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Stream {
+pub struct StreamTable {
     /// Samples per second, about: how many belong to the settling time before the first estimate.
     pub rate: Quantity<Frequency, Positive>,
     /// How the samples come: exactly one table, `[stream.input.text]` or `[stream.input.frames]`.
@@ -111,7 +111,7 @@ pub enum StreamFormat {
         /// What follows them: types and names, such as `["u16 sequence", "f64 time_s", "f32 drive_V", "f32 cap_V"]`. By a
         /// field with the name `sequence`, which counts the frames, one that is lost is told from a pause.
         #[schemars(example = frame_fields())]
-        fields: Vec<Field>,
+        fields: Vec<FrameField>,
     },
 }
 
@@ -196,7 +196,7 @@ impl JsonSchema for Sync {
 /// A number in a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
-pub struct Field {
+pub struct FrameField {
     /// How it is written.
     pub kind: FieldType,
     /// The name of its column, or `sequence`.
@@ -206,7 +206,7 @@ pub struct Field {
 /// The name of the field that counts frames.
 const SEQUENCE: &str = "sequence";
 
-impl Field {
+impl FrameField {
     /// Whether it counts the frames.
     pub fn is_sequence(&self) -> bool {
         self.name == SEQUENCE
@@ -309,7 +309,7 @@ impl FieldType {
     }
 }
 
-impl TryFrom<String> for Field {
+impl TryFrom<String> for FrameField {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
@@ -332,13 +332,13 @@ impl TryFrom<String> for Field {
     }
 }
 
-impl From<Field> for String {
-    fn from(field: Field) -> Self {
+impl From<FrameField> for String {
+    fn from(field: FrameField) -> Self {
         format!("{} {}", field.kind.name(), field.name)
     }
 }
 
-impl JsonSchema for Field {
+impl JsonSchema for FrameField {
     fn schema_name() -> Cow<'static, str> {
         "Field".into()
     }

@@ -3,7 +3,7 @@
 use super::reader::read_below;
 use super::source::Source;
 use super::variation::Variations;
-use super::{ConfigError, Experiment, Fault, Key, Step, get};
+use super::{ConfigError, ConfigFault, Experiment, Key, KeyStep, get};
 use crate::units::Value;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -118,7 +118,7 @@ impl Experiment {
         if let Some(first) = found.get(MOST) {
             let why =
                 format!("more than {MOST} numbers have an uncertainty; leave out those that matter least");
-            return Err(self.error(first.key.clone(), Fault::Value { why }));
+            return Err(self.error(first.key.clone(), ConfigFault::Value { why }));
         }
         Ok(found)
     }
@@ -173,7 +173,7 @@ impl Experiment {
                     "no errors have these correlations: the matrix of {} has a negative eigenvalue; correct one of them",
                     names.join(", ")
                 );
-                return Err(self.error(Key::from("device").child(CORRELATION), Fault::Value { why }));
+                return Err(self.error(Key::from("device").child(CORRELATION), ConfigFault::Value { why }));
             };
             directions.extend((0..group.len()).filter_map(|column| {
                 let steps = group.iter().zip(&root).filter_map(|(place, row)| {
@@ -198,9 +198,9 @@ impl Experiment {
                 let fault = if numbers.is_empty() {
                     let why =
                         "no number of the device has an uncertainty; write one behind it, such as `± 0.3 %`";
-                    Fault::Value { why: why.to_owned() }
+                    ConfigFault::Value { why: why.to_owned() }
                 } else {
-                    Fault::unknown_key(name, known())
+                    ConfigFault::unknown_key(name, known())
                 };
                 self.error(key.clone(), fault)
             })
@@ -218,7 +218,7 @@ impl Experiment {
                     } else {
                         format!("a correlation lies between -1 and 1; found {value}")
                     };
-                    return Err(self.error(key, Fault::Value { why }));
+                    return Err(self.error(key, ConfigFault::Value { why }));
                 }
                 (matrix[i][j], matrix[j][i]) = (*value, *value);
             }
@@ -249,7 +249,7 @@ impl Experiment {
                     value.text(),
                     value.nominal()
                 );
-                return Err(self.error(key, Fault::Value { why }));
+                return Err(self.error(key, ConfigFault::Value { why }));
             }
         }
         Ok(())
@@ -362,8 +362,8 @@ impl Key {
         let steps = self.steps().iter().skip(names);
         steps
             .fold(Self::default(), |key, step| match step {
-                Step::Name(name) => key.child(name),
-                Step::Index(index) => key.index(*index),
+                KeyStep::Name(name) => key.child(name),
+                KeyStep::Index(index) => key.index(*index),
             })
             .to_string()
     }

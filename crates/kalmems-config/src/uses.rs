@@ -1,12 +1,12 @@
 //! What of an experiment file a device has a use for.
 
-use super::{ConfigError, Experiment, Fault, Filter, Key, Method};
+use super::{ConfigError, ConfigFault, Experiment, FilterTable, Key, Method};
 use crate::units::kind;
 
 /// What of an experiment file a device has a use for, beyond what every device has; the rest is refused where it is given.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[allow(clippy::struct_excessive_bools)] // each is for keys of its own
-pub struct Uses {
+pub struct DeviceUses {
     /// The keys about crossings of a threshold: `parts` and `crossings` of the estimate, `variant`, `signal_variance` and
     /// `threshold` of a filter.
     pub crossings: bool,
@@ -28,10 +28,11 @@ pub struct Uses {
     pub simulated_channels: bool,
 }
 
-impl Uses {
+impl DeviceUses {
     /// Refuses what is given and of no use: the first of it.
     pub fn check(self, experiment: &Experiment) -> Result<(), ConfigError> {
-        let refuse = |key: Key, why: &str| Err(experiment.error(key, Fault::Value { why: why.to_owned() }));
+        let refuse =
+            |key: Key, why: &str| Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }));
         if let Some(key) = self.crossing_key(experiment) {
             return refuse(key, "it is for a device whose signal passes a threshold; leave it out");
         }
@@ -54,12 +55,13 @@ impl Uses {
             }
             if let Some(readout) = &filter.readout {
                 if self.states_readout {
-                    let why = "of a device of equations the readout is in `measure`: write the offset or the line there as parameters, which \
-                               `states` can name; leave it out";
+                    let why = "of a device of equations the readout is in `measure`: write the offset, the line or the feedthrough there as parameters, \
+                               which `states` can name, and coloured noise as a state of its own; leave it out";
                     return refuse(key("readout"), why);
                 }
                 let sizes = readout.offset.iter().map(|offset| &offset.start_sd);
-                let mut sizes = sizes.chain(readout.lines.iter().map(|line| &line.start_sd));
+                let sizes = sizes.chain(readout.lines.iter().map(|line| &line.start_sd));
+                let mut sizes = sizes.chain(readout.coloured_noise.iter().map(|noise| &noise.sd));
                 let (kind, name) = if self.reads_capacitance {
                     (&kind::CAPACITANCE, "a capacitance, such as `1 aF`")
                 } else {
@@ -67,7 +69,7 @@ impl Uses {
                 };
                 if sizes.any(|size| !kind.accepts(size.value().unit().dimension())) {
                     let why = format!(
-                        "its signal is recorded as {name}; expected an offset and lines of that kind"
+                        "its signal is recorded as {name}; expected an offset, lines and coloured noise of that kind"
                     );
                     return refuse(key("readout"), &why);
                 }
@@ -105,7 +107,7 @@ impl Uses {
         let at = Key::from("estimate");
         let of_all = [("parts", estimate.parts.is_some()), ("crossings", estimate.crossings.is_some())];
         let of_all = of_all.into_iter().find(|(_, given)| *given).map(|(name, _)| at.clone().child(name));
-        let of_filter = |(index, filter): (usize, &Filter)| {
+        let of_filter = |(index, filter): (usize, &FilterTable)| {
             let given = [
                 ("variant", filter.variant.is_some()),
                 ("signal_variance", filter.signal_variance.is_some()),
@@ -122,7 +124,7 @@ impl Uses {
         let estimate = experiment.estimate.as_ref().filter(|_| !self.events)?;
         let at = Key::from("estimate");
         let mut filters = estimate.filters.iter().enumerate();
-        let of_filter = |(index, filter): (usize, &Filter)| {
+        let of_filter = |(index, filter): (usize, &FilterTable)| {
             (!filter.events.is_empty()).then(|| at.clone().child("filter").index(index).child("events"))
         };
         let of_all = (!estimate.events.is_empty()).then(|| at.clone().child("events"));

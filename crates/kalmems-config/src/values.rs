@@ -2,7 +2,7 @@
 
 use super::quantity::{NUMBER_FIRST, parse};
 use super::sign::Sign;
-use super::{Fault, Key};
+use super::{ConfigFault, Key};
 use crate::units::{Kind, Value};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
@@ -20,7 +20,7 @@ pub type Values = BTreeMap<String, AnyValue>;
 
 /// One entry that a rig expects in a table of values.
 #[derive(Clone, Copy, Debug)]
-pub struct Entry {
+pub struct ExpectedEntry {
     /// Its name.
     pub name: &'static str,
     /// What it must be.
@@ -29,7 +29,7 @@ pub struct Entry {
     pub sign: Sign,
 }
 
-impl Entry {
+impl ExpectedEntry {
     /// An entry of this name, kind and sign.
     pub const fn new(name: &'static str, kind: &'static Kind, sign: Sign) -> Self {
         Self { name, kind, sign }
@@ -44,18 +44,18 @@ impl AnyValue {
 }
 
 /// The SI values of `expected` in its order. All must be there, and no others.
-pub(super) fn read(values: &Values, expected: &[Entry]) -> Result<Vec<f64>, (Key, Fault)> {
+pub(super) fn read(values: &Values, expected: &[ExpectedEntry]) -> Result<Vec<f64>, (Key, ConfigFault)> {
     if let Some(name) = values.keys().find(|name| expected.iter().all(|entry| entry.name != *name)) {
         let known = expected.iter().map(|entry| entry.name);
-        return Err((Key::default().child(name), Fault::unknown_key(name, known)));
+        return Err((Key::default().child(name), ConfigFault::unknown_key(name, known)));
     }
-    let one = |entry: &Entry| {
+    let one = |entry: &ExpectedEntry| {
         let at = |fault| (Key::default().child(entry.name), fault);
         let Some(value) = values.get(entry.name) else {
             let remedy = format!("write `{} = \"{}\"`", entry.name, entry.kind.example);
-            return Err(at(Fault::MissingKey { remedy }));
+            return Err(at(ConfigFault::MissingKey { remedy }));
         };
-        entry.sign.check(&value.0, entry.kind).map_err(|why| at(Fault::Value { why }))
+        entry.sign.check(&value.0, entry.kind).map_err(|why| at(ConfigFault::Value { why }))
     };
     expected.iter().map(one).collect()
 }
@@ -68,8 +68,8 @@ impl Serialize for AnyValue {
 
 impl<'de> Deserialize<'de> for AnyValue {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Text;
-        impl Visitor<'_> for Text {
+        struct ValuesVisitor;
+        impl Visitor<'_> for ValuesVisitor {
             type Value = AnyValue;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -88,7 +88,7 @@ impl<'de> Deserialize<'de> for AnyValue {
                 self.visit_str(&format!("{number:?}"))
             }
         }
-        deserializer.deserialize_any(Text)
+        deserializer.deserialize_any(ValuesVisitor)
     }
 }
 

@@ -1,12 +1,12 @@
 //! The experiment as it would be if a device differed from its table in one direction of its uncertainty.
 
 use super::uncertainty::{Direction, exactly};
-use super::{ConfigError, Experiment, Fault, Key, put, written};
+use super::{ConfigError, ConfigFault, Experiment, Key, put, written};
 use std::sync::OnceLock;
 
 /// The same experiment with a device that differs by one standard deviation in one direction of its uncertainty.
 #[derive(Clone, Debug)]
-pub struct Varied {
+pub struct VariedExperiment {
     /// The direction.
     pub direction: Direction,
     /// What a filter is told then; of this device nothing is uncertain.
@@ -15,7 +15,7 @@ pub struct Varied {
 
 /// The varied experiments, once they are asked for. They say nothing about the experiment itself: all are equal.
 #[derive(Debug, Default)]
-pub(super) struct Variations(OnceLock<Vec<Varied>>);
+pub(super) struct Variations(OnceLock<Vec<VariedExperiment>>);
 
 impl Clone for Variations {
     /// A copy may be changed, and has variations of its own.
@@ -32,17 +32,17 @@ impl PartialEq for Variations {
 
 impl Experiment {
     /// The experiment in each direction of the device's uncertainty; none of a device that is stated as exact.
-    pub fn varied(&self) -> Result<&[Varied], ConfigError> {
+    pub fn varied(&self) -> Result<&[VariedExperiment], ConfigError> {
         if let Some(found) = self.variations.0.get() {
             return Ok(found);
         }
         let found = self.directions()?.into_iter().map(|direction| self.in_direction(direction));
-        let found = found.collect::<Result<Vec<Varied>, ConfigError>>()?;
+        let found = found.collect::<Result<Vec<VariedExperiment>, ConfigError>>()?;
         Ok(self.variations.0.get_or_init(|| found))
     }
 
-    fn in_direction(&self, direction: Direction) -> Result<Varied, ConfigError> {
-        let unwritten = |why: String| self.error(Key::from("device"), Fault::Value { why });
+    fn in_direction(&self, direction: Direction) -> Result<VariedExperiment, ConfigError> {
+        let unwritten = |why: String| self.error(Key::from("device"), ConfigFault::Value { why });
         let mut document = self.to_table().map_err(|e| unwritten(e.to_string()))?;
         exactly(&mut document);
         for (number, step) in &direction.steps {
@@ -60,9 +60,9 @@ impl Experiment {
             );
             self.error(
                 direction.steps.first().map_or_else(Key::default, |(n, _)| n.key.clone()),
-                Fault::Value { why },
+                ConfigFault::Value { why },
             )
         })?;
-        Ok(Varied { direction, experiment: experiment.with_arrays(self.arrays()) })
+        Ok(VariedExperiment { direction, experiment: experiment.with_arrays(self.arrays()) })
     }
 }

@@ -72,14 +72,14 @@ pub use augmentation::{
 pub use dual::Dual;
 pub use error::FilterError;
 pub use filter::{
-    Ekf, Filter, FixedGain, Gaussian, Information, InformationError, Innovation, IteratedEkf, Kalman, Link,
-    OperatingPoint, SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
+    Ekf, Filter, FixedGain, Gaussian, Information, InformationError, Innovation, IteratedEkf, Kalman,
+    OperatingPoint, SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, StateTransition, Ukf,
 };
 pub use linalg::{Cholesky, Ldl, Lu, Mat, Svd};
 pub use math::Portable;
 pub use measurement::{Delayed, LinearMeasurement, Measurement, NumericMeasurement};
 pub use noise::{Covariance, NoiseDensity};
-pub use observability::{Direction, Observability};
+pub use observability::{Observability, StateDirection};
 pub use parameters::{ParameterName, Parameters};
 pub use process::{
     ContinuousDiscrete, ContinuousLinear, Dynamics, Euler, Exponential, IntervalError, LinearProcess, Nodes,

@@ -12,7 +12,7 @@ use core::array;
 /// the state at the start, process noise aside, in units of the scales. No product HᵀR⁻¹H is formed, so that
 /// weak directions are seen down to the rounding of 𝒪 and not of its square.
 ///
-/// The rows are linearised along the trajectory: `transition` of a [`Link`](crate::Link), and
+/// The rows are linearised along the trajectory: `transition` of a [`StateTransition`](crate::StateTransition), and
 /// [`linearize`](crate::Measurement::linearize) of the measurement. The state looked for is the one at the
 /// start; where everything decays, what comes late tells nothing of it.
 ///
@@ -105,9 +105,9 @@ impl<T: Scalar<Mask = bool>, const N: usize> Observability<T, N> {
     }
 
     /// The directions of the state at the start, from the one seen best to the one seen worst.
-    pub fn directions(&self) -> [Direction<T, N>; N] {
+    pub fn directions(&self) -> [StateDirection<T, N>; N] {
         let svd = Svd::of(&self.factor);
-        array::from_fn(|j| Direction {
+        array::from_fn(|j| StateDirection {
             singular_value: svd.values[j],
             components: vector!(|i| svd.right.0[i][j]),
         })
@@ -116,7 +116,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> Observability<T, N> {
 
 /// One direction of the state and how well it is seen.
 #[derive(Clone, Copy, Debug)]
-pub struct Direction<T, const N: usize> {
+pub struct StateDirection<T, const N: usize> {
     /// The singular value of 𝒪. Its reciprocal is the standard deviation, in units of the scales, that the
     /// measurements alone leave along this direction: above one, they say less than the scales do.
     pub singular_value: T,
@@ -125,7 +125,7 @@ pub struct Direction<T, const N: usize> {
     pub components: [T; N],
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> Direction<T, N> {
+impl<T: Scalar<Mask = bool>, const N: usize> StateDirection<T, N> {
     /// The state with the largest share: what to name the direction by.
     pub fn leading_state(&self) -> usize {
         let mut leading = (0, T::of(0.0));

@@ -19,23 +19,23 @@ pub struct Outlook {
     /// The device table.
     pub device: &'static str,
     /// In the order in which they are read.
-    pub topics: Vec<Topic>,
+    pub topics: Vec<OutlookTopic>,
     /// The amplitude over the drive's frequency, where there is a motion.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub response: Option<Response>,
+    pub response: Option<AmplitudeResponse>,
     /// Where a motion starts by itself, where the drive repeats.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub start: Option<Start>,
+    pub start: Option<SmallMotionGrowth>,
     /// Responses and noise over frequency, for an instrument that measures by following.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frequencies: Vec<AtFrequency>,
     /// What the signal tells over the amplitude of the motion.
-    pub information: Vec<Information>,
+    pub information: Vec<AmplitudeDeviations>,
 }
 
 /// Facts that belong together.
 #[derive(Clone, Debug, Serialize)]
-pub struct Topic {
+pub struct OutlookTopic {
     /// Its heading.
     pub title: &'static str,
     /// One sentence each.
@@ -56,7 +56,7 @@ pub struct Fact {
 
 /// Amplitudes in rad over the drive's frequency.
 #[derive(Clone, Debug, Serialize)]
-pub struct Response {
+pub struct AmplitudeResponse {
     /// By integration.
     pub sweeps: Sweeps,
     /// By harmonic balance, with the motions that no sweep finds.
@@ -65,7 +65,7 @@ pub struct Response {
 
 /// Growth of a small motion over the drive's frequency and size.
 #[derive(Clone, Debug, Serialize)]
-pub struct Start {
+pub struct SmallMotionGrowth {
     /// By integration over one period.
     pub map: StabilityMap,
     /// The largest voltage of the drive at factor 1.
@@ -76,7 +76,7 @@ pub struct Start {
 
 /// Standard deviations from a stated time of recording at one amplitude, in rad.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Information {
+pub struct AmplitudeDeviations {
     /// The amplitude of the motion in rad.
     pub amplitude: f64,
     /// Of the phase, in rad of the motion.
@@ -110,7 +110,7 @@ pub struct AtFrequency {
     pub readout: Option<f64>,
 }
 
-impl Topic {
+impl OutlookTopic {
     /// Without facts yet.
     pub fn new(title: &'static str) -> Self {
         Self { title, facts: Vec::new() }

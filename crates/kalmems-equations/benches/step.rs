@@ -9,7 +9,7 @@ use kalmems_core::{
     AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Filter, FilterError, Mat,
     Measurement, Nodes, NoiseDensity, NumericMeasurement, NumericProcess, Process, ProcessNoise, Rk4,
 };
-use kalmems_equations::{Description, Device, Motion, Readout, Work};
+use kalmems_equations::{Description, Device, Motion, ProgramNumbers, ReadoutProgram};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{DriveGain, ParametricScanner, TorsionalResonator};
 use kalmems_models::readout::DemodulatedComb;
@@ -134,8 +134,8 @@ fn simulated(scanner: &ParametricScanner<f64>, readout: &DemodulatedComb<f64>) -
 /// A device from its text as a filter takes it.
 struct Modelled<const N: usize> {
     motion: Motion,
-    readout: Readout,
-    works: RefCell<[Work; 2]>,
+    readout: ReadoutProgram,
+    works: RefCell<[ProgramNumbers; 2]>,
     noise: ProcessNoise<f64, N>,
 }
 

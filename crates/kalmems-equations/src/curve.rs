@@ -1,7 +1,7 @@
 //! Curves through points.
 
-use crate::description::{Outside, Points};
-use crate::error::{EquationError, Fault};
+use crate::description::{CurveExtension, CurvePoints};
+use crate::error::{EquationError, EquationFault};
 
 /// The place of a curve among those of a device.
 pub(crate) type CurveId = usize;
@@ -18,13 +18,14 @@ pub(crate) struct Curve {
     y: Vec<f64>,
     /// The second derivative at each point.
     bend: Vec<f64>,
-    outside: Outside,
+    outside: CurveExtension,
 }
 
 impl Curve {
     /// Through points; refuses fewer than four, and such as do not rise.
-    pub(crate) fn through(points: &Points) -> Result<Self, EquationError> {
-        let refuse = |why: String| Err(EquationError::whole(&points.place, &points.name, Fault::Value(why)));
+    pub(crate) fn through(points: &CurvePoints) -> Result<Self, EquationError> {
+        let refuse =
+            |why: String| Err(EquationError::whole(&points.place, &points.name, EquationFault::Value(why)));
         let (x, y) = (&points.x, &points.y);
         if let Some(file) = points.file.as_ref().filter(|_| x.is_empty()) {
             return refuse(format!("the points of the file `{file}` were not read"));
@@ -63,9 +64,9 @@ impl Curve {
         let end = if x < *first { *first } else { *last };
         match self.outside {
             _ if x.is_nan() => [f64::NAN; 3],
-            Outside::Error => [f64::NAN; 3],
-            Outside::Clamp => [self.inside(end)[0], 0.0, 0.0],
-            Outside::Linear => {
+            CurveExtension::Error => [f64::NAN; 3],
+            CurveExtension::Clamp => [self.inside(end)[0], 0.0, 0.0],
+            CurveExtension::Linear => {
                 let [value, slope, _] = self.inside(end);
                 [value + slope * (x - end), slope, 0.0]
             }
@@ -92,7 +93,7 @@ impl Curve {
     }
 
     /// What it does beyond its ends.
-    pub(crate) fn outside(&self) -> Outside {
+    pub(crate) fn outside(&self) -> CurveExtension {
         self.outside
     }
 
@@ -146,12 +147,12 @@ fn bends(x: &[f64], y: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::Place;
+    use crate::description::TextPlace;
 
-    fn through(f: impl Fn(f64) -> f64, x: &[f64], outside: Outside) -> Curve {
-        let points = Points {
+    fn through(f: impl Fn(f64) -> f64, x: &[f64], outside: CurveExtension) -> Curve {
+        let points = CurvePoints {
             name: "C".to_owned(),
-            place: Place::default(),
+            place: TextPlace::default(),
             file: None,
             x: x.to_vec(),
             y: x.iter().map(|x| f(*x)).collect(),
@@ -165,7 +166,7 @@ mod tests {
     #[test]
     fn a_cubic_is_reproduced_on_uneven_points() {
         let cubic = |x: f64| 2.0 - x + 3.0 * x * x - 0.5 * x * x * x;
-        let curve = through(cubic, &[-1.0, -0.2, 0.1, 1.5, 2.0, 4.0], Outside::Error);
+        let curve = through(cubic, &[-1.0, -0.2, 0.1, 1.5, 2.0, 4.0], CurveExtension::Error);
         for k in 0..=100 {
             let x = -1.0 + 0.05 * f64::from(k);
             let [value, slope, bend] = curve.at(x);
@@ -180,7 +181,7 @@ mod tests {
     fn a_sine_is_met_to_the_fourth_order() {
         let error = |points: u32| {
             let x: Vec<f64> = (0..=points).map(|k| 3.0 * f64::from(k) / f64::from(points)).collect();
-            let curve = through(f64::sin, &x, Outside::Error);
+            let curve = through(f64::sin, &x, CurveExtension::Error);
             let places = (0..=3000).map(|k| f64::from(k) * 1e-3);
             places.map(|x| (curve.at(x)[0] - x.sin()).abs()).fold(0.0, f64::max)
         };
@@ -192,11 +193,11 @@ mod tests {
     fn outside_is_what_is_stated() {
         let x = [0.0, 1.0, 2.0, 3.0];
         let at = |outside, at: f64| through(|x| x * x, &x, outside).at(at);
-        assert!(at(Outside::Error, 3.0 + 1e-12).iter().all(|v| v.is_nan()));
-        assert_eq!(at(Outside::Clamp, 5.0), [9.0, 0.0, 0.0]);
-        let [value, slope, bend] = at(Outside::Linear, 5.0);
+        assert!(at(CurveExtension::Error, 3.0 + 1e-12).iter().all(|v| v.is_nan()));
+        assert_eq!(at(CurveExtension::Clamp, 5.0), [9.0, 0.0, 0.0]);
+        let [value, slope, bend] = at(CurveExtension::Linear, 5.0);
         assert!((value - 21.0).abs() < 1e-13 && (slope - 6.0).abs() < 1e-13 && bend == 0.0);
-        assert!(at(Outside::Clamp, f64::NAN)[0].is_nan());
-        assert_eq!(through(|x| x * x, &x, Outside::Error).at(3.0)[0], 9.0);
+        assert!(at(CurveExtension::Clamp, f64::NAN)[0].is_nan());
+        assert_eq!(through(|x| x * x, &x, CurveExtension::Error).at(3.0)[0], 9.0);
     }
 }

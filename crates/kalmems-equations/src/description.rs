@@ -6,14 +6,14 @@ use std::fmt;
 
 /// Where a text of a description stands.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct TextPlace {
     /// The way to it, such as `derivative.omega`.
     pub key: String,
     /// Where it begins in the file, in bytes; `None` where it comes from no file.
     pub offset: Option<usize>,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for TextPlace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.key)
     }
@@ -21,19 +21,19 @@ impl fmt::Display for Place {
 
 /// A name and the text behind it: a unit, a value with its unit, or an expression.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Entry {
+pub struct NamedText {
     /// The name.
     pub name: String,
     /// The text.
     pub text: String,
     /// Where the text stands.
-    pub place: Place,
+    pub place: TextPlace,
 }
 
-impl Entry {
+impl NamedText {
     /// An entry of a table, from no file.
     pub fn new(table: &str, name: &str, text: &str) -> Self {
-        let place = Place { key: format!("{table}.{name}"), offset: None };
+        let place = TextPlace { key: format!("{table}.{name}"), offset: None };
         Self { name: name.to_owned(), text: text.to_owned(), place }
     }
 }
@@ -44,16 +44,16 @@ pub struct Follower {
     /// Its name.
     pub name: String,
     /// What it follows, an expression that states its unit by `in`.
-    pub of: Entry,
+    pub of: NamedText,
     /// The time constant of a lag, or the time by which a delay is late.
-    pub time: Entry,
+    pub time: NamedText,
     /// The order of a delay's approximation, 1 or 2; not used by a lag.
     pub order: u8,
 }
 
 /// What a curve does beyond its first and last point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Outside {
+pub enum CurveExtension {
     /// It is not a number there, which every result that depends on it shows.
     #[default]
     Error,
@@ -65,11 +65,11 @@ pub enum Outside {
 
 /// A curve through points, in SI.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Points {
+pub struct CurvePoints {
     /// Its name: a function of one argument.
     pub name: String,
     /// Where it was described.
-    pub place: Place,
+    pub place: TextPlace,
     /// The file that the points are in, where they are not written out. Whoever reads files puts the points and their units
     /// in its place.
     pub file: Option<String>,
@@ -82,10 +82,10 @@ pub struct Points {
     /// The unit of the value.
     pub y_unit: String,
     /// What it does beyond the points.
-    pub outside: Outside,
+    pub outside: CurveExtension,
 }
 
-impl Points {
+impl CurvePoints {
     /// The same with places and values in SI, of points that are in their units.
     ///
     /// # Errors
@@ -109,31 +109,31 @@ impl Points {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Description {
     /// States with their units.
-    pub states: Vec<Entry>,
+    pub states: Vec<NamedText>,
     /// Inputs with their units.
-    pub inputs: Vec<Entry>,
+    pub inputs: Vec<NamedText>,
     /// Parameters with their values and units.
-    pub parameters: Vec<Entry>,
+    pub parameters: Vec<NamedText>,
     /// Named expressions.
-    pub lets: Vec<Entry>,
+    pub lets: Vec<NamedText>,
     /// Functions; the name is that of the function with its arguments, such as `plate(angle, near, far)`.
-    pub functions: Vec<Entry>,
+    pub functions: Vec<NamedText>,
     /// The rate of each state, by its name.
-    pub derivative: Vec<Entry>,
+    pub derivative: Vec<NamedText>,
     /// What is measured, each expression with its unit behind `in`.
-    pub measure: Vec<Entry>,
+    pub measure: Vec<NamedText>,
     /// The noise of a state's rate or of a measurement, by its name.
-    pub noise: Vec<Entry>,
+    pub noise: Vec<NamedText>,
     /// Curves through points.
-    pub tables: Vec<Points>,
+    pub tables: Vec<CurvePoints>,
     /// Expressions that are zero where something happens.
-    pub events: Vec<Entry>,
+    pub events: Vec<NamedText>,
     /// The period of a state, by its name.
-    pub cyclic: Vec<Entry>,
+    pub cyclic: Vec<NamedText>,
     /// States that follow expressions through one pole.
     pub lag: Vec<Follower>,
     /// Expressions a while ago.
     pub delay: Vec<Follower>,
     /// What the device's energy is, for the check of its equations.
-    pub energy: Option<Entry>,
+    pub energy: Option<NamedText>,
 }

@@ -11,7 +11,7 @@
 //! check.
 
 use crate::device::Device;
-use crate::error::{EquationError, Fault};
+use crate::error::{EquationError, EquationFault};
 use crate::graph::{Graph, NodeId, Variable};
 use crate::motion::{MOST_STATES, padded, whole};
 use crate::program::Program;
@@ -24,7 +24,7 @@ pub struct EnergyCheck {
     /// The largest part of Ė that no damping explains, relative to the sizes of the powers that should cancel.
     pub imbalance: f64,
     /// The powers at the point where it is largest.
-    pub powers: Vec<Power>,
+    pub powers: Vec<StatePower>,
     /// The states that change their sign with the direction of time: rates of other states.
     pub velocities: Vec<String>,
     /// Whether Ė was positive at some point where nothing but damping should act.
@@ -37,7 +37,7 @@ pub struct EnergyCheck {
 
 /// What one state's motion does to the energy, in the unit of the energy per second.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Power {
+pub struct StatePower {
     /// The state.
     pub state: String,
     /// ∂E/∂x·ẋ, the part that changes its sign with the direction of time.
@@ -118,7 +118,7 @@ impl Device {
         let held: Vec<bool> = (0..self.inputs.len()).map(|input| contains(&mut graph, input)).collect();
         let program = self.program(&mut graph, &roots, &[], "energy")?;
 
-        let mut chance = Chance(0x9e37_79b9_7f4a_7c15);
+        let mut chance = XorshiftNormal(0x9e37_79b9_7f4a_7c15);
         let mut check = EnergyCheck {
             imbalance: 0.0,
             powers: Vec::new(),
@@ -171,14 +171,14 @@ impl Device {
             if imbalance > check.imbalance || check.powers.is_empty() {
                 check.imbalance = imbalance.max(check.imbalance);
                 let named = moved.iter().zip(&odd).filter_map(|(state, value)| {
-                    Some(Power { state: self.states.get(*state)?.name.to_string(), value: *value })
+                    Some(StatePower { state: self.states.get(*state)?.name.to_string(), value: *value })
                 });
                 check.powers = named.collect();
             }
         }
         if found == 0 {
             let why = "the powers are finite at no point; give smaller sizes of the states".to_owned();
-            return Err(whole("energy", Fault::Value(why)));
+            return Err(whole("energy", EquationFault::Value(why)));
         }
         Ok(Some(check))
     }
@@ -197,9 +197,9 @@ impl Device {
 }
 
 /// Numbers that are the same wherever this runs (xorshift, Marsaglia 2003).
-struct Chance(u64);
+struct XorshiftNormal(u64);
 
-impl Chance {
+impl XorshiftNormal {
     fn between(&mut self, low: f64, high: f64) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;

@@ -1,6 +1,6 @@
 //! What is wrong with a description, and where.
 
-use crate::description::Place;
+use crate::description::TextPlace;
 use kalmems_units::UnitError;
 use std::fmt;
 use std::ops::Range;
@@ -23,21 +23,21 @@ pub struct EquationError(Box<Located>);
 
 #[derive(Clone, Debug, PartialEq)]
 struct Located {
-    place: Place,
+    place: TextPlace,
     text: String,
     span: Range<usize>,
-    fault: Fault,
+    fault: EquationFault,
     within: Vec<String>,
 }
 
 impl EquationError {
-    pub(crate) fn new(place: &Place, text: &str, span: Range<usize>, fault: Fault) -> Self {
+    pub(crate) fn new(place: &TextPlace, text: &str, span: Range<usize>, fault: EquationFault) -> Self {
         let (place, text) = (place.clone(), text.to_owned());
         Self(Box::new(Located { place, text, span, fault, within: Vec::new() }))
     }
 
     /// About a whole entry.
-    pub(crate) fn whole(place: &Place, text: &str, fault: Fault) -> Self {
+    pub(crate) fn whole(place: &TextPlace, text: &str, fault: EquationFault) -> Self {
         Self::new(place, text, 0..text.len(), fault)
     }
 
@@ -51,7 +51,7 @@ impl EquationError {
     }
 
     /// Where it is.
-    pub fn place(&self) -> &Place {
+    pub fn place(&self) -> &TextPlace {
         &self.0.place
     }
 
@@ -61,7 +61,7 @@ impl EquationError {
     }
 
     /// What is wrong there.
-    pub fn fault(&self) -> &Fault {
+    pub fn fault(&self) -> &EquationFault {
         &self.0.fault
     }
 }
@@ -82,21 +82,21 @@ impl std::error::Error for EquationError {}
 
 /// Something that is allowed and probably not meant.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Notice {
-    pub(crate) place: Place,
+pub struct EquationNotice {
+    pub(crate) place: TextPlace,
     pub(crate) text: String,
     pub(crate) span: Range<usize>,
     pub(crate) message: String,
 }
 
-impl Notice {
+impl EquationNotice {
     /// Where it is.
-    pub fn place(&self) -> &Place {
+    pub fn place(&self) -> &TextPlace {
         &self.place
     }
 }
 
-impl fmt::Display for Notice {
+impl fmt::Display for EquationNotice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.place, self.message)?;
         write_marked(f, &self.text, &self.span)
@@ -131,7 +131,7 @@ fn write_marked(f: &mut fmt::Formatter<'_>, text: &str, span: &Range<usize>) -> 
 /// What can be wrong.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum Fault {
+pub enum EquationFault {
     /// The file is not TOML, or a value in it is of the wrong kind.
     #[error("{0}")]
     File(String),

@@ -1,7 +1,7 @@
 //! A description as TOML.
 
-use crate::description::{Description, Entry, Follower, Outside, Place, Points};
-use crate::error::{EquationError, Fault, nearest};
+use crate::description::{CurveExtension, CurvePoints, Description, Follower, NamedText, TextPlace};
+use crate::error::{EquationError, EquationFault, nearest};
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
 
@@ -26,7 +26,7 @@ const TABLES: [&str; 14] = [
 /// The longest file, in bytes.
 const LONGEST_FILE: usize = 1_000_000;
 
-type Pair<'a, 'b> = (&'a str, usize, &'a Spanned<DeValue<'b>>);
+type TableItem<'a, 'b> = (&'a str, usize, &'a Spanned<DeValue<'b>>);
 
 impl Description {
     /// Reads TOML, the order of whose keys is that of the states, inputs, parameters and measurements.
@@ -36,13 +36,13 @@ impl Description {
     /// What is no TOML, a table that is not known, and a value of the wrong kind.
     pub fn read(text: &str) -> Result<Self, EquationError> {
         if text.len() > LONGEST_FILE {
-            let fault = Fault::TooLong { length: text.len(), limit: LONGEST_FILE };
-            return Err(EquationError::whole(&Place::default(), "", fault));
+            let fault = EquationFault::TooLong { length: text.len(), limit: LONGEST_FILE };
+            return Err(EquationError::whole(&TextPlace::default(), "", fault));
         }
         let document = DeTable::parse(text).map_err(|error| {
             let span = error.span().unwrap_or(0..0);
-            let place = Place { key: "the file".to_owned(), offset: Some(span.start) };
-            EquationError::new(&place, text, span, Fault::File(error.message().replace('\n', "; ")))
+            let place = TextPlace { key: "the file".to_owned(), offset: Some(span.start) };
+            EquationError::new(&place, text, span, EquationFault::File(error.message().replace('\n', "; ")))
         })?;
         Self::of_table(document.get_ref())
     }
@@ -55,7 +55,7 @@ impl Description {
     pub fn of_table(table: &DeTable<'_>) -> Result<Self, EquationError> {
         let mut description = Self::default();
         for (name, offset, value) in ordered(table) {
-            let place = Place { key: name.to_owned(), offset: Some(offset) };
+            let place = TextPlace { key: name.to_owned(), offset: Some(offset) };
             if name == "energy" {
                 description.energy = Some(entry(None, (name, offset, value))?);
                 continue;
@@ -63,7 +63,7 @@ impl Description {
             if !TABLES.contains(&name) {
                 let suggestion = nearest(name, TABLES.into_iter());
                 let what = "a table of a device's equations";
-                let fault = Fault::Unknown { name: name.to_owned(), what, suggestion };
+                let fault = EquationFault::Unknown { name: name.to_owned(), what, suggestion };
                 return Err(EquationError::whole(&place, "", fault));
             }
             let inner = table_of(&place, value)?;
@@ -83,7 +83,7 @@ impl Description {
         Ok(description)
     }
 
-    fn entries(&mut self, table: &str) -> &mut Vec<Entry> {
+    fn entries(&mut self, table: &str) -> &mut Vec<NamedText> {
         match table {
             "states" => &mut self.states,
             "inputs" => &mut self.inputs,
@@ -100,23 +100,23 @@ impl Description {
 }
 
 /// The pairs of a table in the order of the file; a map may have sorted them.
-fn ordered<'a, 'b>(table: &'a DeTable<'b>) -> Vec<Pair<'a, 'b>> {
+fn ordered<'a, 'b>(table: &'a DeTable<'b>) -> Vec<TableItem<'a, 'b>> {
     let of = |(key, value): (&'a Spanned<DeString<'b>>, &'a Spanned<DeValue<'b>>)| {
         (key.get_ref().as_ref(), key.span().start, value)
     };
-    let mut pairs: Vec<Pair<'a, 'b>> = table.iter().map(of).collect();
+    let mut pairs: Vec<TableItem<'a, 'b>> = table.iter().map(of).collect();
     pairs.sort_by_key(|(_, offset, _)| *offset);
     pairs
 }
 
-fn wrong(place: &Place, value: &Spanned<DeValue<'_>>, expected: &str) -> EquationError {
+fn wrong(place: &TextPlace, value: &Spanned<DeValue<'_>>, expected: &str) -> EquationError {
     let found = value.get_ref().type_str();
-    let fault = Fault::File(format!("found a TOML value of the type {found}; expected {expected}"));
+    let fault = EquationFault::File(format!("found a TOML value of the type {found}; expected {expected}"));
     EquationError::whole(place, "", fault)
 }
 
 fn table_of<'a, 'b>(
-    place: &Place,
+    place: &TextPlace,
     value: &'a Spanned<DeValue<'b>>,
 ) -> Result<&'a DeTable<'b>, EquationError> {
     value.get_ref().as_table().ok_or_else(|| wrong(place, value, "a table"))
@@ -125,34 +125,34 @@ fn table_of<'a, 'b>(
 fn each<T>(
     table: &str,
     inner: &DeTable<'_>,
-    read: fn(&str, &Place, &DeTable<'_>) -> Result<T, EquationError>,
+    read: fn(&str, &TextPlace, &DeTable<'_>) -> Result<T, EquationError>,
 ) -> Result<Vec<T>, EquationError> {
-    let of = |(name, offset, value): Pair<'_, '_>| {
-        let place = Place { key: format!("{table}.{name}"), offset: Some(offset) };
+    let of = |(name, offset, value): TableItem<'_, '_>| {
+        let place = TextPlace { key: format!("{table}.{name}"), offset: Some(offset) };
         read(name, &place, table_of(&place, value)?)
     };
     ordered(inner).into_iter().map(of).collect()
 }
 
-fn entry(table: Option<&str>, (name, offset, value): Pair<'_, '_>) -> Result<Entry, EquationError> {
+fn entry(table: Option<&str>, (name, offset, value): TableItem<'_, '_>) -> Result<NamedText, EquationError> {
     let key = table.map_or_else(|| name.to_owned(), |table| format!("{table}.{name}"));
-    let place = Place { key, offset: Some(offset) };
+    let place = TextPlace { key, offset: Some(offset) };
     let text = value.get_ref().as_str().ok_or_else(|| wrong(&place, value, "a text in quotes"))?;
-    Ok(Entry { name: name.to_owned(), text: text.to_owned(), place })
+    Ok(NamedText { name: name.to_owned(), text: text.to_owned(), place })
 }
 
 /// The values of a table with these keys alone.
 fn fields<'a, 'b, const N: usize>(
-    place: &Place,
+    place: &TextPlace,
     table: &'a DeTable<'b>,
     keys: [&str; N],
-) -> Result<[Option<Pair<'a, 'b>>; N], EquationError> {
+) -> Result<[Option<TableItem<'a, 'b>>; N], EquationError> {
     let mut found = [const { None }; N];
     for pair in ordered(table) {
         let Some(slot) = keys.iter().position(|key| *key == pair.0).and_then(|index| found.get_mut(index))
         else {
             let suggestion = nearest(pair.0, keys.into_iter());
-            let fault = Fault::Unknown { name: pair.0.to_owned(), what: "a key here", suggestion };
+            let fault = EquationFault::Unknown { name: pair.0.to_owned(), what: "a key here", suggestion };
             return Err(EquationError::whole(place, "", fault));
         };
         *slot = Some(pair);
@@ -161,17 +161,18 @@ fn fields<'a, 'b, const N: usize>(
 }
 
 fn needed<'a, 'b>(
-    place: &Place,
+    place: &TextPlace,
     key: &str,
-    found: Option<Pair<'a, 'b>>,
-) -> Result<Pair<'a, 'b>, EquationError> {
-    found
-        .ok_or_else(|| EquationError::whole(place, "", Fault::Missing(format!("the key `{key}` is missing"))))
+    found: Option<TableItem<'a, 'b>>,
+) -> Result<TableItem<'a, 'b>, EquationError> {
+    found.ok_or_else(|| {
+        EquationError::whole(place, "", EquationFault::Missing(format!("the key `{key}` is missing")))
+    })
 }
 
-fn follower(name: &str, place: &Place, table: &DeTable<'_>) -> Result<Follower, EquationError> {
+fn follower(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<Follower, EquationError> {
     let [of, time, order] = fields(place, table, ["of", "time", "order"])?;
-    let part = |key: &str, found: Option<Pair<'_, '_>>| -> Result<Entry, EquationError> {
+    let part = |key: &str, found: Option<TableItem<'_, '_>>| -> Result<NamedText, EquationError> {
         let mut entry = entry(Some(&place.key), needed(place, key, found)?)?;
         name.clone_into(&mut entry.name);
         Ok(entry)
@@ -186,20 +187,20 @@ fn follower(name: &str, place: &Place, table: &DeTable<'_>) -> Result<Follower, 
     Ok(Follower { name: name.to_owned(), of: part("of", of)?, time: part("time", time)?, order })
 }
 
-fn points(name: &str, place: &Place, table: &DeTable<'_>) -> Result<Points, EquationError> {
+fn points(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<CurvePoints, EquationError> {
     let [file, x, y, x_unit, y_unit, outside] =
         fields(place, table, ["file", "x", "y", "x_unit", "y_unit", "outside"])?;
-    let text = |found: Option<Pair<'_, '_>>| -> Result<Option<String>, EquationError> {
+    let text = |found: Option<TableItem<'_, '_>>| -> Result<Option<String>, EquationError> {
         found.map(|pair| entry(Some(&place.key), pair).map(|entry| entry.text)).transpose()
     };
     let outside = match text(outside)?.as_deref() {
-        None | Some("error") => Outside::Error,
-        Some("clamp") => Outside::Clamp,
-        Some("linear") => Outside::Linear,
+        None | Some("error") => CurveExtension::Error,
+        Some("clamp") => CurveExtension::Clamp,
+        Some("linear") => CurveExtension::Linear,
         Some(other) => {
             let suggestion = nearest(other, ["error", "clamp", "linear"].into_iter());
             let what = "a rule for what is outside; expected `error`, `clamp` or `linear`";
-            let fault = Fault::Unknown { name: other.to_owned(), what, suggestion };
+            let fault = EquationFault::Unknown { name: other.to_owned(), what, suggestion };
             return Err(EquationError::whole(place, "", fault));
         }
     };
@@ -208,7 +209,7 @@ fn points(name: &str, place: &Place, table: &DeTable<'_>) -> Result<Points, Equa
         let units = [text(x_unit)?, text(y_unit)?].map(Option::unwrap_or_default);
         let [x_unit, y_unit] = units;
         let name = name.to_owned();
-        return Ok(Points {
+        return Ok(CurvePoints {
             name,
             place: place.clone(),
             file,
@@ -222,7 +223,7 @@ fn points(name: &str, place: &Place, table: &DeTable<'_>) -> Result<Points, Equa
     let (x, y) = (numbers(place, needed(place, "x", x)?)?, numbers(place, needed(place, "y", y)?)?);
     let x_unit = entry(Some(&place.key), needed(place, "x_unit", x_unit)?)?;
     let y_unit = entry(Some(&place.key), needed(place, "y_unit", y_unit)?)?;
-    Points {
+    CurvePoints {
         name: name.to_owned(),
         place: place.clone(),
         file: None,
@@ -235,7 +236,7 @@ fn points(name: &str, place: &Place, table: &DeTable<'_>) -> Result<Points, Equa
     .in_si()
 }
 
-fn numbers(place: &Place, (_, _, value): Pair<'_, '_>) -> Result<Vec<f64>, EquationError> {
+fn numbers(place: &TextPlace, (_, _, value): TableItem<'_, '_>) -> Result<Vec<f64>, EquationError> {
     let list = value.get_ref().as_array().ok_or_else(|| wrong(place, value, "a list of numbers"))?;
     let number = |item: &Spanned<DeValue<'_>>| {
         let text: Option<String> = match item.get_ref() {

@@ -1,7 +1,7 @@
 //! Devices as differential equations with units, in text.
 //!
 //! A [`Description`] has the names and texts of a device in their order; [`Device::of`] reads them: every name is looked up,
-//! every unit checked, every derivative made symbolically. A [`Motion`] and a [`Readout`] are programs of its rates, of what
+//! every unit checked, every derivative made symbolically. A [`Motion`] and a [`ReadoutProgram`] are programs of its rates, of what
 //! is measured, and of their Jacobians, which an interpreter runs over registers of `f64`. A parameter's new value needs no
 //! new program.
 //!
@@ -57,19 +57,19 @@ mod numeric;
 mod program;
 mod quantity;
 mod readout;
-mod rest;
+mod rest_state;
 mod syntax;
 mod typeset;
 
-pub use description::{Description, Entry, Follower, Outside, Place, Points};
+pub use description::{CurveExtension, CurvePoints, Description, Follower, NamedText, TextPlace};
 pub use device::{Device, Named, NoiseKind, Parameter};
 pub use emit::{
     EmitDigits, EmitError, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmittedFilter,
     FreeParameter, StateStart, StepMethod, TestSample, TestVectors,
 };
-pub use energy::{EnergyCheck, Power};
-pub use error::{EquationError, Fault, Notice};
+pub use energy::{EnergyCheck, StatePower};
+pub use error::{EquationError, EquationFault, EquationNotice};
 pub use modes::{Mode, modes, shape};
 pub use motion::{MOST_STATES, Motion};
-pub use program::Work;
-pub use readout::Readout;
+pub use program::ProgramNumbers;
+pub use readout::ReadoutProgram;

@@ -24,7 +24,7 @@ impl Mode {
 
     /// |λ| in 1/s: how fast it is.
     pub fn size(&self) -> f64 {
-        Complex(self.growth, self.rate).size()
+        ComplexNumber(self.growth, self.rate).size()
     }
 
     /// The ratio of damping to critical damping, −Re λ/|λ|.
@@ -39,9 +39,9 @@ impl Mode {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Complex(f64, f64);
+struct ComplexNumber(f64, f64);
 
-impl Complex {
+impl ComplexNumber {
     const ZERO: Self = Self(0.0, 0.0);
 
     fn size(self) -> f64 {
@@ -67,28 +67,28 @@ impl Complex {
     }
 }
 
-impl Add for Complex {
+impl Add for ComplexNumber {
     type Output = Self;
     fn add(self, other: Self) -> Self {
         Self(self.0 + other.0, self.1 + other.1)
     }
 }
 
-impl Sub for Complex {
+impl Sub for ComplexNumber {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
         Self(self.0 - other.0, self.1 - other.1)
     }
 }
 
-impl Mul for Complex {
+impl Mul for ComplexNumber {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
         Self(self.0 * other.0 - self.1 * other.1, self.0 * other.1 + self.1 * other.0)
     }
 }
 
-impl Div for Complex {
+impl Div for ComplexNumber {
     type Output = Self;
     fn div(self, other: Self) -> Self {
         let square = other.0 * other.0 + other.1 * other.1;
@@ -106,14 +106,15 @@ pub fn shape(matrix: &[f64], size: usize, mode: &Mode) -> Option<[Vec<f64>; 2]> 
     if size == 0 || matrix.len() != size * size || !matrix.iter().all(|entry| entry.is_finite()) {
         return None;
     }
-    let shift = Complex(mode.growth, mode.rate) + Complex(SHIFT * mode.size().max(f64::MIN_POSITIVE), 0.0);
-    let mut v = vec![Complex(1.0, 0.0); size];
+    let shift = ComplexNumber(mode.growth, mode.rate)
+        + ComplexNumber(SHIFT * mode.size().max(f64::MIN_POSITIVE), 0.0);
+    let mut v = vec![ComplexNumber(1.0, 0.0); size];
     for _ in 0..3 {
         let shifted = |i: usize, j: usize| {
-            let entry = Complex(matrix[i * size + j], 0.0);
+            let entry = ComplexNumber(matrix[i * size + j], 0.0);
             if i == j { entry - shift } else { entry }
         };
-        let mut rows: Vec<Vec<Complex>> =
+        let mut rows: Vec<Vec<ComplexNumber>> =
             (0..size).map(|i| (0..size).map(|j| shifted(i, j)).chain([v[i]]).collect()).collect();
         v = solved(&mut rows)?;
         let largest = v.iter().copied().reduce(|a, b| if b.size() > a.size() { b } else { a })?;
@@ -128,11 +129,11 @@ pub fn shape(matrix: &[f64], size: usize, mode: &Mode) -> Option<[Vec<f64>; 2]> 
 }
 
 /// The solution of rows of a system with its right side behind them, by elimination with row pivots.
-fn solved(rows: &mut [Vec<Complex>]) -> Option<Vec<Complex>> {
+fn solved(rows: &mut [Vec<ComplexNumber>]) -> Option<Vec<ComplexNumber>> {
     let size = rows.len();
     for column in 0..size {
         // The largest pivot for the size of its row.
-        let of = |row: &Vec<Complex>| {
+        let of = |row: &Vec<ComplexNumber>| {
             let most = row[..size].iter().fold(0.0_f64, |most, entry| most.max(entry.size()));
             if most > 0.0 { row[column].size() / most } else { 0.0 }
         };
@@ -150,7 +151,7 @@ fn solved(rows: &mut [Vec<Complex>]) -> Option<Vec<Complex>> {
             }
         }
     }
-    let mut x = vec![Complex::ZERO; size];
+    let mut x = vec![ComplexNumber::ZERO; size];
     for i in (0..size).rev() {
         let known = (i + 1..size).fold(rows[i][size], |left, j| left - rows[i][j] * x[j]);
         x[i] = known / rows[i][i];
@@ -173,8 +174,8 @@ pub fn modes(matrix: &[f64], size: usize) -> Option<Vec<Mode>> {
     let mut rows: Vec<Vec<f64>> = matrix.chunks_exact(size).map(<[f64]>::to_vec).collect();
     balance(&mut rows);
     reduce(&mut rows);
-    let complex = |row: &Vec<f64>| row.iter().map(|entry| Complex(*entry, 0.0)).collect();
-    let mut h: Vec<Vec<Complex>> = rows.iter().map(complex).collect();
+    let complex = |row: &Vec<f64>| row.iter().map(|entry| ComplexNumber(*entry, 0.0)).collect();
+    let mut h: Vec<Vec<ComplexNumber>> = rows.iter().map(complex).collect();
     let mut found = Vec::with_capacity(size);
     let mut last = size - 1;
     let mut steps = 0;
@@ -195,7 +196,7 @@ pub fn modes(matrix: &[f64], size: usize) -> Option<Vec<Mode>> {
         }
         // Now and then another shift, so that no cycle of steps is endless.
         let shift =
-            if steps % 10 == 0 { Complex(h[last][last - 1].size(), 0.0) } else { wilkinson(&h, last) };
+            if steps % 10 == 0 { ComplexNumber(h[last][last - 1].size(), 0.0) } else { wilkinson(&h, last) };
         qr_step(&mut h, (first, last), shift);
     }
     Some(paired(found))
@@ -266,33 +267,33 @@ fn reduce(a: &mut [Vec<f64>]) {
 }
 
 /// Whether the entry before this row's diagonal is nothing against its neighbours.
-fn is_split(h: &[Vec<Complex>], k: usize) -> bool {
+fn is_split(h: &[Vec<ComplexNumber>], k: usize) -> bool {
     let around = h[k - 1][k - 1].size() + h[k][k].size();
-    h[k][k - 1].size() <= f64::EPSILON * around || h[k][k - 1] == Complex::ZERO
+    h[k][k - 1].size() <= f64::EPSILON * around || h[k][k - 1] == ComplexNumber::ZERO
 }
 
 /// The eigenvalue of the last two rows and columns that is nearer to the last entry.
-fn wilkinson(h: &[Vec<Complex>], last: usize) -> Complex {
+fn wilkinson(h: &[Vec<ComplexNumber>], last: usize) -> ComplexNumber {
     let (a, b) = (h[last - 1][last - 1], h[last - 1][last]);
     let (c, d) = (h[last][last - 1], h[last][last]);
     let half = (a - d).scaled(0.5);
     let root = (half * half + b * c).root();
     let (plus, minus) = (half + root, half - root);
     let far = if plus.size() >= minus.size() { plus } else { minus };
-    if far == Complex::ZERO { d } else { d - b * c / far }
+    if far == ComplexNumber::ZERO { d } else { d - b * c / far }
 }
 
 /// One step H − s = QR, H ← RQ + s on the rows and columns from `first` to `last`, by rotations.
-fn qr_step(h: &mut [Vec<Complex>], (first, last): (usize, usize), shift: Complex) {
+fn qr_step(h: &mut [Vec<ComplexNumber>], (first, last): (usize, usize), shift: ComplexNumber) {
     for k in first..=last {
         h[k][k] = h[k][k] - shift;
     }
     let mut rotations = Vec::with_capacity(last - first);
     for k in first..last {
         let (x, y) = (h[k][k], h[k + 1][k]);
-        let size = Complex(x.size(), y.size()).size();
+        let size = ComplexNumber(x.size(), y.size()).size();
         let (c, s) = if size == 0.0 {
-            (Complex(1.0, 0.0), Complex::ZERO)
+            (ComplexNumber(1.0, 0.0), ComplexNumber::ZERO)
         } else {
             (x.scaled(size.recip()), y.scaled(size.recip()))
         };
@@ -316,9 +317,9 @@ fn qr_step(h: &mut [Vec<Complex>], (first, last): (usize, usize), shift: Complex
 }
 
 /// In order, an imaginary part that is rounding taken off.
-fn paired(values: Vec<Complex>) -> Vec<Mode> {
+fn paired(values: Vec<ComplexNumber>) -> Vec<Mode> {
     let most = values.iter().map(|value| value.size()).fold(0.0, f64::max);
-    let mode = |value: Complex| {
+    let mode = |value: ComplexNumber| {
         let is_real = value.1.abs() <= 1e-9 * value.size() || value.1.abs() <= 1e-14 * most;
         Mode { growth: value.0, rate: if is_real { 0.0 } else { value.1 } }
     };
@@ -362,19 +363,19 @@ mod tests {
     fn roots_of_a_polynomial_are_found() {
         // (x − 1)(x + 2)(x − 3)(x² + 4x + 13)(x + 0.5).
         let roots = [(1.0, 0.0), (-2.0, 0.0), (3.0, 0.0), (-2.0, 3.0), (-2.0, -3.0), (-0.5, 0.0)];
-        let mut polynomial = vec![Complex(1.0, 0.0)];
+        let mut polynomial = vec![ComplexNumber(1.0, 0.0)];
         for (re, im) in roots {
-            let mut next = vec![Complex::ZERO; polynomial.len() + 1];
+            let mut next = vec![ComplexNumber::ZERO; polynomial.len() + 1];
             for (k, coefficient) in polynomial.iter().enumerate() {
                 next[k + 1] = next[k + 1] + *coefficient;
-                next[k] = next[k] - *coefficient * Complex(re, im);
+                next[k] = next[k] - *coefficient * ComplexNumber(re, im);
             }
             polynomial = next;
         }
         let coefficients: Vec<f64> = polynomial[..6].iter().map(|c| c.0).collect();
         let found = modes(&companion(&coefficients), 6).unwrap();
         for (re, im) in roots {
-            let near = found.iter().map(|mode| Complex(mode.growth - re, mode.rate - im).size());
+            let near = found.iter().map(|mode| ComplexNumber(mode.growth - re, mode.rate - im).size());
             assert!(near.fold(f64::INFINITY, f64::min) < 1e-9, "{re} {im}: {found:?}");
         }
     }

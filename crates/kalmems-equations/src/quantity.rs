@@ -8,7 +8,7 @@ use kalmems_units::Dimension;
 
 /// What is known of an expression's unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Quantity {
+pub(crate) enum UnitKnowledge {
     /// The number 0, which is a value in any unit.
     Any,
     /// A dimension, the angle included.
@@ -19,7 +19,7 @@ pub(crate) enum Quantity {
 
 const RADIAN: Dimension = Dimension::of([0, 0, 0, 0, 0, 1]);
 
-impl Quantity {
+impl UnitKnowledge {
     pub(crate) const PLAIN: Self = Self::Exact(Dimension::NONE);
 
     /// The dimension, where it has one; the angle may be missing.
@@ -90,7 +90,7 @@ impl Quantity {
     }
 }
 
-impl std::fmt::Display for Quantity {
+impl std::fmt::Display for UnitKnowledge {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.dimension() {
             Some(dimension) => dimension.fmt(f),

@@ -1,16 +1,16 @@
 //! What is read of a device: measurements, events, and what follows from its parameters.
 
 use crate::device::{Device, NoiseKind};
-use crate::error::{EquationError, Fault};
+use crate::error::{EquationError, EquationFault};
 use crate::graph::{Graph, NodeId};
 use crate::motion::{MOST_STATES, padded, variables, whole};
-use crate::program::{Program, Work};
+use crate::program::{Program, ProgramNumbers};
 
 /// One measurement, or the expression of one event, with its derivatives by the states.
 ///
 /// Vectors are as those of [`Motion`](crate::Motion).
 #[derive(Clone, Debug)]
-pub struct Readout {
+pub struct ReadoutProgram {
     program: Program,
     states: usize,
     free: Vec<usize>,
@@ -25,8 +25,9 @@ impl Device {
     /// # Errors
     ///
     /// Where there is none, and where its derivatives are too large.
-    pub fn readout(&self, measure: usize, free: &[usize]) -> Result<Readout, EquationError> {
-        let missing = || whole("measure", Fault::Missing(format!("there is no measurement {}", measure + 1)));
+    pub fn readout(&self, measure: usize, free: &[usize]) -> Result<ReadoutProgram, EquationError> {
+        let missing =
+            || whole("measure", EquationFault::Missing(format!("there is no measurement {}", measure + 1)));
         self.readout_of(*self.readings.get(measure).ok_or_else(missing)?, free, "measure")
     }
 
@@ -35,12 +36,12 @@ impl Device {
     /// # Errors
     ///
     /// Where there is none, and where its derivatives are too large.
-    pub fn event(&self, event: usize, free: &[usize]) -> Result<Readout, EquationError> {
-        let missing = || whole("events", Fault::Missing(format!("there is no event {}", event + 1)));
+    pub fn event(&self, event: usize, free: &[usize]) -> Result<ReadoutProgram, EquationError> {
+        let missing = || whole("events", EquationFault::Missing(format!("there is no event {}", event + 1)));
         self.readout_of(*self.crossings.get(event).ok_or_else(missing)?, free, "events")
     }
 
-    fn readout_of(&self, node: NodeId, free: &[usize], key: &str) -> Result<Readout, EquationError> {
+    fn readout_of(&self, node: NodeId, free: &[usize], key: &str) -> Result<ReadoutProgram, EquationError> {
         let mut graph = self.graph.clone();
         let (mut roots, mut columns) = (vec![node], Vec::new());
         for (column, variable) in variables(self.states.len(), free).enumerate() {
@@ -54,7 +55,7 @@ impl Device {
         let outputs = program.outputs();
         let value = outputs.first().copied().unwrap_or_default();
         let slopes = columns.into_iter().zip(outputs.iter().skip(1).copied()).collect();
-        Ok(Readout { states: self.states.len(), free: free.to_vec(), value, slopes, program })
+        Ok(ReadoutProgram { states: self.states.len(), free: free.to_vec(), value, slopes, program })
     }
 
     /// Every noise that is stated, with these values of all parameters.
@@ -81,7 +82,7 @@ impl Device {
         let values = self.constants(&nodes, parameters, "cyclic")?;
         if let Some(value) = values.iter().find(|value| !(value.is_finite() && **value > 0.0)) {
             let why = format!("a period is {value}; expected a positive finite number");
-            return Err(whole("cyclic", Fault::Value(why)));
+            return Err(whole("cyclic", EquationFault::Value(why)));
         }
         Ok(self.periods.iter().map(|(state, _)| *state).zip(values).collect())
     }
@@ -93,14 +94,14 @@ impl Device {
     }
 }
 
-impl Readout {
+impl ReadoutProgram {
     /// What it works on, with these values of all parameters, in SI and in the device's order.
-    pub fn work(&self, parameters: &[f64]) -> Work {
+    pub fn work(&self, parameters: &[f64]) -> ProgramNumbers {
         self.program.work(parameters)
     }
 
     /// The value at a state under inputs; not a finite number outside of the domain.
-    pub fn read(&self, work: &mut Work, x: &[f64], inputs: &[f64]) -> f64 {
+    pub fn read(&self, work: &mut ProgramNumbers, x: &[f64], inputs: &[f64]) -> f64 {
         if !self.free.is_empty() {
             for (parameter, value) in self.free.iter().zip(x.iter().skip(self.states)) {
                 self.program.set_parameter(work, *parameter, *value);
@@ -117,7 +118,7 @@ impl Readout {
     }
 
     /// The value, and its derivatives by the states.
-    pub fn linearize(&self, work: &mut Work, x: &[f64], inputs: &[f64], slopes: &mut [f64]) -> f64 {
+    pub fn linearize(&self, work: &mut ProgramNumbers, x: &[f64], inputs: &[f64], slopes: &mut [f64]) -> f64 {
         let value = self.read(work, x, inputs);
         slopes.fill(0.0);
         for (column, register) in &self.slopes {

@@ -1,7 +1,7 @@
 //! Equations as a reader knows them, in Unicode.
 
-use crate::device::{Device, Line, Text};
-use crate::syntax::{Form, is_of_name};
+use crate::device::{Device, DeviceEquation, ParsedText};
+use crate::syntax::{TermForm, is_of_name};
 
 impl Device {
     /// Its equations, one line each: Greek letters for their names, indices, powers, roots and derivatives as they are
@@ -24,10 +24,10 @@ impl Device {
     /// # Ok::<(), kalmems_equations::EquationError>(())
     /// ```
     pub fn typeset(&self) -> Vec<String> {
-        let line = |(left, right): &(String, Line)| {
+        let line = |(left, right): &(String, DeviceEquation)| {
             let text = match right {
-                Line::Text(text) => text,
-                Line::Law(formula) => return format!("{} = {formula}", header(left)),
+                DeviceEquation::Text(text) => text,
+                DeviceEquation::Law(formula) => return format!("{} = {formula}", header(left)),
             };
             let unit = text.tree.unit.as_ref().map(|(_, span)| format!("  in {}", text.word(span)));
             format!("{} = {}{}", header(left), expression(text), unit.unwrap_or_default())
@@ -38,7 +38,7 @@ impl Device {
 
 /// How tightly what was written holds together, from sums to names.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Bond {
+enum Precedence {
     Sum,
     Product,
     Power,
@@ -60,20 +60,20 @@ fn header(left: &str) -> String {
     }
 }
 
-fn expression(text: &Text) -> String {
-    let mut parts: Vec<(String, Bond)> = Vec::with_capacity(text.tree.terms.len());
+fn expression(text: &ParsedText) -> String {
+    let mut parts: Vec<(String, Precedence)> = Vec::with_capacity(text.tree.terms.len());
     for term in &text.tree.terms {
-        let at = |id: &usize| parts.get(*id).cloned().unwrap_or((String::new(), Bond::Whole));
+        let at = |id: &usize| parts.get(*id).cloned().unwrap_or((String::new(), Precedence::Whole));
         // In brackets where it holds less tightly than what is around it.
-        let within = |id: &usize, bond: Bond| {
+        let within = |id: &usize, bond: Precedence| {
             let (part, own) = at(id);
             if own < bond { format!("({part})") } else { part }
         };
         let written = match &term.form {
-            Form::Number(..) => (number(text.word(&term.span)), Bond::Whole),
-            Form::Name(span) => (name(text.word(span)), Bond::Whole),
-            Form::Negative(of) => (format!("−{}", within(of, Bond::Product)), Bond::Sum),
-            Form::Sum(of) => {
+            TermForm::Number(..) => (number(text.word(&term.span)), Precedence::Whole),
+            TermForm::Name(span) => (name(text.word(span)), Precedence::Whole),
+            TermForm::Negative(of) => (format!("−{}", within(of, Precedence::Product)), Precedence::Sum),
+            TermForm::Sum(of) => {
                 let mut sum = String::new();
                 for (index, (minus, id)) in of.iter().enumerate() {
                     let sign = match (index, minus) {
@@ -81,12 +81,12 @@ fn expression(text: &Text) -> String {
                         (_, true) => " − ",
                         (_, false) => " + ",
                     };
-                    let bond = if index == 0 { Bond::Sum } else { Bond::Product };
+                    let bond = if index == 0 { Precedence::Sum } else { Precedence::Product };
                     sum.push_str(&format!("{sign}{}", within(id, bond)));
                 }
-                (sum, Bond::Sum)
+                (sum, Precedence::Sum)
             }
-            Form::Product(of) => {
+            TermForm::Product(of) => {
                 let mut product = String::new();
                 for (index, (over, id)) in of.iter().enumerate() {
                     let sign = match (index, over) {
@@ -94,44 +94,44 @@ fn expression(text: &Text) -> String {
                         (_, true) => "/",
                         (_, false) => "·",
                     };
-                    let bond = if *over { Bond::Power } else { Bond::Product };
+                    let bond = if *over { Precedence::Power } else { Precedence::Product };
                     // A sign in front of the first factor needs no brackets.
                     let is_signed = index == 0 && at(id).0.starts_with('−');
                     let part = if is_signed && !at(id).0.contains(' ') { at(id).0 } else { within(id, bond) };
                     product.push_str(&format!("{sign}{part}"));
                 }
-                (product, Bond::Product)
+                (product, Precedence::Product)
             }
-            Form::Power(base, exponent) => {
-                let base = within(base, Bond::Whole);
+            TermForm::Power(base, exponent) => {
+                let base = within(base, Precedence::Whole);
                 let exponent = at(exponent).0;
                 match raised(&exponent) {
-                    Some(raised) => (format!("{base}{raised}"), Bond::Power),
-                    None => (format!("{base}^({exponent})"), Bond::Power),
+                    Some(raised) => (format!("{base}{raised}"), Precedence::Power),
+                    None => (format!("{base}^({exponent})"), Precedence::Power),
                 }
             }
-            Form::Call(function, of) => {
+            TermForm::Call(function, of) => {
                 let arguments: Vec<String> = of.iter().map(|id| at(id).0).collect();
                 let function = text.word(function);
                 let first = arguments.first().cloned().unwrap_or_default();
                 match function {
-                    "sqrt" => (format!("√({first})"), Bond::Power),
-                    "abs" => (format!("|{first}|"), Bond::Whole),
-                    "exp" => (format!("exp({first})"), Bond::Power),
+                    "sqrt" => (format!("√({first})"), Precedence::Power),
+                    "abs" => (format!("|{first}|"), Precedence::Whole),
+                    "exp" => (format!("exp({first})"), Precedence::Power),
                     "sin" | "cos" | "tan" | "ln" if first.chars().all(is_of_name) => {
-                        (format!("{function} {first}"), Bond::Power)
+                        (format!("{function} {first}"), Precedence::Power)
                     }
-                    _ => (format!("{function}({})", arguments.join(", ")), Bond::Power),
+                    _ => (format!("{function}({})", arguments.join(", ")), Precedence::Power),
                 }
             }
-            Form::Choice { smaller, larger, then, otherwise } => {
+            TermForm::Choice { smaller, larger, then, otherwise } => {
                 let [a, b, x, y] = [smaller, larger, then, otherwise].map(|id| at(id).0);
-                (format!("{{{x} if {a} < {b}, {y} else}}"), Bond::Whole)
+                (format!("{{{x} if {a} < {b}, {y} else}}"), Precedence::Whole)
             }
-            Form::Partial { of, by } => {
-                (format!("∂{}/∂{}", within(of, Bond::Whole), name(text.word(by))), Bond::Power)
+            TermForm::Partial { of, by } => {
+                (format!("∂{}/∂{}", within(of, Precedence::Whole), name(text.word(by))), Precedence::Power)
             }
-            Form::Rate { of } => (format!("d{}/dt", within(of, Bond::Whole)), Bond::Power),
+            TermForm::Rate { of } => (format!("d{}/dt", within(of, Precedence::Whole)), Precedence::Power),
         };
         parts.push(written);
     }

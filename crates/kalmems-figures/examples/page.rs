@@ -1,7 +1,8 @@
 //! A page with plots to look into: `cargo run --example page -- page.html`.
 
 use kalmems_figures::{
-    Axis, Column, Figure, Page, Panel, Part, Role, Section, Series, Severity, Table, Track,
+    Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
+    TextTable, Track,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -10,29 +11,29 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn page() -> Page {
-    let verdicts = Table::new(
+    let verdicts = TextTable::new(
         "",
         [
-            Column::text("filter"),
-            Column::number("rms error", "deg"),
-            Column::number("mean NIS", ""),
-            Column::number("samples", ""),
-            Column::text("verdict"),
+            ColumnHead::text("filter"),
+            ColumnHead::number("rms error", "deg"),
+            ColumnHead::number("mean NIS", ""),
+            ColumnHead::number("samples", ""),
+            ColumnHead::text("verdict"),
         ],
     )
     .row(["extended Kalman filter", "0.0213", "1.003", "24000", "passes"])
     .row(["model alone", "1.54", "–", "24000", "astray"])
-    .with_verdicts("verdict", [Severity::Ok, Severity::Failure]);
+    .with_verdicts("verdict", [NoticeSeverity::Ok, NoticeSeverity::Failure]);
     Page::new("A page to look into", "simulated, as an example")
         .with(
-            Section::new("Verdict")
-                .part(Part::Verdict)
-                .notice(Severity::Ok, "The extended Kalman filter passes.")
+            PageSection::new("Verdict")
+                .part(PagePart::Verdict)
+                .notice(NoticeSeverity::Ok, "The extended Kalman filter passes.")
                 .table(verdicts),
         )
-        .with(Section::new("Motion").figure(motion()))
-        .with(Section::new("Noise").part(Part::Evidence).figure(spectrum()).figure(long()))
-        .with(Section::new("How it was made").part(Part::Made).preformatted("Settings", "seed = 7\n"))
+        .with(PageSection::new("Motion").figure(motion()))
+        .with(PageSection::new("Noise").part(PagePart::Evidence).figure(spectrum()).figure(long()))
+        .with(PageSection::new("How it was made").part(PagePart::Made).preformatted("Settings", "seed = 7\n"))
 }
 
 fn noise(i: u32) -> f64 {
@@ -52,19 +53,23 @@ fn motion() -> Figure {
     let last = 23_000..24_000;
     let of = |points: fn(f64, f64) -> (f64, f64)| last.clone().map(move |i| points(time(i), angle(i)));
     let angles = Panel::new(Axis::new("time", "s"), Axis::new("angle", "deg"))
-        .with(Series::line("reference", Role::Reference, of(|t, a| (t, a + 0.01))))
+        .with(Series::line("reference", SeriesRole::Reference, of(|t, a| (t, a + 0.01))))
         .with(
             Series::band(
                 "±3σ",
-                Role::Estimate,
+                SeriesRole::Estimate,
                 last.clone().map(|i| (time(i), angle(i) - 3.0 * sd(i), angle(i) + 3.0 * sd(i))),
             )
             .of_all(&track, [1, 2]),
         )
-        .with(Series::line("estimate", Role::Estimate, of(|t, a| (t, a))).of_all(&track, [0, 0]));
+        .with(Series::line("estimate", SeriesRole::Estimate, of(|t, a| (t, a))).of_all(&track, [0, 0]));
     let signal = Panel::new(Axis::new("time", "s"), Axis::new("signal", "V"))
-        .with(Series::points("measured", Role::Measured, (0..24_000).map(|i| (time(i), 1e-3 * noise(i)))))
-        .with(Series::level("limit", Role::Bound, 6e-4));
+        .with(Series::points(
+            "measured",
+            SeriesRole::Measured,
+            (0..24_000).map(|i| (time(i), 1e-3 * noise(i))),
+        ))
+        .with(Series::level("limit", SeriesRole::Bound, 6e-4));
     Figure::new("motion", "Motion", "The end of the recording at first, and all of it to look into.")
         .with(signal)
         .with(angles.sharing_x())
@@ -76,7 +81,7 @@ fn spectrum() -> Figure {
     let panel = Panel::new(Axis::new("frequency", "Hz").log(), Axis::new("density", "V^2/Hz").log());
     Figure::new("spectrum", "Spectrum", "Of the innovations.").with(panel.with(Series::line(
         "innovations",
-        Role::Estimate,
+        SeriesRole::Estimate,
         line,
     )))
 }
@@ -95,7 +100,7 @@ fn long() -> Figure {
     });
     Figure::new("long", "Three million samples", "Drawn as a band.").with(panel.with(Series::line(
         "value",
-        Role::Measured,
+        SeriesRole::Measured,
         points,
     )))
 }

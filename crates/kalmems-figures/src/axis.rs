@@ -1,14 +1,14 @@
 //! The range of an axis, and where values and ticks lie on it.
 
 use crate::decimate::{SMALLEST, is_drawable};
-use crate::figure::{Axis, Scale};
+use crate::figure::{Axis, AxisScale};
 use crate::prefix::{Prefixed, prefixed};
 use crate::text::{decimal, power_of_ten, with_printed_unit, with_unit};
 
 /// What an axis shows, from `low` to `high`, with `low < high`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Range {
-    pub(crate) scale: Scale,
+    pub(crate) scale: AxisScale,
     pub(crate) low: f64,
     pub(crate) high: f64,
 }
@@ -19,25 +19,25 @@ impl Range {
         let [low, high] = axis.range?;
         let usable = low < high && is_drawable(low) && is_drawable(high);
         let resolved = !is_constant(low, high);
-        let below_log = axis.scale == Scale::Log && low < SMALLEST;
+        let below_log = axis.scale == AxisScale::Log && low < SMALLEST;
         (usable && resolved && !below_log).then_some(Self { scale: axis.scale, low, high })
     }
 
     /// All of the values, and `margin` of their span on either side. None where no value can be shown.
-    pub(crate) fn around(scale: Scale, values: impl Iterator<Item = f64>, margin: f64) -> Option<Self> {
-        let positive = |v: &f64| scale == Scale::Linear || *v >= SMALLEST;
+    pub(crate) fn around(scale: AxisScale, values: impl Iterator<Item = f64>, margin: f64) -> Option<Self> {
+        let positive = |v: &f64| scale == AxisScale::Linear || *v >= SMALLEST;
         let (low, high) = values.filter(|v| is_drawable(*v)).filter(positive).fold(None, |range, v| {
             let (low, high) = range.unwrap_or((v, v));
             Some((v.min(low), v.max(high)))
         })?;
         Some(match scale {
-            Scale::Linear => Self::linear(low, high, margin),
-            Scale::Log => Self::log(low, high, margin),
+            AxisScale::Linear => Self::linear(low, high, margin),
+            AxisScale::Log => Self::log(low, high, margin),
         })
     }
 
     fn linear(low: f64, high: f64, margin: f64) -> Self {
-        let scale = Scale::Linear;
+        let scale = AxisScale::Linear;
         if is_constant(low, high) {
             let largest = low.abs().max(high.abs());
             let room = if largest >= SMALLEST { 0.1 * largest } else { 1.0 };
@@ -51,15 +51,15 @@ impl Range {
         let decades = libm::log10(high) - libm::log10(low);
         let factor = libm::pow(10.0, if decades < 1e-6 { 0.5 } else { margin * decades });
         // The margin of hundreds of decades must not leave the numbers.
-        Self { scale: Scale::Log, low: (low / factor).max(1e-302), high: (high * factor).min(1e302) }
+        Self { scale: AxisScale::Log, low: (low / factor).max(1e-302), high: (high * factor).min(1e302) }
     }
 
     /// Where a value lies: 0 at `low`, 1 at `high`. On a logarithmic axis −∞ for what is not positive.
     pub(crate) fn position(self, value: f64) -> f64 {
         match self.scale {
-            Scale::Linear => (value - self.low) / (self.high - self.low),
-            Scale::Log if value <= 0.0 => f64::NEG_INFINITY,
-            Scale::Log => {
+            AxisScale::Linear => (value - self.low) / (self.high - self.low),
+            AxisScale::Log if value <= 0.0 => f64::NEG_INFINITY,
+            AxisScale::Log => {
                 let start = libm::log10(self.low);
                 (libm::log10(value) - start) / (libm::log10(self.high) - start)
             }
@@ -93,8 +93,8 @@ impl Ticks {
     /// About `count` marks at most.
     pub(crate) fn new(axis: &Axis, range: Range, count: f64) -> Self {
         match range.scale {
-            Scale::Linear => linear_ticks(axis, range, count),
-            Scale::Log => log_ticks(axis, range, count),
+            AxisScale::Linear => linear_ticks(axis, range, count),
+            AxisScale::Log => log_ticks(axis, range, count),
         }
     }
 
@@ -104,12 +104,12 @@ impl Ticks {
 }
 
 /// A mark is a whole number of `10^exponent`.
-struct Step {
+struct TickStep {
     mantissa: i64,
     exponent: i32,
 }
 
-impl Step {
+impl TickStep {
     /// The smallest of 1, 2 and 5 times a power of ten that is at least `size`.
     fn at_least(size: f64) -> Self {
         let exponent = whole(libm::log10(size).floor());
@@ -126,7 +126,7 @@ impl Step {
 const LONGEST_LABEL: usize = 7;
 
 fn linear_ticks(axis: &Axis, range: Range, count: f64) -> Ticks {
-    let Step { mantissa, exponent } = Step::at_least((range.high - range.low) / count.max(1.0));
+    let TickStep { mantissa, exponent } = TickStep::at_least((range.high - range.low) / count.max(1.0));
     let unit = ten(exponent);
     let step = mantissa as f64 * unit;
     // A little slack, so that a mark that falls on the end of the range is there.
@@ -251,7 +251,7 @@ mod tests {
 
     fn ticks(unit: &str, low: f64, high: f64, count: f64) -> (String, String) {
         let axis = Axis::new("q", unit);
-        let got = Ticks::new(&axis, Range { scale: Scale::Linear, low, high }, count);
+        let got = Ticks::new(&axis, Range { scale: AxisScale::Linear, low, high }, count);
         (got.major.iter().map(|t| t.label.as_str()).collect::<Vec<_>>().join(" "), got.title)
     }
 
@@ -283,7 +283,7 @@ mod tests {
 
     fn log_labels(unit: &str, low: f64, high: f64, count: f64) -> (String, String) {
         let axis = Axis::new("q", unit).log();
-        let got = Ticks::new(&axis, Range { scale: Scale::Log, low, high }, count);
+        let got = Ticks::new(&axis, Range { scale: AxisScale::Log, low, high }, count);
         (got.major.iter().map(|t| t.label.as_str()).collect::<Vec<_>>().join(" "), got.title)
     }
 
@@ -309,7 +309,7 @@ mod tests {
 
     #[test]
     fn ranges_fit_what_they_show() {
-        let around = |values: &[f64]| Range::around(Scale::Linear, values.iter().copied(), 0.05).unwrap();
+        let around = |values: &[f64]| Range::around(AxisScale::Linear, values.iter().copied(), 0.05).unwrap();
         let range = around(&[1.0, -1.0]);
         approx::assert_relative_eq!(range.low, -1.1);
         approx::assert_relative_eq!(range.high, 1.1);
@@ -318,8 +318,8 @@ mod tests {
             let range = around(&[v]);
             assert!(range.low < v && v < range.high, "{v:e} {range:?}");
         }
-        assert!(Range::around(Scale::Linear, [f64::NAN].into_iter(), 0.0).is_none());
-        assert!(Range::around(Scale::Log, [0.0, -1.0].into_iter(), 0.0).is_none());
+        assert!(Range::around(AxisScale::Linear, [f64::NAN].into_iter(), 0.0).is_none());
+        assert!(Range::around(AxisScale::Log, [0.0, -1.0].into_iter(), 0.0).is_none());
         for bad in [[1.0, 1.0], [2.0, 1.0], [f64::NAN, 1.0], [0.0, f64::INFINITY]] {
             assert_eq!(Range::fixed(&Axis::new("", "").between(bad[0], bad[1])), None);
         }
@@ -340,7 +340,7 @@ mod tests {
         ) {
             let half = centre.abs() * 10_f64.powf(relative);
             prop_assume!(half.is_finite() && half > 0.0);
-            let Some(range) = Range::around(Scale::Linear, [centre - half, centre + half].into_iter(), 0.05)
+            let Some(range) = Range::around(AxisScale::Linear, [centre - half, centre + half].into_iter(), 0.05)
                 else { return Ok(()) };
             let ticks = Ticks::new(&Axis::new("q", ""), range, count);
             // Room for one in 5/2 of the step that was asked for, at worst.
@@ -364,7 +364,7 @@ mod tests {
         fn log_ticks_lie_inside(low in -300.0..299.0_f64, decades in 0.001..500.0_f64, count in 1.0..20.0_f64) {
             let (low, high) = (10_f64.powf(low), 10_f64.powf((low + decades).min(300.0)));
             prop_assume!(low < high);
-            let Some(range) = Range::around(Scale::Log, [low, high].into_iter(), 0.02) else { return Ok(()) };
+            let Some(range) = Range::around(AxisScale::Log, [low, high].into_iter(), 0.02) else { return Ok(()) };
             let ticks = Ticks::new(&Axis::new("q", "").log(), range, count);
             prop_assert!(ticks.major.len() + ticks.minor.len() <= 200);
             for at in ticks.major.iter().map(|t| t.at).chain(ticks.minor) {

@@ -23,7 +23,7 @@ pub enum Thinning {
 
 /// What is left of a sampled signal, and what was found in it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Decimated<T> {
+pub struct DecimatedSignal<T> {
     /// Points in the order of the samples; a gap in the data separates one run from the next.
     pub runs: Vec<Vec<T>>,
     /// How many samples there were.
@@ -40,14 +40,14 @@ pub struct Decimated<T> {
 ///
 /// No extreme is lost, and the points stay in order. Up to `4 · columns` samples stay as they are. A sample
 /// that is not finite breaks the line; a gap narrower than a column is counted but not drawn.
-pub fn decimate<P>(points: P, columns: usize) -> Decimated<[f64; 2]>
+pub fn decimate<P>(points: P, columns: usize) -> DecimatedSignal<[f64; 2]>
 where
     P: IntoIterator<Item = (f64, f64)>,
     P::IntoIter: Clone,
 {
     let points = points.into_iter();
-    let samples = |each: &mut dyn FnMut(Sample)| {
-        points.clone().for_each(|(x, y)| each(Sample { x, low: y, high: y }));
+    let samples = |each: &mut dyn FnMut(PlotSample)| {
+        points.clone().for_each(|(x, y)| each(PlotSample { x, low: y, high: y }));
     };
     reduce(&samples, columns, 4, |column, run| {
         let mut kept = [
@@ -70,14 +70,14 @@ where
 /// Reduces a band of `(x, lower, upper)` to at most two points `[x, lower, upper]` per column.
 ///
 /// Both have the lowest `lower` and the highest `upper` of the column, so that the band never gets narrower.
-pub fn decimate_band<P>(points: P, columns: usize) -> Decimated<[f64; 3]>
+pub fn decimate_band<P>(points: P, columns: usize) -> DecimatedSignal<[f64; 3]>
 where
     P: IntoIterator<Item = (f64, f64, f64)>,
     P::IntoIter: Clone,
 {
     let points = points.into_iter();
-    let samples = |each: &mut dyn FnMut(Sample)| {
-        points.clone().for_each(|(x, low, high)| each(Sample { x, low, high }));
+    let samples = |each: &mut dyn FnMut(PlotSample)| {
+        points.clone().for_each(|(x, low, high)| each(PlotSample { x, low, high }));
     };
     reduce(&samples, columns, 2, |column, run| {
         let (lower, upper) = (column.lowest.1.low, column.highest.1.high);
@@ -108,29 +108,29 @@ fn at(values: &[f64], index: usize) -> f64 {
 
 /// A line has `low == high`.
 #[derive(Clone, Copy)]
-struct Sample {
+struct PlotSample {
     x: f64,
     low: f64,
     high: f64,
 }
 
-impl Sample {
+impl PlotSample {
     fn is_drawable(&self) -> bool {
         is_drawable(self.x) && is_drawable(self.low) && is_drawable(self.high)
     }
 }
 
 /// What has been seen of one column, each with the index of the sample.
-struct Column {
+struct PixelColumn {
     number: usize,
-    first: (usize, Sample),
-    lowest: (usize, Sample),
-    highest: (usize, Sample),
-    last: (usize, Sample),
+    first: (usize, PlotSample),
+    lowest: (usize, PlotSample),
+    highest: (usize, PlotSample),
+    last: (usize, PlotSample),
 }
 
 /// A first pass over the samples: how many there are, and how x runs.
-struct Survey {
+struct SampleSurvey {
     samples: usize,
     missing: usize,
     not_positive: usize,
@@ -138,8 +138,8 @@ struct Survey {
     x: Option<(f64, f64)>,
 }
 
-impl Survey {
-    fn of(samples: Samples) -> Self {
+impl SampleSurvey {
+    fn of(samples: SampleSource) -> Self {
         let mut survey = Self { samples: 0, missing: 0, not_positive: 0, ordered: true, x: None };
         samples(&mut |sample| {
             survey.samples += 1;
@@ -181,22 +181,22 @@ impl Survey {
 
 /// Hands over all samples in order, each time that it is called. Behind a pointer, so that the work on them is compiled once and
 /// not for each iterator that anyone draws.
-type Samples<'a> = &'a dyn Fn(&mut dyn FnMut(Sample));
+type SampleSource<'a> = &'a dyn Fn(&mut dyn FnMut(PlotSample));
 
 fn reduce<T>(
-    samples: Samples,
+    samples: SampleSource,
     columns: usize,
     per_column: usize,
-    emit: fn(&Column, &mut Vec<T>),
-) -> Decimated<T> {
+    emit: fn(&PixelColumn, &mut Vec<T>),
+) -> DecimatedSignal<T> {
     let columns = columns.max(1);
-    let survey = Survey::of(samples);
+    let survey = SampleSurvey::of(samples);
     let thinning = survey.thinning(columns, per_column);
     let last_column = if thinning == Thinning::None { usize::MAX } else { columns - 1 };
 
     let mut runs = Vec::new();
     let mut run = Vec::new();
-    let mut column: Option<Column> = None;
+    let mut column: Option<PixelColumn> = None;
     let mut missing_since = false;
     let mut previous = 0.0;
     let mut next = 0;
@@ -232,7 +232,7 @@ fn reduce<T>(
                 if breaks && !run.is_empty() {
                     runs.push(std::mem::take(&mut run));
                 }
-                column = Some(Column { number, first: here, lowest: here, highest: here, last: here });
+                column = Some(PixelColumn { number, first: here, lowest: here, highest: here, last: here });
             }
         }
     });
@@ -242,7 +242,7 @@ fn reduce<T>(
     if !run.is_empty() {
         runs.push(run);
     }
-    Decimated {
+    DecimatedSignal {
         runs,
         samples: survey.samples,
         missing: survey.missing,
@@ -256,7 +256,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn line(y: &[f64], columns: usize) -> Decimated<[f64; 2]> {
+    fn line(y: &[f64], columns: usize) -> DecimatedSignal<[f64; 2]> {
         decimate(y.iter().enumerate().map(|(i, y)| (i as f64, *y)), columns)
     }
 

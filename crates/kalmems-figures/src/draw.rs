@@ -3,14 +3,14 @@
 use crate::axis::Range;
 use crate::clip;
 use crate::decimate::{Thinning, is_drawable};
-use crate::figure::{Figure, Scale, Series, Shape};
+use crate::figure::{AxisScale, Figure, Series, Shape};
 use crate::layout::{
-    AXIS_LINE, AXIS_SIZE, EDGE, Entry, LEGEND_SIZE, Layout, Place, SWATCH, TICK_SIZE, TITLE_LINE, TITLE_SIZE,
-    WIDTH,
+    AXIS_LINE, AXIS_SIZE, EDGE, FigureLayout, LEGEND_SIZE, LegendEntry, PanelPlace, SWATCH, TICK_SIZE,
+    TITLE_LINE, TITLE_SIZE, WIDTH,
 };
 use crate::map::{cells, contour};
 use crate::notes::notes;
-use crate::scene::{Anchor, Colour, Group, Mark, Rect, Scene, Stroke};
+use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneMark, Stroke};
 use crate::style::{self, BAND_OPACITY, FAINT_INK, FRAME, GRID, INK};
 use crate::text::Ruler;
 
@@ -23,7 +23,7 @@ const FARTHEST: f64 = 1e9;
 /// Draws a figure.
 pub(crate) fn scene(figure: &Figure) -> Scene {
     let ruler = Ruler::new();
-    let layout = Layout::of(figure, &ruler);
+    let layout = FigureLayout::of(figure, &ruler);
     let mut groups = Vec::new();
     groups.push(title(&layout));
     for place in &layout.places {
@@ -35,9 +35,9 @@ pub(crate) fn scene(figure: &Figure) -> Scene {
     Scene { id: figure.id.clone(), title: figure.title.clone(), width: WIDTH, height, groups }
 }
 
-fn title(layout: &Layout<'_>) -> Group {
+fn title(layout: &FigureLayout<'_>) -> MarkGroup {
     let left = layout.places.first().map_or(EDGE, |place| place.frame.left);
-    let mut group = Group::new("title");
+    let mut group = MarkGroup::new("title");
     for (i, line) in layout.title.iter().enumerate() {
         let at = [left, EDGE + (i as f64 + 0.7) * TITLE_LINE];
         group.marks.push(text(at, line, TITLE_SIZE, INK, Anchor::Start));
@@ -45,9 +45,9 @@ fn title(layout: &Layout<'_>) -> Group {
     group
 }
 
-fn note_lines(figure: &Figure, layout: &Layout<'_>, ruler: &Ruler) -> (Group, f64) {
+fn note_lines(figure: &Figure, layout: &FigureLayout<'_>, ruler: &Ruler) -> (MarkGroup, f64) {
     let left = layout.places.first().map_or(EDGE, |place| place.frame.left);
-    let mut group = Group::new("notes");
+    let mut group = MarkGroup::new("notes");
     let mut y = layout.bottom;
     for note in notes(figure, layout) {
         for line in ruler.wrap(&note, NOTE_SIZE, WIDTH - left - EDGE) {
@@ -59,14 +59,14 @@ fn note_lines(figure: &Figure, layout: &Layout<'_>, ruler: &Ruler) -> (Group, f6
     (group, (y + room).ceil())
 }
 
-fn panel(place: &Place<'_>) -> Vec<Group> {
+fn panel(place: &PanelPlace<'_>) -> Vec<MarkGroup> {
     let colours = style::colours(&place.panel.series);
     let mut groups = vec![grid(place)];
     let mut order: Vec<(&Series, Colour)> = place.panel.series.iter().zip(colours.iter().copied()).collect();
     order.sort_by_key(|(series, _)| style::layer(series));
     let mut empty = true;
     if let (Some(x), Some(y)) = (place.x, place.y) {
-        let map = Map { x, y, frame: place.frame };
+        let map = PointMap { x, y, frame: place.frame };
         for (series, colour) in order {
             let group = draw_series(series, colour, &map);
             empty &= group.marks.is_empty();
@@ -83,7 +83,7 @@ fn panel(place: &Place<'_>) -> Vec<Group> {
     if empty {
         let Rect { left, top, width, height } = place.frame;
         let at = [left + width / 2.0, top + height / 2.0];
-        let mut group = Group::new("no-data");
+        let mut group = MarkGroup::new("no-data");
         let has_data = place.panel.series.iter().any(|s| s.gaps() < s.source_samples());
         let words = if has_data { "no data in this range" } else { "no data" };
         group.marks.push(text(at, words, 13.0, FAINT_INK, Anchor::Middle));
@@ -93,13 +93,13 @@ fn panel(place: &Place<'_>) -> Vec<Group> {
 }
 
 /// From values to points of the drawing.
-struct Map {
+struct PointMap {
     x: Range,
     y: Range,
     frame: Rect,
 }
 
-impl Map {
+impl PointMap {
     fn x(&self, value: f64) -> f64 {
         along_x(self.x, &self.frame, value)
     }
@@ -114,7 +114,7 @@ impl Map {
     }
 
     /// Hides what lies outside of the frame, where anything does.
-    fn hide_outside(&self, group: &mut Group) {
+    fn hide_outside(&self, group: &mut MarkGroup) {
         // Rounding may put a point at the end of a range a hair outside.
         let Rect { left, top, width, height } = self.frame;
         let frame = Rect { left: left - 0.01, top: top - 0.01, width: width + 0.02, height: height + 0.02 };
@@ -132,8 +132,8 @@ fn along_y(range: Range, frame: &Rect, value: f64) -> f64 {
     (frame.bottom() - range.position(value) * frame.height).clamp(-FARTHEST, FARTHEST)
 }
 
-fn draw_series(series: &Series, colour: Colour, map: &Map) -> Group {
-    let mut group = Group::new("series");
+fn draw_series(series: &Series, colour: Colour, map: &PointMap) -> MarkGroup {
+    let mut group = MarkGroup::new("series");
     let kind;
     let stroke = style::stroke(series.role(), colour);
     match series.shape() {
@@ -150,7 +150,7 @@ fn draw_series(series: &Series, colour: Colour, map: &Map) -> Group {
             let at: Vec<[f64; 2]> = at.filter(|point| clip::holds(&guard, point)).collect();
             let radius = style::radius(points.len());
             if !at.is_empty() {
-                group.marks.push(Mark::Dots { at, colour, radius });
+                group.marks.push(SceneMark::Dots { at, colour, radius });
             }
         }
         Shape::Band(runs) => {
@@ -159,7 +159,7 @@ fn draw_series(series: &Series, colour: Colour, map: &Map) -> Group {
             let outlines = runs.iter().map(|run| clip::area(outline(run, map), &guard));
             let outlines: Vec<Vec<[f64; 2]>> = outlines.filter(|outline| !outline.is_empty()).collect();
             if !outlines.is_empty() {
-                group.marks.push(Mark::Areas { outlines, colour, opacity: BAND_OPACITY });
+                group.marks.push(SceneMark::Areas { outlines, colour, opacity: BAND_OPACITY });
             }
         }
         Shape::Level(value) => {
@@ -188,19 +188,19 @@ fn draw_series(series: &Series, colour: Colour, map: &Map) -> Group {
 }
 
 /// A run of one sample has no length and becomes a dot.
-fn line(group: &mut Group, runs: Vec<Vec<[f64; 2]>>, stroke: Stroke) {
+fn line(group: &mut MarkGroup, runs: Vec<Vec<[f64; 2]>>, stroke: Stroke) {
     let (single, runs): (Vec<_>, Vec<_>) = runs.into_iter().partition(|run| run.len() == 1);
     let at: Vec<[f64; 2]> = single.into_iter().flatten().collect();
     if !runs.is_empty() {
-        group.marks.push(Mark::Lines { runs, stroke });
+        group.marks.push(SceneMark::Lines { runs, stroke });
     }
     if !at.is_empty() {
-        group.marks.push(Mark::Dots { at, colour: stroke.colour, radius: stroke.width / 2.0 + 0.4 });
+        group.marks.push(SceneMark::Dots { at, colour: stroke.colour, radius: stroke.width / 2.0 + 0.4 });
     }
 }
 
 /// There along the upper edge and back along the lower one.
-fn outline(run: &[[f64; 3]], map: &Map) -> Vec<[f64; 2]> {
+fn outline(run: &[[f64; 3]], map: &PointMap) -> Vec<[f64; 2]> {
     // A single sample is drawn one unit wide.
     if let [[x, lower, upper]] = run {
         let (x, lower, upper) = (map.x(*x), map.y(*lower), map.y(*upper));
@@ -212,8 +212,8 @@ fn outline(run: &[[f64; 3]], map: &Map) -> Vec<[f64; 2]> {
 }
 
 /// Both edges of every band, above everything else.
-fn band_edges(place: &Place<'_>, colours: &[Colour], map: &Map) -> Group {
-    let mut group = Group::new("band-edges");
+fn band_edges(place: &PanelPlace<'_>, colours: &[Colour], map: &PointMap) -> MarkGroup {
+    let mut group = MarkGroup::new("band-edges");
     for (series, colour) in place.panel.series.iter().zip(colours) {
         let Shape::Band(runs) = series.shape() else { continue };
         let edges = runs.iter().flat_map(|run| {
@@ -246,17 +246,19 @@ fn without_steps(run: &[[f64; 3]]) -> Vec<[f64; 3]> {
     points
 }
 
-fn points_of(marks: &[Mark]) -> impl Iterator<Item = &[f64; 2]> {
+fn points_of(marks: &[SceneMark]) -> impl Iterator<Item = &[f64; 2]> {
     marks.iter().flat_map(|mark| match mark {
-        Mark::Lines { runs, .. } | Mark::Areas { outlines: runs, .. } => runs.iter().flatten().collect(),
-        Mark::Dots { at, .. } => at.iter().collect(),
-        Mark::Text { .. } => Vec::new(),
+        SceneMark::Lines { runs, .. } | SceneMark::Areas { outlines: runs, .. } => {
+            runs.iter().flatten().collect()
+        }
+        SceneMark::Dots { at, .. } => at.iter().collect(),
+        SceneMark::Text { .. } => Vec::new(),
     })
 }
 
-fn grid(place: &Place<'_>) -> Group {
+fn grid(place: &PanelPlace<'_>) -> MarkGroup {
     let frame = &place.frame;
-    let mut group = Group::new("grid");
+    let mut group = MarkGroup::new("grid");
     let mut runs = Vec::new();
     if let Some(x) = place.x {
         for tick in &place.x_ticks.major {
@@ -271,22 +273,22 @@ fn grid(place: &Place<'_>) -> Group {
         }
     }
     if !runs.is_empty() {
-        group.marks.push(Mark::Lines { runs, stroke: GRID });
+        group.marks.push(SceneMark::Lines { runs, stroke: GRID });
     }
     group
 }
 
 /// Frame, ticks, labels and titles. The data say which values lie at its edges.
-fn axes(place: &Place<'_>) -> Group {
+fn axes(place: &PanelPlace<'_>) -> MarkGroup {
     let frame = &place.frame;
-    let mut group = Group::new("axes");
+    let mut group = MarkGroup::new("axes");
     for (name, range) in [("x", place.x), ("y", place.y)] {
         let Some(range) = range else { continue };
         let (low, high, scale) = match name {
             "x" => ("x-low", "x-high", "x-scale"),
             _ => ("y-low", "y-high", "y-scale"),
         };
-        let kind = if range.scale == Scale::Log { "log" } else { "linear" };
+        let kind = if range.scale == AxisScale::Log { "log" } else { "linear" };
         group.data.extend([
             (low, format!("{:e}", range.low)),
             (high, format!("{:e}", range.high)),
@@ -332,12 +334,12 @@ fn axes(place: &Place<'_>) -> Group {
             group.marks.push(text(at, &tick.label, TICK_SIZE, INK, Anchor::End));
         }
     }
-    group.marks.push(Mark::Lines { runs, stroke: FRAME });
+    group.marks.push(SceneMark::Lines { runs, stroke: FRAME });
     titles(&mut group, place);
     group
 }
 
-fn titles(group: &mut Group, place: &Place<'_>) {
+fn titles(group: &mut MarkGroup, place: &PanelPlace<'_>) {
     let frame = &place.frame;
     if place.labels_x {
         let at = [frame.left + frame.width / 2.0, frame.bottom() + 24.0 + AXIS_LINE - 3.0];
@@ -347,15 +349,15 @@ fn titles(group: &mut Group, place: &Place<'_>) {
         let above = (place.y_title.len() - i) as f64 - 0.75;
         let at = [place.y_title_right - above * AXIS_LINE, frame.top + frame.height / 2.0];
         let mut mark = text(at, line, AXIS_SIZE, INK, Anchor::Middle);
-        if let Mark::Text { turned, .. } = &mut mark {
+        if let SceneMark::Text { turned, .. } = &mut mark {
             *turned = true;
         }
         group.marks.push(mark);
     }
 }
 
-fn legend(place: &Place<'_>, colours: &[Colour]) -> Group {
-    let mut group = Group::new("legend");
+fn legend(place: &PanelPlace<'_>, colours: &[Colour]) -> MarkGroup {
+    let mut group = MarkGroup::new("legend");
     for entry in &place.legend {
         let (Some(series), Some(colour)) = (place.panel.series.get(entry.series), colours.get(entry.series))
         else {
@@ -368,20 +370,22 @@ fn legend(place: &Place<'_>, colours: &[Colour]) -> Group {
 }
 
 /// A piece of the series as it looks in the panel.
-fn sample(series: &Series, colour: Colour, entry: &Entry) -> Mark {
+fn sample(series: &Series, colour: Colour, entry: &LegendEntry) -> SceneMark {
     let [x, y] = entry.at;
     match series.shape() {
-        Shape::Line(_) | Shape::Level(_) => Mark::Lines {
+        Shape::Line(_) | Shape::Level(_) => SceneMark::Lines {
             runs: vec![vec![[x, y], [x + SWATCH, y]]],
             stroke: style::stroke(series.role(), colour),
         },
-        Shape::Points(points) => Mark::Dots {
+        Shape::Points(points) => SceneMark::Dots {
             at: vec![[x + SWATCH / 2.0, y]],
             colour,
             radius: style::radius(points.len()).max(1.7),
         },
-        Shape::Map(_) => Mark::Lines { runs: vec![vec![[x, y], [x + SWATCH, y]]], stroke: style::CONTOUR },
-        Shape::Band(_) => Mark::Areas {
+        Shape::Map(_) => {
+            SceneMark::Lines { runs: vec![vec![[x, y], [x + SWATCH, y]]], stroke: style::CONTOUR }
+        }
+        Shape::Band(_) => SceneMark::Areas {
             outlines: vec![vec![[x, y - 5.0], [x + SWATCH, y - 5.0], [x + SWATCH, y + 5.0], [x, y + 5.0]]],
             colour,
             opacity: BAND_OPACITY,
@@ -389,8 +393,8 @@ fn sample(series: &Series, colour: Colour, entry: &Entry) -> Mark {
     }
 }
 
-fn text(at: [f64; 2], text: &str, size: f64, colour: Colour, anchor: Anchor) -> Mark {
-    Mark::Text { at, text: text.to_owned(), size, colour, anchor, turned: false }
+fn text(at: [f64; 2], text: &str, size: f64, colour: Colour, anchor: Anchor) -> SceneMark {
+    SceneMark::Text { at, text: text.to_owned(), size, colour, anchor, turned: false }
 }
 
 /// On whole or half units a thin line is sharp.

@@ -1,6 +1,6 @@
 //! What a figure shows, as plain data: panels, axes and series.
 
-use crate::decimate::{Decimated, Thinning, decimate, decimate_band, is_drawable};
+use crate::decimate::{DecimatedSignal, Thinning, decimate, decimate_band, is_drawable};
 use crate::record::{Record, Track};
 use std::sync::Arc;
 
@@ -70,7 +70,7 @@ impl Panel {
 
 /// How values are placed along an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Scale {
+pub enum AxisScale {
     /// In proportion.
     #[default]
     Linear,
@@ -86,7 +86,7 @@ pub struct Axis {
     /// The unit of the data without prefix, such as `s`, `V^2/Hz` or `deg`; empty or `1` for a ratio.
     pub unit: String,
     /// Linear or logarithmic.
-    pub scale: Scale,
+    pub scale: AxisScale,
     /// From and to; taken from the data where there is none.
     pub range: Option<[f64; 2]>,
 }
@@ -94,13 +94,13 @@ pub struct Axis {
 impl Axis {
     /// A linear axis over all of the data.
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self { label: label.into(), unit: unit.into(), scale: Scale::Linear, range: None }
+        Self { label: label.into(), unit: unit.into(), scale: AxisScale::Linear, range: None }
     }
 
     /// Makes it logarithmic.
     #[must_use]
     pub fn log(mut self) -> Self {
-        self.scale = Scale::Log;
+        self.scale = AxisScale::Log;
         self
     }
 
@@ -117,7 +117,7 @@ impl Axis {
 /// Measured and reference lines are wide and light, what is computed is thin and dark and lies above: where
 /// the two agree, both can be seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Role {
+pub enum SeriesRole {
     /// What the sensor gave.
     Measured,
     /// What a model predicts for it.
@@ -146,12 +146,12 @@ pub enum Shape {
     /// A horizontal line across the panel.
     Level(f64),
     /// Values over a grid, in colours.
-    Map(Grid),
+    Map(MapGrid),
 }
 
 /// Values over a grid: blue below a level, white at it, vermilion above, and a line where the level is passed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Grid {
+pub struct MapGrid {
     /// Where the columns are, rising.
     pub x: Vec<f64>,
     /// Where the rows are, rising.
@@ -164,7 +164,7 @@ pub struct Grid {
     pub level: f64,
 }
 
-impl Grid {
+impl MapGrid {
     pub(crate) fn finite(&self) -> impl Iterator<Item = f64> + '_ {
         self.values.iter().flatten().copied().filter(|value| is_drawable(*value))
     }
@@ -174,7 +174,7 @@ impl Grid {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
     label: String,
-    role: Role,
+    role: SeriesRole,
     shape: Shape,
     source_samples: usize,
     gaps: usize,
@@ -185,7 +185,7 @@ pub struct Series {
 
 impl Series {
     /// A line through `(x, y)`. A value that is not finite breaks it.
-    pub fn line<P>(label: impl Into<String>, role: Role, points: P) -> Self
+    pub fn line<P>(label: impl Into<String>, role: SeriesRole, points: P) -> Self
     where
         P: IntoIterator<Item = (f64, f64)>,
         P::IntoIter: Clone,
@@ -196,7 +196,7 @@ impl Series {
     }
 
     /// Separate points at `(x, y)`.
-    pub fn points<P>(label: impl Into<String>, role: Role, points: P) -> Self
+    pub fn points<P>(label: impl Into<String>, role: SeriesRole, points: P) -> Self
     where
         P: IntoIterator<Item = (f64, f64)>,
         P::IntoIter: Clone,
@@ -209,7 +209,7 @@ impl Series {
     }
 
     /// The area between `lower` and `upper` of `(x, lower, upper)`.
-    pub fn band<P>(label: impl Into<String>, role: Role, points: P) -> Self
+    pub fn band<P>(label: impl Into<String>, role: SeriesRole, points: P) -> Self
     where
         P: IntoIterator<Item = (f64, f64, f64)>,
         P::IntoIter: Clone,
@@ -220,17 +220,17 @@ impl Series {
     }
 
     /// A horizontal line at `y`. One that is not finite is noted and not drawn.
-    pub fn level(label: impl Into<String>, role: Role, y: f64) -> Self {
+    pub fn level(label: impl Into<String>, role: SeriesRole, y: f64) -> Self {
         let single = decimate([(0.0, y)], 1);
         Self::reduced((label.into(), role, None), single, |_| Shape::Level(y))
     }
 
     /// Values over a grid, with a colour bar beside the panel; the label is that of the line at the grid's level.
-    pub fn map(label: impl Into<String>, grid: Grid) -> Self {
+    pub fn map(label: impl Into<String>, grid: MapGrid) -> Self {
         let source_samples = grid.values.iter().map(Vec::len).sum();
         Self {
             label: label.into(),
-            role: Role::Measured,
+            role: SeriesRole::Measured,
             source_samples,
             gaps: source_samples - grid.finite().count(),
             not_positive: 0,
@@ -242,7 +242,7 @@ impl Series {
 
     /// All that has passed through two channels of a track, as [`of_all`](Self::of_all) has it: a line through its samples where they are
     /// few, else the area between the extremes of groups of them.
-    pub fn of_track(label: impl Into<String>, role: Role, track: &Track, channels: [usize; 2]) -> Self {
+    pub fn of_track(label: impl Into<String>, role: SeriesRole, track: &Track, channels: [usize; 2]) -> Self {
         let groups = track.extremes(channels);
         let is_line = channels[0] == channels[1] && track.is_whole();
         let series = if is_line {
@@ -262,8 +262,8 @@ impl Series {
     }
 
     fn reduced<T>(
-        (label, role, record): (String, Role, Option<Arc<Record>>),
-        data: Decimated<T>,
+        (label, role, record): (String, SeriesRole, Option<Arc<Record>>),
+        data: DecimatedSignal<T>,
         shape: impl FnOnce(Vec<Vec<T>>) -> Shape,
     ) -> Self {
         Self {
@@ -284,7 +284,7 @@ impl Series {
     }
 
     /// What it stands for.
-    pub fn role(&self) -> Role {
+    pub fn role(&self) -> SeriesRole {
         self.role
     }
 

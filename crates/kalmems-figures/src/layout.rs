@@ -2,7 +2,7 @@
 
 use crate::axis::{Range, Ticks};
 use crate::figure::{Axis, Figure, Panel, Series, Shape};
-use crate::map::Bar;
+use crate::map::ColourBar;
 use crate::scene::Rect;
 use crate::text::Ruler;
 
@@ -25,7 +25,7 @@ const LABEL_ROOM: f64 = 13.0;
 const RIGHT: f64 = 28.0;
 
 /// One panel in its place.
-pub(crate) struct Place<'a> {
+pub(crate) struct PanelPlace<'a> {
     pub(crate) panel: &'a Panel,
     pub(crate) frame: Rect,
     /// None where there is nothing to show.
@@ -38,13 +38,13 @@ pub(crate) struct Place<'a> {
     pub(crate) y_title_right: f64,
     /// Whether the labels of the x axis stand below this panel.
     pub(crate) labels_x: bool,
-    pub(crate) legend: Vec<Entry>,
+    pub(crate) legend: Vec<LegendEntry>,
     /// Beside a map.
-    pub(crate) bar: Option<Bar>,
+    pub(crate) bar: Option<ColourBar>,
 }
 
 /// A series in the legend.
-pub(crate) struct Entry {
+pub(crate) struct LegendEntry {
     /// Which series of the panel.
     pub(crate) series: usize,
     pub(crate) text: String,
@@ -52,20 +52,20 @@ pub(crate) struct Entry {
     pub(crate) at: [f64; 2],
 }
 
-impl Entry {
+impl LegendEntry {
     pub(crate) fn text_at(&self) -> [f64; 2] {
         [self.at[0] + SWATCH + SWATCH_ROOM, self.at[1] + 0.36 * LEGEND_SIZE]
     }
 }
 
 /// The panels of a figure in their places.
-pub(crate) struct Layout<'a> {
+pub(crate) struct FigureLayout<'a> {
     pub(crate) title: Vec<String>,
-    pub(crate) places: Vec<Place<'a>>,
+    pub(crate) places: Vec<PanelPlace<'a>>,
     pub(crate) bottom: f64,
 }
 
-impl<'a> Layout<'a> {
+impl<'a> FigureLayout<'a> {
     pub(crate) fn of(figure: &'a Figure, ruler: &Ruler) -> Self {
         let height = match figure.panels.len() {
             0 | 1 => 320.0,
@@ -81,8 +81,9 @@ impl<'a> Layout<'a> {
             axes.iter().map(|a| title_lines(ruler, &a.y_ticks.title, height)).collect();
         let lines = y_titles.iter().map(Vec::len).max().unwrap_or(0);
         let left = (EDGE + lines as f64 * AXIS_LINE + labels + LABEL_ROOM).ceil();
-        let bars: Vec<Option<Bar>> = figure.panels.iter().map(|p| Bar::of(p, ruler, height)).collect();
-        let right = bars.iter().flatten().map(Bar::room).fold(RIGHT, f64::max);
+        let bars: Vec<Option<ColourBar>> =
+            figure.panels.iter().map(|p| ColourBar::of(p, ruler, height)).collect();
+        let right = bars.iter().flatten().map(ColourBar::room).fold(RIGHT, f64::max);
         let width = (WIDTH - left - right).max(100.0);
 
         let mut top = EDGE + title.len() as f64 * TITLE_LINE;
@@ -94,7 +95,7 @@ impl<'a> Layout<'a> {
             let x_ticks =
                 axes.x.map_or_else(|| Ticks::none(axes.x_axis), |x| x_ticks(ruler, axes.x_axis, x, width));
             top += height + if axes.labels_x { 24.0 + AXIS_LINE + 8.0 } else { 8.0 };
-            places.push(Place {
+            places.push(PanelPlace {
                 panel,
                 frame,
                 x: axes.x,
@@ -219,7 +220,7 @@ fn title_lines(ruler: &Ruler, title: &str, limit: f64) -> Vec<String> {
 }
 
 /// The entries in rows from `corner`, and the number of rows.
-fn legend(ruler: &Ruler, panel: &Panel, corner: [f64; 2], width: f64) -> (Vec<Entry>, usize) {
+fn legend(ruler: &Ruler, panel: &Panel, corner: [f64; 2], width: f64) -> (Vec<LegendEntry>, usize) {
     let mut entries = Vec::new();
     let mut rows = 0_usize;
     let mut x = f64::INFINITY;
@@ -234,7 +235,7 @@ fn legend(ruler: &Ruler, panel: &Panel, corner: [f64; 2], width: f64) -> (Vec<En
             x = 0.0;
         }
         let y = corner[1] + (rows as f64 - 0.5) * LEGEND_LINE;
-        entries.push(Entry { series, text, at: [corner[0] + x, y] });
+        entries.push(LegendEntry { series, text, at: [corner[0] + x, y] });
         x += needed + ENTRY_ROOM;
     }
     (entries, rows)

@@ -5,16 +5,16 @@
 //! same bytes on every machine, without fonts or libraries of the system.
 //!
 //! ```
-//! use kalmems_figures::{Axis, Figure, Page, Panel, Role, Section, Series};
+//! use kalmems_figures::{Axis, Figure, Page, Panel, SeriesRole, PageSection, Series};
 //! let time = |i: u32| f64::from(i) * 1e-6;
 //! let angle = |i: u32| (f64::from(i) / 10.0).sin();
 //! let panel = Panel::new(Axis::new("time", "s"), Axis::new("angle", "deg"))
-//!     .with(Series::line("estimate", Role::Estimate, (0..300).map(|i| (time(i), angle(i)))))
-//!     .with(Series::band("±3σ", Role::Estimate, (0..300).map(|i| (time(i), angle(i) - 0.1, angle(i) + 0.1))));
+//!     .with(Series::line("estimate", SeriesRole::Estimate, (0..300).map(|i| (time(i), angle(i)))))
+//!     .with(Series::band("±3σ", SeriesRole::Estimate, (0..300).map(|i| (time(i), angle(i) - 0.1, angle(i) + 0.1))));
 //! let figure = Figure::new("angle", "Angle", "The angle over the first cycles.").with(panel);
 //! assert!(figure.to_svg().starts_with("<svg"));
 //!
-//! let page = Page::new("One run", "an example").with(Section::new("Motion").figure(figure));
+//! let page = Page::new("One run", "an example").with(PageSection::new("Motion").figure(figure));
 //! assert!(page.to_html()?.contains("time (µs)"));
 //! # Ok::<(), kalmems_figures::ReportError>(())
 //! ```
@@ -43,11 +43,11 @@ mod svg;
 mod table;
 mod text;
 
-pub use decimate::{Decimated, Thinning, decimate, decimate_band, pairs, triples};
+pub use decimate::{DecimatedSignal, Thinning, decimate, decimate_band, pairs, triples};
 pub use error::ReportError;
-pub use figure::{Axis, Figure, Grid, Panel, Role, Scale, Series, Shape};
-pub use page::{Block, Explanation, Page, Part, Section, Severity};
+pub use figure::{Axis, AxisScale, Figure, MapGrid, Panel, Series, SeriesRole, Shape};
+pub use page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection};
 pub use record::Track;
 pub use significant::{number, significant, with_short_numbers};
-pub use table::{Column, Table};
+pub use table::{ColumnHead, TextTable};
 pub use text::unit_sign;

@@ -1,10 +1,10 @@
 //! Figures as data that the script of a page draws: axes, series, and their samples as text.
 
 use crate::axis::Range;
-use crate::figure::{Axis, Figure, Role, Scale, Series, Shape};
-use crate::layout::Layout;
+use crate::figure::{Axis, AxisScale, Figure, Series, SeriesRole, Shape};
+use crate::layout::FigureLayout;
 use crate::prefix::prefixed;
-use crate::record::{Abscissae, Kept, Record, Values};
+use crate::record::{Abscissae, PackedValues, Record, RecordValues};
 use crate::style;
 use crate::svg::hex;
 use crate::text::{Ruler, with_printed_unit};
@@ -23,12 +23,12 @@ const FEWEST: usize = 2_048;
 
 /// The figures of a page that can be looked into, as data.
 #[derive(Default)]
-pub(crate) struct Live {
-    figures: Vec<Figured>,
+pub(crate) struct LiveFigures {
+    figures: Vec<NumberedFigure>,
 }
 
 /// A figure with its number on the page and the group of time axes that it belongs to.
-struct Figured {
+struct NumberedFigure {
     number: usize,
     group: String,
     panels: Vec<Panelled>,
@@ -40,16 +40,16 @@ struct Panelled {
     y: Value,
     /// The x axis that it is linked by.
     link: String,
-    series: Vec<Drawn>,
+    series: Vec<LiveSeries>,
 }
 
 /// A series with what is known of it besides its samples.
-struct Drawn {
+struct LiveSeries {
     known: Value,
     record: Option<Arc<Record>>,
 }
 
-impl Live {
+impl LiveFigures {
     /// Takes a figure, and says whether it can be looked into: every panel has a range and samples, and none is a map.
     pub(crate) fn take(&mut self, number: usize, group: &str, figure: &Figure) -> bool {
         let drawn = figure.panels.iter().flat_map(|panel| &panel.series);
@@ -57,7 +57,7 @@ impl Live {
         if !drawn.clone().all(is_flat) || !drawn.clone().any(|s| s.record().is_some()) {
             return false;
         }
-        let layout = Layout::of(figure, &Ruler::new());
+        let layout = FigureLayout::of(figure, &Ruler::new());
         let panels: Option<Vec<Panelled>> = layout
             .places
             .iter()
@@ -86,7 +86,7 @@ impl Live {
             })
             .collect();
         let Some(panels) = panels else { return false };
-        self.figures.push(Figured { number, group: group.to_owned(), panels });
+        self.figures.push(NumberedFigure { number, group: group.to_owned(), panels });
         true
     }
 
@@ -134,7 +134,7 @@ impl Live {
         }
         for (record, size) in records.iter_mut().zip(sizes).filter(|(_, size)| *size > limit) {
             // What has had a number for each sample has two for each group.
-            let numbers = if matches!(record.values, Kept::Samples(_)) { 2 * size } else { size };
+            let numbers = if matches!(record.values, RecordValues::Samples(_)) { 2 * size } else { size };
             if let Some(coarser) = record.coarser(numbers.div_ceil(limit).next_power_of_two()) {
                 **record = Arc::new(coarser);
             }
@@ -146,20 +146,20 @@ impl Live {
 fn axis(axis: &Axis, range: Range) -> Value {
     let largest = range.low.abs().max(range.high.abs());
     let prefix =
-        if axis.scale == Scale::Log { prefixed(&axis.unit, 1.0) } else { prefixed(&axis.unit, largest) };
+        if axis.scale == AxisScale::Log { prefixed(&axis.unit, 1.0) } else { prefixed(&axis.unit, largest) };
     let unit = if prefix.is_power { format!("·{}", prefix.unit) } else { prefix.unit.clone() };
     json!({
         "title": with_printed_unit(&axis.label, &prefix.unit),
         "unit": unit,
         "exponent": prefix.exponent,
-        "log": axis.scale == Scale::Log,
+        "log": axis.scale == AxisScale::Log,
         "from": range.low,
         "to": range.high,
         "fixed": axis.range.is_some(),
     })
 }
 
-fn drawn_as(series: &Series, colour: &str) -> Drawn {
+fn drawn_as(series: &Series, colour: &str) -> LiveSeries {
     let stroke = style::stroke(series.role(), crate::scene::Colour(0, 0, 0));
     let (kind, level) = match series.shape() {
         Shape::Line(_) => ("line", None),
@@ -177,9 +177,9 @@ fn drawn_as(series: &Series, colour: &str) -> Drawn {
         "colour": colour,
         "width": stroke.width,
         "dashed": stroke.dashed,
-        "faint": matches!(series.role(), Role::Measured | Role::Reference),
+        "faint": matches!(series.role(), SeriesRole::Measured | SeriesRole::Reference),
     });
-    Drawn { known, record: series.record().cloned() }
+    LiveSeries { known, record: series.record().cloned() }
 }
 
 /// Texts of samples, each once.
@@ -199,9 +199,9 @@ impl Blobs {
             }
         };
         let (kind, values) = match &record.values {
-            Kept::Samples(values) => ("samples", vec![self.values(values)]),
-            Kept::Band { middle, half } => ("band", vec![self.values(middle), self.values(half)]),
-            Kept::Extremes { low, high } => ("extremes", vec![self.values(low), self.values(high)]),
+            RecordValues::Samples(values) => ("samples", vec![self.values(values)]),
+            RecordValues::Band { middle, half } => ("band", vec![self.values(middle), self.values(half)]),
+            RecordValues::Extremes { low, high } => ("extremes", vec![self.values(low), self.values(high)]),
         };
         json!({
             "x": x,
@@ -214,7 +214,7 @@ impl Blobs {
         })
     }
 
-    fn values(&mut self, values: &Values) -> Value {
+    fn values(&mut self, values: &PackedValues) -> Value {
         let bytes: Vec<[u8; 3]> = (values.multiples.iter())
             .map(|bits| {
                 let [first, second, third, _] = bits.to_be_bytes();
@@ -270,19 +270,19 @@ mod tests {
         let band = (0..samples).map(|i| (1e-6 * f64::from(i), value(i) - 0.5, value(i) + 0.5));
         let mut panel = Panel::new(Axis::new("time", "s"), Axis::new("value", "V")).with(Series::band(
             "±σ",
-            Role::Estimate,
+            SeriesRole::Estimate,
             band,
         ));
         for k in 0..series {
             let points = points.clone().map(move |(t, v)| (t, v + (k * k) as f64));
-            panel = panel.with(Series::line("estimate", Role::Estimate, points));
+            panel = panel.with(Series::line("estimate", SeriesRole::Estimate, points));
         }
         Figure::new("figure", "", "").with(panel)
     }
 
     #[test]
     fn every_sample_is_on_the_page_within_a_ten_thousandth_of_the_range_and_a_band_goes_along_its_line() {
-        let mut live = Live::default();
+        let mut live = LiveFigures::default();
         assert!(live.take(1, "", &figure(24_000, 1)));
         let all: Value = serde_json::from_str(&live.into_json().unwrap()).unwrap();
         let series = &all["figures"][0]["panels"][0]["series"];
@@ -299,7 +299,7 @@ mod tests {
 
     #[test]
     fn a_page_has_a_bound_whatever_the_number_of_series_and_samples() {
-        let mut live = Live::default();
+        let mut live = LiveFigures::default();
         for number in 1..=20 {
             assert!(live.take(number, "", &figure(30_000, 5)));
         }
@@ -314,10 +314,10 @@ mod tests {
     #[test]
     fn axes_of_time_are_linked_throughout_a_recording_and_others_within_a_figure() {
         let links = |label: &str, groups: [&str; 2]| {
-            let mut live = Live::default();
+            let mut live = LiveFigures::default();
             for (number, group) in (1..).zip(groups) {
                 let panel = Panel::new(Axis::new(label, "s"), Axis::new("value", "V"));
-                let panel = panel.with(Series::line("", Role::Other, [(0.0, 1.0), (1.0, 2.0)]));
+                let panel = panel.with(Series::line("", SeriesRole::Other, [(0.0, 1.0), (1.0, 2.0)]));
                 assert!(live.take(number, group, &Figure::new("figure", "", "").with(panel)));
             }
             let all: Value = serde_json::from_str(&live.into_json().unwrap()).unwrap();

@@ -2,9 +2,9 @@
 
 use crate::axis::{Range, Ticks};
 use crate::decimate::is_drawable;
-use crate::figure::{Axis, Grid, Panel, Scale, Shape};
+use crate::figure::{Axis, AxisScale, MapGrid, Panel, Shape};
 use crate::layout::{AXIS_LINE, AXIS_SIZE, TICK_SIZE};
-use crate::scene::{Anchor, Colour, Group, Mark, Rect};
+use crate::scene::{Anchor, Colour, MarkGroup, Rect, SceneMark};
 use crate::style::{self, FRAME, INK};
 use crate::text::Ruler;
 
@@ -16,14 +16,14 @@ const BAR_WIDTH: f64 = 14.0;
 const LABEL_GAP: f64 = 7.0;
 
 /// The colour bar of a panel with a map.
-pub(crate) struct Bar {
+pub(crate) struct ColourBar {
     range: Range,
     level: f64,
     ticks: Ticks,
     widest: f64,
 }
 
-impl Bar {
+impl ColourBar {
     /// For the first map of a panel, if it has one with values.
     pub(crate) fn of(panel: &Panel, ruler: &Ruler, height: f64) -> Option<Self> {
         let grid = panel.series.iter().find_map(|series| match series.shape() {
@@ -31,7 +31,7 @@ impl Bar {
             _ => None,
         })?;
         let range = range(grid)?;
-        let axis = Axis { scale: Scale::Linear, ..grid.colours.clone() };
+        let axis = Axis { scale: AxisScale::Linear, ..grid.colours.clone() };
         let ticks = Ticks::new(&axis, range, (height / 28.0).floor());
         let widest = ticks.major.iter().map(|tick| ruler.width(&tick.label, TICK_SIZE)).fold(0.0, f64::max);
         Some(Self { range, level: grid.level, ticks, widest })
@@ -43,8 +43,8 @@ impl Bar {
     }
 
     /// Right of a panel's frame.
-    pub(crate) fn draw(&self, frame: &Rect) -> Group {
-        let mut group = Group::new("colour-bar");
+    pub(crate) fn draw(&self, frame: &Rect) -> MarkGroup {
+        let mut group = MarkGroup::new("colour-bar");
         let kind = [("low", self.range.low), ("high", self.range.high), ("level", self.level)];
         group.data = kind.map(|(name, value)| (name, format!("{value:e}"))).to_vec();
         let (left, right) = (frame.right() + BAR_GAP, frame.right() + BAR_GAP + BAR_WIDTH);
@@ -52,7 +52,7 @@ impl Bar {
         for (from, colour) in steps(self.range, self.level) {
             // Up to the top, so that the next lies on it and no seam is left.
             let outline = [[left, at(from)], [right, at(from)], [right, frame.top], [left, frame.top]];
-            group.marks.push(Mark::Areas { outlines: vec![outline.to_vec()], colour, opacity: 1.0 });
+            group.marks.push(SceneMark::Areas { outlines: vec![outline.to_vec()], colour, opacity: 1.0 });
         }
         let (top, bottom) = (frame.top, frame.bottom());
         let mut runs = vec![vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]]];
@@ -67,11 +67,11 @@ impl Bar {
                 Anchor::Start,
             ));
         }
-        group.marks.push(Mark::Lines { runs, stroke: FRAME });
+        group.marks.push(SceneMark::Lines { runs, stroke: FRAME });
         group.marks.append(&mut labels);
         let title = [right + LABEL_GAP + self.widest + AXIS_LINE, frame.top + frame.height / 2.0];
         let mut title = label(title, &self.ticks.title, AXIS_SIZE, Anchor::Middle);
-        if let Mark::Text { turned, .. } = &mut title {
+        if let SceneMark::Text { turned, .. } = &mut title {
             *turned = true;
         }
         group.marks.push(title);
@@ -79,13 +79,13 @@ impl Bar {
     }
 }
 
-fn label(at: [f64; 2], text: &str, size: f64, anchor: Anchor) -> Mark {
-    Mark::Text { at, text: text.to_owned(), size, colour: INK, anchor, turned: false }
+fn label(at: [f64; 2], text: &str, size: f64, anchor: Anchor) -> SceneMark {
+    SceneMark::Text { at, text: text.to_owned(), size, colour: INK, anchor, turned: false }
 }
 
 /// From the lowest to the highest value.
-fn range(grid: &Grid) -> Option<Range> {
-    Range::around(Scale::Linear, grid.finite(), 0.0)
+fn range(grid: &MapGrid) -> Option<Range> {
+    Range::around(AxisScale::Linear, grid.finite(), 0.0)
 }
 
 /// The lower end of each step of colour, and the colour. Equal distances from the level are equally dark.
@@ -100,7 +100,7 @@ fn steps(range: Range, level: f64) -> impl Iterator<Item = (f64, Colour)> {
 
 /// The cells of a map: for each colour all that is at least so high, so that the next colour lies on it and no seam is
 /// left between cells.
-pub(crate) fn cells(grid: &Grid, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<Mark> {
+pub(crate) fn cells(grid: &MapGrid, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<SceneMark> {
     let Some(range) = range(grid) else { return Vec::new() };
     // Between neighbours as they are drawn, so that cells are alike on a logarithmic axis as well.
     let (columns, rows) = (edges(grid.x.iter().map(|at| x(*at))), edges(grid.y.iter().map(|at| y(*at))));
@@ -121,7 +121,7 @@ pub(crate) fn cells(grid: &Grid, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64)
             }
         }
         if !outlines.is_empty() {
-            marks.push(Mark::Areas { outlines, colour, opacity: 1.0 });
+            marks.push(SceneMark::Areas { outlines, colour, opacity: 1.0 });
         }
     }
     marks
@@ -135,7 +135,7 @@ fn edges(at: impl Iterator<Item = f64>) -> Vec<f64> {
 }
 
 /// Where the values pass the level: a piece in each cell between four neighbours, straight between them.
-pub(crate) fn contour(grid: &Grid) -> Vec<Vec<[f64; 2]>> {
+pub(crate) fn contour(grid: &MapGrid) -> Vec<Vec<[f64; 2]>> {
     let mut pieces = Vec::new();
     for (ys, rows) in grid.y.windows(2).zip(grid.values.windows(2)) {
         let ([low, high], [below, above]) = (ys, rows) else { continue };
@@ -164,10 +164,10 @@ pub(crate) fn contour(grid: &Grid) -> Vec<Vec<[f64; 2]>> {
 mod tests {
     use super::*;
 
-    fn grid(value: impl Fn(f64, f64) -> f64) -> Grid {
+    fn grid(value: impl Fn(f64, f64) -> f64) -> MapGrid {
         let at: Vec<f64> = (0..=40).map(|i| -2.0 + 0.1 * f64::from(i)).collect();
         let values = at.iter().map(|y| at.iter().map(|x| value(*x, *y)).collect()).collect();
-        Grid { x: at.clone(), y: at, values, colours: Axis::new("height", "m"), level: 0.0 }
+        MapGrid { x: at.clone(), y: at, values, colours: Axis::new("height", "m"), level: 0.0 }
     }
 
     /// Of x² + y² − 1 it is the circle, all the way round.
@@ -184,8 +184,8 @@ mod tests {
     fn cells_have_the_colour_of_their_value() {
         let grid = grid(|x, _| if x > 1.5 { f64::NAN } else { x });
         let marks = cells(&grid, |x| x, |y| y);
-        let area = |mark: &Mark| match mark {
-            Mark::Areas { outlines, .. } => {
+        let area = |mark: &SceneMark| match mark {
+            SceneMark::Areas { outlines, .. } => {
                 outlines.iter().map(|o| (o[1][0] - o[0][0]) * (o[2][1] - o[1][1])).sum::<f64>()
             }
             _ => f64::NAN,
@@ -194,7 +194,7 @@ mod tests {
         assert!((area(&marks[0]) - 3.55 * 4.0).abs() < 1e-9, "{}", area(&marks[0]));
         let step = marks.iter().zip(steps(range(&grid).unwrap(), 0.0));
         for (mark, (from, colour)) in step.skip(1) {
-            let Mark::Areas { colour: drawn, .. } = mark else { panic!() };
+            let SceneMark::Areas { colour: drawn, .. } = mark else { panic!() };
             assert!(*drawn == colour && (area(mark) / 4.0 - (1.55 - from)).abs() < 0.101, "{from}");
             let is_blue = colour.2 > colour.0;
             assert!((from + 0.05).abs() < 0.09 || is_blue == (from < 0.0), "{from} {colour:?}");

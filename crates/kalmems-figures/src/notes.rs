@@ -2,12 +2,12 @@
 
 use crate::axis::Range;
 use crate::decimate::{SMALLEST, Thinning, is_drawable};
-use crate::figure::{Axis, Figure, Panel, Scale, Series, Shape};
-use crate::layout::{Layout, Place, extent};
+use crate::figure::{Axis, AxisScale, Figure, Panel, Series, Shape};
+use crate::layout::{FigureLayout, PanelPlace, extent};
 use crate::prefix::{Prefixed, prefixed};
 
 /// One sentence for each thing.
-pub(crate) fn notes(figure: &Figure, layout: &Layout<'_>) -> Vec<String> {
+pub(crate) fn notes(figure: &Figure, layout: &FigureLayout<'_>) -> Vec<String> {
     let mut notes = Vec::new();
     for panel in &figure.panels {
         notes.extend([&panel.x, &panel.y].into_iter().filter_map(unusable));
@@ -35,7 +35,7 @@ fn of_series(series: &Series, panel: &Panel) -> Vec<String> {
     if series.gaps() > 0 {
         notes.push(format!("{label}: {} of {samples} samples are missing.", series.gaps()));
     }
-    if panel.y.scale == Scale::Log && series.not_positive() > 0 {
+    if panel.y.scale == AxisScale::Log && series.not_positive() > 0 {
         notes.push(format!(
             "{label}: {} of {samples} values are not positive and lie below the logarithmic axis.",
             series.not_positive()
@@ -57,7 +57,7 @@ fn of_series(series: &Series, panel: &Panel) -> Vec<String> {
 }
 
 /// Series that leave a fixed range. Extremes are never thinned out, so that this is exact.
-fn off_axis(place: &Place<'_>) -> Vec<String> {
+fn off_axis(place: &PanelPlace<'_>) -> Vec<String> {
     let (Some(x), Some(y)) = (place.x, place.y) else { return Vec::new() };
     let mut notes = Vec::new();
     for series in &place.panel.series {
@@ -80,7 +80,7 @@ fn off_axis(place: &Place<'_>) -> Vec<String> {
         let values = shown
             .flat_map(|p| [p[1], p[2]])
             .chain(level)
-            .filter(|v| is_drawable(*v) && (y.scale == Scale::Linear || *v >= SMALLEST));
+            .filter(|v| is_drawable(*v) && (y.scale == AxisScale::Linear || *v >= SMALLEST));
         if let Some((low, high)) = span(values)
             && leaves(y, low, high)
         {

@@ -3,9 +3,9 @@
 use crate::error::ReportError;
 use crate::figure::{Figure, Series};
 use crate::layout::extent;
-use crate::live::Live;
+use crate::live::LiveFigures;
 use crate::notes::quantity;
-use crate::table::{Column, Table};
+use crate::table::{ColumnHead, TextTable};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use minijinja::{Environment, Value, context};
@@ -32,7 +32,7 @@ pub struct Page {
     /// A line below it; empty for none.
     pub subtitle: String,
     /// From top to bottom.
-    pub sections: Vec<Section>,
+    pub sections: Vec<PageSection>,
     /// Explanations of words in the sections, which stand at the end.
     pub explanations: Vec<Explanation>,
 }
@@ -50,7 +50,7 @@ pub struct Explanation {
 
 /// What a section is for. Every page has its parts in this order, whatever the order in which they were added.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Part {
+pub enum PagePart {
     /// Whether the result is to be trusted, and why.
     Verdict,
     /// What was asked for.
@@ -68,20 +68,20 @@ pub enum Part {
 
 /// A part of a page with a heading.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Section {
+pub struct PageSection {
     /// The heading; empty for none.
     pub title: String,
     /// What it is for.
-    pub part: Part,
+    pub part: PagePart,
     /// Figures over time are looked into together where this is the same.
     pub time_base: String,
     /// From top to bottom.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<PageBlock>,
 }
 
 /// How serious a notice is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Severity {
+pub enum NoticeSeverity {
     /// A check passed.
     Ok,
     /// The reader should know.
@@ -92,7 +92,7 @@ pub enum Severity {
     Failure,
 }
 
-impl Severity {
+impl NoticeSeverity {
     fn class(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -105,13 +105,13 @@ impl Severity {
 
 /// A piece of a section. All text is plain text.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Block {
+pub enum PageBlock {
     /// Running text.
     Paragraph(String),
     /// A verdict that must not be missed.
     Notice {
         /// How serious it is.
-        severity: Severity,
+        severity: NoticeSeverity,
         /// What it says.
         text: String,
     },
@@ -120,7 +120,7 @@ pub enum Block {
     /// Names and values.
     KeyValues(Vec<(String, String)>),
     /// A table.
-    Table(Table),
+    Table(TextTable),
     /// A numbered figure with its caption.
     Figure(Figure),
     /// A picture of pixels.
@@ -163,12 +163,12 @@ impl Page {
 
     /// Adds a section.
     #[must_use]
-    pub fn with(mut self, section: Section) -> Self {
+    pub fn with(mut self, section: PageSection) -> Self {
         self.sections.push(section);
         self
     }
 
-    /// The page as HTML, its sections in the order of [`Part`]. The same page gives the same bytes.
+    /// The page as HTML, its sections in the order of [`PagePart`]. The same page gives the same bytes.
     ///
     /// Figures are still pictures, which a script replaces by plots that can be looked into: all samples where they are few, else
     /// the extremes of groups of them.
@@ -176,9 +176,9 @@ impl Page {
         let mut environment = Environment::new();
         // The ending tells that values are escaped.
         environment.add_template("page.html", TEMPLATE)?;
-        let mut order: Vec<&Section> = self.sections.iter().collect();
+        let mut order: Vec<&PageSection> = self.sections.iter().collect();
         order.sort_by_key(|section| section.part);
-        let mut numbers = Numbers::default();
+        let mut numbers = PageNumbering::default();
         let sections: Vec<Value> = (order.iter().enumerate())
             .map(|(index, section)| {
                 let blocks: Vec<Value> =
@@ -222,22 +222,22 @@ fn explanation_anchor(index: usize) -> String {
     format!("explanation-{}", index + 1)
 }
 
-impl Section {
+impl PageSection {
     /// A section without content yet.
     pub fn new(title: impl Into<String>) -> Self {
-        Self { title: title.into(), part: Part::default(), time_base: String::new(), blocks: Vec::new() }
+        Self { title: title.into(), part: PagePart::default(), time_base: String::new(), blocks: Vec::new() }
     }
 
     /// How a page was made: by which command, by which version, and the files beside it in words.
     pub fn made(command: &str, version: &str, beside: &str) -> Self {
-        Self::new("How it was made").part(Part::Made).paragraph(format!(
+        Self::new("How it was made").part(PagePart::Made).paragraph(format!(
             "`kalmems {command}`, kalmems {version}. The same input gives the same page to the last byte. {beside}"
         ))
     }
 
     /// Says what it is for.
     #[must_use]
-    pub fn part(mut self, part: Part) -> Self {
+    pub fn part(mut self, part: PagePart) -> Self {
         self.part = part;
         self
     }
@@ -251,7 +251,7 @@ impl Section {
 
     /// Adds any block.
     #[must_use]
-    pub fn with(mut self, block: Block) -> Self {
+    pub fn with(mut self, block: PageBlock) -> Self {
         self.blocks.push(block);
         self
     }
@@ -259,19 +259,19 @@ impl Section {
     /// Adds running text.
     #[must_use]
     pub fn paragraph(self, text: impl Into<String>) -> Self {
-        self.with(Block::Paragraph(text.into()))
+        self.with(PageBlock::Paragraph(text.into()))
     }
 
     /// Adds a verdict.
     #[must_use]
-    pub fn notice(self, severity: Severity, text: impl Into<String>) -> Self {
-        self.with(Block::Notice { severity, text: text.into() })
+    pub fn notice(self, severity: NoticeSeverity, text: impl Into<String>) -> Self {
+        self.with(PageBlock::Notice { severity, text: text.into() })
     }
 
     /// Adds notes.
     #[must_use]
     pub fn notes(self, notes: Vec<String>) -> Self {
-        if notes.is_empty() { self } else { self.with(Block::Notes(notes)) }
+        if notes.is_empty() { self } else { self.with(PageBlock::Notes(notes)) }
     }
 
     /// Adds names and values.
@@ -280,25 +280,25 @@ impl Section {
         self,
         pairs: impl IntoIterator<Item = (K, V)>,
     ) -> Self {
-        self.with(Block::KeyValues(pairs.into_iter().map(|(k, v)| (k.into(), v.into())).collect()))
+        self.with(PageBlock::KeyValues(pairs.into_iter().map(|(k, v)| (k.into(), v.into())).collect()))
     }
 
     /// Adds a table.
     #[must_use]
-    pub fn table(self, table: Table) -> Self {
-        self.with(Block::Table(table))
+    pub fn table(self, table: TextTable) -> Self {
+        self.with(PageBlock::Table(table))
     }
 
     /// Adds a figure.
     #[must_use]
     pub fn figure(self, figure: Figure) -> Self {
-        self.with(Block::Figure(figure))
+        self.with(PageBlock::Figure(figure))
     }
 
     /// Adds a picture of pixels, a PNG file.
     #[must_use]
     pub fn raster(self, png: Vec<u8>, alt: impl Into<String>, caption: impl Into<String>) -> Self {
-        self.with(Block::Raster { png, alt: alt.into(), caption: caption.into(), bar: None })
+        self.with(PageBlock::Raster { png, alt: alt.into(), caption: caption.into(), bar: None })
     }
 
     /// Adds the same with a bar that is this share of its width, between 0 and 1, and stands for what the text says.
@@ -311,24 +311,24 @@ impl Section {
         (share, length): (f64, String),
     ) -> Self {
         let bar = Some((share, length));
-        self.with(Block::Raster { png, alt: alt.into(), caption: caption.into(), bar })
+        self.with(PageBlock::Raster { png, alt: alt.into(), caption: caption.into(), bar })
     }
 
     /// Adds text that is folded away.
     #[must_use]
     pub fn preformatted(self, summary: impl Into<String>, text: impl Into<String>) -> Self {
-        self.with(Block::Preformatted { summary: summary.into(), text: text.into() })
+        self.with(PageBlock::Preformatted { summary: summary.into(), text: text.into() })
     }
 }
 
-impl Section {
+impl PageSection {
     /// Whether its sentences name this in backticks.
     fn names(&self, code: &str) -> bool {
         let code = format!("`{code}`");
         self.blocks.iter().any(|block| match block {
-            Block::Paragraph(text) | Block::Notice { text, .. } => text.contains(&code),
-            Block::Notes(notes) => notes.iter().any(|note| note.contains(&code)),
-            Block::KeyValues(pairs) => pairs.iter().any(|(_, value)| value.contains(&code)),
+            PageBlock::Paragraph(text) | PageBlock::Notice { text, .. } => text.contains(&code),
+            PageBlock::Notes(notes) => notes.iter().any(|note| note.contains(&code)),
+            PageBlock::KeyValues(pairs) => pairs.iter().any(|(_, value)| value.contains(&code)),
             _ => false,
         })
     }
@@ -364,29 +364,29 @@ fn with_code(text: &str) -> Value {
 
 /// What is numbered throughout a page.
 #[derive(Default)]
-struct Numbers {
+struct PageNumbering {
     figures: usize,
     anchors: usize,
     warnings: Vec<Value>,
-    live: Live,
+    live: LiveFigures,
 }
 
-impl Numbers {
-    fn block(&mut self, section: &Section, block: &Block) -> Value {
+impl PageNumbering {
+    fn block(&mut self, section: &PageSection, block: &PageBlock) -> Value {
         match block {
-            Block::Paragraph(text) => context! { kind => "paragraph", text => with_code(text) },
-            Block::Notice { severity, text } => self.notice(section.part, *severity, text),
-            Block::Notes(notes) => {
+            PageBlock::Paragraph(text) => context! { kind => "paragraph", text => with_code(text) },
+            PageBlock::Notice { severity, text } => self.notice(section.part, *severity, text),
+            PageBlock::Notes(notes) => {
                 let notes: Vec<Value> = notes.iter().map(|note| with_code(note)).collect();
                 context! { kind => "notes", notes }
             }
-            Block::KeyValues(pairs) => {
+            PageBlock::KeyValues(pairs) => {
                 let pairs: Vec<[Value; 2]> =
                     pairs.iter().map(|(name, value)| [with_code(name), with_code(value)]).collect();
                 context! { kind => "key-values", pairs }
             }
-            Block::Table(table) => table_value(table),
-            Block::Figure(figure) => {
+            PageBlock::Table(table) => table_value(table),
+            PageBlock::Figure(figure) => {
                 self.figures += 1;
                 let is_live = self.live.take(self.figures, &section.time_base, figure);
                 context! {
@@ -398,7 +398,7 @@ impl Numbers {
                     numbers => is_live.then(|| table_value(&numbers_of(figure))),
                 }
             }
-            Block::Raster { png, alt, caption, bar } => context! {
+            PageBlock::Raster { png, alt, caption, bar } => context! {
                 kind => "raster",
                 // Letters, digits, `+`, `/` and `=`.
                 data => Value::from_safe_string(STANDARD.encode(png)),
@@ -406,20 +406,20 @@ impl Numbers {
                 caption => with_code(caption),
                 bar => bar.as_ref().map(|(share, length)| (format!("{:.3}", 100.0 * share), length)),
             },
-            Block::Preformatted { summary, text } => context! { kind => "preformatted", summary, text },
+            PageBlock::Preformatted { summary, text } => context! { kind => "preformatted", summary, text },
         }
     }
 
-    fn notice(&mut self, part: Part, severity: Severity, text: &str) -> Value {
+    fn notice(&mut self, part: PagePart, severity: NoticeSeverity, text: &str) -> Value {
         let word = match severity {
-            Severity::Ok => "OK",
-            Severity::Note => "Note",
-            Severity::Warning => "Warning",
-            Severity::Failure => "Failure",
+            NoticeSeverity::Ok => "OK",
+            NoticeSeverity::Note => "Note",
+            NoticeSeverity::Warning => "Warning",
+            NoticeSeverity::Failure => "Failure",
         };
         let mut anchor = None;
         // The verdict stands at the top itself.
-        if severity >= Severity::Warning && part != Part::Verdict {
+        if severity >= NoticeSeverity::Warning && part != PagePart::Verdict {
             self.anchors += 1;
             let name = format!("warning-{}", self.anchors);
             let severity = severity.class();
@@ -432,17 +432,17 @@ impl Numbers {
 }
 
 /// What the series of a figure come to, in words and numbers.
-fn numbers_of(figure: &Figure) -> Table {
+fn numbers_of(figure: &Figure) -> TextTable {
     let columns = [
-        Column::text("panel"),
-        Column::text("series"),
-        Column::number("samples", ""),
-        Column::text("from"),
-        Column::text("to"),
-        Column::text("lowest"),
-        Column::text("highest"),
+        ColumnHead::text("panel"),
+        ColumnHead::text("series"),
+        ColumnHead::number("samples", ""),
+        ColumnHead::text("from"),
+        ColumnHead::text("to"),
+        ColumnHead::text("lowest"),
+        ColumnHead::text("highest"),
     ];
-    let mut table = Table::new("What the series of this figure come to", columns);
+    let mut table = TextTable::new("What the series of this figure come to", columns);
     for panel in &figure.panels {
         for series in panel.series.iter().filter(|series| series.record().is_some()) {
             table.push(numbers_of_series(
@@ -474,7 +474,7 @@ fn numbers_of_series(x_unit: &str, panel: &str, y_unit: &str, series: &Series) -
     ]
 }
 
-fn table_value(table: &Table) -> Value {
+fn table_value(table: &TextTable) -> Value {
     let class = |column| if table.is_numeric(column) { "number" } else { "text" };
     let is_short = |text: &str| text.chars().count() <= SHORT;
     let order: Vec<usize> = table.order().collect();
@@ -487,7 +487,7 @@ fn table_value(table: &Table) -> Value {
                 .map(|column| {
                     let cell = row.get(*column).map_or("", String::as_str);
                     let text = with_code(cell);
-                    let grade = table.grade(index, *column).map(Severity::class);
+                    let grade = table.grade(index, *column).map(NoticeSeverity::class);
                     context! { text, class => class(*column), short => is_short(cell), head => table.head(*column), grade }
                 })
                 .collect()

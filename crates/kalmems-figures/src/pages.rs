@@ -1,7 +1,7 @@
 //! Figures of more panels than a sheet of paper takes, over several sheets.
 
 use crate::figure::Figure;
-use crate::layout::Layout;
+use crate::layout::FigureLayout;
 use crate::text::Ruler;
 
 /// The height of a sheet in units of the drawing: half of the highest picture that is drawn.
@@ -15,7 +15,7 @@ impl Figure {
     #[must_use]
     pub fn pages(self) -> Vec<Self> {
         let ruler = Ruler::new();
-        let layout = Layout::of(&self, &ruler);
+        let layout = FigureLayout::of(&self, &ruler);
         let ends: Vec<f64> = layout.places.iter().map(|place| place.frame.top + place.frame.height).collect();
         let (mut sheets, mut first_of_sheet, mut top) = (Vec::new(), 0, 0.0);
         for (panel, end) in ends.iter().enumerate() {
@@ -51,12 +51,12 @@ impl Figure {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Axis, Panel, Role, Series};
+    use crate::{Axis, Panel, Series, SeriesRole};
 
     fn figure(panels: usize) -> Figure {
         (0..panels).fold(Figure::new("angle_error", "Angle error", "What it shows."), |figure, n| {
             let panel = Panel::new(Axis::new("time", "s"), Axis::new(format!("filter {n}"), "deg"));
-            let panel = panel.with(Series::line("", Role::Estimate, [(0.0, 0.0), (1.0, 1.0)]));
+            let panel = panel.with(Series::line("", SeriesRole::Estimate, [(0.0, 0.0), (1.0, 1.0)]));
             figure.with(if n == 0 { panel } else { panel.sharing_x() })
         })
     }

@@ -1,7 +1,7 @@
 //! A drawing as PNG, with the bundled font.
 
 use crate::error::ReportError;
-use crate::scene::{Anchor, Colour, Group, Mark, Rect, Scene};
+use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneMark};
 use crate::text::{Ruler, font};
 use tiny_skia::{
     FillRule, LineCap, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform,
@@ -38,7 +38,7 @@ struct Canvas {
 }
 
 impl Canvas {
-    fn group(&mut self, group: &Group) {
+    fn group(&mut self, group: &MarkGroup) {
         let mask = group.clip.and_then(|clip| self.mask(clip));
         for mark in &group.marks {
             self.mark(mark, mask.as_ref());
@@ -52,9 +52,9 @@ impl Canvas {
         Some(mask)
     }
 
-    fn mark(&mut self, mark: &Mark, mask: Option<&Mask>) {
+    fn mark(&mut self, mark: &SceneMark, mask: Option<&Mask>) {
         match mark {
-            Mark::Lines { runs, stroke } => {
+            SceneMark::Lines { runs, stroke } => {
                 let Some(path) = path(runs, false) else { return };
                 let dash = if stroke.dashed { StrokeDash::new(vec![6.0, 4.0], 0.0) } else { None };
                 let pen = Stroke {
@@ -66,11 +66,11 @@ impl Canvas {
                 };
                 self.pixmap.stroke_path(&path, &paint(stroke.colour, 1.0), &pen, scale(), mask);
             }
-            Mark::Areas { outlines, colour, opacity } => {
+            SceneMark::Areas { outlines, colour, opacity } => {
                 let Some(path) = path(outlines, true) else { return };
                 self.fill(&path, *colour, *opacity, mask);
             }
-            Mark::Dots { at, colour, radius } => {
+            SceneMark::Dots { at, colour, radius } => {
                 let mut builder = PathBuilder::new();
                 for point in at {
                     builder.push_circle(f(point[0]), f(point[1]), f(*radius));
@@ -78,7 +78,7 @@ impl Canvas {
                 let Some(path) = builder.finish() else { return };
                 self.fill(&path, *colour, 1.0, mask);
             }
-            Mark::Text { at, text, size, colour, anchor, turned } => {
+            SceneMark::Text { at, text, size, colour, anchor, turned } => {
                 let width = self.ruler.width(text, *size);
                 let start = match anchor {
                     Anchor::Start => 0.0,

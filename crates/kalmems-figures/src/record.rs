@@ -145,14 +145,14 @@ impl Track {
         let is_single = lower == upper;
         let (lower, upper) = (self.channels.get(lower)?, self.channels.get(upper)?);
         let values = if self.per_group > 1 {
-            Kept::Extremes { low: Values::of(&lower.low), high: Values::of(&upper.high) }
+            RecordValues::Extremes { low: PackedValues::of(&lower.low), high: PackedValues::of(&upper.high) }
         } else if std::ptr::eq(lower, upper) {
-            Kept::Samples(Values::of(&lower.low))
+            RecordValues::Samples(PackedValues::of(&lower.low))
         } else {
             let pairs = || lower.low.iter().zip(&upper.high);
             let middle: Vec<f64> = pairs().map(|(low, high)| f64::midpoint(*low, *high)).collect();
             let half: Vec<f64> = pairs().map(|(low, high)| (high - low) / 2.0).collect();
-            Kept::Band { middle: Values::of(&middle), half: Values::of(&half) }
+            RecordValues::Band { middle: PackedValues::of(&middle), half: PackedValues::of(&half) }
         };
         let (x, last_x) = (Abscissae::of(&self.x), self.last_x);
         let (per_group, samples, rises) = (self.per_group, self.samples, self.rises);
@@ -173,27 +173,27 @@ pub(crate) struct Record {
     pub(crate) x: Abscissae,
     /// Of the last sample.
     pub(crate) last_x: f64,
-    pub(crate) values: Kept,
+    pub(crate) values: RecordValues,
 }
 
 /// The values of a record.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Kept {
+pub(crate) enum RecordValues {
     /// Each sample.
-    Samples(Values),
+    Samples(PackedValues),
     /// The middle of a band at each sample, and half of its width, which may be far smaller than the middle.
     Band {
         /// Between the edges.
-        middle: Values,
+        middle: PackedValues,
         /// From the middle to an edge.
-        half: Values,
+        half: PackedValues,
     },
     /// The lowest and the highest value of each group.
     Extremes {
         /// The lowest.
-        low: Values,
+        low: PackedValues,
         /// The highest.
-        high: Values,
+        high: PackedValues,
     },
 }
 
@@ -201,9 +201,9 @@ impl Record {
     /// Numbers that it takes to write it.
     pub(crate) fn size(&self) -> usize {
         let values = match &self.values {
-            Kept::Samples(values) => values.multiples.len(),
-            Kept::Band { middle, .. } => 2 * middle.multiples.len(),
-            Kept::Extremes { low, .. } => 2 * low.multiples.len(),
+            RecordValues::Samples(values) => values.multiples.len(),
+            RecordValues::Band { middle, .. } => 2 * middle.multiples.len(),
+            RecordValues::Extremes { low, .. } => 2 * low.multiples.len(),
         };
         values + if let Abscissae::Each(x) = &self.x { 2 * x.len() } else { 0 }
     }
@@ -214,20 +214,20 @@ impl Record {
             return None;
         }
         let (low, high): (Vec<f64>, Vec<f64>) = match &self.values {
-            Kept::Samples(values) => (values.all().collect(), values.all().collect()),
-            Kept::Band { middle, half } => {
+            RecordValues::Samples(values) => (values.all().collect(), values.all().collect()),
+            RecordValues::Band { middle, half } => {
                 middle.all().zip(half.all()).map(|(middle, half)| (middle - half, middle + half)).unzip()
             }
-            Kept::Extremes { low, high } => (low.all().collect(), high.all().collect()),
+            RecordValues::Extremes { low, high } => (low.all().collect(), high.all().collect()),
         };
         let x: Vec<f64> = match &self.x {
             Abscissae::Equal(first, step, count) => (0..*count).map(|i| first + step * i as f64).collect(),
             Abscissae::Each(x) => x.clone(),
         };
         let x: Vec<f64> = x.into_iter().step_by(times).collect();
-        let values = Kept::Extremes {
-            low: Values::of(&joined(&low, times, f64::min)),
-            high: Values::of(&joined(&high, times, f64::max)),
+        let values = RecordValues::Extremes {
+            low: PackedValues::of(&joined(&low, times, f64::min)),
+            high: PackedValues::of(&joined(&high, times, f64::max)),
         };
         Some(Self { per_group: self.per_group * times, x: Abscissae::of(&x), values, ..*self })
     }
@@ -262,13 +262,13 @@ impl Abscissae {
 /// Numbers as an offset plus a multiple of a power of two, with 15 bits behind the first of each multiple: the upper
 /// three bytes of it as a number of 32 bits, of which the last is zero.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Values {
+pub(crate) struct PackedValues {
     pub(crate) offset: f64,
     pub(crate) unit: f64,
     pub(crate) multiples: Vec<u32>,
 }
 
-impl Values {
+impl PackedValues {
     pub(crate) fn of(values: &[f64]) -> Self {
         let finite = values.iter().filter(|v| is_drawable(**v));
         let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
@@ -309,7 +309,7 @@ fn short(value: f64) -> u32 {
 mod tests {
     use super::*;
 
-    fn all(values: &Values) -> Vec<f64> {
+    fn all(values: &PackedValues) -> Vec<f64> {
         values.all().collect()
     }
 
@@ -322,7 +322,7 @@ mod tests {
         }
         let record = track.record([0, 0]).unwrap();
         assert!(matches!(record.x, Abscissae::Equal(_, _, 20_000)));
-        let Kept::Samples(values) = &record.values else { panic!("not each") };
+        let RecordValues::Samples(values) = &record.values else { panic!("not each") };
         for (i, kept) in (0..).zip(all(values)) {
             assert!((kept - value(i)).abs() < 2e-16 * 2e-5 || (i == 77 && kept.is_nan()), "{i}");
         }
@@ -335,7 +335,7 @@ mod tests {
             let middle = (f64::from(i) / 50.0).sin();
             track.push(f64::from(i), &[middle - 1e-7, middle + 1e-7]);
         }
-        let Kept::Band { half, .. } = track.record([0, 1]).unwrap().values else { panic!("no band") };
+        let RecordValues::Band { half, .. } = track.record([0, 1]).unwrap().values else { panic!("no band") };
         assert!(half.all().all(|half| (half - 1e-7).abs() < 1e-11));
     }
 
@@ -353,7 +353,7 @@ mod tests {
         let coarser = record.coarser(4).unwrap();
         for (record, size) in [(record, 32), (coarser, 128)] {
             assert_eq!(record.per_group, size);
-            let Kept::Extremes { low, high } = &record.values else { panic!("no groups") };
+            let RecordValues::Extremes { low, high } = &record.values else { panic!("no groups") };
             let samples: Vec<u32> = (0..1_000_000).collect();
             let groups = samples.chunks(size).zip(all(low).into_iter().zip(all(high)));
             for (group, (low, high)) in groups {
@@ -368,12 +368,12 @@ mod tests {
     #[test]
     fn numbers_of_any_size_are_kept() {
         for size in [1e-300, 1e-20, 1.0, 1e20, 1e300] {
-            let values = all(&Values::of(&[-size, 0.0, 0.3 * size, f64::NAN, size]));
+            let values = all(&PackedValues::of(&[-size, 0.0, 0.3 * size, f64::NAN, size]));
             assert!((values[2] - 0.3 * size).abs() < 2e-5 * size, "{size}");
             assert_eq!(values[1], 0.0);
         }
-        assert_eq!(all(&Values::of(&[4.0, 4.0])), [4.0, 4.0]);
-        assert!(Values::of(&[]).multiples.is_empty());
+        assert_eq!(all(&PackedValues::of(&[4.0, 4.0])), [4.0, 4.0]);
+        assert!(PackedValues::of(&[]).multiples.is_empty());
     }
 
     #[test]

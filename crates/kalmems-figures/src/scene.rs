@@ -41,7 +41,7 @@ pub(crate) struct Stroke {
 
 /// One thing to draw. Points are in units of the drawing.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Mark {
+pub(crate) enum SceneMark {
     Lines { runs: Vec<Vec<[f64; 2]>>, stroke: Stroke },
     Areas { outlines: Vec<Vec<[f64; 2]>>, colour: Colour, opacity: f64 },
     Dots { at: Vec<[f64; 2]>, colour: Colour, radius: f64 },
@@ -50,16 +50,16 @@ pub(crate) enum Mark {
 
 /// Marks that belong together.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Group {
+pub(crate) struct MarkGroup {
     pub(crate) class: &'static str,
     /// What the SVG says about the group: the range of a panel, the label of a series.
     pub(crate) data: Vec<(&'static str, String)>,
     /// What lies outside is not drawn.
     pub(crate) clip: Option<Rect>,
-    pub(crate) marks: Vec<Mark>,
+    pub(crate) marks: Vec<SceneMark>,
 }
 
-impl Group {
+impl MarkGroup {
     pub(crate) fn new(class: &'static str) -> Self {
         Self { class, data: Vec::new(), clip: None, marks: Vec::new() }
     }
@@ -72,5 +72,5 @@ pub(crate) struct Scene {
     pub(crate) title: String,
     pub(crate) width: f64,
     pub(crate) height: f64,
-    pub(crate) groups: Vec<Group>,
+    pub(crate) groups: Vec<MarkGroup>,
 }

@@ -1,6 +1,6 @@
 //! Colours and line widths. The colours are those of Okabe and Ito, which the colour-blind can tell apart.
 
-use crate::figure::{Role, Series, Shape};
+use crate::figure::{Series, SeriesRole, Shape};
 use crate::scene::{Colour, Stroke};
 
 pub(crate) const INK: Colour = Colour(0x22, 0x22, 0x22);
@@ -21,15 +21,15 @@ const GREY: Colour = Colour(0x99, 0x99, 0x99);
 /// For series whose role has no colour left, in this order. Yellow is missing: it cannot be seen on white.
 const FREE: [Colour; 7] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, BLACK];
 
-fn colour_of(role: Role) -> Option<Colour> {
+fn colour_of(role: SeriesRole) -> Option<Colour> {
     match role {
-        Role::Measured => Some(GREY),
-        Role::Model => Some(VERMILION),
-        Role::Estimate => Some(BLUE),
-        Role::Reference => Some(ORANGE),
-        Role::Input => Some(GREEN),
-        Role::Bound => Some(PURPLE),
-        Role::Other => None,
+        SeriesRole::Measured => Some(GREY),
+        SeriesRole::Model => Some(VERMILION),
+        SeriesRole::Estimate => Some(BLUE),
+        SeriesRole::Reference => Some(ORANGE),
+        SeriesRole::Input => Some(GREEN),
+        SeriesRole::Bound => Some(PURPLE),
+        SeriesRole::Other => None,
     }
 }
 
@@ -40,8 +40,8 @@ fn colour_of(role: Role) -> Option<Colour> {
 /// label goes with the one of its role before it.
 pub(crate) fn colours(series: &[Series]) -> Vec<Colour> {
     let mut used: Vec<Colour> = series.iter().filter_map(|s| colour_of(s.role())).collect();
-    let mut assigned: Vec<(Role, Vec<Colour>)> = Vec::new();
-    let mut counts: Vec<(Role, bool, usize)> = Vec::new();
+    let mut assigned: Vec<(SeriesRole, Vec<Colour>)> = Vec::new();
+    let mut counts: Vec<(SeriesRole, bool, usize)> = Vec::new();
     series
         .iter()
         .map(|s| {
@@ -67,7 +67,12 @@ pub(crate) fn colours(series: &[Series]) -> Vec<Colour> {
 }
 
 /// Which line, or which band, of its role a series is.
-fn nth(counts: &mut Vec<(Role, bool, usize)>, role: Role, is_band: bool, continues: bool) -> usize {
+fn nth(
+    counts: &mut Vec<(SeriesRole, bool, usize)>,
+    role: SeriesRole,
+    is_band: bool,
+    continues: bool,
+) -> usize {
     // A band without a label belongs to the line before it.
     let line = counts.iter().find(|(r, band, _)| *r == role && !band);
     if let (true, true, Some((_, _, nth))) = (is_band, continues, line) {
@@ -94,10 +99,10 @@ pub(crate) fn diverging(position: f64) -> Colour {
 pub(crate) const CONTOUR: Stroke = Stroke { colour: INK, width: 1.6, dashed: false };
 
 /// How a line of this role is drawn.
-pub(crate) fn stroke(role: Role, colour: Colour) -> Stroke {
+pub(crate) fn stroke(role: SeriesRole, colour: Colour) -> Stroke {
     match role {
-        Role::Measured | Role::Reference => Stroke { colour, width: 3.2, dashed: false },
-        Role::Bound => Stroke { colour, width: 1.4, dashed: true },
+        SeriesRole::Measured | SeriesRole::Reference => Stroke { colour, width: 3.2, dashed: false },
+        SeriesRole::Bound => Stroke { colour, width: 1.4, dashed: true },
         _ => Stroke { colour, width: 1.4, dashed: false },
     }
 }
@@ -116,11 +121,11 @@ pub(crate) fn layer(series: &Series) -> u8 {
     match (series.shape(), series.role()) {
         (Shape::Points(points), _) if points.len() <= FEW => 7,
         (Shape::Map(_), _) => 0,
-        (Shape::Band(_), Role::Bound) => 1,
+        (Shape::Band(_), SeriesRole::Bound) => 1,
         (Shape::Band(_), _) => 2,
-        (Shape::Points(_), Role::Measured | Role::Reference) => 3,
-        (Shape::Line(_) | Shape::Level(_), Role::Measured | Role::Reference) => 4,
-        (Shape::Line(_), Role::Bound) | (Shape::Level(_), _) => 5,
+        (Shape::Points(_), SeriesRole::Measured | SeriesRole::Reference) => 3,
+        (Shape::Line(_) | Shape::Level(_), SeriesRole::Measured | SeriesRole::Reference) => 4,
+        (Shape::Line(_), SeriesRole::Bound) | (Shape::Level(_), _) => 5,
         (Shape::Line(_), _) => 6,
         (Shape::Points(_), _) => 7,
     }
@@ -139,23 +144,23 @@ pub(crate) fn radius(points: usize) -> f64 {
 mod tests {
     use super::*;
 
-    fn line(role: Role) -> Series {
+    fn line(role: SeriesRole) -> Series {
         Series::line("line", role, [(0.0, 0.0)])
     }
 
-    fn band(role: Role) -> Series {
+    fn band(role: SeriesRole) -> Series {
         Series::band("band", role, [(0.0, 0.0, 1.0)])
     }
 
     #[test]
     fn roles_keep_their_colour_and_repeated_ones_get_another() {
-        use Role::{Estimate, Model, Other};
+        use SeriesRole::{Estimate, Model, Other};
         let series =
             [line(Other), band(Estimate), line(Estimate), line(Estimate), band(Estimate), line(Model)];
         let got = colours(&series);
         assert_eq!(got, [GREEN, BLUE, BLUE, PURPLE, PURPLE, VERMILION]);
-        let unnamed = Series::level("", Role::Bound, 1.0);
-        let pair = colours(&[line(Role::Bound), unnamed]);
+        let unnamed = Series::level("", SeriesRole::Bound, 1.0);
+        let pair = colours(&[line(SeriesRole::Bound), unnamed]);
         assert_eq!(pair[0], pair[1]);
         let unnamed = || Series::band("", Other, [(0.0, 0.0, 1.0)]);
         let banded = colours(&[line(Other), unnamed(), line(Other), unnamed()]);

@@ -1,6 +1,6 @@
 //! A drawing as SVG.
 
-use crate::scene::{Anchor, Colour, Group, Mark, Scene};
+use crate::scene::{Anchor, Colour, MarkGroup, Scene, SceneMark};
 use crate::text::escape;
 use std::fmt::Write as _;
 
@@ -25,7 +25,7 @@ pub(crate) fn write(scene: &Scene) -> String {
     out
 }
 
-fn write_group(out: &mut String, group: &Group) {
+fn write_group(out: &mut String, group: &MarkGroup) {
     // A nested drawing hides what lies outside of it, and needs no name that two figures could share.
     let element = if group.clip.is_some() { "svg" } else { "g" };
     push(out, format_args!("<{element} class=\"{}\"", group.class));
@@ -49,9 +49,9 @@ fn write_group(out: &mut String, group: &Group) {
     push(out, format_args!("</{element}>\n"));
 }
 
-fn write_mark(out: &mut String, mark: &Mark) {
+fn write_mark(out: &mut String, mark: &SceneMark) {
     match mark {
-        Mark::Lines { runs, stroke } => {
+        SceneMark::Lines { runs, stroke } => {
             let dashes = if stroke.dashed { " stroke-dasharray=\"6 4\"" } else { "" };
             push(
                 out,
@@ -64,7 +64,7 @@ fn write_mark(out: &mut String, mark: &Mark) {
                 ),
             );
         }
-        Mark::Areas { outlines, colour, opacity } => push(
+        SceneMark::Areas { outlines, colour, opacity } => push(
             out,
             format_args!(
                 "<path fill=\"{}\" fill-opacity=\"{}\" d=\"{}\"/>\n",
@@ -73,7 +73,7 @@ fn write_mark(out: &mut String, mark: &Mark) {
                 path(outlines, true),
             ),
         ),
-        Mark::Dots { at, colour, radius } => {
+        SceneMark::Dots { at, colour, radius } => {
             let mut d = String::new();
             for point in at {
                 push(&mut d, format_args!("M{} {}h0", number(point[0]), number(point[1])));
@@ -88,7 +88,7 @@ fn write_mark(out: &mut String, mark: &Mark) {
                 ),
             );
         }
-        Mark::Text { at, text, size, colour, anchor, turned } => {
+        SceneMark::Text { at, text, size, colour, anchor, turned } => {
             let anchor = match anchor {
                 Anchor::Start => "",
                 Anchor::Middle => " text-anchor=\"middle\"",

@@ -1,12 +1,12 @@
 //! Tables, for the page and for the terminal.
 
-use crate::page::Severity;
+use crate::page::NoticeSeverity;
 use crate::significant::with_short_numbers;
 use crate::text::{printable, with_unit};
 
 /// The head of a column.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Column {
+pub struct ColumnHead {
     /// What stands in it.
     pub label: String,
     /// Its unit, such as `deg`; empty for none.
@@ -15,7 +15,7 @@ pub struct Column {
     pub numeric: bool,
 }
 
-impl Column {
+impl ColumnHead {
     /// A column of words.
     pub fn text(label: impl Into<String>) -> Self {
         Self { label: label.into(), unit: String::new(), numeric: false }
@@ -34,20 +34,20 @@ impl Column {
 
 /// Columns and rows of text; numbers are formatted by whoever knows their precision.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Table {
+pub struct TextTable {
     /// A line above it; empty for none.
     pub caption: String,
     /// From left to right.
-    pub columns: Vec<Column>,
+    pub columns: Vec<ColumnHead>,
     /// From top to bottom. A cell that is missing is empty; one beyond the columns stands there all the same.
     pub rows: Vec<Vec<String>>,
     /// The column of verdicts, and how serious that of each row is.
-    verdicts: Option<(usize, Vec<Severity>)>,
+    verdicts: Option<(usize, Vec<NoticeSeverity>)>,
 }
 
-impl Table {
+impl TextTable {
     /// A table without rows yet.
-    pub fn new(caption: impl Into<String>, columns: impl IntoIterator<Item = Column>) -> Self {
+    pub fn new(caption: impl Into<String>, columns: impl IntoIterator<Item = ColumnHead>) -> Self {
         Self {
             caption: caption.into(),
             columns: columns.into_iter().collect(),
@@ -59,7 +59,11 @@ impl Table {
     /// On a page, the column of this name stands second, where no width hides it, and its cells show how serious each is. Without
     /// such a column nothing changes.
     #[must_use]
-    pub fn with_verdicts(mut self, label: &str, severities: impl IntoIterator<Item = Severity>) -> Self {
+    pub fn with_verdicts(
+        mut self,
+        label: &str,
+        severities: impl IntoIterator<Item = NoticeSeverity>,
+    ) -> Self {
         let column = self.columns.iter().position(|column| column.label == label);
         self.verdicts = column.map(|column| (column, severities.into_iter().collect()));
         self
@@ -74,7 +78,7 @@ impl Table {
     }
 
     /// How serious a cell is, where it is a verdict.
-    pub(crate) fn grade(&self, row: usize, column: usize) -> Option<Severity> {
+    pub(crate) fn grade(&self, row: usize, column: usize) -> Option<NoticeSeverity> {
         let (verdict, severities) = self.verdicts.as_ref()?;
         (*verdict == column).then(|| severities.get(row).copied())?
     }
@@ -106,7 +110,7 @@ impl Table {
     }
 
     pub(crate) fn head(&self, column: usize) -> String {
-        self.columns.get(column).map(Column::head).unwrap_or_default()
+        self.columns.get(column).map(ColumnHead::head).unwrap_or_default()
     }
 
     /// Aligned with spaces, with a rule below the head, and a line break at the end.
@@ -166,9 +170,13 @@ mod tests {
 
     #[test]
     fn columns_are_aligned() {
-        let table = Table::new(
+        let table = TextTable::new(
             "Errors against the reference",
-            [Column::text("filter"), Column::number("rms error", "deg"), Column::number("χ²", "")],
+            [
+                ColumnHead::text("filter"),
+                ColumnHead::number("rms error", "deg"),
+                ColumnHead::number("χ²", ""),
+            ],
         )
         .row(["extended", "0.0123", "1.02"])
         .row(["steady state", "12.1"])
@@ -185,8 +193,8 @@ mod tests {
 
     #[test]
     fn an_empty_table_is_its_caption() {
-        assert_eq!(Table::new("nothing", []).to_text(), "nothing\n");
-        assert_eq!(Table::default().to_text(), "");
-        assert_eq!(Table::new("", [Column::text("a")]).to_text(), "a\n─\n");
+        assert_eq!(TextTable::new("nothing", []).to_text(), "nothing\n");
+        assert_eq!(TextTable::default().to_text(), "");
+        assert_eq!(TextTable::new("", [ColumnHead::text("a")]).to_text(), "a\n─\n");
     }
 }

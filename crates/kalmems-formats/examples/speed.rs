@@ -2,7 +2,7 @@
 //! [POWER] FILE …`. All columns of numbers are read, times 10^POWER if one is given before the file;
 //! `tests/fixtures/large.py` writes large files of every format.
 
-use kalmems_formats::{Block, Hints, Wanted, open};
+use kalmems_formats::{Block, Hints, WantedColumn, open};
 use std::path::Path;
 use std::time::Instant;
 
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut table = open(path, &hints)?;
         let mut wanted = Vec::new();
         for column in 0..table.description().columns.len() {
-            wanted.push(Wanted::Number { column, power });
+            wanted.push(WantedColumn::Number { column, power });
             if table.want(&wanted).is_err() {
                 wanted.pop();
             }

@@ -1,11 +1,11 @@
 //! Arrays in memory as a table, in the place of a file.
 
-use crate::element::{Element, Kind};
-use crate::records::{Cells, Code, Field, Lane, RecordTable};
+use crate::element::{Element, ElementKind};
+use crate::records::{CellKind, RecordField, RecordLane, RecordTable, TextEncoding};
 use crate::time::TimeCode;
 use crate::{
-    Block, CellFault, Column, Description, Digest, Evidence, Fault, FormatError, Table, TimeKind, TimeUnit,
-    Wanted, limits,
+    Block, CellFault, CellFinding, Column, Digest, FormatError, Table, TableDescription, TableEvidence,
+    TimeKind, TimeUnit, WantedColumn, limits,
 };
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
@@ -41,23 +41,28 @@ impl ArrayType {
     }
 
     /// The cells of a lane of them; `None` where there are no such numbers.
-    fn cells(self, lane: usize) -> Option<Cells> {
+    fn cells(self, lane: usize) -> Option<CellKind> {
         let time = |unit, kind| {
-            let code = TimeCode::Counted { element: Element::little(Kind::Signed, 8), unit, kind };
-            Some(Cells::Times { lane, offset: 0, code })
+            let code = TimeCode::Counted { element: Element::little(ElementKind::Signed, 8), unit, kind };
+            Some(CellKind::Times { lane, offset: 0, code })
         };
         let kind = match self {
-            Self::Float(_) => Kind::Float,
-            Self::Signed(_) => Kind::Signed,
-            Self::Unsigned(_) => Kind::Unsigned,
+            Self::Float(_) => ElementKind::Float,
+            Self::Signed(_) => ElementKind::Signed,
+            Self::Unsigned(_) => ElementKind::Unsigned,
             Self::Dates(unit) => return time(unit, TimeKind::Calendar),
             Self::Durations(unit) => return time(unit, TimeKind::Elapsed),
             Self::Texts(bytes) => {
-                return (bytes > 0).then_some(Cells::Text { lane, offset: 0, bytes, code: Code::Bytes });
+                return (bytes > 0).then_some(CellKind::Text {
+                    lane,
+                    offset: 0,
+                    bytes,
+                    code: TextEncoding::Bytes,
+                });
             }
         };
         let element = Element::little(kind, self.bytes());
-        element.exists().then_some(Cells::Numbers { lane, offset: 0, element })
+        element.exists().then_some(CellKind::Numbers { lane, offset: 0, element })
     }
 }
 
@@ -105,9 +110,9 @@ impl Array {
 /// # Ok::<(), kalmems_formats::FormatError>(())
 /// ```
 #[derive(Clone)]
-pub struct Arrays(Arc<Held>);
+pub struct Arrays(Arc<SharedArrays>);
 
-struct Held {
+struct SharedArrays {
     arrays: Vec<Array>,
     rows: usize,
     digest: OnceLock<Digest>,
@@ -142,7 +147,7 @@ impl Arrays {
                 return refuse(format!("a second column `{name}`"), "give each a name of its own");
             }
         }
-        Ok(Self(Arc::new(Held { arrays, rows, digest: OnceLock::new() })))
+        Ok(Self(Arc::new(SharedArrays { arrays, rows, digest: OnceLock::new() })))
     }
 
     /// How many samples there are.
@@ -176,17 +181,17 @@ impl Arrays {
 
     /// As a table that is being read.
     pub(crate) fn table(&self) -> Box<dyn Table> {
-        let (mut fields, mut lanes) = (Vec::new(), Vec::<Box<dyn Lane>>::new());
+        let (mut fields, mut lanes) = (Vec::new(), Vec::<Box<dyn RecordLane>>::new());
         for (number, array) in self.0.arrays.iter().enumerate() {
             if let Some(cells) = array.of.cells(number) {
-                fields.push(Field::new(Column::new(&array.name), cells, self.0.rows as u64));
+                fields.push(RecordField::new(Column::new(&array.name), cells, self.0.rows as u64));
                 lanes.push(Box::new(ArrayLane { held: Arc::clone(&self.0), number, row: 0 }));
             }
         }
         let recognised = format!("{} samples of {} columns in memory", self.0.rows, fields.len());
         let bytes = self.0.arrays.iter().map(|array| array.bytes.len() as u64).sum();
         let inner = RecordTable::new(FORMAT, recognised, Vec::new(), fields, lanes, bytes);
-        let description = Description { evidence: Evidence::Arrays, ..inner.description().clone() };
+        let description = TableDescription { evidence: TableEvidence::Arrays, ..inner.description().clone() };
         Box::new(ArrayTable { arrays: self.clone(), inner, description, wanted: Vec::new(), row: 0 })
     }
 }
@@ -211,12 +216,12 @@ impl fmt::Debug for Arrays {
 
 /// The elements of one array, one after the other.
 struct ArrayLane {
-    held: Arc<Held>,
+    held: Arc<SharedArrays>,
     number: usize,
     row: usize,
 }
 
-impl Lane for ArrayLane {
+impl RecordLane for ArrayLane {
     fn record(&self) -> usize {
         self.held.arrays.get(self.number).map_or(0, |array| array.of.bytes())
     }
@@ -237,8 +242,8 @@ impl Lane for ArrayLane {
 struct ArrayTable {
     arrays: Arrays,
     inner: RecordTable,
-    description: Description,
-    wanted: Vec<Wanted>,
+    description: TableDescription,
+    wanted: Vec<WantedColumn>,
     row: usize,
 }
 
@@ -257,7 +262,7 @@ impl ArrayTable {
             for (row, value) in values.iter_mut().enumerate().filter(|(row, _)| missing[*row]) {
                 *value = f64::NAN;
                 let line = (self.row + row) as u64;
-                block.faults.push(CellFault { row, line, column: Some(column), fault: Fault::Missing });
+                block.faults.push(CellFault { row, line, column: Some(column), fault: CellFinding::Missing });
             }
         }
         block.faults.sort_by_key(|fault| fault.row);
@@ -265,11 +270,11 @@ impl ArrayTable {
 }
 
 impl Table for ArrayTable {
-    fn description(&self) -> &Description {
+    fn description(&self) -> &TableDescription {
         &self.description
     }
 
-    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
         self.wanted = wanted.to_vec();
         self.inner.want(wanted)
     }

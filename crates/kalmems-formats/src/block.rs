@@ -45,7 +45,7 @@ impl Block {
     }
 
     /// Takes over what the reader of the times knows.
-    pub fn tell_times(&mut self, times: &TimeReader) {
+    pub fn set_times(&mut self, times: &TimeReader) {
         self.origin = times.origin().unwrap_or_default();
         self.resolution_s = times.resolution_s();
     }
@@ -75,12 +75,12 @@ pub struct CellFault {
     /// The column of the description; `None` where it is about the row.
     pub column: Option<usize>,
     /// What it is.
-    pub fault: Fault,
+    pub fault: CellFinding,
 }
 
 /// What can be wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Fault {
+pub enum CellFinding {
     /// Nothing is there.
     Missing,
     /// It says that it is no number: `nan` in any spelling.

@@ -1,6 +1,6 @@
 //! Numbers times a power of ten, rounded once.
 
-use crate::csv::number::{Digits, quick, scaled};
+use crate::csv::number::{DecimalDigits, quick, scaled};
 use std::io::Write as _;
 
 /// Shifts the decimal point of numbers. What stands for a binary number is the shortest decimal number that reads
@@ -65,7 +65,7 @@ pub(crate) fn affine(start: f64, step: f64, row: u64) -> f64 {
 fn exact_affine(start: f64, step: f64, row: u64) -> Option<f64> {
     let (start, step) = (shortest(start)?, shortest(step)?);
     let q = if start.w == 0 { step.q } else { start.q.min(step.q) };
-    let scaled_up = |digits: Digits| {
+    let scaled_up = |digits: DecimalDigits| {
         let w = i128::from(digits.w);
         let w = w.checked_mul(10_i128.checked_pow(digits.q.checked_sub(q)?.try_into().ok()?)?)?;
         Some(if digits.negative { -w } else { w })
@@ -79,9 +79,9 @@ fn exact_affine(start: f64, step: f64, row: u64) -> Option<f64> {
     Some(if sum < 0 { -size } else { size })
 }
 
-fn shortest(number: f64) -> Option<Digits> {
+fn shortest(number: f64) -> Option<DecimalDigits> {
     let mut shortest = zmij::Buffer::new();
-    Some(Digits::read(shortest.format(number).as_bytes(), 0, b'.')?.0)
+    Some(DecimalDigits::read(shortest.format(number).as_bytes(), 0, b'.')?.0)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use crate::decimal::Shift;
 
 /// How a number is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum ElementKind {
     Unsigned,
     Signed,
     /// IEEE 754.
@@ -18,12 +18,12 @@ pub(crate) enum Kind {
 
 /// A number without a loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Exact {
+pub(crate) enum ExactNumber {
     Integer(i128),
     Float(f64),
 }
 
-impl Exact {
+impl ExactNumber {
     /// Whether both are the same number, or none.
     pub(crate) fn is(self, other: Self) -> bool {
         #[allow(clippy::cast_possible_truncation)]
@@ -52,23 +52,23 @@ impl Exact {
 /// A number of 1, 2, 3, 4 or 8 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Element {
-    pub(crate) kind: Kind,
+    pub(crate) kind: ElementKind,
     pub(crate) bytes: usize,
     pub(crate) big_endian: bool,
 }
 
 impl Element {
-    pub(crate) fn little(kind: Kind, bytes: usize) -> Self {
+    pub(crate) fn little(kind: ElementKind, bytes: usize) -> Self {
         Self { kind, bytes, big_endian: false }
     }
 
     /// Whether there is such a number.
     pub(crate) fn exists(self) -> bool {
         match self.kind {
-            Kind::Unsigned | Kind::Signed => matches!(self.bytes, 1 | 2 | 4 | 8),
-            Kind::Float => matches!(self.bytes, 2 | 4 | 8),
-            Kind::Pcm => matches!(self.bytes, 2..=4),
-            Kind::PcmByte => self.bytes == 1,
+            ElementKind::Unsigned | ElementKind::Signed => matches!(self.bytes, 1 | 2 | 4 | 8),
+            ElementKind::Float => matches!(self.bytes, 2 | 4 | 8),
+            ElementKind::Pcm => matches!(self.bytes, 2..=4),
+            ElementKind::PcmByte => self.bytes == 1,
         }
     }
 
@@ -82,7 +82,7 @@ impl Element {
         power: i32,
         out: &mut Vec<f64>,
     ) {
-        if power != 0 && self.bytes == 8 && self.kind != Kind::Float {
+        if power != 0 && self.bytes == 8 && self.kind != ElementKind::Float {
             let mut shift = Shift::new(power);
             out.extend(
                 records(raw, offset, stride, self.bytes).take(rows).map(|b| shift.integer(self.integer(b))),
@@ -103,21 +103,21 @@ impl Element {
             }};
         }
         match (self.kind, self.bytes) {
-            (Kind::Float, 8) => widen!(f64, |x| x),
-            (Kind::Float, 4) => widen!(f32, f64::from),
-            (Kind::Float, 2) => widen!(u16, half),
-            (Kind::Unsigned, 1) => widen!(u8, f64::from),
-            (Kind::Unsigned, 2) => widen!(u16, f64::from),
-            (Kind::Unsigned, 4) => widen!(u32, f64::from),
-            (Kind::Unsigned, 8) => widen!(u64, |x| x as f64),
-            (Kind::Signed, 1) => widen!(i8, f64::from),
-            (Kind::Signed, 2) => widen!(i16, f64::from),
-            (Kind::Signed, 4) => widen!(i32, f64::from),
-            (Kind::Signed, 8) => widen!(i64, |x| x as f64),
-            (Kind::PcmByte, 1) => widen!(u8, |x| (f64::from(x) - 128.0) / 128.0),
-            (Kind::Pcm, 2) => widen!(i16, |x| f64::from(x) / 32_768.0),
-            (Kind::Pcm, 4) => widen!(i32, |x| f64::from(x) / 2_147_483_648.0),
-            (Kind::Pcm, 3) => out.extend(records(raw, offset, stride, 3).take(rows).map(|b| {
+            (ElementKind::Float, 8) => widen!(f64, |x| x),
+            (ElementKind::Float, 4) => widen!(f32, f64::from),
+            (ElementKind::Float, 2) => widen!(u16, half),
+            (ElementKind::Unsigned, 1) => widen!(u8, f64::from),
+            (ElementKind::Unsigned, 2) => widen!(u16, f64::from),
+            (ElementKind::Unsigned, 4) => widen!(u32, f64::from),
+            (ElementKind::Unsigned, 8) => widen!(u64, |x| x as f64),
+            (ElementKind::Signed, 1) => widen!(i8, f64::from),
+            (ElementKind::Signed, 2) => widen!(i16, f64::from),
+            (ElementKind::Signed, 4) => widen!(i32, f64::from),
+            (ElementKind::Signed, 8) => widen!(i64, |x| x as f64),
+            (ElementKind::PcmByte, 1) => widen!(u8, |x| (f64::from(x) - 128.0) / 128.0),
+            (ElementKind::Pcm, 2) => widen!(i16, |x| f64::from(x) / 32_768.0),
+            (ElementKind::Pcm, 4) => widen!(i32, |x| f64::from(x) / 2_147_483_648.0),
+            (ElementKind::Pcm, 3) => out.extend(records(raw, offset, stride, 3).take(rows).map(|b| {
                 // As the upper three bytes of four.
                 f64::from(i32::from_le_bytes([0, b[0], b[1], b[2]])) / 2_147_483_648.0
             })),
@@ -144,11 +144,13 @@ impl Element {
     ) {
         let cells = records(raw, offset, stride, self.bytes).take(rows);
         match (self.kind, self.bytes) {
-            (Kind::Unsigned | Kind::Signed, _) => out.extend(cells.map(|b| times.integer(self.integer(b)))),
-            (Kind::Float, 4) if self.big_endian => {
+            (ElementKind::Unsigned | ElementKind::Signed, _) => {
+                out.extend(cells.map(|b| times.integer(self.integer(b))));
+            }
+            (ElementKind::Float, 4) if self.big_endian => {
                 out.extend(cells.map(|b| times.single(f32::from_be_bytes(array(b)))));
             }
-            (Kind::Float, 4) => out.extend(cells.map(|b| times.single(f32::from_le_bytes(array(b))))),
+            (ElementKind::Float, 4) => out.extend(cells.map(|b| times.single(f32::from_le_bytes(array(b))))),
             _ => {
                 let start = out.len();
                 self.numbers(raw, offset, stride, rows, 0, out);
@@ -163,7 +165,9 @@ impl Element {
     pub(crate) fn label(self, raw: &[u8], out: &mut Vec<u8>) {
         out.clear();
         match self.kind {
-            Kind::Unsigned | Kind::Signed => out.extend_from_slice(self.integer(raw).to_string().as_bytes()),
+            ElementKind::Unsigned | ElementKind::Signed => {
+                out.extend_from_slice(self.integer(raw).to_string().as_bytes());
+            }
             _ => {
                 let mut number = Vec::with_capacity(1);
                 self.numbers(raw, 0, self.bytes, 1, 0, &mut number);
@@ -174,22 +178,22 @@ impl Element {
     }
 
     /// A number as it stands, without a loss.
-    pub(crate) fn exact(self, raw: &[u8]) -> Exact {
+    pub(crate) fn exact(self, raw: &[u8]) -> ExactNumber {
         match self.kind {
-            Kind::Unsigned | Kind::Signed => Exact::Integer(self.integer(raw)),
+            ElementKind::Unsigned | ElementKind::Signed => ExactNumber::Integer(self.integer(raw)),
             _ => {
                 let mut number = Vec::with_capacity(1);
                 self.numbers(raw, 0, self.bytes, 1, 0, &mut number);
-                Exact::Float(number.first().copied().unwrap_or(f64::NAN))
+                ExactNumber::Float(number.first().copied().unwrap_or(f64::NAN))
             }
         }
     }
 
     /// A number of another kind as this kind of element has it.
-    pub(crate) fn cast(self, number: Exact) -> Exact {
+    pub(crate) fn cast(self, number: ExactNumber) -> ExactNumber {
         match (self.kind, self.bytes, number) {
             #[allow(clippy::cast_possible_truncation)] // rounded to what the element holds
-            (Kind::Float, 4, Exact::Float(float)) => Exact::Float(f64::from(float as f32)),
+            (ElementKind::Float, 4, ExactNumber::Float(float)) => ExactNumber::Float(f64::from(float as f32)),
             _ => number,
         }
     }
@@ -202,7 +206,7 @@ impl Element {
         }
         let number = i128::from_le_bytes(bytes);
         let bits = 128 - 8 * self.bytes;
-        if self.kind == Kind::Signed { (number << bits) >> bits } else { number }
+        if self.kind == ElementKind::Signed { (number << bits) >> bits } else { number }
     }
 }
 
@@ -242,7 +246,7 @@ pub(crate) fn half(bits: u16) -> f64 {
 mod tests {
     use super::*;
 
-    fn one(kind: Kind, big_endian: bool, raw: &[u8], power: i32) -> f64 {
+    fn one(kind: ElementKind, big_endian: bool, raw: &[u8], power: i32) -> f64 {
         let element = Element { kind, bytes: raw.len(), big_endian };
         assert!(element.exists());
         let mut numbers = Vec::new();
@@ -254,24 +258,24 @@ mod tests {
     #[test]
     fn every_kind_widens_exactly() {
         for (kind, raw, number) in [
-            (Kind::Unsigned, &[200][..], 200.0),
-            (Kind::Signed, &[200][..], -56.0),
-            (Kind::Unsigned, &[1, 2][..], 513.0),
-            (Kind::Signed, &[0xfe, 0xff][..], -2.0),
-            (Kind::Signed, &[0, 0, 0, 0x80][..], -2_147_483_648.0),
-            (Kind::Unsigned, &[0, 0, 0, 0x80][..], 2_147_483_648.0),
-            (Kind::Signed, &[0, 0, 0, 0, 0, 0, 0, 0x80][..], -9_223_372_036_854_775_808.0),
-            (Kind::Unsigned, &[0, 0, 0, 0, 0, 0, 0, 0x80][..], 9_223_372_036_854_775_808.0),
-            (Kind::Float, &0.1_f32.to_le_bytes()[..], 0.100_000_001_490_116_12),
-            (Kind::Float, &0.1_f64.to_le_bytes()[..], 0.1),
-            (Kind::Float, &[0, 0x3c][..], 1.0),
-            (Kind::Float, &[0xff, 0x7b][..], 65504.0),
-            (Kind::Float, &[1, 0x80][..], -5.960_464_477_539_063e-8),
-            (Kind::PcmByte, &[0][..], -1.0),
-            (Kind::Pcm, &[0, 0xc0][..], -0.5),
-            (Kind::Pcm, &[1, 0, 0][..], 1.0 / 8_388_608.0),
-            (Kind::Pcm, &[0, 0, 0x80][..], -1.0),
-            (Kind::Pcm, &[0, 0, 0, 0x40][..], 0.5),
+            (ElementKind::Unsigned, &[200][..], 200.0),
+            (ElementKind::Signed, &[200][..], -56.0),
+            (ElementKind::Unsigned, &[1, 2][..], 513.0),
+            (ElementKind::Signed, &[0xfe, 0xff][..], -2.0),
+            (ElementKind::Signed, &[0, 0, 0, 0x80][..], -2_147_483_648.0),
+            (ElementKind::Unsigned, &[0, 0, 0, 0x80][..], 2_147_483_648.0),
+            (ElementKind::Signed, &[0, 0, 0, 0, 0, 0, 0, 0x80][..], -9_223_372_036_854_775_808.0),
+            (ElementKind::Unsigned, &[0, 0, 0, 0, 0, 0, 0, 0x80][..], 9_223_372_036_854_775_808.0),
+            (ElementKind::Float, &0.1_f32.to_le_bytes()[..], 0.100_000_001_490_116_12),
+            (ElementKind::Float, &0.1_f64.to_le_bytes()[..], 0.1),
+            (ElementKind::Float, &[0, 0x3c][..], 1.0),
+            (ElementKind::Float, &[0xff, 0x7b][..], 65504.0),
+            (ElementKind::Float, &[1, 0x80][..], -5.960_464_477_539_063e-8),
+            (ElementKind::PcmByte, &[0][..], -1.0),
+            (ElementKind::Pcm, &[0, 0xc0][..], -0.5),
+            (ElementKind::Pcm, &[1, 0, 0][..], 1.0 / 8_388_608.0),
+            (ElementKind::Pcm, &[0, 0, 0x80][..], -1.0),
+            (ElementKind::Pcm, &[0, 0, 0, 0x40][..], 0.5),
         ] {
             assert_eq!(one(kind, false, raw, 0), number, "{kind:?} {raw:?}");
             if raw.len() != 3 {
@@ -283,10 +287,10 @@ mod tests {
 
     #[test]
     fn a_power_of_ten_is_applied_to_the_digits() {
-        assert_eq!(one(Kind::Float, false, &5.71_f64.to_le_bytes(), -12), 5.71e-12);
-        assert_eq!(one(Kind::Signed, true, &(-571_i16).to_be_bytes(), -2), -5.71);
+        assert_eq!(one(ElementKind::Float, false, &5.71_f64.to_le_bytes(), -12), 5.71e-12);
+        assert_eq!(one(ElementKind::Signed, true, &(-571_i16).to_be_bytes(), -2), -5.71);
         assert_eq!(
-            one(Kind::Unsigned, false, &u64::MAX.to_le_bytes(), -3),
+            one(ElementKind::Unsigned, false, &u64::MAX.to_le_bytes(), -3),
             "18446744073709551615e-3".parse().unwrap()
         );
     }
@@ -295,11 +299,11 @@ mod tests {
     fn numbers_as_labels() {
         let mut label = Vec::new();
         for (kind, raw, text) in [
-            (Kind::Signed, &(-3_i64).to_le_bytes()[..], "-3"),
-            (Kind::Unsigned, &u64::MAX.to_le_bytes()[..], "18446744073709551615"),
-            (Kind::Float, &2.0_f64.to_le_bytes()[..], "2"),
-            (Kind::Float, &0.1_f64.to_le_bytes()[..], "0.1"),
-            (Kind::Float, &1e300_f64.to_le_bytes()[..], "1e300"),
+            (ElementKind::Signed, &(-3_i64).to_le_bytes()[..], "-3"),
+            (ElementKind::Unsigned, &u64::MAX.to_le_bytes()[..], "18446744073709551615"),
+            (ElementKind::Float, &2.0_f64.to_le_bytes()[..], "2"),
+            (ElementKind::Float, &0.1_f64.to_le_bytes()[..], "0.1"),
+            (ElementKind::Float, &1e300_f64.to_le_bytes()[..], "1e300"),
         ] {
             Element::little(kind, raw.len()).label(raw, &mut label);
             assert_eq!(label, text.as_bytes());

@@ -1,19 +1,19 @@
 //! Records in stretches of a file, as they are or packed.
 
 use crate::FormatError;
-use crate::records::Lane;
-use crate::source::Source;
+use crate::records::RecordLane;
+use crate::source::SharedFile;
 use std::sync::Arc;
 
 /// Records one after the other, unpacked.
-pub(crate) struct Stretch {
-    pub(crate) source: Arc<Source>,
+pub(crate) struct UnpackedRecords {
+    pub(crate) source: Arc<SharedFile>,
     pub(crate) format: &'static str,
     pub(crate) offset: u64,
     pub(crate) record: usize,
 }
 
-impl Lane for Stretch {
+impl RecordLane for UnpackedRecords {
     fn record(&self) -> usize {
         self.record
     }
@@ -28,13 +28,13 @@ impl Lane for Stretch {
 
 /// Texts that are in memory.
 #[cfg(any(feature = "mat", feature = "hdf5"))]
-pub(crate) struct Texts {
+pub(crate) struct TextLane {
     pub(crate) texts: Vec<Vec<u8>>,
     pub(crate) next: usize,
 }
 
 #[cfg(any(feature = "mat", feature = "hdf5"))]
-impl Lane for Texts {
+impl RecordLane for TextLane {
     fn record(&self) -> usize {
         0
     }

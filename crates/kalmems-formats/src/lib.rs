@@ -46,19 +46,19 @@ mod table;
 #[cfg(feature = "tdms")]
 mod tdms;
 mod time;
-mod unit_words;
+mod unit_spellings;
 #[cfg(feature = "wav")]
 mod wav;
 
 pub use arrays::{Array, ArrayType, Arrays};
-pub use block::{Block, CellFault, Fault, Labels};
-pub use csv::{Cells, CsvHints, open_csv, read_csv};
+pub use block::{Block, CellFault, CellFinding, Labels};
+pub use csv::{CellReader, CsvHints, open_csv, read_csv};
 pub use decimal::Shift;
 pub use error::FormatError;
 pub use length::has_more_rows;
 pub use open::{Format, Hints, open, open_reader};
 pub use panics::panic_is_caught;
 pub use source::ReadSeek;
-pub use table::{Column, Description, Digest, Evidence, LeftOut, Table, Wanted};
+pub use table::{Column, Digest, OmittedPart, Table, TableDescription, TableEvidence, WantedColumn};
 pub use time::{Instant, LABVIEW_ZERO_S, NoInstant, SPREADSHEET_ZERO_S, TimeKind, TimeReader, TimeUnit};
-pub use unit_words::unit_ending;
+pub use unit_spellings::unit_ending;

@@ -1,6 +1,6 @@
 //! Names of columns with their units.
 
-use crate::unit_words::unit_ending;
+use crate::unit_spellings::unit_ending;
 
 /// The name of a column whose unit a format keeps elsewhere, in an attribute or in brackets: `cap_V` for `cap` and
 /// `Volts`. A name that ends with the unit already stays as it is. A word that is no known unit is joined as it stands,

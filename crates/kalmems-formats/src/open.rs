@@ -1,6 +1,6 @@
 //! A file of whichever format, recognised by what it begins with.
 
-use crate::source::{ReadSeek, Source};
+use crate::source::{ReadSeek, SharedFile};
 use crate::{Arrays, CsvHints, FormatError, Table, csv, limits};
 use std::path::Path;
 
@@ -91,7 +91,7 @@ pub fn open(path: &Path, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     if !std::fs::metadata(path)?.is_file() {
         return csv::open_csv(path, hints);
     }
-    let source = Source::open(path)?;
+    let source = SharedFile::open(path)?;
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     match recognise(&source, name, hints)? {
         Format::Csv => csv::open_csv(path, hints),
@@ -105,14 +105,14 @@ pub fn open_reader(
     name: &str,
     hints: &Hints,
 ) -> Result<Box<dyn Table>, FormatError> {
-    let source = Source::new(Box::new(file))?;
+    let source = SharedFile::new(Box::new(file))?;
     match recognise(&source, name, hints)? {
         Format::Csv => csv::from_reader(source.into_file()?, hints),
         format => open_binary(format, source, hints),
     }
 }
 
-fn open_binary(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+fn open_binary(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let table = open_as(format, source, hints)?;
     // Names that a reader had no use for.
     let known = |name: &&String| table.description().columns.iter().any(|column| column.name == **name);
@@ -130,7 +130,7 @@ fn open_binary(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn 
     Ok(table)
 }
 
-fn open_as(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+fn open_as(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     match format {
         #[cfg(feature = "npy")]
         Format::Npy => crate::npy::open_npy(source, hints),
@@ -162,7 +162,7 @@ fn open_as(format: Format, source: Source, hints: &Hints) -> Result<Box<dyn Tabl
 const BEGINNING: usize = 4096;
 
 /// Which format a file is: what the experiment file says, or what it begins with where its name does not contradict.
-fn recognise(source: &Source, name: &str, hints: &Hints) -> Result<Format, FormatError> {
+fn recognise(source: &SharedFile, name: &str, hints: &Hints) -> Result<Format, FormatError> {
     if let Some(format) = hints.format {
         return Ok(format);
     }
@@ -171,33 +171,33 @@ fn recognise(source: &Source, name: &str, hints: &Hints) -> Result<Format, Forma
     beginning.truncate(count);
     let found = of_content(source, &beginning)?;
     match (found, Format::of_ending(name)) {
-        (Content::Known(format, _), None) => Ok(format),
-        (Content::Known(format, _), Some(promised)) if format == promised => Ok(format),
+        (RecognizedContent::Known(format, _), None) => Ok(format),
+        (RecognizedContent::Known(format, _), Some(promised)) if format == promised => Ok(format),
         // Version 7.3 keeps the ending and is HDF5 inside.
-        (Content::Known(Format::Hdf5, _), Some(Format::Mat)) => Ok(Format::Hdf5),
-        (Content::Known(format, begins), Some(promised)) => Err(FormatError::NotRecognised {
+        (RecognizedContent::Known(Format::Hdf5, _), Some(Format::Mat)) => Ok(Format::Hdf5),
+        (RecognizedContent::Known(format, begins), Some(promised)) => Err(FormatError::NotRecognised {
             found: format!("named as {} and begins as {begins}", promised.name()),
             expected: format!(
                 "the two to agree: rename the file, or write `format = {{ kind = \"{}\" }}` if it is that",
                 format.name()
             ),
         }),
-        (Content::Text, None | Some(Format::Csv)) => Ok(Format::Csv),
-        (Content::Text, Some(promised)) => Err(FormatError::NotRecognised {
+        (RecognizedContent::Text, None | Some(Format::Csv)) => Ok(Format::Csv),
+        (RecognizedContent::Text, Some(promised)) => Err(FormatError::NotRecognised {
             found: format!("named as {} and begins as text", promised.name()),
             expected: format!(
                 "what {} begins with; if it is text with a row a line, write `format = {{ kind = \"csv\" }}`",
                 promised.name()
             ),
         }),
-        (Content::Other(what), _) => Err(FormatError::NotRecognised {
+        (RecognizedContent::Other(what), _) => Err(FormatError::NotRecognised {
             found: what,
             expected: "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV".to_owned(),
         }),
     }
 }
 
-enum Content {
+enum RecognizedContent {
     Known(Format, &'static str),
     Text,
     Other(String),
@@ -215,49 +215,49 @@ const OTHERS: [(&[u8], &str); 8] = [
     (b"ARROW1\0", "begins as Arrow IPC: write it as Parquet"),
 ];
 
-fn of_content(source: &Source, beginning: &[u8]) -> Result<Content, FormatError> {
+fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent, FormatError> {
     let at = |place: usize, magic: &[u8]| beginning.get(place..).is_some_and(|rest| rest.starts_with(magic));
     let text = is_text(beginning);
     if at(0, b"\x93NUMPY") {
-        return Ok(Content::Known(Format::Npy, "NPY"));
+        return Ok(RecognizedContent::Known(Format::Npy, "NPY"));
     }
     if at(0, b"PK\x03\x04") || at(0, b"PK\x05\x06") {
-        return Ok(Content::Known(Format::Npz, "a zip file"));
+        return Ok(RecognizedContent::Known(Format::Npz, "a zip file"));
     }
     if at(0, b"TDSm") && !text {
-        return Ok(Content::Known(Format::Tdms, "TDMS"));
+        return Ok(RecognizedContent::Known(Format::Tdms, "TDMS"));
     }
     if (at(0, b"RIFF") || at(0, b"RF64") || at(0, b"BW64")) && at(8, b"WAVE") {
-        return Ok(Content::Known(Format::Wav, "WAV"));
+        return Ok(RecognizedContent::Known(Format::Wav, "WAV"));
     }
     // The first column of a text can have the name.
     if at(0, b"PAR1") && (!text || ends_with(source, *b"PAR1")?) {
-        return Ok(Content::Known(Format::Parquet, "Parquet"));
+        return Ok(RecognizedContent::Known(Format::Parquet, "Parquet"));
     }
     if begins_as_hdf5(source)? {
-        return Ok(Content::Known(Format::Hdf5, "HDF5"));
+        return Ok(RecognizedContent::Known(Format::Hdf5, "HDF5"));
     }
     if at(126, b"IM") || at(126, b"MI") {
         let version = beginning.get(124..126);
         if version == Some(&[0, 1]) || version == Some(&[1, 0]) {
-            return Ok(Content::Known(Format::Mat, "MAT 5"));
+            return Ok(RecognizedContent::Known(Format::Mat, "MAT 5"));
         }
     }
     #[cfg(feature = "mat")]
     if !text && crate::mat::begins_as_four(beginning) {
-        return Ok(Content::Known(Format::Mat, "MAT 4"));
+        return Ok(RecognizedContent::Known(Format::Mat, "MAT 4"));
     }
     if let Some((_, what)) = OTHERS.iter().find(|(magic, _)| at(0, magic) && (!text || magic.len() > 3)) {
-        return Ok(Content::Other((*what).to_owned()));
+        return Ok(RecognizedContent::Other((*what).to_owned()));
     }
     if text {
-        return Ok(Content::Text);
+        return Ok(RecognizedContent::Text);
     }
-    Ok(Content::Other(format!("begins with {}", excerpt(beginning))))
+    Ok(RecognizedContent::Other(format!("begins with {}", excerpt(beginning))))
 }
 
 /// An HDF5 file may begin with anything of 512, 1024, 2048, … bytes.
-fn begins_as_hdf5(source: &Source) -> Result<bool, FormatError> {
+fn begins_as_hdf5(source: &SharedFile) -> Result<bool, FormatError> {
     let mut place = 0;
     while place < source.length() {
         let mut magic = [0; 8];
@@ -269,7 +269,7 @@ fn begins_as_hdf5(source: &Source) -> Result<bool, FormatError> {
     Ok(false)
 }
 
-fn ends_with(source: &Source, magic: [u8; 4]) -> Result<bool, FormatError> {
+fn ends_with(source: &SharedFile, magic: [u8; 4]) -> Result<bool, FormatError> {
     let mut end = [0; 4];
     let place = source.length().saturating_sub(4);
     Ok(place >= 4 && source.read_some(place, &mut end)? == 4 && end == magic)

@@ -6,13 +6,13 @@ use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
 use crate::time::TimeCode;
 use crate::{
-    Block, CellFault, Column, Description, Evidence, Fault, FormatError, Instant, Labels, LeftOut, Table,
-    TimeKind, TimeReader, TimeUnit, Wanted,
+    Block, CellFault, CellFinding, Column, FormatError, Instant, Labels, OmittedPart, Table,
+    TableDescription, TableEvidence, TimeKind, TimeReader, TimeUnit, WantedColumn,
 };
 use std::collections::BTreeMap;
 
 /// Records that are read one after the other.
-pub(crate) trait Lane: Send {
+pub(crate) trait RecordLane: Send {
     /// The bytes of one record.
     fn record(&self) -> usize;
 
@@ -28,22 +28,22 @@ pub(crate) trait Lane: Send {
 
 /// What the cells of a column are.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Cells {
+pub(crate) enum CellKind {
     /// Numbers at an offset in each record of a lane.
     Numbers { lane: usize, offset: usize, element: Element },
     /// Times at an offset in each record of a lane.
     Times { lane: usize, offset: usize, code: TimeCode },
     /// Texts of as many bytes in each record of a lane.
-    Text { lane: usize, offset: usize, bytes: usize, code: Code },
+    Text { lane: usize, offset: usize, bytes: usize, code: TextEncoding },
     /// Texts of several lengths, a lane of their own.
     Texts { lane: usize },
     /// Times by a regular clock; not in the file.
-    Clock(Clock),
+    Clock(RegularClock),
 }
 
 /// How a text of a fixed length is written. It ends with its last character that is neither NUL nor white space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Code {
+pub(crate) enum TextEncoding {
     /// Bytes as they are.
     Bytes,
     /// UTF-16.
@@ -56,14 +56,14 @@ pub(crate) enum Code {
 
 /// A clock that ticks regularly, in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Clock {
+pub(crate) enum RegularClock {
     /// start + k/rate.
     Rate { start: f64, rate: f64 },
     /// start + k·increment, of the shortest decimal digits of both, rounded once.
     Increment { start: f64, increment: f64 },
 }
 
-impl Clock {
+impl RegularClock {
     fn at(self, row: u64) -> f64 {
         match self {
             Self::Rate { start, rate } => start + row as f64 / rate,
@@ -74,28 +74,28 @@ impl Clock {
 
 /// A column and where its cells are.
 #[derive(Clone, Debug)]
-pub(crate) struct Field {
+pub(crate) struct RecordField {
     pub(crate) column: Column,
-    pub(crate) cells: Cells,
+    pub(crate) cells: CellKind,
     /// As many; a clock has as many as are needed.
     pub(crate) rows: u64,
     /// What the file says is to be done to its numbers.
     pub(crate) scaling: Scaling,
 }
 
-impl Field {
+impl RecordField {
     fn is_clock(&self) -> bool {
-        matches!(self.cells, Cells::Clock(_))
+        matches!(self.cells, CellKind::Clock(_))
     }
 
     /// A column whose cells are taken as they are.
-    pub(crate) fn new(column: Column, cells: Cells, rows: u64) -> Self {
+    pub(crate) fn new(column: Column, cells: CellKind, rows: u64) -> Self {
         Self { column, cells, rows, scaling: Scaling::default() }
     }
 }
 
 /// The lengths of the columns, the longest first, and the names of those that have each.
-fn lengths(fields: &[Field]) -> Vec<(u64, Vec<String>)> {
+fn lengths(fields: &[RecordField]) -> Vec<(u64, Vec<String>)> {
     let mut lengths = BTreeMap::<u64, Vec<String>>::new();
     for field in fields.iter().filter(|field| !field.is_clock()) {
         lengths.entry(field.rows).or_default().push(format!("`{}`", field.column.name));
@@ -105,11 +105,11 @@ fn lengths(fields: &[Field]) -> Vec<(u64, Vec<String>)> {
 
 /// A table of records.
 pub(crate) struct RecordTable {
-    description: Description,
-    fields: Vec<Field>,
-    lanes: Vec<Box<dyn Lane>>,
+    description: TableDescription,
+    fields: Vec<RecordField>,
+    lanes: Vec<Box<dyn RecordLane>>,
     file_bytes: u64,
-    wanted: Vec<Wanted>,
+    wanted: Vec<WantedColumn>,
     times: TimeReader,
     /// Which lanes are read, and the bytes of their records together.
     used: Vec<bool>,
@@ -127,15 +127,16 @@ impl RecordTable {
     pub(crate) fn new(
         format: &'static str,
         mut recognised: String,
-        left_out: Vec<LeftOut>,
-        fields: Vec<Field>,
-        lanes: Vec<Box<dyn Lane>>,
+        left_out: Vec<OmittedPart>,
+        fields: Vec<RecordField>,
+        lanes: Vec<Box<dyn RecordLane>>,
         file_bytes: u64,
     ) -> Self {
         let lengths = lengths(&fields);
         let rows = if let [only] = &lengths[..] { Some(only.0) } else { None };
-        let is_text = |field: &Field| matches!(field.cells, Cells::Text { .. } | Cells::Texts { .. });
-        let own = |field: &Field| (lengths.len() > 1 && !field.is_clock()).then_some(field.rows);
+        let is_text =
+            |field: &RecordField| matches!(field.cells, CellKind::Text { .. } | CellKind::Texts { .. });
+        let own = |field: &RecordField| (lengths.len() > 1 && !field.is_clock()).then_some(field.rows);
         let columns =
             fields.iter().map(|f| Column { text: is_text(f), rows: own(f), ..f.column.clone() }).collect();
         if !left_out.is_empty() {
@@ -150,8 +151,8 @@ impl RecordTable {
                 groups.join("; ")
             ));
         }
-        let evidence = Evidence::Format;
-        let description = Description { format, recognised, columns, rows, evidence, left_out };
+        let evidence = TableEvidence::Format;
+        let description = TableDescription { format, recognised, columns, rows, evidence, left_out };
         let count = lanes.len();
         Self {
             description,
@@ -175,14 +176,14 @@ impl RecordTable {
     }
 
     /// The rows that all wanted columns have.
-    fn common_rows(&self, wanted: &[Wanted]) -> Result<u64, FormatError> {
+    fn common_rows(&self, wanted: &[WantedColumn]) -> Result<u64, FormatError> {
         let mut common: Option<(u64, &str)> = None;
         for want in wanted {
             let Some(field) = self.fields.get(want.column()) else {
                 let column = want.column();
                 return Err(self.unsupported(format!("column {column}"), "name one that is there"));
             };
-            if matches!(field.cells, Cells::Clock(_)) {
+            if matches!(field.cells, CellKind::Clock(_)) {
                 continue;
             }
             match common {
@@ -203,36 +204,39 @@ impl RecordTable {
 }
 
 impl Table for RecordTable {
-    fn description(&self) -> &Description {
+    fn description(&self) -> &TableDescription {
         &self.description
     }
 
-    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
         self.rows = self.common_rows(wanted)?;
         self.used.fill(false);
         for want in wanted {
             let Some(field) = self.fields.get(want.column()) else { continue };
             match (&field.cells, want) {
-                (Cells::Text { .. } | Cells::Texts { .. }, Wanted::Number { .. } | Wanted::Time { .. }) => {
+                (
+                    CellKind::Text { .. } | CellKind::Texts { .. },
+                    WantedColumn::Number { .. } | WantedColumn::Time { .. },
+                ) => {
                     let what = format!("text where numbers belong, in column `{}`,", field.column.name);
                     return Err(self.unsupported(what, "name a column of numbers"));
                 }
                 (
-                    Cells::Numbers { lane, .. }
-                    | Cells::Times { lane, .. }
-                    | Cells::Text { lane, .. }
-                    | Cells::Texts { lane },
+                    CellKind::Numbers { lane, .. }
+                    | CellKind::Times { lane, .. }
+                    | CellKind::Text { lane, .. }
+                    | CellKind::Texts { lane },
                     _,
                 ) => self.used[*lane] = true,
-                (Cells::Clock(_), _) => {}
+                (CellKind::Clock(_), _) => {}
             }
         }
         self.row_bytes =
             self.lanes.iter().zip(&self.used).filter(|(_, used)| **used).map(|(l, _)| l.record()).sum();
-        if let Some((column, unit, origin)) = Wanted::time(wanted, self.description.format)? {
+        if let Some((column, unit, origin)) = WantedColumn::time(wanted, self.description.format)? {
             let unit = match self.fields.get(column).map(|field| &field.cells) {
-                Some(Cells::Times { code, .. }) => code.unit(),
-                Some(Cells::Clock(_)) => TimeUnit::SECOND,
+                Some(CellKind::Times { code, .. }) => code.unit(),
+                Some(CellKind::Clock(_)) => TimeUnit::SECOND,
                 _ => unit,
             };
             self.times = TimeReader::new(unit, origin);
@@ -252,7 +256,7 @@ impl Table for RecordTable {
         block.rows = rows;
         block.lines.push((0, self.row + 1));
         for (number, lane) in self.lanes.iter_mut().enumerate().filter(|(number, _)| self.used[*number]) {
-            if self.fields.iter().any(|f| f.cells == Cells::Texts { lane: number }) {
+            if self.fields.iter().any(|f| f.cells == CellKind::Texts { lane: number }) {
                 lane.texts(rows, &mut self.texts[number])?;
             } else {
                 lane.read(rows, &mut self.raw[number])?;
@@ -261,7 +265,7 @@ impl Table for RecordTable {
         let (mut number, mut label) = (0, 0);
         for want in self.wanted.clone() {
             match want {
-                Wanted::Number { column, power } => {
+                WantedColumn::Number { column, power } => {
                     let (mut absent, first) = (std::mem::take(&mut self.absent), block.faults.len());
                     absent.clear();
                     self.numbers(column, power, rows, &mut block.numbers[number], &mut absent);
@@ -269,22 +273,22 @@ impl Table for RecordTable {
                     // They are NaN so far, and were taken for such.
                     for fault in &mut block.faults[first..] {
                         if absent.binary_search(&fault.row).is_ok() {
-                            fault.fault = Fault::Missing;
+                            fault.fault = CellFinding::Missing;
                         }
                     }
                     self.absent = absent;
                     number += 1;
                 }
-                Wanted::Time { column, .. } => {
+                WantedColumn::Time { column, .. } => {
                     let mut times =
                         std::mem::replace(&mut self.times, TimeReader::new(TimeUnit::SECOND, None));
                     self.times_of(column, rows, &mut times, &mut block.numbers[number]);
-                    block.tell_times(&times);
+                    block.set_times(&times);
                     self.times = times;
                     refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
                     number += 1;
                 }
-                Wanted::Label { column } => {
+                WantedColumn::Label { column } => {
                     self.labels(column, rows, &mut block.labels[label]);
                     label += 1;
                 }
@@ -297,7 +301,7 @@ impl Table for RecordTable {
 
     fn time_kind(&self, column: usize) -> Option<TimeKind> {
         match self.fields.get(column)?.cells {
-            Cells::Times { code, .. } => Some(code.kind()),
+            CellKind::Times { code, .. } => Some(code.kind()),
             _ => None,
         }
     }
@@ -313,10 +317,10 @@ impl RecordTable {
     fn numbers(&self, column: usize, power: i32, rows: usize, out: &mut Vec<f64>, absent: &mut Vec<usize>) {
         let scaling = &self.fields[column].scaling;
         match self.fields[column].cells {
-            Cells::Numbers { lane, offset, element } if scaling.is_none() => {
+            CellKind::Numbers { lane, offset, element } if scaling.is_none() => {
                 element.numbers(&self.raw[lane], offset, self.lanes[lane].record(), rows, power, out);
             }
-            Cells::Numbers { lane, offset, element } => {
+            CellKind::Numbers { lane, offset, element } => {
                 let (raw, record) = (&self.raw[lane], self.lanes[lane].record());
                 element.numbers(raw, offset, record, rows, 0, out);
                 let cells =
@@ -327,40 +331,40 @@ impl RecordTable {
                     *number = shift.float(*number);
                 }
             }
-            Cells::Clock(clock) => {
+            CellKind::Clock(clock) => {
                 let mut shift = Shift::new(power);
                 out.extend((0..rows as u64).map(|row| shift.float(clock.at(self.row + row))));
             }
-            Cells::Times { lane, offset, code } => {
+            CellKind::Times { lane, offset, code } => {
                 // As seconds since 1970, or of the duration.
                 let mut times = TimeReader::new(code.unit(), Some(Instant::ZERO));
                 code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, &mut times, out);
             }
             // Refused by `want`.
-            Cells::Text { .. } | Cells::Texts { .. } => {}
+            CellKind::Text { .. } | CellKind::Texts { .. } => {}
         }
     }
 
     fn times_of(&self, column: usize, rows: usize, times: &mut TimeReader, out: &mut Vec<f64>) {
         match self.fields[column].cells {
-            Cells::Numbers { .. } if !self.fields[column].scaling.is_none() => {
+            CellKind::Numbers { .. } if !self.fields[column].scaling.is_none() => {
                 let mut absent = Vec::new();
                 self.numbers(column, 0, rows, out, &mut absent);
                 for number in out {
                     *number = times.float(*number);
                 }
             }
-            Cells::Numbers { lane, offset, element } => {
+            CellKind::Numbers { lane, offset, element } => {
                 element.times(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
             }
-            Cells::Times { lane, offset, code } => {
+            CellKind::Times { lane, offset, code } => {
                 code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
             }
-            Cells::Clock(clock) => {
+            CellKind::Clock(clock) => {
                 out.extend((0..rows as u64).map(|row| times.computed(clock.at(self.row + row))));
             }
             // Refused by `want`.
-            Cells::Text { .. } | Cells::Texts { .. } => {}
+            CellKind::Text { .. } | CellKind::Texts { .. } => {}
         }
     }
 
@@ -372,10 +376,10 @@ impl RecordTable {
                 self.raw[lane].get(start..start + bytes).unwrap_or_default()
             };
             match self.fields[column].cells {
-                Cells::Numbers { lane, offset, element } if self.fields[column].scaling.is_none() => {
+                CellKind::Numbers { lane, offset, element } if self.fields[column].scaling.is_none() => {
                     element.label(cell(lane, offset, element.bytes), &mut text);
                 }
-                Cells::Numbers { lane, offset, element } => {
+                CellKind::Numbers { lane, offset, element } => {
                     let cell = cell(lane, offset, element.bytes);
                     let mut number = [element.exact(cell).rounded()];
                     self.fields[column].scaling.apply(
@@ -386,16 +390,18 @@ impl RecordTable {
                     );
                     text = crate::element::shortest(number[0]).into_bytes();
                 }
-                Cells::Times { lane, offset, code } => {
+                CellKind::Times { lane, offset, code } => {
                     let raw = cell(lane, offset, code.bytes());
                     text = code.label(raw).into_bytes();
                 }
-                Cells::Text { lane, offset, bytes, code } => code.read(cell(lane, offset, bytes), &mut text),
-                Cells::Texts { lane } => {
+                CellKind::Text { lane, offset, bytes, code } => {
+                    code.read(cell(lane, offset, bytes), &mut text);
+                }
+                CellKind::Texts { lane } => {
                     text.clear();
                     text.extend_from_slice(trimmed(self.texts[lane].get(row).map_or(&[], Vec::as_slice)));
                 }
-                Cells::Clock(clock) => {
+                CellKind::Clock(clock) => {
                     text = crate::element::shortest(clock.at(self.row + row as u64)).into_bytes();
                 }
             }
@@ -417,14 +423,17 @@ pub(crate) fn refuse_infinities(numbers: &mut [f64], column: usize, row: u64, fa
         if number.is_finite() {
             continue;
         }
-        let fault =
-            if number.is_nan() { Fault::Nan("NaN".to_owned()) } else { Fault::Infinite(number.to_string()) };
+        let fault = if number.is_nan() {
+            CellFinding::Nan("NaN".to_owned())
+        } else {
+            CellFinding::Infinite(number.to_string())
+        };
         *number = f64::NAN;
         faults.push(CellFault { row: place, line: row + place as u64 + 1, column: Some(column), fault });
     }
 }
 
-impl Code {
+impl TextEncoding {
     /// Reads a text of this code, without the white space and NULs around it.
     pub(crate) fn read(self, raw: &[u8], out: &mut Vec<u8>) {
         out.clear();

@@ -1,20 +1,20 @@
 //! What a file says is to be done to its numbers: values that stand for none, factors and offsets, tables.
 
-use crate::element::{Element, Exact};
+use crate::element::{Element, ExactNumber};
 
 /// Applied to the numbers of a column before they are handed over. The missing values are compared with the numbers as
 /// they are in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Scaling {
     /// Numbers that say that there is none.
-    pub(crate) missing: Vec<Exact>,
+    pub(crate) missing: Vec<ExactNumber>,
     /// One after the other.
-    pub(crate) steps: Vec<Step>,
+    pub(crate) steps: Vec<ScalingStep>,
 }
 
 /// A function of the number before it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Step {
+pub(crate) enum ScalingStep {
     /// factor·x + offset.
     Linear { factor: f64, offset: f64 },
     /// The sum of the coefficients, the lowest first, times powers of x.
@@ -52,7 +52,7 @@ impl Scaling {
     }
 }
 
-impl Step {
+impl ScalingStep {
     fn apply(&self, numbers: &mut [f64]) {
         match self {
             Self::Linear { factor, offset } => {
@@ -99,31 +99,36 @@ fn between(from: &[f64], to: &[f64], x: f64) -> f64 {
 }
 
 /// The steps of a column in words: `V = 0.5·x + 2`.
-pub(crate) fn text(steps: &[Step]) -> String {
-    steps.iter().map(Step::text).collect::<Vec<_>>().join(", then ")
+pub(crate) fn text(steps: &[ScalingStep]) -> String {
+    steps.iter().map(ScalingStep::text).collect::<Vec<_>>().join(", then ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::element::Kind;
+    use crate::element::ElementKind;
 
-    fn applied(steps: Vec<Step>, mut numbers: Vec<f64>) -> Vec<f64> {
+    fn applied(steps: Vec<ScalingStep>, mut numbers: Vec<f64>) -> Vec<f64> {
         let scaling = Scaling { missing: Vec::new(), steps };
-        scaling.apply(Element::little(Kind::Float, 8), std::iter::empty(), &mut numbers, &mut Vec::new());
+        scaling.apply(
+            Element::little(ElementKind::Float, 8),
+            std::iter::empty(),
+            &mut numbers,
+            &mut Vec::new(),
+        );
         numbers
     }
 
     #[test]
     fn steps_follow_one_another() {
         let steps = vec![
-            Step::Linear { factor: 2.0, offset: 1.0 },
-            Step::Polynomial(vec![1.0, 0.0, 0.5]),
-            Step::Table { from: vec![0.0, 10.0, 20.0], to: vec![5.0, 15.0, 0.0] },
+            ScalingStep::Linear { factor: 2.0, offset: 1.0 },
+            ScalingStep::Polynomial(vec![1.0, 0.0, 0.5]),
+            ScalingStep::Table { from: vec![0.0, 10.0, 20.0], to: vec![5.0, 15.0, 0.0] },
         ];
         // 3 → 5.5 → 10.5; 5 → 13.5 → 15 − 1.5·3.5; far beyond the table its last point.
         assert_eq!(applied(steps, vec![1.0, 2.0, 100.0]), [10.5, 9.75, 0.0]);
-        let table = Step::Table { from: vec![0.0, 1.0], to: vec![3.0, 4.0] };
+        let table = ScalingStep::Table { from: vec![0.0, 1.0], to: vec![3.0, 4.0] };
         let numbers = applied(vec![table], vec![-1.0, 0.0, 1.0, f64::NAN]);
         assert_eq!(numbers[..3], [3.0, 3.0, 4.0]);
         assert!(numbers[3].is_nan());
@@ -131,13 +136,13 @@ mod tests {
 
     #[test]
     fn missing_values_are_those_of_the_file() {
-        let element = Element::little(Kind::Signed, 8);
+        let element = Element::little(ElementKind::Signed, 8);
         let cells = [-9999_i64, 1, i64::MIN, i64::MIN + 1].map(i64::to_le_bytes);
         let mut numbers: Vec<f64> = vec![-9999.0, 1.0, i64::MIN as f64, i64::MIN as f64];
         let mut absent = Vec::new();
         let scaling = Scaling {
-            missing: vec![Exact::Float(-9999.0), Exact::Integer(i128::from(i64::MIN))],
-            steps: vec![Step::Linear { factor: 1.0, offset: 0.0 }],
+            missing: vec![ExactNumber::Float(-9999.0), ExactNumber::Integer(i128::from(i64::MIN))],
+            steps: vec![ScalingStep::Linear { factor: 1.0, offset: 0.0 }],
         };
         scaling.apply(element, cells.iter().map(<[u8; 8]>::as_slice), &mut numbers, &mut absent);
         // The last is the same number of f64, and another of 64 bits.

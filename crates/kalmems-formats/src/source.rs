@@ -12,14 +12,14 @@ pub trait ReadSeek: Read + Seek + Send {}
 impl<T: Read + Seek + Send> ReadSeek for T {}
 
 /// A file whose length is known, and which several columns read from in turn.
-pub(crate) struct Source {
+pub(crate) struct SharedFile {
     file: Mutex<Box<dyn ReadSeek>>,
     length: u64,
     /// Where other files are that it refers to.
     folder: Option<PathBuf>,
 }
 
-impl Source {
+impl SharedFile {
     /// Takes a file from its first byte, wherever it stands.
     pub(crate) fn new(mut file: Box<dyn ReadSeek>) -> Result<Self, FormatError> {
         let length = file.seek(SeekFrom::End(0))?;

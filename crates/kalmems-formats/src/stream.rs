@@ -1,8 +1,8 @@
 //! A stretch of a file that is read from front to back, packed or not.
 
 use crate::FormatError;
-use crate::records::Lane;
-use crate::source::Source;
+use crate::records::RecordLane;
+use crate::source::SharedFile;
 use flate2::{Crc, Decompress, FlushDecompress, Status};
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ const INPUT: usize = 64 << 10;
 
 /// How a stretch is packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Packing {
+pub(crate) enum Compression {
     /// Not at all.
     Stored,
     /// Deflate (RFC 1951), as in zip files.
@@ -24,12 +24,12 @@ pub(crate) enum Packing {
 
 /// A stretch of a file.
 #[derive(Clone)]
-pub(crate) struct Stretch {
-    pub(crate) source: Arc<Source>,
+pub(crate) struct FileStretch {
+    pub(crate) source: Arc<SharedFile>,
     pub(crate) format: &'static str,
     /// What it is, for messages.
     pub(crate) name: String,
-    pub(crate) packing: Packing,
+    pub(crate) packing: Compression,
     /// Where the packed bytes begin and end.
     pub(crate) start: u64,
     pub(crate) end: u64,
@@ -37,23 +37,23 @@ pub(crate) struct Stretch {
     pub(crate) crc: Option<u32>,
 }
 
-impl Stretch {
+impl FileStretch {
     /// Begins at its front.
-    pub(crate) fn stream(&self) -> Stream {
+    pub(crate) fn stream(&self) -> StretchReader {
         let inflate = match self.packing {
-            Packing::Stored => None,
+            Compression::Stored => None,
             #[cfg(feature = "npy")]
-            Packing::Deflate => Some(Inflate::new(false)),
+            Compression::Deflate => Some(Inflate::new(false)),
             #[cfg(feature = "mat")]
-            Packing::Zlib => Some(Inflate::new(true)),
+            Compression::Zlib => Some(Inflate::new(true)),
         };
-        Stream { stretch: self.clone(), at: self.start, inflate, position: 0, sum: Crc::new() }
+        StretchReader { stretch: self.clone(), at: self.start, inflate, position: 0, sum: Crc::new() }
     }
 }
 
 /// A stretch that is being read.
-pub(crate) struct Stream {
-    stretch: Stretch,
+pub(crate) struct StretchReader {
+    stretch: FileStretch,
     /// The next packed byte that is not in memory.
     at: u64,
     inflate: Option<Inflate>,
@@ -75,7 +75,7 @@ impl Inflate {
     }
 }
 
-impl Stream {
+impl StretchReader {
     /// Bytes of the whole stretch in the file.
     #[cfg(feature = "mat")]
     pub(crate) fn packed(&self) -> u64 {
@@ -204,22 +204,22 @@ impl Stream {
 
 /// Records in a stretch of a file.
 pub(crate) struct StreamLane {
-    pub(crate) stretch: Stretch,
+    pub(crate) stretch: FileStretch,
     /// Bytes before the first record.
     pub(crate) skip: u64,
     pub(crate) record: usize,
     /// Records that are still to come.
     pub(crate) rows: u64,
-    pub(crate) stream: Option<Stream>,
+    pub(crate) stream: Option<StretchReader>,
 }
 
 impl StreamLane {
-    pub(crate) fn new(stretch: Stretch, skip: u64, record: usize, rows: u64) -> Self {
+    pub(crate) fn new(stretch: FileStretch, skip: u64, record: usize, rows: u64) -> Self {
         Self { stretch, skip, record, rows, stream: None }
     }
 }
 
-impl Lane for StreamLane {
+impl RecordLane for StreamLane {
     fn record(&self) -> usize {
         self.record
     }

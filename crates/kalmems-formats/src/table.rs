@@ -5,7 +5,7 @@ use std::fmt;
 
 /// What is known of a table before its first row is read.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Description {
+pub struct TableDescription {
     /// The format, for people: `CSV`, `MAT 7.3`.
     pub format: &'static str,
     /// What was recognised and decided, in a sentence for people, such as "separated by semicolons, decimal commas,
@@ -16,14 +16,14 @@ pub struct Description {
     /// How many rows there are, where the format says so.
     pub rows: Option<u64>,
     /// By what the file is known to be a table of numbers.
-    pub evidence: Evidence,
+    pub evidence: TableEvidence,
     /// What is no column of it, where the format has names for that.
-    pub left_out: Vec<LeftOut>,
+    pub left_out: Vec<OmittedPart>,
 }
 
 /// By what a file is known to be a table of numbers, so that messages may show what its names and cells are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Evidence {
+pub enum TableEvidence {
     /// Its format, which holds tables and nothing else.
     Format,
     /// It is no file but [arrays](crate::Arrays): rows count from 0, as samples, and have no lines.
@@ -37,20 +37,20 @@ pub enum Evidence {
 
 /// A part of a file that is no column.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LeftOut {
+pub struct OmittedPart {
     /// Its name or its place in the file.
     pub name: String,
     /// Why it is left out, in words that can follow its name.
     pub why: String,
 }
 
-impl LeftOut {
+impl OmittedPart {
     pub(crate) fn new(name: impl Into<String>, why: impl Into<String>) -> Self {
         Self { name: name.into(), why: why.into() }
     }
 }
 
-impl fmt::Display for LeftOut {
+impl fmt::Display for OmittedPart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "`{}` ({})", self.name, self.why)
     }
@@ -83,7 +83,7 @@ impl Column {
 
 /// A column that is to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
+pub enum WantedColumn {
     /// Numbers, times a power of ten, rounded once: the digits in the file (the shortest that stand for a binary
     /// number), with another exponent.
     Number {
@@ -108,7 +108,7 @@ pub enum Wanted {
     },
 }
 
-impl Wanted {
+impl WantedColumn {
     /// Which column of the description.
     pub const fn column(self) -> usize {
         match self {
@@ -146,10 +146,10 @@ impl Wanted {
 /// A table that is being read, from its first row to its last.
 pub trait Table: Send {
     /// What is known of it.
-    fn description(&self) -> &Description;
+    fn description(&self) -> &TableDescription;
 
     /// States what to read; before the first block.
-    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError>;
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError>;
 
     /// What the format says of a column of times by itself; `None` where its name or somebody has to say what it counts.
     fn time_kind(&self, _column: usize) -> Option<TimeKind> {

@@ -1,9 +1,9 @@
 //! Sound: RIFF/WAVE of 1991, RF64 of 2006 (EBU Tech 3306) and BW64 of 2015 (ITU-R BS.2088).
 
-use crate::element::{Element, Kind};
-use crate::lanes::Stretch;
-use crate::records::{Cells, Clock, Field, RecordTable};
-use crate::source::Source;
+use crate::element::{Element, ElementKind};
+use crate::lanes::UnpackedRecords;
+use crate::records::{CellKind, RecordField, RecordTable, RegularClock};
+use crate::source::SharedFile;
 use crate::{Column, FormatError, Hints, Table, limits};
 use std::sync::Arc;
 
@@ -13,8 +13,8 @@ const CHUNKS: usize = 4096;
 /// A length of 32 bits that says that it is elsewhere.
 const ELSEWHERE: u32 = u32::MAX;
 
-pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
-    let sound = Sound::read(&source)?;
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    let sound = SampleFormat::read(&source)?;
     let channels = sound.channels;
     let names: Vec<String> = match &hints.columns {
         None => (1..=channels).map(|channel| format!("channel{channel}_1")).collect(),
@@ -29,27 +29,32 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     };
     let record = channels * sound.element.bytes;
     let rows = sound.bytes / record as u64;
-    let clock = Clock::Rate { start: 0.0, rate: f64::from(sound.rate) };
-    let mut fields = vec![Field::new(Column::new("time_s"), Cells::Clock(clock), rows)];
+    let clock = RegularClock::Rate { start: 0.0, rate: f64::from(sound.rate) };
+    let mut fields = vec![RecordField::new(Column::new("time_s"), CellKind::Clock(clock), rows)];
     for (channel, name) in names.into_iter().enumerate() {
         let offset = channel * sound.element.bytes;
         let column = Column::new(&name).at(format!("channel {}", channel + 1));
-        fields.push(Field::new(column, Cells::Numbers { lane: 0, offset, element: sound.element }, rows));
+        fields.push(RecordField::new(
+            column,
+            CellKind::Numbers { lane: 0, offset, element: sound.element },
+            rows,
+        ));
     }
-    let scale = if sound.element.kind == Kind::Float { "as they are" } else { "in parts of full scale" };
+    let scale =
+        if sound.element.kind == ElementKind::Float { "as they are" } else { "in parts of full scale" };
     let recognised = format!(
         "{channels} channels of {} in {} bits, {scale}; time_s = k/({} Hz) for row k from 0 on, which is not in the file",
-        if sound.element.kind == Kind::Float { "floating-point numbers" } else { "integers" },
+        if sound.element.kind == ElementKind::Float { "floating-point numbers" } else { "integers" },
         sound.element.bytes * 8,
         sound.rate,
     );
     let file_bytes = source.length();
-    let lane = Stretch { source: Arc::new(source), format: FORMAT, offset: sound.offset, record };
+    let lane = UnpackedRecords { source: Arc::new(source), format: FORMAT, offset: sound.offset, record };
     Ok(Box::new(RecordTable::new(FORMAT, recognised, Vec::new(), fields, vec![Box::new(lane)], file_bytes)))
 }
 
 /// What is known of the samples.
-struct Sound {
+struct SampleFormat {
     channels: usize,
     rate: u32,
     element: Element,
@@ -57,8 +62,8 @@ struct Sound {
     bytes: u64,
 }
 
-impl Sound {
-    fn read(source: &Source) -> Result<Self, FormatError> {
+impl SampleFormat {
+    fn read(source: &SharedFile) -> Result<Self, FormatError> {
         let head = source.bytes(FORMAT, 0, 12)?;
         let long = head.starts_with(b"RF64") || head.starts_with(b"BW64");
         let mut place = 12;
@@ -130,7 +135,7 @@ impl Sound {
 }
 
 /// Channels, rate and kind of number, from the fmt chunk.
-fn shape_of(source: &Source, place: u64, length: u64) -> Result<(usize, u32, Element), FormatError> {
+fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32, Element), FormatError> {
     if !(16..=1024).contains(&length) {
         return Err(damaged(place, format!("a fmt chunk of {length} bytes"), "16, 18 or 40"));
     }
@@ -156,9 +161,9 @@ fn shape_of(source: &Source, place: u64, length: u64) -> Result<(usize, u32, Ele
         }
     }
     let element = match (code, bits) {
-        (1, 8) => Element::little(Kind::PcmByte, 1),
-        (1, 16 | 24 | 32) => Element::little(Kind::Pcm, usize::from(bits / 8)),
-        (3, 32 | 64) => Element::little(Kind::Float, usize::from(bits / 8)),
+        (1, 8) => Element::little(ElementKind::PcmByte, 1),
+        (1, 16 | 24 | 32) => Element::little(ElementKind::Pcm, usize::from(bits / 8)),
+        (3, 32 | 64) => Element::little(ElementKind::Float, usize::from(bits / 8)),
         _ => {
             return Err(FormatError::Unsupported {
                 format: FORMAT,

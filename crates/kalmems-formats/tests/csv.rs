@@ -1,7 +1,7 @@
 //! Texts in the dialects that instruments write.
 
 use kalmems_formats::{
-    Block, CsvHints, Evidence, Fault, FormatError, Hints, Table, Wanted, open_csv, read_csv,
+    Block, CellFinding, CsvHints, FormatError, Hints, Table, TableEvidence, WantedColumn, open_csv, read_csv,
 };
 use std::fmt::Write as _;
 use std::io::Cursor;
@@ -10,7 +10,8 @@ use std::path::Path;
 /// All that a table gives, a small block at a time.
 fn whole(mut table: Box<dyn Table>, capacity: usize) -> Result<Block, FormatError> {
     let columns = table.description().columns.len();
-    let wanted: Vec<Wanted> = (0..columns).map(|column| Wanted::Number { column, power: 0 }).collect();
+    let wanted: Vec<WantedColumn> =
+        (0..columns).map(|column| WantedColumn::Number { column, power: 0 }).collect();
     table.want(&wanted)?;
     let mut all = Block::default();
     all.clear(columns, 0);
@@ -308,8 +309,11 @@ fn dialects_of_instruments() {
             let row: Vec<u64> = row.iter().map(|number| number.to_bits()).collect();
             assert_eq!(found, row, "{file} row {index}");
         }
-        let columns: Vec<_> =
-            block.faults.iter().filter(|f| !matches!(f.fault, Fault::Text(_) | Fault::Infinite(_))).collect();
+        let columns: Vec<_> = block
+            .faults
+            .iter()
+            .filter(|f| !matches!(f.fault, CellFinding::Text(_) | CellFinding::Infinite(_)))
+            .collect();
         assert!(columns.is_empty(), "{file}: {columns:?}");
         assert_eq!(block.rows, block.numbers[0].len());
     }
@@ -399,8 +403,8 @@ fn records_of_a_file_have_labels_and_clocks_of_their_own_however_few_columns_are
     // Only the first channel is read, so that the rest of a header could pass for a row.
     for capacity in 1..8 {
         let mut table = text(RECORDS, &CsvHints::default()).unwrap();
-        let number = |column| Wanted::Number { column, power: 0 };
-        table.want(&[number(0), number(1), Wanted::Label { column: 3 }]).unwrap();
+        let number = |column| WantedColumn::Number { column, power: 0 };
+        table.want(&[number(0), number(1), WantedColumn::Label { column: 3 }]).unwrap();
         let mut block = Block::with_capacity(capacity);
         let (mut rows, mut labels) = (Vec::new(), Vec::new());
         loop {
@@ -444,7 +448,7 @@ fn a_last_line_without_an_end_is_a_row_that_is_told() {
     ] {
         for capacity in 1..4 {
             let block = whole(text(file, &CsvHints::default()).unwrap(), capacity).unwrap();
-            let told = block.faults.iter().find(|fault| fault.fault == Fault::NoLineEnd);
+            let told = block.faults.iter().find(|fault| fault.fault == CellFinding::NoLineEnd);
             assert_eq!((block.rows, told.map(|fault| fault.line)), (rows, line), "{file:?}");
         }
     }
@@ -499,13 +503,13 @@ fn blocks_of_any_size_tell_the_same() {
     assert_eq!(
         faults,
         [
-            (4, None, Fault::BlankLines { count: 3 }),
-            (6, None, Fault::CellCount { found: 1, expected: 2, rows: 2 }),
-            (9, Some(1), Fault::Text("x".to_owned())),
-            (12, Some(1), Fault::Missing),
-            (13, Some(0), Fault::Missing),
-            (13, Some(1), Fault::Nan("nan".to_owned())),
-            (14, Some(0), Fault::Infinite("1e999".to_owned())),
+            (4, None, CellFinding::BlankLines { count: 3 }),
+            (6, None, CellFinding::CellCount { found: 1, expected: 2, rows: 2 }),
+            (9, Some(1), CellFinding::Text("x".to_owned())),
+            (12, Some(1), CellFinding::Missing),
+            (13, Some(0), CellFinding::Missing),
+            (13, Some(1), CellFinding::Nan("nan".to_owned())),
+            (14, Some(0), CellFinding::Infinite("1e999".to_owned())),
         ]
     );
     let block = whole(text(one, &CsvHints::default()).unwrap(), 100).unwrap();
@@ -576,7 +580,7 @@ fn cut_and_altered_texts_are_read_or_refused() {
 }
 
 fn whole_faults(mut table: Box<dyn Table>) -> Result<(usize, usize), FormatError> {
-    table.want(&[Wanted::Number { column: 0, power: 0 }])?;
+    table.want(&[WantedColumn::Number { column: 0, power: 0 }])?;
     let mut block = Block::with_capacity(1000);
     let (mut rows, mut faults) = (0, 0);
     loop {
@@ -593,19 +597,19 @@ fn whole_faults(mut table: Box<dyn Table>) -> Result<(usize, usize), FormatError
 #[test]
 fn a_text_is_known_as_a_table_by_a_number_below_a_name() {
     for (text, expected) in [
-        ("time_s,cap_V\n0,1\n", Evidence::Rows),
-        ("a;b\nx;1,5\n", Evidence::Rows),
+        ("time_s,cap_V\n0,1\n", TableEvidence::Rows),
+        ("a;b\nx;1,5\n", TableEvidence::Rows),
         // Numbers from the first line on are no names, but where they count the columns.
-        ("label,0,1\na,5,6\n", Evidence::Rows),
-        (",0,1\n0,5,6\n", Evidence::Rows),
-        ("a=1,2,3\nb=4,5,6\n", Evidence::Nothing),
-        ("[\"a\", 2, 3]\n[\"b\", 5, 6]\n", Evidence::Nothing),
-        ("time_s,cap_V\n", Evidence::Nothing),
-        ("time_s,cap_V\n0\n1\n", Evidence::Nothing),
-        ("a,b\nc,d\n", Evidence::Nothing),
-        ("detector_1\n0\n1\nlate\n", Evidence::Rows),
-        ("dear all,\nwe are\n5\nand no\nmore\n", Evidence::Nothing),
-        ("", Evidence::Nothing),
+        ("label,0,1\na,5,6\n", TableEvidence::Rows),
+        (",0,1\n0,5,6\n", TableEvidence::Rows),
+        ("a=1,2,3\nb=4,5,6\n", TableEvidence::Nothing),
+        ("[\"a\", 2, 3]\n[\"b\", 5, 6]\n", TableEvidence::Nothing),
+        ("time_s,cap_V\n", TableEvidence::Nothing),
+        ("time_s,cap_V\n0\n1\n", TableEvidence::Nothing),
+        ("a,b\nc,d\n", TableEvidence::Nothing),
+        ("detector_1\n0\n1\nlate\n", TableEvidence::Rows),
+        ("dear all,\nwe are\n5\nand no\nmore\n", TableEvidence::Nothing),
+        ("", TableEvidence::Nothing),
     ] {
         let table = read_csv(Cursor::new(text.as_bytes().to_vec()), &Hints::default()).unwrap();
         assert_eq!(table.description().evidence, expected, "{text:?}");
@@ -614,7 +618,7 @@ fn a_text_is_known_as_a_table_by_a_number_below_a_name() {
     let columns = Some(vec!["time_s".to_owned(), "cap_V".to_owned()]);
     let hints = Hints { columns, ..Hints::default() };
     let table = read_csv(Cursor::new(b"0,1\n2,3\n".to_vec()), &hints).unwrap();
-    assert_eq!(table.description().evidence, Evidence::Rows);
+    assert_eq!(table.description().evidence, TableEvidence::Rows);
     // Names that nobody may be shown are counted.
     let named = |text: &'static str| {
         let one = Hints { columns: Some(vec!["x".to_owned()]), ..Hints::default() };

@@ -1,7 +1,7 @@
 //! Files that other programs wrote, and what the same programs read from them: `tools/differential.py` makes a hundred of
 //! them. A few are kept beside the tests, and all are read where `KALMEMS_DIFFERENTIAL_FILES` names their folder.
 
-use kalmems_formats::{Block, Fault, Hints, Table, Wanted, open};
+use kalmems_formats::{Block, CellFinding, Hints, Table, WantedColumn, open};
 use std::path::{Path, PathBuf};
 
 /// What a file must say, and what an experiment must say of it.
@@ -33,7 +33,8 @@ impl Expected {
 
 /// All cells of a column as the reference has them.
 fn cells(table: &mut dyn Table, column: usize, text: bool) -> Result<Vec<String>, String> {
-    let wanted = if text { Wanted::Label { column } } else { Wanted::Number { column, power: 0 } };
+    let wanted =
+        if text { WantedColumn::Label { column } } else { WantedColumn::Number { column, power: 0 } };
     table.want(&[wanted]).map_err(|error| error.to_string())?;
     let mut block = Block::with_capacity(61);
     let mut cells = Vec::new();
@@ -60,9 +61,9 @@ fn cells(table: &mut dyn Table, column: usize, text: bool) -> Result<Vec<String>
         for fault in &block.faults {
             let cell = &mut cells[first + fault.row];
             match &fault.fault {
-                Fault::Missing => "missing".clone_into(cell),
-                Fault::Nan(_) => "nan".clone_into(cell),
-                Fault::Infinite(text) => {
+                CellFinding::Missing => "missing".clone_into(cell),
+                CellFinding::Nan(_) => "nan".clone_into(cell),
+                CellFinding::Infinite(text) => {
                     let number: f64 = text.parse().map_err(|_| text.clone())?;
                     *cell = format!("{:016x}", number.to_bits());
                 }

@@ -2,7 +2,7 @@
 //!
 //!     cargo run --release --example printed_lines
 
-use kalmems_engines::circuit::{Circuit, Detector, Excitation, HighPass, Motion};
+use kalmems_engines::circuit::{AmplitudeDetector, Circuit, Excitation, HighPass, SineMotion};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::circuit::{SquareLaw, Transimpedance};
 use kalmems_papers::printed_lines;
@@ -31,11 +31,11 @@ fn table() -> Result<String, Box<dyn Error>> {
         transimpedance: Transimpedance { feedback_resistance: 17.86e3, parasitic_capacitance: 5e-12 },
         amplifier_bandwidth_hz: None,
         high_pass: HighPass::new(1, 482e3).ok_or("no such order")?,
-        detector: Detector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
+        detector: AmplitudeDetector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
         low_pass_hz: [40.8e3, 41.1e3],
         noise_density: 0.0,
     };
-    let motion = Motion { amplitude_rad: 8.0_f64.to_radians(), phase_rad: 0.7 };
+    let motion = SineMotion { amplitude_rad: 8.0_f64.to_radians(), phase_rad: 0.7 };
     let mut table = String::from(
         "| stage | line | equations | as printed | with the same C(θ) | with the Gaussian C(θ) |\n|---|---|---|---:|---:|---:|\n",
     );

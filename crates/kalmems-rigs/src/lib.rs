@@ -14,8 +14,8 @@ pub mod threshold_scanner;
 pub mod workflow;
 
 pub use kalmems_engines::rig::{
-    Channels, DrivenDevice, DrivenModel, DrivenRig, Estimator, Expansion, Form, LeftOut, Rig, Template,
-    TemplateChannel, Workbench,
+    DrivenDevice, DrivenModel, DrivenRig, Estimator, Expansion, NumberForm, OmittedNumber, RecordingChannels,
+    Rig, Template, TemplateChannel, Workbench,
 };
 
 use kalmems_engines::{

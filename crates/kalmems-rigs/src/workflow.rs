@@ -4,15 +4,15 @@ mod parts;
 
 pub use parts::{LONG, PART, PartOutcome, PartsError, WholeRecording, estimate_in_parts, is_long};
 
-use crate::config::{self, ConfigError, Experiment, Fault, Key};
+use crate::config::{self, ConfigError, ConfigFault, Experiment, Key};
 use crate::estimate::{EstimateError, SegmentEstimate, StretchSummary};
 use crate::evaluate::{
     ErrorsByState, Judgement, MotionErrors, ReferenceError, ReferenceRecording, SegmentJudge, ValueState,
     evaluate_values,
 };
-use crate::progress::{Interruption, Progress, Reader};
-use crate::recording::{ReadError, Recording};
-use crate::simulate::Unwritten;
+use crate::progress::{Interruption, Progress, ReaderProgress};
+use crate::recording::{ReadError, SampledRecording};
+use crate::simulate::ComputedRecording;
 use crate::{Rig, Workbench};
 use std::path::Path;
 
@@ -33,7 +33,7 @@ pub struct RecordingOutcome {
     /// Its name in the experiment, or that of its file.
     pub name: String,
     /// The recording.
-    pub recording: Recording,
+    pub recording: SampledRecording,
     /// The reference, where the experiment names one.
     pub reference: Option<ReferenceRecording>,
     /// What the device's recorded input is called.
@@ -111,12 +111,13 @@ pub fn estimate(
     for index in wanted {
         let described = experiment.recording(index)?;
         let file = experiment.resolve(&described.file);
-        let mut reading = Reader::new(progress, "reading");
+        let mut reading = ReaderProgress::new(progress, "reading");
         let layout = rig.layout(experiment, index)?;
-        let recording = Recording::read_with(&file, &layout, &mut |done, total| reading.hear(done, total))?;
+        let recording =
+            SampledRecording::read_with(&file, &layout, &mut |done, total| reading.hear(done, total))?;
         let estimates = rig.estimate_stretches(experiment, index, &recording, progress)?;
 
-        let mut reading = Reader::new(progress, "reading the reference");
+        let mut reading = ReaderProgress::new(progress, "reading the reference");
         let reference = ReferenceRecording::read(
             experiment,
             (index, recording.origin()),
@@ -128,7 +129,7 @@ pub fn estimate(
     }
     if recordings.iter().all(|recording| recording.segments.is_empty()) {
         let why = "no recording has a segment to estimate".to_owned();
-        return Err(experiment.error("recording", Fault::Value { why }).into());
+        return Err(experiment.error("recording", ConfigFault::Value { why }).into());
     }
     Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings })
 }
@@ -137,16 +138,16 @@ pub fn estimate(
 ///
 /// The rig is given what was recorded; what is true is read only afterwards, and for the evaluation alone, as from
 /// files.
-pub fn estimate_unwritten(
+pub fn estimate_computed(
     workbench: &Workbench,
     experiment: &Experiment,
-    simulated: &Unwritten,
+    simulated: &ComputedRecording,
     progress: &dyn Progress,
 ) -> Result<Outcome, WorkflowError> {
     let rig = workbench.rig(experiment)?;
     let [index] = *rig.wanted(experiment)? else {
         let why = "a simulation stands for exactly one recording".to_owned();
-        return Err(experiment.error("recording", Fault::Value { why }).into());
+        return Err(experiment.error("recording", ConfigFault::Value { why }).into());
     };
     let recording = simulated.recorded(&rig.layout(experiment, index)?)?;
     let estimates = rig.estimate_stretches(experiment, index, &recording, progress)?;
@@ -166,7 +167,7 @@ fn evaluate(
     (rig, experiment): (&dyn Rig, &Experiment),
     described: &config::Recording,
     (recording, (estimates, stretches), reference): (
-        Recording,
+        SampledRecording,
         (Vec<SegmentEstimate>, StretchSummary),
         Option<ReferenceRecording>,
     ),
@@ -222,5 +223,5 @@ fn require(experiment: &Experiment, file: &Path, key: Key) -> Result<(), ConfigE
         "there is no file `{}`; give its path from the folder of the experiment file, or put it there",
         path.display()
     );
-    Err(experiment.error(key, Fault::Value { why }))
+    Err(experiment.error(key, ConfigFault::Value { why }))
 }

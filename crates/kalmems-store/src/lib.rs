@@ -21,7 +21,7 @@ mod manifest;
 mod sealed;
 mod single;
 mod staging;
-mod standing;
+mod target_state;
 mod work;
 
 #[cfg(test)]
@@ -36,13 +36,14 @@ pub use work::{Subject, Work, way_from};
 
 use manifest::Manifest;
 use sealed::Sealing;
-use staging::{Earlier, Staging};
-use standing::{Standing, look};
+use serde::Serialize;
+use staging::{EarlierResultFate, Staging};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use target_state::{TargetState, look};
 
 /// The record of the run that every result has; it alone differs between two runs of the same input, by its timing.
 pub const RUN_FILE: &str = "run.toml";
@@ -54,6 +55,25 @@ pub struct RunInfo {
     pub started: SystemTime,
     /// How long it took until its results were written.
     pub took: Duration,
+}
+
+impl RunInfo {
+    /// The same as the record of a run says it.
+    pub fn timing(&self) -> RunTiming {
+        RunTiming {
+            started_unix_s: self.started.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
+            took_s: self.took.as_secs_f64(),
+        }
+    }
+}
+
+/// The times of a run in its record.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct RunTiming {
+    /// When it began, in whole seconds since 1970.
+    pub started_unix_s: u64,
+    /// How long it took until its results were written, in s.
+    pub took_s: f64,
 }
 
 /// A result being written: beside its target, under another name, until it is complete.
@@ -68,12 +88,12 @@ pub struct Output {
     force: bool,
     /// The checksums of the files that are complete.
     sealed: RefCell<BTreeMap<String, String>>,
-    standing: Standing,
+    standing: TargetState,
 }
 
 /// What became of the result that stood at the target before.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Committed {
+pub struct EarlierResult {
     /// Where the earlier result is kept, if it said anything else than the new one.
     pub earlier: Option<PathBuf>,
 }
@@ -85,7 +105,7 @@ impl Output {
         work.refuse_inputs_within(target, &place)?;
         let of = work.subject.name_from(&place);
         let staging = Staging::begin(target, &place)?;
-        let standing = look(target, &place, &Standing::Nothing)?;
+        let standing = look(target, &place, &TargetState::Nothing)?;
         if !work.force {
             refuse_replacing(target, &standing, (work.command, &of))?;
         }
@@ -148,7 +168,7 @@ impl Output {
 
     /// A file with this SHA-256 of the result that stands at the target, which nobody changed since it was written.
     pub fn standing_file(&self, sha256: &str) -> Option<PathBuf> {
-        let Standing::Result { manifest, seen, .. } = &self.standing else { return None };
+        let TargetState::Result { manifest, seen, .. } = &self.standing else { return None };
         let mut same =
             manifest.files.iter().filter(|(name, of)| of.as_str() == sha256 && seen.contains_key(*name));
         same.next().map(|(name, _)| self.place.join(name))
@@ -163,7 +183,7 @@ impl Output {
     ///
     /// Where the result that stands there says anything else, or was changed, it is kept beside it. Where something came to
     /// stand there since the run began, that is left alone, and the new result is put beside it.
-    pub fn commit(self) -> Result<Committed, OutputError> {
+    pub fn commit(self) -> Result<EarlierResult, OutputError> {
         let error = |source| OutputError::Io { path: self.target.clone(), source };
         let manifest = Manifest::new(self.command, self.of.clone(), self.sealed.borrow().clone());
         self.staging.write_manifest(&manifest).map_err(error)?;
@@ -178,24 +198,24 @@ impl Output {
             return Err(OutputError::Taken { path: self.target.clone(), result });
         };
         let earlier = match &standing {
-            Standing::Nothing => None,
-            Standing::Result { manifest: earlier, changed, seen } => {
+            TargetState::Nothing => None,
+            TargetState::Result { manifest: earlier, changed, seen } => {
                 let same = changed.is_empty() && manifest == *earlier;
-                Some((if same { Earlier::Remove } else { Earlier::Keep }, seen))
+                Some((if same { EarlierResultFate::Remove } else { EarlierResultFate::Keep }, seen))
             }
         };
         let earlier = self.staging.publish(&self.place, &manifest, earlier).map_err(error)?;
-        Ok(Committed { earlier })
+        Ok(EarlierResult { earlier })
     }
 }
 
 /// Refuses to replace what other work left, or what was changed since it was written.
 fn refuse_replacing(
     target: &Path,
-    standing: &Standing,
+    standing: &TargetState,
     (command, of): (&str, &str),
 ) -> Result<(), OutputError> {
-    let Standing::Result { manifest, changed, .. } = standing else { return Ok(()) };
+    let TargetState::Result { manifest, changed, .. } = standing else { return Ok(()) };
     let path = target.to_owned();
     if (manifest.command.as_str(), manifest.of.as_str()) != (command, of) {
         return Err(OutputError::OtherWork { path, was: manifest.work(), is: manifest::work(command, of) });

@@ -15,7 +15,7 @@ use crate::OutputError;
 use crate::exchange::{exchange, sync_folder};
 use crate::manifest::{MANIFEST, Manifest};
 use crate::sealed::{checksum, checksum_of, checksum_within};
-use crate::standing::{Seen, remove_empty_folders, remove_owned};
+use crate::target_state::{FileStamp, remove_empty_folders, remove_owned};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -48,7 +48,7 @@ pub(crate) struct Staging {
 /// What is to become of the earlier result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Earlier {
+pub(crate) enum EarlierResultFate {
     /// It says what the new one says.
     Remove,
     /// It is kept beside the new one.
@@ -57,10 +57,10 @@ pub(crate) enum Earlier {
 
 /// How to go on from a complete result.
 #[derive(Serialize, Deserialize)]
-struct Complete {
+struct CompleteResultStep {
     /// The checksum of the new result's list of files, by which it is known whether it is in its place.
     result: String,
-    earlier: Earlier,
+    earlier: EarlierResultFate,
 }
 
 impl Staging {
@@ -87,13 +87,15 @@ impl Staging {
                 _ => {}
             }
             match lock(&root, true).map_err(error)? {
-                Lock::Held(lock) => break lock,
-                Lock::None => {
+                LockAttempt::Held(lock) => break lock,
+                LockAttempt::None => {
                     let (what, remedy) = ("there and was not made by kalmems", "move it away");
                     return Err(OutputError::File { path: root, what, remedy });
                 }
-                Lock::Busy if asks == ASKS => return Err(OutputError::Busy { path: target.to_owned() }),
-                Lock::Busy | Lock::Gone => {
+                LockAttempt::Busy if asks == ASKS => {
+                    return Err(OutputError::Busy { path: target.to_owned() });
+                }
+                LockAttempt::Busy | LockAttempt::Gone => {
                     asks += 1;
                     sleep(BETWEEN_ASKS);
                 }
@@ -157,7 +159,7 @@ impl Staging {
         mut self,
         place: &Path,
         manifest: &Manifest,
-        earlier: Option<(Earlier, &BTreeMap<String, Seen>)>,
+        earlier: Option<(EarlierResultFate, &BTreeMap<String, FileStamp>)>,
     ) -> io::Result<Option<PathBuf>> {
         let (result, parent) = (self.result(), parent(place));
         let Some((earlier, seen)) = earlier else {
@@ -170,7 +172,7 @@ impl Staging {
         };
         // Who may see the earlier result may see this one.
         fs::set_permissions(&result, fs::metadata(place)?.permissions())?;
-        let complete = Complete {
+        let complete = CompleteResultStep {
             result: checksum_of(manifest.to_text().map_err(io::Error::other)?.as_bytes()),
             earlier,
         };
@@ -233,7 +235,7 @@ fn remove_made(made: &[PathBuf]) {
 }
 
 /// A lock that was asked for.
-enum Lock {
+enum LockAttempt {
     Held(File),
     /// Another run has it.
     Busy,
@@ -244,32 +246,32 @@ enum Lock {
 }
 
 /// Asks for the lock of a staging folder, and makes it if that is asked for.
-fn lock(root: &Path, make: bool) -> io::Result<Lock> {
+fn lock(root: &Path, make: bool) -> io::Result<LockAttempt> {
     let path = root.join("lock");
     match fs::symlink_metadata(&path) {
-        Ok(there) if !there.is_file() => return Ok(Lock::None),
+        Ok(there) if !there.is_file() => return Ok(LockAttempt::None),
         Ok(_) => {}
         Err(e) if e.kind() == ErrorKind::NotFound && make => {
-            let Ok(mut content) = fs::read_dir(root) else { return Ok(Lock::Gone) };
+            let Ok(mut content) = fs::read_dir(root) else { return Ok(LockAttempt::Gone) };
             if content.next().is_some() {
                 // It may have been made since.
-                return Ok(if path.exists() { Lock::Busy } else { Lock::None });
+                return Ok(if path.exists() { LockAttempt::Busy } else { LockAttempt::None });
             }
         }
-        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(Lock::None),
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(LockAttempt::None),
         Err(e) => return Err(e),
     }
     let file = match OpenOptions::new().read(true).write(true).create(make).truncate(false).open(&path) {
-        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(Lock::Gone),
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(LockAttempt::Gone),
         file => file?,
     };
     match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Ok(Lock::Busy),
+        Err(TryLockError::WouldBlock) => Ok(LockAttempt::Busy),
         // A browser's sandbox has no locks, and nobody else in it.
         Err(TryLockError::Error(e)) if e.kind() != ErrorKind::Unsupported => Err(e),
         // Whoever held it may have removed it before it was let go of.
-        _ if !is_there(&file, &path) => Ok(Lock::Gone),
-        _ => Ok(Lock::Held(file)),
+        _ if !is_there(&file, &path) => Ok(LockAttempt::Gone),
+        _ => Ok(LockAttempt::Held(file)),
     }
 }
 
@@ -299,12 +301,12 @@ fn clear_dead(folder: &Path, own: &Path) -> io::Result<()> {
         };
         // What cannot be cleared is somebody else's trouble, not this run's.
         match lock(&root, false) {
-            Ok(Lock::Held(_held)) => {
+            Ok(LockAttempt::Held(_held)) => {
                 let _ = recover(&root, &folder.join(target)).and_then(|()| remove(&root));
             }
             // A run that died before its lock was made, or after it was removed, leaves an empty folder; one that lives
             // makes it again. A folder with anything in it stays.
-            Ok(Lock::None) => {
+            Ok(LockAttempt::None) => {
                 let _ = fs::remove_dir(&root);
             }
             _ => {}
@@ -317,7 +319,7 @@ fn clear_dead(folder: &Path, own: &Path) -> io::Result<()> {
 fn recover(root: &Path, place: &Path) -> io::Result<()> {
     let (marker, result, old) = (root.join("marker"), root.join("result"), root.join("old"));
     if let Ok(complete) = fs::read(&marker)
-        && let Ok(complete) = serde_json::from_slice::<Complete>(&complete)
+        && let Ok(complete) = serde_json::from_slice::<CompleteResultStep>(&complete)
     {
         let mut published = checksum(&place.join(MANIFEST)).is_ok_and(|there| there == complete.result);
         if !published && old.exists() && !place.exists() {
@@ -342,10 +344,10 @@ fn recover(root: &Path, place: &Path) -> io::Result<()> {
 fn settle(
     displaced: &Path,
     place: &Path,
-    what: Earlier,
-    seen: &BTreeMap<String, Seen>,
+    what: EarlierResultFate,
+    seen: &BTreeMap<String, FileStamp>,
 ) -> io::Result<Option<PathBuf>> {
-    if what == Earlier::Remove {
+    if what == EarlierResultFate::Remove {
         if let Ok(Some(manifest)) = Manifest::read(displaced) {
             remove_owned(displaced, &manifest, seen)?;
         }

@@ -25,7 +25,7 @@ impl Laboratory {
     }
 
     /// A run of an experiment that says this.
-    fn run(&self, file: &str, says: &str, force: bool) -> Result<Committed, OutputError> {
+    fn run(&self, file: &str, says: &str, force: bool) -> Result<EarlierResult, OutputError> {
         let output = self.begin(file, "scan", force)?;
         fill(&output, says);
         output.commit()
@@ -74,7 +74,7 @@ fn a_result_is_there_whole_or_not_at_all() {
     assert!(lab.names().is_empty());
     drop(lab.begin("experiment.toml", "out/of/nothing", false).unwrap());
     assert!(!lab.at("out").exists());
-    assert_eq!(lab.run("experiment.toml", "first", false).unwrap(), Committed::default());
+    assert_eq!(lab.run("experiment.toml", "first", false).unwrap(), EarlierResult::default());
     assert_eq!(lab.names(), RESULT);
 }
 
@@ -82,7 +82,7 @@ fn a_result_is_there_whole_or_not_at_all() {
 fn the_same_result_is_replaced_and_another_of_the_same_experiment_is_kept() {
     let lab = Laboratory::new();
     for _ in 0..3 {
-        assert_eq!(lab.run("experiment.toml", "first", false).unwrap(), Committed::default());
+        assert_eq!(lab.run("experiment.toml", "first", false).unwrap(), EarlierResult::default());
         assert_eq!(lab.names(), RESULT);
     }
     for (says, kept) in [("second", &["scan.previous"][..]), ("third", &["scan.previous", "scan.previous-2"])]
@@ -178,7 +178,7 @@ fn a_file_that_was_changed_is_the_users_and_kept_by_force() {
     assert_eq!(lab.files()["scan/metrics.json"], "first\n");
     // What the user removed is not missed.
     fs::remove_file(lab.at("scan/figures/motion.svg")).unwrap();
-    assert_eq!(lab.run("experiment.toml", "first", false).unwrap(), Committed::default());
+    assert_eq!(lab.run("experiment.toml", "first", false).unwrap(), EarlierResult::default());
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::Unit;
 
 /// A column's name as the recording has it, and the unit that its ending says.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Header {
+pub struct ColumnHeader {
     /// The whole name, such as `gyro_rad_per_s`; what an experiment file refers to.
     pub column: String,
     /// The unit, or `None` where the ending is no unit, as in `sample_index`.
@@ -15,7 +15,7 @@ pub struct Header {
     pub is_stated: bool,
 }
 
-impl Header {
+impl ColumnHeader {
     /// Takes the longest ending that is a unit: `damping_N_m_s` is in N·m·s, `cap1A_on_V` in V.
     ///
     /// In an ending, `per` divides by the next word, digits are exponents (`s2`), and `rt` marks a square
@@ -142,7 +142,7 @@ mod tests {
             ("wavenumber_per_cm", "1/cm", "per_cm"),
             ("wavenumber_per_m", "1/m", "per_m"),
         ] {
-            let header = Header::parse(column);
+            let header = ColumnHeader::parse(column);
             assert_eq!(header.unit, Some(Unit::parse(unit).unwrap()), "{column}");
             assert_eq!(header.unit_text, text, "{column}");
         }
@@ -161,13 +161,13 @@ mod tests {
             let unit = Unit::parse(text).unwrap();
             let found = unit.si_header();
             assert_eq!(found, ending);
-            let back = Header::parse(&format!("x_{found}")).unit.unwrap();
+            let back = ColumnHeader::parse(&format!("x_{found}")).unit.unwrap();
             assert_eq!((back.dimension(), back.factor()), (unit.dimension(), 1.0), "{text}: {found}");
         }
         // Without a name of their own: base units that read back.
         for text in ["aF/sqrt(Hz)", "rad/s^2/V", "rad^2/s^3", "1/V"] {
             let unit = Unit::parse(text).unwrap();
-            let back = Header::parse(&format!("x_{}", unit.si_header())).unit.unwrap();
+            let back = ColumnHeader::parse(&format!("x_{}", unit.si_header())).unit.unwrap();
             assert_eq!(back.dimension(), unit.dimension(), "{text}: {}", unit.si_header());
         }
     }
@@ -185,7 +185,7 @@ mod tests {
             ("accel_kg", "kg"),
             ("accel_m_per_s2", "m/s^2"),
         ] {
-            assert_eq!(Header::parse(column).unit, Some(Unit::parse(unit).unwrap()), "{column}");
+            assert_eq!(ColumnHeader::parse(column).unit, Some(Unit::parse(unit).unwrap()), "{column}");
         }
     }
 
@@ -201,7 +201,7 @@ mod tests {
             ("CH_1_V", "V", "V"),
             ("x_1_per_s", "1/s", "1_per_s"),
         ] {
-            let header = Header::parse(column);
+            let header = ColumnHeader::parse(column);
             assert_eq!(header.unit, Some(Unit::parse(unit).unwrap()), "{column}");
             assert_eq!((header.column.as_str(), header.unit_text.as_str()), (column, text));
         }
@@ -217,7 +217,7 @@ mod tests {
             "temp_Celsius",
             "x_left",
         ] {
-            assert_eq!(Header::parse(column).unit, None, "{column}");
+            assert_eq!(ColumnHeader::parse(column).unit, None, "{column}");
         }
     }
 
@@ -225,7 +225,7 @@ mod tests {
     fn what_is_no_unit_is_none() {
         for column in ["sample_index", "record", "direction", "m", "x_per_s", "x_V_per", "x_V_per_m_s2x", ""]
         {
-            assert_eq!(Header::parse(column).unit, None, "{column}");
+            assert_eq!(ColumnHeader::parse(column).unit, None, "{column}");
         }
     }
 }

@@ -14,15 +14,15 @@
 
 mod dimension;
 mod header;
+mod interner;
 pub mod kind;
-mod known;
 mod uncertainty;
 mod unit;
 mod value;
 
 pub use dimension::Dimension;
-pub use header::Header;
+pub use header::ColumnHeader;
+pub use interner::{Interner, name};
 pub use kind::Kind;
-pub use known::{Known, name};
 pub use unit::{Unit, UnitError};
 pub use value::{Value, number_length};

@@ -65,9 +65,9 @@ pub struct Unit {
 }
 
 /// Symbol, factor as mantissa and power of ten, exponents of kg m s A K rad, and whether SI prefixes apply.
-type Row = (&'static str, f64, i32, [i16; 6], bool);
+type UnitRow = (&'static str, f64, i32, [i16; 6], bool);
 
-const TABLE: &[Row] = &[
+const TABLE: &[UnitRow] = &[
     ("m", 1.0, 0, [0, 1, 0, 0, 0, 0], true),
     ("g", 1.0, -3, [1, 0, 0, 0, 0, 0], true),
     ("s", 1.0, 0, [0, 0, 1, 0, 0, 0], true),
@@ -154,7 +154,7 @@ impl Unit {
 
     /// Reads a compound unit such as `rad/s^2/V`, `N m`, `aF/sqrt(Hz)` or `V/(rad/s)`.
     pub fn parse(text: &str) -> Result<Self, UnitError> {
-        let mut parser = Parser { text, rest: text.trim() };
+        let mut parser = UnitParser { text, rest: text.trim() };
         let unit = parser.product(0)?;
         if parser.rest.is_empty() { Ok(unit) } else { Err(parser.error("a `)` without its `(`")) }
     }
@@ -162,7 +162,7 @@ impl Unit {
     /// One symbol with an optional prefix, such as `pF`.
     pub(crate) fn symbol(word: &str) -> Option<Self> {
         let find = |w: &str| TABLE.iter().find(|row| row.0 == w);
-        let build = |row: &Row, prefix| Self {
+        let build = |row: &UnitRow, prefix| Self {
             mantissa: row.1,
             decimal: row.2 + prefix,
             dimension: Dimension::of(row.3),
@@ -213,12 +213,12 @@ fn nearest(word: &str) -> Option<String> {
         .map(|(_, u)| u)
 }
 
-struct Parser<'a> {
+struct UnitParser<'a> {
     text: &'a str,
     rest: &'a str,
 }
 
-impl<'a> Parser<'a> {
+impl<'a> UnitParser<'a> {
     fn error(&self, why: &'static str) -> UnitError {
         UnitError::Syntax { found: self.text.trim().to_owned(), why }
     }
@@ -353,7 +353,7 @@ impl<'a> Parser<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Header;
+    use crate::ColumnHeader;
 
     /// The readers of files normalise units without this table: what they put behind a name means the same here.
     #[test]
@@ -366,7 +366,7 @@ mod tests {
             let ending =
                 kalmems_formats::unit_ending(&symbol).unwrap_or_else(|| panic!("{symbol} is not known"));
             let unit = Unit::symbol(&symbol).unwrap();
-            assert_eq!(Header::parse(&format!("x_{ending}")).unit, Some(unit), "{symbol}: {ending}");
+            assert_eq!(ColumnHeader::parse(&format!("x_{ending}")).unit, Some(unit), "{symbol}: {ending}");
         }
         for (text, unit) in [
             ("Volts", "V"),
@@ -384,7 +384,7 @@ mod tests {
             ("1/s", "1/s"),
         ] {
             let ending = kalmems_formats::unit_ending(text).unwrap();
-            let found = Header::parse(&format!("x_{ending}")).unit;
+            let found = ColumnHeader::parse(&format!("x_{ending}")).unit;
             assert_eq!(found, Some(Unit::parse(unit).unwrap()), "{text}: {ending}");
         }
     }
@@ -397,7 +397,7 @@ mod tests {
             let hints = kalmems_formats::Hints::default();
             let table = kalmems_formats::read_csv(std::io::Cursor::new(text.into_bytes()), &hints).unwrap();
             let name = &table.description().columns[1].name;
-            assert_eq!(Header::parse(name).unit, Some(Unit::parse("V").unwrap()), "{name}");
+            assert_eq!(ColumnHeader::parse(name).unit, Some(Unit::parse("V").unwrap()), "{name}");
         }
     }
 }

@@ -3,10 +3,10 @@
 //!     cargo run --release --example circuit
 
 use kalmems::circuit::{
-    Adequacy, Bands, Circuit, Detector, DriveRejection, Excitation, HighPass, Motion, Reduced, Setting,
-    Spectrum,
+    Adequacy, AdequacySettings, AmplitudeDetector, Bands, Circuit, CircuitSpectrum, DriveRejection,
+    Excitation, HighPass, ReducedCircuit, SineMotion,
 };
-use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems::simulate::Drive;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::circuit::{SquareLaw, Transimpedance};
@@ -49,14 +49,14 @@ fn circuit(order: usize) -> Result<Circuit, Box<dyn Error>> {
         transimpedance: Transimpedance { feedback_resistance: 17.86e3, parasitic_capacitance: 5e-12 },
         amplifier_bandwidth_hz: None,
         high_pass: HighPass::new(order, 482e3).ok_or("no such order")?,
-        detector: Detector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
+        detector: AmplitudeDetector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
         low_pass_hz: [40.8e3, 41.1e3],
         noise_density: 0.0,
     })
 }
 
-fn motion(degrees: f64) -> Motion {
-    Motion { amplitude_rad: degrees.to_radians(), phase_rad: 0.7 }
+fn motion(degrees: f64) -> SineMotion {
+    SineMotion { amplitude_rad: degrees.to_radians(), phase_rad: 0.7 }
 }
 
 /// The lines of the four stages, a stick each.
@@ -71,9 +71,9 @@ fn spectra() -> Result<Figure, Box<dyn Error>> {
         let x = Axis::new("frequency", "Hz").between(-2e4, 1.2e6);
         let mut panel = Panel::new(x, Axis::new(name, "V").log().between(1e-4, 20.0)).sharing_x();
         let groups = [
-            (0, "n·f_dr", Role::Input),
-            (1, "f_c ± n·f_dr", Role::Measured),
-            (2, "2·f_c ± n·f_dr", Role::Estimate),
+            (0, "n·f_dr", SeriesRole::Input),
+            (1, "f_c ± n·f_dr", SeriesRole::Measured),
+            (2, "2·f_c ± n·f_dr", SeriesRole::Estimate),
         ];
         for (carrier, label, role) in groups {
             panel = sticks(panel, lines, carrier, label, role);
@@ -83,7 +83,7 @@ fn spectra() -> Result<Figure, Box<dyn Error>> {
     Ok(figure)
 }
 
-fn sticks(mut panel: Panel, lines: &Spectrum, carrier: i32, label: &str, role: Role) -> Panel {
+fn sticks(mut panel: Panel, lines: &CircuitSpectrum, carrier: i32, label: &str, role: SeriesRole) -> Panel {
     let above = lines.lines().into_iter().filter(|line| line.carrier == carrier && line.amplitude > 1e-4);
     for (i, line) in above.enumerate() {
         let label = if i == 0 { label } else { "" };
@@ -111,7 +111,7 @@ fn rejection() -> Result<(Figure, String), Box<dyn Error>> {
         };
         let undriven = Excitation { offset: 0.0, amplitude: 0.0, ..EXCITATION };
         let (of_drive, of_motion) = (alone(&EXCITATION, 0.0), alone(&undriven, 8.0));
-        let delay_s = Reduced::of(&circuit, &undriven, &COMB, &motion(5.0)).front_delay_s;
+        let delay_s = ReducedCircuit::of(&circuit, &undriven, &COMB, &motion(5.0)).front_delay_s;
         let cutoff = EXCITATION.drive_hz * (1e8_f64 - 1.0).powf(0.5 / f64::from(u8::try_from(order)?));
         drive.push((order as f64, of_drive));
         moving.push((order as f64, of_motion));
@@ -137,10 +137,10 @@ fn rejection() -> Result<(Figure, String), Box<dyn Error>> {
         Axis::new("order of the high-pass at 482 kHz", ""),
         Axis::new("line at f_dr in y_cap", "V").log(),
     )
-    .with(Series::points("motion, 8°", Role::Estimate, moving.clone()))
-    .with(Series::line("", Role::Estimate, moving))
-    .with(Series::points("drive, 90 V", Role::Input, drive.clone()))
-    .with(Series::line("", Role::Input, drive));
+    .with(Series::points("motion, 8°", SeriesRole::Estimate, moving.clone()))
+    .with(Series::line("", SeriesRole::Estimate, moving))
+    .with(Series::points("drive, 90 V", SeriesRole::Input, drive.clone()))
+    .with(Series::line("", SeriesRole::Input, drive));
     Ok((Figure::new("circuit_rejection", "What of the drive comes through", "").with(panel), table))
 }
 
@@ -150,7 +150,7 @@ fn models() -> Result<Figure, Box<dyn Error>> {
     let mut left = [const { Vec::new() }; 4];
     for i in 2..=32 {
         let degrees = 0.5 * f64::from(i);
-        let reduced = Reduced::of(&circuit, &EXCITATION, &COMB, &motion(degrees));
+        let reduced = ReducedCircuit::of(&circuit, &EXCITATION, &COMB, &motion(degrees));
         let all = [reduced.affine, reduced.with_poles, reduced.delayed, reduced.with_poles_and_delay];
         for (points, model) in left.iter_mut().zip(all) {
             points.push((degrees, 100.0 * model.residual));
@@ -159,7 +159,7 @@ fn models() -> Result<Figure, Box<dyn Error>> {
     let names = ["a·C + b", "C behind the poles", "C delayed", "C behind the poles, delayed"];
     let mut panel = Panel::new(Axis::new("amplitude", "deg"), Axis::new("left of y_cap", "%").log());
     for (name, points) in names.into_iter().zip(left) {
-        panel = panel.with(Series::line(name, Role::Other, points));
+        panel = panel.with(Series::line(name, SeriesRole::Other, points));
     }
     Ok(Figure::new("circuit_models", "What a model of the circuit leaves unexplained", "").with(panel))
 }
@@ -171,7 +171,7 @@ fn cost() -> Result<Figure, Box<dyn Error>> {
     let mut phase = Panel::new(amplitude(), Axis::new("behind by", "deg"));
     let mut angle = Panel::new(amplitude(), Axis::new("angle RMSE", "deg").log()).sharing_x();
     for (q, name) in [(1e4, "q = 1e4 rad²/s³"), (1e6, "q = 1e6 rad²/s³"), (1e8, "q = 1e8 rad²/s³")] {
-        let setting = Setting {
+        let setting = AdequacySettings {
             acceleration_density: q,
             noise_variance: 1.92e-4,
             carrier: EXCITATION.carrier,
@@ -186,8 +186,8 @@ fn cost() -> Result<Figure, Box<dyn Error>> {
             behind.push((found.amplitude_deg, found.affine.phase_deg));
             wrong.push((found.amplitude_deg, found.affine.angle_rmse_deg));
         }
-        phase = phase.with(Series::points(name, Role::Other, behind));
-        angle = angle.with(Series::points(name, Role::Other, wrong));
+        phase = phase.with(Series::points(name, SeriesRole::Other, behind));
+        angle = angle.with(Series::points(name, SeriesRole::Other, wrong));
     }
     let title = "A filter that takes y_cap for a·C + b";
     Ok(Figure::new("circuit_affine_cost", title, "").with(phase).with(angle))

@@ -2,7 +2,7 @@
 //!
 //!     cargo run --release --example figures
 
-use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems::progress::Silent;
 use kalmems::results::{
     Metrics, Output, RunInfo, Work, WriteOptions, outlook_figures, summary_table, write_estimate,
@@ -111,12 +111,12 @@ fn integrator_growth() -> (Figure, String) {
     let panel = Panel::new(Axis::new("sampling rate", "Hz").log(), Axis::new("growth rate", "1/s"))
         .with(Series::line(
             "physics: −b/2J",
-            Role::Reference,
+            SeriesRole::Reference,
             exact.iter().map(|(x, _)| (*x, physics)).collect::<Vec<_>>(),
         ))
-        .with(Series::line("explicit Euler", Role::Model, euler))
-        .with(Series::points("RK4", Role::Estimate, rk4))
-        .with(Series::line("exact", Role::Estimate, exact));
+        .with(Series::line("explicit Euler", SeriesRole::Model, euler))
+        .with(Series::points("RK4", SeriesRole::Estimate, rk4))
+        .with(Series::line("exact", SeriesRole::Estimate, exact));
     (Figure::new("integrator_growth", "A free oscillation, integrated", caption).with(panel), table)
 }
 

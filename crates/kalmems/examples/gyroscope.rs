@@ -4,9 +4,9 @@
 //!     cargo run --release --example gyroscope
 
 use kalmems::applications::calibration::{
-    Instrument, NoiseShare, NoiseStudy, OffAxisMotion, SimulatedUnit, Vibration,
+    NoiseShare, NoiseStudy, OffAxisMotion, SimulatedInstrument, SimulatedUnit, Vibration,
 };
-use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems::simulate::WhiteNoise;
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_models::dynamics::TorsionalResonator;
@@ -37,9 +37,15 @@ fn unit() -> SimulatedUnit {
         z: [0.0071, -0.0023, 1.0212],
         bias: [0.0312, -0.011, 0.004],
     };
-    let gyroscopes =
-        Instrument { triad, noise: 1.745e-3, random_walk: 0.0, step: 1.064_225e-3, full_scale: 34.9 };
-    let accelerometers = Instrument { noise: 0.05, step: 4.8e-3, full_scale: 400.0, ..Instrument::IDEAL };
+    let gyroscopes = SimulatedInstrument {
+        triad,
+        noise: 1.745e-3,
+        random_walk: 0.0,
+        step: 1.064_225e-3,
+        full_scale: 34.9,
+    };
+    let accelerometers =
+        SimulatedInstrument { noise: 0.05, step: 4.8e-3, full_scale: 400.0, ..SimulatedInstrument::IDEAL };
     SimulatedUnit {
         clock: SampleClock { start: 3.3e-5, rate: 8000.0, skew: 3.1e-3 },
         gyroscopes,
@@ -92,7 +98,7 @@ fn at_rest(folder: &Path) -> Result<(), Box<dyn Error>> {
     let resting = Vibration { frequency_hz: 1.0, amplitude: [0.0; 3], phase_rad: [0.0; 3] };
     let unit = SimulatedUnit {
         clock: SampleClock { rate: 100.0, ..unit().clock },
-        gyroscopes: Instrument { noise: 1.5e-3, random_walk: 1.2e-4, ..unit().gyroscopes },
+        gyroscopes: SimulatedInstrument { noise: 1.5e-3, random_walk: 1.2e-4, ..unit().gyroscopes },
         accelerometers: None,
     };
     let [rates, _] = unit.record(&resting, 18_000, &mut WhiteNoise::new(2, 0));
@@ -176,7 +182,7 @@ fn noise_table(shares: &[NoiseShare]) -> String {
 }
 
 fn noise_figure(shares: &[NoiseShare]) -> Figure {
-    let line = |label: &str, role: Role, of: fn(&NoiseShare) -> f64| {
+    let line = |label: &str, role: SeriesRole, of: fn(&NoiseShare) -> f64| {
         let points: Vec<(f64, f64)> = shares.iter().map(|s| (s.noise_v.powi(2), 1e6 * of(s))).collect();
         Series::line(label, role, points)
     };
@@ -184,9 +190,9 @@ fn noise_figure(shares: &[NoiseShare]) -> Figure {
         Axis::new("variance of the sensor noise", "V^2").log(),
         Axis::new("standard deviation of the scale factor", "ppm").log(),
     )
-    .with(line("identified gaps, true gains", Role::Measured, |s| s.by_gap))
-    .with(line("identified gains, true gaps", Role::Model, |s| s.by_gain))
-    .with(line("both, as identified together", Role::Estimate, |s| s.by_both))
-    .with(line("filter with the right model", Role::Bound, |s| s.by_filter));
+    .with(line("identified gaps, true gains", SeriesRole::Measured, |s| s.by_gap))
+    .with(line("identified gains, true gaps", SeriesRole::Model, |s| s.by_gain))
+    .with(line("both, as identified together", SeriesRole::Estimate, |s| s.by_both))
+    .with(line("filter with the right model", SeriesRole::Bound, |s| s.by_filter));
     Figure::new("calibration-noise", "From sensor noise to the scale factor", "").with(panel)
 }

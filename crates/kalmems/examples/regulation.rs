@@ -2,7 +2,7 @@
 //!
 //!     cargo run --release --example regulation
 
-use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::regulation::{RegulatedSimulation, RegulationReport, RegulationWindow};
 use std::error::Error;
@@ -97,12 +97,15 @@ fn with_and_without(cooled: &RegulationReport, held: &[(&str, RegulationReport)]
     };
     let regulated = "regulated, -20 K";
     let mut first =
-        panel("true amplitude", "deg").with(Series::line(regulated, Role::Estimate, amplitude(cooled)));
-    let mut second =
-        panel("true phase", "deg").sharing_x().with(Series::line(regulated, Role::Estimate, phase(cooled)));
+        panel("true amplitude", "deg").with(Series::line(regulated, SeriesRole::Estimate, amplitude(cooled)));
+    let mut second = panel("true phase", "deg").sharing_x().with(Series::line(
+        regulated,
+        SeriesRole::Estimate,
+        phase(cooled),
+    ));
     for (name, report) in held {
-        first = first.with(Series::line(*name, Role::Other, amplitude(report)));
-        second = second.with(Series::line(*name, Role::Other, phase(report)));
+        first = first.with(Series::line(*name, SeriesRole::Other, amplitude(report)));
+        second = second.with(Series::line(*name, SeriesRole::Other, phase(report)));
     }
     Figure::new("regulation_held", "", "").with(first).with(second)
 }
@@ -113,16 +116,16 @@ fn commands(cooled: &RegulationReport) -> Figure {
     let mut regulated = cooled.clone();
     regulated.windows.retain(|window| window.time_s > from_s);
     let of = |value: &dyn Fn(&RegulationWindow) -> f64| over(&regulated, value);
-    let level = |value| Series::level("", Role::Bound, value);
+    let level = |value| Series::level("", SeriesRole::Bound, value);
     Figure::new("regulation_commands", "", "")
         .with(
             panel("amplitude error", "%")
                 .with(Series::line(
                     "true motion",
-                    Role::Reference,
+                    SeriesRole::Reference,
                     of(&|w| 100.0 * (w.amplitude / cooled.wanted_amplitude - 1.0)),
                 ))
-                .with(Series::level("wanted bounds", Role::Bound, 0.5))
+                .with(Series::level("wanted bounds", SeriesRole::Bound, 0.5))
                 .with(level(-0.5)),
         )
         .with(
@@ -130,18 +133,22 @@ fn commands(cooled: &RegulationReport) -> Figure {
                 .sharing_x()
                 .with(Series::line(
                     "",
-                    Role::Reference,
+                    SeriesRole::Reference,
                     of(&|w| (w.phase - cooled.wanted_phase).to_degrees()),
                 ))
                 .with(level(0.1))
                 .with(level(-0.1)),
         )
-        .with(panel("drive", "Hz").sharing_x().with(Series::line("", Role::Input, of(&|w| w.drive_hz))))
-        .with(panel("voltage", "V").sharing_x().with(Series::line("", Role::Input, of(&|w| w.voltage))))
+        .with(panel("drive", "Hz").sharing_x().with(Series::line("", SeriesRole::Input, of(&|w| w.drive_hz))))
+        .with(panel("voltage", "V").sharing_x().with(Series::line("", SeriesRole::Input, of(&|w| w.voltage))))
         .with(
             panel("gain", "%")
                 .sharing_x()
-                .with(Series::line("", Role::Reference, of(&|w| 100.0 * w.true_parameters[2])))
-                .with(Series::line("filter", Role::Estimate, of(&|w| 100.0 * w.estimated_parameters[2]))),
+                .with(Series::line("", SeriesRole::Reference, of(&|w| 100.0 * w.true_parameters[2])))
+                .with(Series::line(
+                    "filter",
+                    SeriesRole::Estimate,
+                    of(&|w| 100.0 * w.estimated_parameters[2]),
+                )),
         )
 }

@@ -2,12 +2,12 @@
 //!
 //!     cargo run --release --example two_axes
 
-use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems::progress::Silent;
 use kalmems::results::{Metrics, Output, RunInfo, Work, summary_table, write_simulation};
 use kalmems::rigs::Rig;
 use kalmems::rigs::published;
-use kalmems::rigs::shared_scanner::two_axes::{BandPlan, Hardware, PlannedDrive, TwoAxesRig};
+use kalmems::rigs::shared_scanner::two_axes::{BandPlan, PlannedDrive, TwoAxesRig, TwoAxisHardware};
 use kalmems::signal::fit_sine_at;
 use kalmems::workflow;
 use std::error::Error;
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let folder = root.join("book/src/figures");
     let experiment = published().load(&root.join("examples/shared_scanner/two_axes.toml"))?;
-    let hardware = Hardware::of(&experiment)?;
+    let hardware = TwoAxisHardware::of(&experiment)?;
     let simulation = TwoAxesRig.simulate(&experiment)?;
 
     let (mut time, mut signal) = (Vec::new(), Vec::new());
@@ -66,11 +66,11 @@ fn lines(plan: &BandPlan, time_s: &[f64], signal: &[f64]) -> Figure {
     for (k, (hz, height)) in in_square.enumerate() {
         // One entry of the legend for all of them.
         let label = if k == 0 { "lines of V²" } else { "" };
-        square = square.with(Series::line(label, Role::Input, [(hz, 1.0), (hz, height)]));
+        square = square.with(Series::line(label, SeriesRole::Input, [(hz, 1.0), (hz, height)]));
     }
     let square = square
-        .with(Series::points("2·f/n of x", Role::Reference, resonances(0)))
-        .with(Series::points("2·f/n of y", Role::Model, resonances(1)));
+        .with(Series::points("2·f/n of x", SeriesRole::Reference, resonances(0)))
+        .with(Series::points("2·f/n of y", SeriesRole::Model, resonances(1)));
     // Hann's window, so that a line stays where it is.
     let mean = signal.iter().sum::<f64>() / signal.len() as f64;
     let windowed: Vec<f64> = (signal.iter().enumerate())
@@ -81,7 +81,11 @@ fn lines(plan: &BandPlan, time_s: &[f64], signal: &[f64]) -> Figure {
         (hz, fit_sine_at(time_s, &windowed, hz).map_or(f64::NAN, |sine| sine.amplitude))
     });
     let signal = Panel::new(frequency(), Axis::new("signal", "V").log())
-        .with(Series::line("amplitude in the simulated signal", Role::Input, spectrum.collect::<Vec<_>>()))
+        .with(Series::line(
+            "amplitude in the simulated signal",
+            SeriesRole::Input,
+            spectrum.collect::<Vec<_>>(),
+        ))
         .sharing_x();
     let caption = "Top: the lines of the squared voltage, which modulate the stiffness of both axes, and the \
                    parametric resonances that they must keep away from. Bottom: the amplitude of each frequency in \

@@ -1,6 +1,6 @@
 //! An experiment with its device written out as equations, to be changed by the reader.
 
-use crate::config::{ConfigError, Experiment, Fault, Key, Role};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, RecordingRole};
 use crate::rigs::{Expansion, Workbench};
 use std::collections::BTreeSet;
 use toml::{Table, Value};
@@ -35,7 +35,7 @@ pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded
     let expansion = rig.expanded(experiment)?;
     // What its rig estimates is to be estimated here; of an experiment without filters that is nothing.
     let wanted = rig.wanted(experiment).unwrap_or_default();
-    let unwritten = |why: String| experiment.error(Key::default(), Fault::Value { why });
+    let unwritten = |why: String| experiment.error(Key::default(), ConfigFault::Value { why });
     let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
     let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
     let mut notes = expansion.notes.clone();
@@ -72,7 +72,7 @@ fn recordings(document: &mut Table, wanted: &[usize]) {
     let mut place = 0..;
     recordings.retain(|_| place.next().is_some_and(|place| wanted.contains(&place)));
     for recording in recordings.iter_mut().filter_map(Value::as_table_mut) {
-        recording.insert("role".to_owned(), Value::String(Role::Test.key().to_owned()));
+        recording.insert("role".to_owned(), Value::String(RecordingRole::Test.key().to_owned()));
     }
 }
 

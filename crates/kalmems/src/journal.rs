@@ -13,7 +13,7 @@ use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 /// What a journal is of.
-pub(crate) trait Work: Clone + Serialize + DeserializeOwned {
+pub(crate) trait JournalWork: Clone + Serialize + DeserializeOwned {
     /// A finished piece of it.
     type Piece: Serialize + DeserializeOwned;
     /// What tells the pieces apart.
@@ -35,12 +35,12 @@ pub(crate) trait Work: Clone + Serialize + DeserializeOwned {
 }
 
 /// The first entry of the first line of a journal of this work.
-pub(crate) fn kind<W: Work>() -> String {
+pub(crate) fn kind<W: JournalWork>() -> String {
     format!("journal of a {}", W::NAME)
 }
 
 /// Finished pieces by what tells them apart.
-pub(crate) type Pieces<W> = BTreeMap<<W as Work>::Key, <W as Work>::Piece>;
+pub(crate) type JournalPieces<W> = BTreeMap<<W as JournalWork>::Key, <W as JournalWork>::Piece>;
 
 /// Why a journal cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -109,9 +109,13 @@ pub(crate) struct Journal<W> {
     of: PhantomData<W>,
 }
 
-impl<W: Work> Journal<W> {
+impl<W: JournalWork> Journal<W> {
     /// Goes on with a journal, or begins one; what is finished already, and whether a half-written line was dropped.
-    pub(crate) fn open(path: &Path, work: &W, anew: bool) -> Result<(Self, Pieces<W>, bool), JournalError> {
+    pub(crate) fn open(
+        path: &Path,
+        work: &W,
+        anew: bool,
+    ) -> Result<(Self, JournalPieces<W>, bool), JournalError> {
         let failed = |source| JournalError::Io { path: path.to_owned(), source };
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder).map_err(failed)?;
@@ -163,7 +167,7 @@ impl<W: Work> Journal<W> {
             journal.cut(0).map_err(failed)?;
             journal.write(work).map_err(failed)?;
             kalmems_store::sync_folder(folder).map_err(failed)?;
-            return Ok((journal, Pieces::<W>::new(), false));
+            return Ok((journal, JournalPieces::<W>::new(), false));
         }
         let torn = read.whole < text.len();
         journal.cut(read.whole as u64).map_err(failed)?;
@@ -189,27 +193,27 @@ impl<W: Work> Journal<W> {
 }
 
 /// What a journal holds.
-struct Content<W: Work> {
+struct Content<W: JournalWork> {
     work: Option<W>,
-    pieces: Pieces<W>,
+    pieces: JournalPieces<W>,
     /// How many bytes its whole lines have.
     whole: usize,
 }
 
 /// Reads a journal that nobody writes.
-pub(crate) fn load<W: Work>(path: &Path) -> Result<(W, Pieces<W>), JournalError> {
+pub(crate) fn load<W: JournalWork>(path: &Path) -> Result<(W, JournalPieces<W>), JournalError> {
     let text = std::fs::read(path).map_err(|source| JournalError::Io { path: path.to_owned(), source })?;
     let content = read::<W>(path, &text)?;
     let work = content.work.ok_or_else(|| no_journal::<W>(path, "it is empty"))?;
     Ok((work, content.pieces))
 }
 
-fn no_journal<W: Work>(path: &Path, why: &str) -> JournalError {
+fn no_journal<W: JournalWork>(path: &Path, why: &str) -> JournalError {
     JournalError::NoJournal { path: path.to_owned(), work: W::NAME, why: why.to_owned() }
 }
 
-fn read<W: Work>(path: &Path, text: &[u8]) -> Result<Content<W>, JournalError> {
-    let mut content = Content::<W> { work: None, pieces: Pieces::<W>::new(), whole: 0 };
+fn read<W: JournalWork>(path: &Path, text: &[u8]) -> Result<Content<W>, JournalError> {
+    let mut content = Content::<W> { work: None, pieces: JournalPieces::<W>::new(), whole: 0 };
     let not_that_of_one = || no_journal::<W>(path, "its first line is not that of one");
     for (i, line) in text.split_inclusive(|byte| *byte == b'\n').enumerate() {
         let Some(whole) = line.strip_suffix(b"\n") else {

@@ -4,7 +4,7 @@
 //! steps in order; each can be taken by itself:
 //!
 //! ```
-//! use kalmems::{progress::{Interruption, Silent}, evaluate::ReferenceRecording, recording::Recording, rigs};
+//! use kalmems::{progress::{Interruption, Silent}, evaluate::ReferenceRecording, recording::SampledRecording, rigs};
 //! use std::{ops::ControlFlow, path::Path};
 //!
 //! # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -12,7 +12,7 @@
 //! let rig = rigs::published().rig(&experiment)?;
 //! for index in rig.wanted(&experiment)? {
 //!     let file = experiment.resolve(&experiment.recording(index)?.file);
-//!     let recording = Recording::read(&file, &rig.layout(&experiment, index)?)?;
+//!     let recording = SampledRecording::read(&file, &rig.layout(&experiment, index)?)?;
 //!     for estimate in rig.estimate(&experiment, index, &recording, &Silent)? {
 //!         let ekf = estimate.trajectories.iter().find(|t| t.key == "ekf").ok_or("no EKF")?;
 //!         println!("{} samples, mean NIS {:?}", ekf.time_s.len(), ekf.consistency(ekf.scored(8e-3)));
@@ -28,12 +28,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod array_experiment;
 #[cfg(feature = "parquet-results")]
 pub mod batch;
 pub mod diagnose;
 pub mod draft;
 pub mod expand;
-pub mod given;
 mod journal;
 #[cfg(feature = "parquet-results")]
 mod parquet;

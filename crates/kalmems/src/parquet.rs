@@ -19,14 +19,14 @@ use std::sync::Arc;
 
 /// A column by its name.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Column {
+pub(crate) struct ParquetColumn {
     pub(crate) name: String,
-    pub(crate) kind: Kind,
+    pub(crate) kind: ParquetColumnKind,
 }
 
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum ParquetColumnKind {
     Numbers,
     Words,
 }
@@ -45,12 +45,13 @@ pub(crate) struct ParquetFile<W: Write + Send> {
 
 impl<W: Write + Send> ParquetFile<W> {
     /// A file with these columns and no row yet.
-    pub(crate) fn begin(to: W, columns: &[Column]) -> io::Result<Self> {
-        let field = |Column { name, kind }: &Column| {
-            let physical = if *kind == Kind::Numbers { Physical::DOUBLE } else { Physical::BYTE_ARRAY };
+    pub(crate) fn begin(to: W, columns: &[ParquetColumn]) -> io::Result<Self> {
+        let field = |ParquetColumn { name, kind }: &ParquetColumn| {
+            let physical =
+                if *kind == ParquetColumnKind::Numbers { Physical::DOUBLE } else { Physical::BYTE_ARRAY };
             Type::primitive_type_builder(name, physical)
                 .with_repetition(Repetition::OPTIONAL)
-                .with_logical_type((*kind == Kind::Words).then_some(LogicalType::String))
+                .with_logical_type((*kind == ParquetColumnKind::Words).then_some(LogicalType::String))
                 .build()
                 .map(Arc::new)
         };
@@ -61,7 +62,9 @@ impl<W: Write + Send> ParquetFile<W> {
         let mut properties = WriterProperties::builder()
             .set_compression(Compression::UNCOMPRESSED)
             .set_created_by(concat!("kalmems ", env!("CARGO_PKG_VERSION")).to_owned());
-        for Column { name, .. } in columns.iter().filter(|column| column.kind == Kind::Numbers) {
+        for ParquetColumn { name, .. } in
+            columns.iter().filter(|column| column.kind == ParquetColumnKind::Numbers)
+        {
             let path = ColumnPath::new(vec![name.clone()]);
             properties = properties
                 .set_column_dictionary_enabled(path.clone(), false)
@@ -100,7 +103,7 @@ fn chunk(
     cells: &Cells,
 ) -> Result<(Bytes, ColumnCloseResult), ParquetError> {
     let mut packed = TrackedWrite::new(Vec::new());
-    let pages = Box::new(Packed(SerializedPageWriter::new(&mut packed)));
+    let pages = Box::new(PackedPages(SerializedPageWriter::new(&mut packed)));
     let (description, properties) = (description.clone(), properties.clone());
     // The crate's own choice among all types would bring the writers of all of them into every program.
     let mut closed = match (description.physical_type(), cells) {
@@ -129,9 +132,9 @@ fn present<T>(cells: &[Option<T>]) -> Vec<i16> {
 }
 
 /// Packs pages on their way.
-struct Packed<'a>(SerializedPageWriter<'a, Vec<u8>>);
+struct PackedPages<'a>(SerializedPageWriter<'a, Vec<u8>>);
 
-impl PageWriter for Packed<'_> {
+impl PageWriter for PackedPages<'_> {
     fn write_page(&mut self, page: CompressedPage) -> Result<PageWriteSpec, ParquetError> {
         let size = page.uncompressed_size();
         let mut page = page.compressed_page().clone();
@@ -159,8 +162,9 @@ mod tests {
     /// The crate's own reader finds the rows, the packing and the encoding; the numbers are read back where a file of trajectories is a recording.
     #[test]
     fn a_file_says_how_its_columns_are_packed() {
-        let column = |name: &str, kind| Column { name: name.to_owned(), kind };
-        let columns = [column("angle.deg", Kind::Numbers), column("verdict", Kind::Words)];
+        let column = |name: &str, kind| ParquetColumn { name: name.to_owned(), kind };
+        let columns =
+            [column("angle.deg", ParquetColumnKind::Numbers), column("verdict", ParquetColumnKind::Words)];
         let mut file = ParquetFile::begin(Vec::new(), &columns).unwrap();
         let numbers: Vec<Option<f64>> =
             (0..70_000).map(|k| (k % 7 != 3).then(|| f64::from(k) * 0.5)).collect();

@@ -5,16 +5,16 @@ use serde_json::{Map, Value};
 
 /// Columns by name, in their order, with their text: numbers as short as they read back as the same bits. Text, because
 /// that is what no reading and writing changes.
-pub(crate) type Row = Map<String, Value>;
+pub(crate) type ResultRow = Map<String, Value>;
 
 /// All rows of a run, from what `metrics.json` of an estimate would hold. A figure that there is not has no column; of
 /// a list, the row has the length.
-pub(crate) fn rows(metrics: &Metrics) -> Vec<Row> {
+pub(crate) fn rows(metrics: &Metrics) -> Vec<ResultRow> {
     let metrics = serde_json::to_value(metrics).unwrap_or_default();
     let mut rows = Vec::new();
     for recording in list(&metrics, "recordings") {
         for segment in list(recording, "segments") {
-            let mut common = Row::new();
+            let mut common = ResultRow::new();
             common.insert("recording".to_owned(), text(recording.get("name")));
             common.insert("segment".to_owned(), text(segment.get("label")));
             for (name, value) in segment.as_object().into_iter().flatten() {
@@ -50,7 +50,7 @@ fn text(value: Option<&Value>) -> Value {
     }
 }
 
-fn flatten(name: &str, value: &Value, row: &mut Row) {
+fn flatten(name: &str, value: &Value, row: &mut ResultRow) {
     match value {
         Value::Null => {}
         Value::Object(inner) => {

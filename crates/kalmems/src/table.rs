@@ -1,30 +1,30 @@
 //! Figures of many runs, or of many recordings, as one tidy table.
 
 #[cfg(feature = "parquet-results")]
-use crate::parquet::{Cells, Column, Kind, ParquetFile};
+use crate::parquet::{Cells, ParquetColumn, ParquetColumnKind, ParquetFile};
 use std::io::{self, Write};
 
 /// One row for each run, segment and estimator; one for a run without figures.
 #[derive(Clone, Debug)]
-pub(crate) struct Table {
+pub(crate) struct TidyTable {
     pub(crate) columns: Vec<String>,
     /// The names of columns that hold words even where they look like numbers.
     pub(crate) words: Vec<String>,
-    pub(crate) rows: Vec<Line>,
+    pub(crate) rows: Vec<TidyRow>,
     /// How many columns come before the figures.
     pub(crate) before: usize,
 }
 
 /// A row of the table.
 #[derive(Clone, Debug)]
-pub(crate) struct Line {
+pub(crate) struct TidyRow {
     /// The run, counted from 0.
     pub(crate) run: u64,
     /// One per column; empty where there is nothing.
     pub(crate) cells: Vec<String>,
 }
 
-impl Table {
+impl TidyTable {
     /// The place of a column.
     pub(crate) fn column(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column == name)
@@ -41,10 +41,11 @@ impl Table {
     #[cfg(feature = "parquet-results")]
     pub(crate) fn write_parquet(&self, w: &mut dyn Write) -> io::Result<()> {
         let numbers: Vec<bool> = (0..self.columns.len()).map(|column| self.is_number(column)).collect();
-        let kind = |is_number: bool| if is_number { Kind::Numbers } else { Kind::Words };
+        let kind =
+            |is_number: bool| if is_number { ParquetColumnKind::Numbers } else { ParquetColumnKind::Words };
         let named = self.columns.iter().cloned().zip(&numbers);
-        let columns: Vec<Column> =
-            named.map(|(name, is_number)| Column { name, kind: kind(*is_number) }).collect();
+        let columns: Vec<ParquetColumn> =
+            named.map(|(name, is_number)| ParquetColumn { name, kind: kind(*is_number) }).collect();
         let mut file = ParquetFile::begin(Vec::new(), &columns)?;
         file.rows(numbers.iter().enumerate().map(|(column, is_number)| {
             let cells = self.rows.iter().map(|line| line.cells[column].as_str());

@@ -2,11 +2,11 @@
 
 use crate::device::CombResonatorTable;
 use crate::model::{CombResonator, Output};
-use kalmems::config::{Entry, Sign};
-use kalmems::estimate::{Parameter, StateName};
+use kalmems::config::{ExpectedEntry, Sign};
+use kalmems::estimate::{DeviceParameter, StateName};
 use kalmems::evaluate::ValueState;
 use kalmems::rigs::{DrivenDevice, DrivenModel};
-use kalmems::simulate::Channel;
+use kalmems::simulate::SimulatedColumn;
 use kalmems::units::kind;
 
 /// A comb resonator.
@@ -27,15 +27,16 @@ impl DrivenDevice<3> for CombDevice {
         ValueState { name: "velocity", kind: &kind::VELOCITY, rate: None },
         ValueState { name: "output", kind: &kind::VOLTAGE, rate: None },
     ];
-    const TRUTH: &'static [Channel] = &[
-        Channel { meaning: "deflection", column: "deflection_m" },
-        Channel { meaning: "velocity", column: "velocity_m_per_s" },
-        Channel { meaning: "output", column: "output_V" },
+    const TRUTH: &'static [SimulatedColumn] = &[
+        SimulatedColumn { meaning: "deflection", column: "deflection_m" },
+        SimulatedColumn { meaning: "velocity", column: "velocity_m_per_s" },
+        SimulatedColumn { meaning: "output", column: "output_V" },
     ];
-    const NOISE: (usize, Entry) = (1, Entry::new("velocity", &kind::VELOCITY_DRIFT, Sign::NotNegative));
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::factor("natural_frequency").in_motion("rate").written(&[("natural_frequency", 1)]),
-        Parameter::volts("offset").in_readout("offset"),
+    const NOISE: (usize, ExpectedEntry) =
+        (1, ExpectedEntry::new("velocity", &kind::VELOCITY_DRIFT, Sign::NotNegative));
+    const PARAMETERS: &'static [DeviceParameter] = &[
+        DeviceParameter::factor("natural_frequency").in_motion("rate").written(&[("natural_frequency", 1)]),
+        DeviceParameter::volts("offset").in_readout("offset"),
     ];
 
     fn model(&self, table: &CombResonatorTable) -> DrivenModel<CombResonator<f64>, Output<f64>> {

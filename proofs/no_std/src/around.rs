@@ -7,12 +7,12 @@ use core::num::NonZeroU32;
 use kalmems_core::adapt::Bank;
 use kalmems_core::bound::CramerRao;
 use kalmems_core::consistency::Consistency;
-use kalmems_core::smooth::{Backward, Course, smooth_interval};
+use kalmems_core::smooth::{Backward, SmoothingCourse, smooth_interval};
 use kalmems_core::update::{Decimation, History, OnNeed, Replay, Sequential};
 use kalmems_core::{
     AddedState, Augmented, AugmentedMeasurement, ContinuousDiscrete, Covariance, Drift, Ekf, Filter,
-    FilterError, FixedGain, LinearMeasurement, LinearProcess, Link, Mat, Measurement, Nodes, NoiseDensity,
-    Observability, OperatingPoint, Process, Rk4, SquareRootEkf,
+    FilterError, FixedGain, LinearMeasurement, LinearProcess, Mat, Measurement, Nodes, NoiseDensity,
+    Observability, OperatingPoint, Process, Rk4, SquareRootEkf, StateTransition,
 };
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 
@@ -136,12 +136,16 @@ fn over_a_recording(process: &LinearProcess<f64, 2, 1>) -> Option<f64> {
         process: &'a LinearProcess<f64, 2, 1>,
         angle: [f64; 60],
     }
-    impl Course<f64, Ekf<f64, 2>, 2> for Recording<'_> {
+    impl SmoothingCourse<f64, Ekf<f64, 2>, 2> for Recording<'_> {
         type Error = FilterError;
         fn samples(&self) -> usize {
             self.angle.len()
         }
-        fn advance(&mut self, filter: &mut Ekf<f64, 2>, _: usize) -> Result<Link<f64, 2>, FilterError> {
+        fn advance(
+            &mut self,
+            filter: &mut Ekf<f64, 2>,
+            _: usize,
+        ) -> Result<StateTransition<f64, 2>, FilterError> {
             filter.predict_linked(self.process, &[0.0])
         }
         fn correct(&mut self, filter: &mut Ekf<f64, 2>, sample: usize) -> Result<(), FilterError> {

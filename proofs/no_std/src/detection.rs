@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 use core::hint::black_box;
 use kalmems_core::detect::{
-    CubicFit, Detector, Hold, SlopeKernel, Threshold, angle_at, angle_variance, peaks,
+    CubicFit, Detector, HoldLevel, SlopeKernel, Threshold, angle_at, angle_variance, peaks,
 };
 use kalmems_core::update::Gate;
 use kalmems_core::{Covariance, Ekf, Filter, Mat, Scalar};
@@ -26,7 +26,7 @@ fn found<T: Scalar<Mask = bool>>() -> Option<T> {
     let signal: [T; LENGTH] =
         core::array::from_fn(|k| (of(TAU / 200.0) * (T::of(k as f64) - of(LATE))).sin() * of(50.0));
     let kernel = SlopeKernel::<T, 12>::new(black_box(4.0)).ok()?;
-    let hold = Hold { deviations: 2.0, samples: 300 };
+    let hold = HoldLevel { deviations: 2.0, samples: 300 };
     let threshold = Threshold::for_false_alarms(&kernel, 0.1, black_box(1e-4), 40, Some(hold)).ok()?;
     let fit = CubicFit::<T, 20>::new(black_box(8.0)).ok()?;
     let mut detector = Detector::<T, 12, 40, 100>::new(kernel, threshold, of(0.01));

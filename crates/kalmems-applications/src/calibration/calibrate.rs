@@ -1,16 +1,18 @@
 //! From the files to the scale factors.
 
-use super::centre::{Centre, Shaken};
+use super::centre::{Centre, ShakenRecord};
 use super::comparison::compared_references;
 use super::cross_check::Trials;
 use super::error::CalibrationError;
-use super::files::{Files, ReferenceRecord, Shows, UnitRecord};
-use super::inputs::{FROM_SCATTER, Inputs, PROBABILITY, Records};
-use super::matrix::{Matrix, Pair};
-use super::outcome::{Calibrated, Calibration, Centred, Change, Estimate, InPlane, RecordFigures};
+use super::files::{InputFiles, ReferenceQuantity, ReferenceRecord, UnitRecord};
+use super::inputs::{CommonInputs, FROM_SCATTER, PROBABILITY, RecordNoise};
+use super::matrix::{CalibrationMatrix, RatePair};
+use super::outcome::{
+    CalibratedGyroscope, Calibration, Centred, InPlane, RecordFigures, ScaleFactorChange, UncertainEstimate,
+};
 use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::rest_record;
-use super::tone::{AXES, Tone};
+use super::tone::{AXES, VibrationTone};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference};
 use crate::config::Key;
 use crate::fit::FitError;
@@ -30,12 +32,12 @@ pub fn calibrate(
     progress: &dyn Progress,
 ) -> Result<Calibration, CalibrationError> {
     let named = NamedFiles::new("calibration file", Purpose::Calibration, progress);
-    let mut files = Files { file, named, origins: BTreeMap::new() };
+    let mut files = InputFiles { file, named, origins: BTreeMap::new() };
     let mut results = Vec::new();
     for (index, condition) in file.conditions.iter().enumerate() {
         let records = files.unit(index, condition)?;
         let full_scale = file.gyroscope.full_scale.as_ref().map(crate::config::Quantity::si);
-        let tones: Vec<Tone> = records
+        let tones: Vec<VibrationTone> = records
             .iter()
             .map(|record| {
                 let place = || format!("{}, record `{}`", record.place, record.name);
@@ -47,7 +49,14 @@ pub fn calibrate(
         for (number, reference) in condition.references.iter().enumerate() {
             let key = Key::from("condition").index(index).child("reference").index(number);
             let known = files.reference(&key, reference, &names)?;
-            let against = Against { file, condition, reference, records: &records, tones: &tones, progress };
+            let against = ReferenceCalibration {
+                file,
+                condition,
+                reference,
+                records: &records,
+                tones: &tones,
+                progress,
+            };
             results.push(against.calibrate(&known)?);
         }
     }
@@ -56,7 +65,7 @@ pub fn calibrate(
     let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
     let comparisons = compared_references(&results);
     for comparison in comparisons.iter().filter(|comparison| comparison.contradict) {
-        let named = |result: &&mut Calibrated| {
+        let named = |result: &&mut CalibratedGyroscope| {
             result.condition == comparison.condition && comparison.references.contains(&result.reference)
         };
         results.iter_mut().filter(named).for_each(|result| result.warnings.push(comparison.to_string()));
@@ -69,12 +78,12 @@ pub fn calibrate(
 }
 
 /// One condition against one reference.
-struct Against<'a> {
+struct ReferenceCalibration<'a> {
     file: &'a GyroscopeCalibration,
     condition: &'a Condition,
     reference: &'a MotionReference,
     records: &'a [UnitRecord],
-    tones: &'a [Tone],
+    tones: &'a [VibrationTone],
     progress: &'a dyn Progress,
 }
 
@@ -85,13 +94,13 @@ const PARAMETERS: usize = 8;
 const ALIGNMENT_NOT_STATED: &str = "the alignment of the reference's axes is not stated (`uncertainty.alignment`, an angle): an axis that is \
     off by 1 mrad moves a cross-axis term by 0.001, so that their intervals are those of the records alone and no expanded uncertainties";
 
-impl Against<'_> {
+impl ReferenceCalibration<'_> {
     #[allow(clippy::too_many_lines)] // the steps of a calibration in their order
-    fn calibrate(&self, known: &[ReferenceRecord]) -> Result<Calibrated, CalibrationError> {
+    fn calibrate(&self, known: &[ReferenceRecord]) -> Result<CalibratedGyroscope, CalibrationError> {
         let tones = self.tones_of(known)?;
         let axes_of_reference =
             std::array::from_fn(|axis| self.reference.channels.column(AXES[axis]).is_some());
-        let pairs: Vec<Pair> = tones
+        let pairs: Vec<RatePair> = tones
             .iter()
             .zip(known)
             .zip(self.tones)
@@ -108,7 +117,7 @@ impl Against<'_> {
             reference: self.reference.name.to_string(),
             fault,
         };
-        let matrix = Matrix::fit(&pairs, axes_of_reference).map_err(failed)?;
+        let matrix = CalibrationMatrix::fit(&pairs, axes_of_reference).map_err(failed)?;
         let Some((scale, by_noise)) = matrix.entry(main, main) else {
             return Err(self.no_common_axis(axes_of_reference));
         };
@@ -118,7 +127,7 @@ impl Against<'_> {
         let samples = |lengths: &mut dyn Iterator<Item = usize>| -> f64 {
             lengths.map(|samples| samples.saturating_sub(PARAMETERS) as f64).sum::<f64>().max(1.0)
         };
-        let records = Records {
+        let records = RecordNoise {
             scatter,
             freedom: matrix.freedom as f64,
             shown_part: matrix.shown_part,
@@ -128,7 +137,7 @@ impl Against<'_> {
             ],
             wander: tones.iter().chain(self.tones).map(|tone| tone.wander_loss).fold(0.0, f64::max),
         };
-        let inputs = Inputs::of(records, &of_device, &self.reference.uncertainty);
+        let inputs = CommonInputs::of(records, &of_device, &self.reference.uncertainty);
         // By how much an entry changes with a tilt of the column's axis towards the others.
         let mixed = matrix.mixed(main);
         let by_tilt = |i: usize, j: usize| {
@@ -151,7 +160,7 @@ impl Against<'_> {
             None => None,
         };
         let turns = matrix.turn_rad.clone();
-        let mut calibrated = Calibrated {
+        let mut calibrated = CalibratedGyroscope {
             condition: self.condition.name.to_string(),
             temperature_k: self.condition.temperature.as_ref().map(crate::config::Quantity::si),
             reference: self.reference.name.to_string(),
@@ -213,8 +222,8 @@ impl Against<'_> {
     }
 
     /// The reference's vibrations, of the gyroscope's frequency.
-    fn tones_of(&self, known: &[ReferenceRecord]) -> Result<Vec<Tone>, CalibrationError> {
-        let tones: Vec<Tone> = known
+    fn tones_of(&self, known: &[ReferenceRecord]) -> Result<Vec<VibrationTone>, CalibrationError> {
+        let tones: Vec<VibrationTone> = known
             .iter()
             .zip(self.records)
             .map(|(known, record)| {
@@ -229,7 +238,12 @@ impl Against<'_> {
         Ok(tones)
     }
 
-    fn check_frequencies(&self, tone: &Tone, shown: &Tone, record: &str) -> Result<(), CalibrationError> {
+    fn check_frequencies(
+        &self,
+        tone: &VibrationTone,
+        shown: &VibrationTone,
+        record: &str,
+    ) -> Result<(), CalibrationError> {
         let rate_hz = self.file.gyroscope.rate.si();
         let tolerance = self.file.gyroscope.clock_tolerance.si();
         if tone.frequency_hz > 0.5 * rate_hz * (1.0 - tolerance) {
@@ -264,7 +278,7 @@ impl Against<'_> {
     }
 
     /// The mean of the offsets: a vibration has no mean rate.
-    fn bias(&self, axis: usize) -> Option<Estimate> {
+    fn bias(&self, axis: usize) -> Option<UncertainEstimate> {
         let offsets: Vec<(f64, f64)> = self
             .tones
             .iter()
@@ -280,10 +294,10 @@ impl Against<'_> {
         let (factor, freedom) =
             if square > limit { ((square / freedom).sqrt(), freedom) } else { (1.0, f64::INFINITY) };
         let combined = Combined::of(noise * factor, freedom, PROBABILITY);
-        Some(Estimate::of(value, combined, combined))
+        Some(UncertainEstimate::of(value, combined, combined))
     }
 
-    fn figures(&self, tones: &[Tone], pairs: &[Pair], main: usize) -> Vec<RecordFigures> {
+    fn figures(&self, tones: &[VibrationTone], pairs: &[RatePair], main: usize) -> Vec<RecordFigures> {
         let rate_hz = self.file.gyroscope.rate.si();
         let records = self.records.iter().zip(self.tones).zip(tones.iter().zip(pairs));
         let figures = records.filter_map(|((record, shown), (tone, pair))| {
@@ -310,7 +324,12 @@ impl Against<'_> {
         figures.collect()
     }
 
-    fn peak_to_peak(&self, known: &[ReferenceRecord], tones: &[Tone], main: usize) -> Option<PeakToPeak> {
+    fn peak_to_peak(
+        &self,
+        known: &[ReferenceRecord],
+        tones: &[VibrationTone],
+        main: usize,
+    ) -> Option<PeakToPeak> {
         let pairs: Option<Vec<(f64, f64)>> = known
             .iter()
             .zip(tones)
@@ -319,11 +338,11 @@ impl Against<'_> {
                 let times = &known.signals.time_s;
                 let interval = (times.last()? - times.first()?) / (times.len() - 1) as f64;
                 let half = HALF_WINDOW * interval * tone.frequency_hz;
-                let at = |signals: &super::tone::Signals, tone: &Tone| {
+                let at = |signals: &super::tone::AxisSignals, tone: &VibrationTone| {
                     let phase = tone.axes[main]?.phasor.arg();
                     signals.crest_to_trough(main, tone.frequency_hz, phase, half)
                 };
-                if known.shows[main] == Shows::Angle || half > 0.1 {
+                if known.shows[main] == ReferenceQuantity::Angle || half > 0.1 {
                     return None;
                 }
                 Some((at(&known.signals, tone)?, at(&record.rates, shown)?))
@@ -332,14 +351,19 @@ impl Against<'_> {
         PeakToPeak::of(&pairs?)
     }
 
-    fn centre(&self, tones: &[Tone], pairs: &[Pair], turns: &[f64]) -> Result<Centred, FitError> {
+    fn centre(
+        &self,
+        tones: &[VibrationTone],
+        pairs: &[RatePair],
+        turns: &[f64],
+    ) -> Result<Centred, FitError> {
         let mut shaken = Vec::new();
         for ((record, shown), (tone, (pair, turn))) in
             self.records.iter().zip(self.tones).zip(tones.iter().zip(pairs.iter().zip(turns)))
         {
             let turn = Complex64::from_polar(1.0, *turn);
             let found = record.forces.components(shown.frequency_hz);
-            shaken.push(Shaken {
+            shaken.push(ShakenRecord {
                 frequency_hz: tone.frequency_hz,
                 rate: pair.reference.map(|rate| rate * turn),
                 force: found.map(|found| found.map(|c| c.phasor)),
@@ -351,12 +375,12 @@ impl Against<'_> {
         let arm = std::array::from_fn(|axis| {
             let (value, uncertainty) = centre.coordinate(axis)?;
             let combined = Combined::of(uncertainty, f64::INFINITY, PROBABILITY);
-            Some(Estimate::of(value, combined, combined))
+            Some(UncertainEstimate::of(value, combined, combined))
         });
         Ok(Centred { arm, chi_square: centre.chi_square, freedom: centre.freedom })
     }
 
-    fn warnings(&self, found: &Calibrated, tones: &[Tone]) -> Vec<String> {
+    fn warnings(&self, found: &CalibratedGyroscope, tones: &[VibrationTone]) -> Vec<String> {
         let mut warnings = Vec::new();
         if found.freedom > 0 && found.budget.iter().any(|p| p.origin == FROM_SCATTER && p.ppm > Some(0.0)) {
             warnings.push(format!(
@@ -394,9 +418,12 @@ impl Against<'_> {
 
 /// Of each direction in which the device behind an estimated motion is uncertain its name, and by how much one standard deviation of it
 /// moves the reference's phasors of each record.
-pub(super) type Moved = Vec<(String, Vec<[Complex64; 3]>)>;
+pub(super) type DirectionEffects = Vec<(String, Vec<[Complex64; 3]>)>;
 
-fn moved_pairs(tones: &[Tone], (known, shown): (&[ReferenceRecord], &[Tone])) -> Moved {
+fn moved_pairs(
+    tones: &[VibrationTone],
+    (known, shown): (&[ReferenceRecord], &[VibrationTone]),
+) -> DirectionEffects {
     let Some(first) = known.first() else { return Vec::new() };
     let of = |source: &String| -> Vec<[Complex64; 3]> {
         let records = tones.iter().zip(known).zip(shown).map(|((tone, known), shown)| {
@@ -419,8 +446,8 @@ fn moved_pairs(tones: &[Tone], (known, shown): (&[ReferenceRecord], &[Tone])) ->
 /// By what part the scale factor moves with one standard deviation of each of the uncertain numbers of the device behind an estimated
 /// motion. Such an error is common to all records, and none of it averages out.
 fn moved_by_device(
-    moved: &Moved,
-    pairs: &[Pair],
+    moved: &DirectionEffects,
+    pairs: &[RatePair],
     axes_of_reference: [bool; 3],
     (main, scale): (usize, f64),
 ) -> Result<Vec<(String, f64)>, FitError> {
@@ -430,7 +457,7 @@ fn moved_by_device(
         for (pair, by) in pairs.iter_mut().zip(by) {
             pair.reference = std::array::from_fn(|axis| pair.reference[axis] + by[axis]);
         }
-        let matrix = Matrix::fit(&pairs, axes_of_reference)?;
+        let matrix = CalibrationMatrix::fit(&pairs, axes_of_reference)?;
         let Some((there, _)) = matrix.entry(main, main) else { continue };
         let part = there / scale - 1.0;
         // Numbers whose errors hang together have several independent directions, with a number behind the name of the first.
@@ -447,9 +474,9 @@ fn moved_by_device(
 }
 
 /// Phasors of rates, in rad/s.
-fn pair(tone: &Tone, known: &ReferenceRecord, shown: &Tone) -> Pair {
+fn pair(tone: &VibrationTone, known: &ReferenceRecord, shown: &VibrationTone) -> RatePair {
     let of_angle = Complex64::i() * (TAU * tone.frequency_hz);
-    let mut pair = Pair {
+    let mut pair = RatePair {
         reference: [Complex64::new(0.0, 0.0); 3],
         reference_deviation: [0.0; 3],
         shown: shown.axes.map(|found| found.map(|c| c.phasor)),
@@ -458,8 +485,8 @@ fn pair(tone: &Tone, known: &ReferenceRecord, shown: &Tone) -> Pair {
     for (axis, found) in tone.axes.iter().enumerate() {
         let Some(found) = found else { continue };
         let factor = match known.shows[axis] {
-            Shows::Rate => Complex64::new(1.0, 0.0),
-            Shows::Angle => of_angle,
+            ReferenceQuantity::Rate => Complex64::new(1.0, 0.0),
+            ReferenceQuantity::Angle => of_angle,
         };
         pair.reference[axis] = found.phasor * factor;
         pair.reference_deviation[axis] = found.deviation * factor.norm();
@@ -467,7 +494,7 @@ fn pair(tone: &Tone, known: &ReferenceRecord, shown: &Tone) -> Pair {
     pair
 }
 
-fn not_observed(matrix: &Matrix, axes_of_reference: [bool; 3], pairs: &[Pair]) -> Vec<String> {
+fn not_observed(matrix: &CalibrationMatrix, axes_of_reference: [bool; 3], pairs: &[RatePair]) -> Vec<String> {
     let mut said = Vec::new();
     let rows: Vec<usize> = (0..3).filter(|i| pairs.iter().all(|pair| pair.shown[*i].is_some())).collect();
     for column in 0..3 {
@@ -496,7 +523,7 @@ fn not_observed(matrix: &Matrix, axes_of_reference: [bool; 3], pairs: &[Pair]) -
 }
 
 /// Between the first condition and each later one, by the references that both have.
-fn changes(results: &[Calibrated]) -> Vec<Change> {
+fn changes(results: &[CalibratedGyroscope]) -> Vec<ScaleFactorChange> {
     let mut changes = Vec::new();
     let Some(first) = results.first().map(|r| r.condition.clone()) else { return changes };
     for later in results.iter().filter(|r| r.condition != first) {
@@ -507,7 +534,7 @@ fn changes(results: &[Calibrated]) -> Vec<Change> {
         let (old, new) = (before.scale_factor, later.scale_factor);
         let ppm = 1e6 * (new.value / old.value - 1.0);
         let warmer = later.temperature_k.zip(before.temperature_k).map(|(b, a)| b - a);
-        changes.push(Change {
+        changes.push(ScaleFactorChange {
             reference: later.reference.clone(),
             from: first.clone(),
             to: later.condition.clone(),

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 /// One record for the centre of rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shaken {
+pub struct ShakenRecord {
     /// The frequency in Hz.
     pub frequency_hz: f64,
     /// The phasors of the rates in rad/s, on the unit's clock.
@@ -36,7 +36,7 @@ impl Centre {
     ///
     /// The accelerometers' axes are taken as those of the reference, and their scale factors as right. The tilt Ω/jω
     /// turns gravity's reaction by reaction × tilt.
-    pub fn fit(records: &[Shaken]) -> Result<Self, FitError> {
+    pub fn fit(records: &[ShakenRecord]) -> Result<Self, FitError> {
         let found = fit(&Arms(records), &FitSettings::from_start([0.0; 3]))?;
         let by_noise = found.degrees_of_freedom.max(1) as f64 / found.sum_of_squares.max(f64::MIN_POSITIVE);
         Ok(Self {
@@ -59,7 +59,7 @@ impl Centre {
 /// An arm that is known less well than this is not known.
 const FARTHEST_M: f64 = 1e-2;
 
-struct Arms<'a>(&'a [Shaken]);
+struct Arms<'a>(&'a [ShakenRecord]);
 
 impl Arms<'_> {
     /// Each residual and its derivatives by r.

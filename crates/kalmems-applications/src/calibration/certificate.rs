@@ -3,13 +3,13 @@
 //! What the operator did not state is listed as not stated: nothing on a certificate is made up.
 
 use super::comparison::ReferenceComparison;
-use super::outcome::{Calibrated, Calibration, CrossCheck, Estimate};
+use super::outcome::{CalibratedGyroscope, Calibration, CrossCheck, UncertainEstimate};
 use super::results::{at_rest, budget, comparisons, matrix};
 use super::tone::AXES;
 use crate::metrology::Input;
-use crate::recording::Source;
+use crate::recording::RecordingSource;
 use kalmems_core::Portable;
-use kalmems_figures::{Column, Figure, Page, Section, Severity, Table};
+use kalmems_figures::{ColumnHead, Figure, NoticeSeverity, Page, PageSection, TextTable};
 use serde::Serialize;
 
 /// The version of the JSON.
@@ -33,13 +33,13 @@ pub struct Certificate<'a> {
     /// Whether the references agree.
     pub comparisons: &'a [ReferenceComparison],
     /// Whether the model holds for the records, check by check.
-    pub validity: Vec<Check>,
+    pub validity: Vec<CertificateCheck>,
     /// Whether all checks pass. A certificate with one that does not is none to be issued.
     pub valid: bool,
     /// What is not stated and belongs on a certificate.
     pub not_stated: Vec<String>,
     /// The files with their SHA-256.
-    pub files: &'a [Source],
+    pub files: &'a [RecordingSource],
     /// What computed it.
     pub software: String,
 }
@@ -106,7 +106,7 @@ pub struct CertifiedBias {
 
 /// A check of the model.
 #[derive(Clone, Debug, Serialize)]
-pub struct Check {
+pub struct CertificateCheck {
     /// What is looked at.
     pub what: String,
     /// Whether it passes.
@@ -116,7 +116,7 @@ pub struct Check {
 }
 
 impl CertifiedValue {
-    fn of(found: &Estimate) -> Self {
+    fn of(found: &UncertainEstimate) -> Self {
         Self {
             value: found.value,
             standard_uncertainty: found.uncertainty,
@@ -179,7 +179,7 @@ impl<'a> Certificate<'a> {
     }
 }
 
-fn certified<'a>(found: &'a Calibration, result: &'a Calibrated) -> CertifiedResult<'a> {
+fn certified<'a>(found: &'a Calibration, result: &'a CalibratedGyroscope) -> CertifiedResult<'a> {
     let conditions =
         found.file.conditions.iter().filter(|condition| condition.name.as_str() == result.condition);
     let mut references = conditions.flat_map(|condition| &condition.references);
@@ -238,13 +238,13 @@ fn method(found: &Calibration) -> String {
 }
 
 /// Whether what was assumed holds.
-fn validity(found: &Calibration) -> Vec<Check> {
+fn validity(found: &Calibration) -> Vec<CertificateCheck> {
     let mut checks = Vec::new();
     for result in &found.results {
         let place = format!("condition `{}`, reference `{}`", result.condition, result.reference);
         let scatters =
             result.budget.iter().any(|p| p.source == super::inputs::OF_SCATTER && p.ppm > Some(0.0));
-        checks.push(Check {
+        checks.push(CertificateCheck {
             what: format!("{place}: the interval has what the records scatter"),
             passes: true,
             found: format!(
@@ -259,7 +259,7 @@ fn validity(found: &Calibration) -> Vec<Check> {
             ),
         });
         let worst = result.records.iter().flat_map(|record| record.distortion).fold(0.0, f64::max);
-        checks.push(Check {
+        checks.push(CertificateCheck {
             what: format!("{place}: the motion is a sine"),
             passes: worst < LARGEST_DISTORTION,
             found: format!("harmonics of at most {worst:.1e} of the amplitude"),
@@ -270,7 +270,7 @@ fn validity(found: &Calibration) -> Vec<Check> {
             } else {
                 check.disagreements.join("; ")
             };
-            checks.push(Check {
+            checks.push(CertificateCheck {
                 what: format!(
                     "{place}: the expanded uncertainty agrees with the propagation of distributions"
                 ),
@@ -279,7 +279,7 @@ fn validity(found: &Calibration) -> Vec<Check> {
             });
         }
     }
-    checks.extend(found.comparisons.iter().map(|comparison| Check {
+    checks.extend(found.comparisons.iter().map(|comparison| CertificateCheck {
         what: format!(
             "condition `{}`: {} and {} agree",
             comparison.condition, comparison.references[0], comparison.references[1]
@@ -313,34 +313,36 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
     let mut page = Page::new(title, found.file.description.clone().unwrap_or_default());
     let entries = certificate.stated.iter().filter(|(key, _)| *key != "number");
     let entries = entries.map(|(key, text)| ((*key).to_owned(), text.unwrap_or("not stated").to_owned()));
-    let mut what = Section::new("What was calibrated").key_values(entries);
+    let mut what = PageSection::new("What was calibrated").key_values(entries);
     if !certificate.valid {
         let failed = certificate.validity.iter().filter(|check| !check.passes);
         for check in failed {
             what = what.notice(
-                Severity::Failure,
+                NoticeSeverity::Failure,
                 format!("Not to be issued. Not so: {}: {}", check.what, check.found),
             );
         }
     }
     page = page.with(what);
     if !certificate.results.is_empty() {
-        page = page.with(Section::new("Result").table(result_table(certificate)).paragraph(format!(
+        page = page.with(PageSection::new("Result").table(result_table(certificate)).paragraph(format!(
             "The expanded uncertainty U is the standard uncertainty times the coverage factor k of the t distribution with the effective degrees \
              of freedom, for a coverage probability of {:.0} %.",
             100.0 * super::inputs::PROBABILITY
         )));
-        page = page.with(Section::new("Against what").table(references_table(certificate)));
+        page = page.with(PageSection::new("Against what").table(references_table(certificate)));
     }
     if !found.rest.is_empty() {
         let rests: Vec<_> = found.rest.iter().collect();
-        page = page.with(Section::new("At rest").table(at_rest(&rests)));
+        page = page.with(PageSection::new("At rest").table(at_rest(&rests)));
     }
-    page = page.with(Section::new("Method").paragraph(certificate.method.clone()));
+    page = page.with(PageSection::new("Method").paragraph(certificate.method.clone()));
     for result in &found.results {
-        let mut section =
-            Section::new(format!("Budget: condition {}, reference {}", result.condition, result.reference))
-                .table(budget(result));
+        let mut section = PageSection::new(format!(
+            "Budget: condition {}, reference {}",
+            result.condition, result.reference
+        ))
+        .table(budget(result));
         let id = format!("budget-{}-{}", result.condition, result.reference);
         for figure in figures.iter().filter(|figure| figure.id == id) {
             section = section.figure(figure.clone());
@@ -350,51 +352,51 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         }
         page = page.with(section);
     }
-    let mut valid = Section::new("Validity of the model");
+    let mut valid = PageSection::new("Validity of the model");
     if !certificate.comparisons.is_empty() {
         valid = valid.table(comparisons(certificate.comparisons));
     }
     for check in &certificate.validity {
         let (severity, word) =
-            if check.passes { (Severity::Ok, "") } else { (Severity::Failure, "not so: ") };
+            if check.passes { (NoticeSeverity::Ok, "") } else { (NoticeSeverity::Failure, "not so: ") };
         valid = valid.notice(severity, format!("{word}{}: {}", check.what, check.found));
     }
     for result in &found.results {
         for line in &result.not_observed {
-            valid = valid.notice(Severity::Note, format!("Not observed: {line}"));
+            valid = valid.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
         }
     }
     for finding in &found.findings {
-        valid = valid.notice(Severity::Note, finding.clone());
+        valid = valid.notice(NoticeSeverity::Note, finding.clone());
     }
     page = page.with(valid);
     if !certificate.not_stated.is_empty() {
-        let mut section = Section::new("Not stated");
+        let mut section = PageSection::new("Not stated");
         for line in &certificate.not_stated {
-            section = section.notice(Severity::Note, line.clone());
+            section = section.notice(NoticeSeverity::Note, line.clone());
         }
         page = page.with(section);
     }
-    page.with(Section::new("Records").table(files_table(certificate)).paragraph(format!(
+    page.with(PageSection::new("Records").table(files_table(certificate)).paragraph(format!(
         "Computed by {}. The same files give the same certificate to the last byte; the uncertainty holds for the conditions, frequencies and \
          rates that are stated here, at the time of calibration.",
         certificate.software
     )))
 }
 
-fn result_table(certificate: &Certificate) -> Table {
+fn result_table(certificate: &Certificate) -> TextTable {
     let columns = [
-        Column::text("condition"),
-        Column::text("reference"),
-        Column::text("quantity"),
-        Column::number("value", ""),
-        Column::number("expanded uncertainty", ""),
-        Column::number("coverage factor", ""),
-        Column::text("degrees of freedom"),
-        Column::text("frequency"),
-        Column::text("rate"),
+        ColumnHead::text("condition"),
+        ColumnHead::text("reference"),
+        ColumnHead::text("quantity"),
+        ColumnHead::number("value", ""),
+        ColumnHead::number("expanded uncertainty", ""),
+        ColumnHead::number("coverage factor", ""),
+        ColumnHead::text("degrees of freedom"),
+        ColumnHead::text("frequency"),
+        ColumnHead::text("rate"),
     ];
-    let mut table = Table::new("Scale factor and cross-axis terms, dimensionless", columns);
+    let mut table = TextTable::new("Scale factor and cross-axis terms, dimensionless", columns);
     for result in &certificate.results {
         let own = (format!("scale factor {}", result.axis), &result.scale_factor);
         let others = result.entries.iter().map(|(name, value)| (name.clone(), value));
@@ -421,15 +423,15 @@ fn result_table(certificate: &Certificate) -> Table {
     table
 }
 
-fn references_table(certificate: &Certificate) -> Table {
+fn references_table(certificate: &Certificate) -> TextTable {
     let columns = [
-        Column::text("condition"),
-        Column::text("temperature"),
-        Column::text("reference"),
-        Column::text("instrument"),
-        Column::text("traceability, as the operator states it"),
+        ColumnHead::text("condition"),
+        ColumnHead::text("temperature"),
+        ColumnHead::text("reference"),
+        ColumnHead::text("instrument"),
+        ColumnHead::text("traceability, as the operator states it"),
     ];
-    let mut table = Table::new("References", columns);
+    let mut table = TextTable::new("References", columns);
     for result in &certificate.results {
         let or = |text: Option<&str>| text.unwrap_or("not stated").to_owned();
         table.push([
@@ -443,8 +445,8 @@ fn references_table(certificate: &Certificate) -> Table {
     table
 }
 
-fn files_table(certificate: &Certificate) -> Table {
-    let mut table = Table::new("Files", [Column::text("file"), Column::text("SHA-256")]);
+fn files_table(certificate: &Certificate) -> TextTable {
+    let mut table = TextTable::new("Files", [ColumnHead::text("file"), ColumnHead::text("SHA-256")]);
     for source in certificate.files {
         table.push([source.file.clone(), source.sha256.clone()]);
     }

@@ -1,7 +1,7 @@
 //! Whether two references of one condition agree.
 
 use super::inputs::{FROM_DEVICE, OF_GYROSCOPE, PROBABILITY};
-use super::outcome::{Calibrated, Contribution};
+use super::outcome::{CalibratedGyroscope, UncertaintyContribution};
 use super::tone::AXES;
 use crate::metrology::{Budget, Evaluation, Input, coverage_factor};
 use serde::Serialize;
@@ -55,7 +55,7 @@ impl fmt::Display for ReferenceComparison {
 }
 
 /// All pairs of references of each condition that calibrate the same axis.
-pub(super) fn compared_references(results: &[Calibrated]) -> Vec<ReferenceComparison> {
+pub(super) fn compared_references(results: &[CalibratedGyroscope]) -> Vec<ReferenceComparison> {
     let mut comparisons = Vec::new();
     for (place, first) in results.iter().enumerate() {
         let others = results.iter().skip(place + 1);
@@ -77,9 +77,9 @@ fn is_shared(first: &Input, second: &Input) -> bool {
     same_words && (first.name == OF_GYROSCOPE || named || first.source == FROM_DEVICE)
 }
 
-fn compared(first: &Calibrated, second: &Calibrated) -> ReferenceComparison {
+fn compared(first: &CalibratedGyroscope, second: &CalibratedGyroscope) -> ReferenceComparison {
     let [a, b] = [first, second].map(|result| result.scale_factor.value);
-    let of = |result: &Calibrated| -> Vec<Input> {
+    let of = |result: &CalibratedGyroscope| -> Vec<Input> {
         result.budget.iter().filter_map(|part| part.input.clone()).collect()
     };
     let (own, mut others) = (of(first), of(second));
@@ -107,8 +107,10 @@ fn compared(first: &Calibrated, second: &Calibrated) -> ReferenceComparison {
     let mut not_stated: Vec<String> = Vec::new();
     for result in [first, second] {
         let missing = result.budget.iter().filter(|part| part.ppm.is_none());
-        not_stated
-            .extend(missing.map(|Contribution { source, .. }| format!("{source} of `{}`", result.reference)));
+        not_stated.extend(
+            missing
+                .map(|UncertaintyContribution { source, .. }| format!("{source} of `{}`", result.reference)),
+        );
     }
     ReferenceComparison {
         condition: first.condition.clone(),

@@ -1,14 +1,15 @@
 //! The uncertainties of a calibration by trials: each draws all inputs, fits K again, and applies what is common to it.
 
-use super::calibrate::Moved;
+use super::calibrate::DirectionEffects;
 use super::error::CalibrationError;
 use super::file::MonteCarlo;
-use super::inputs::{Inputs, PROBABILITY};
-use super::matrix::{Matrix, Pair};
-use super::outcome::{CrossCheck, Estimate};
+use super::inputs::{CommonInputs, PROBABILITY};
+use super::matrix::{CalibrationMatrix, RatePair};
+use super::outcome::{CrossCheck, UncertainEstimate};
 use super::tone::AXES;
 use crate::metrology::{
-    Combined, Comparison, Distribution, Input, chi_by_freedom, compared, drawn, propagated, shared_error,
+    Combined, Distribution, Input, PropagationComparison, chi_by_freedom, compared, correlated_normals,
+    propagated, shared_error,
 };
 use crate::progress::Progress;
 use crate::recording::ReadError;
@@ -17,10 +18,10 @@ use realfft::num_complex::Complex64;
 
 /// The inputs of one condition by one reference.
 pub(super) struct Trials<'a> {
-    pub pairs: &'a [Pair],
-    pub moved: &'a Moved,
+    pub pairs: &'a [RatePair],
+    pub moved: &'a DirectionEffects,
     pub axes_of_reference: [bool; 3],
-    pub inputs: &'a Inputs,
+    pub inputs: &'a CommonInputs,
 }
 
 impl Trials<'_> {
@@ -28,10 +29,10 @@ impl Trials<'_> {
     pub fn cross_check(
         &self,
         settings: &MonteCarlo,
-        (main, entries): (usize, &[[Option<Estimate>; 3]; 3]),
+        (main, entries): (usize, &[[Option<UncertainEstimate>; 3]; 3]),
         progress: &dyn Progress,
     ) -> Result<CrossCheck, CalibrationError> {
-        let mut known: Vec<(usize, usize, Estimate)> = Vec::new();
+        let mut known: Vec<(usize, usize, UncertainEstimate)> = Vec::new();
         for (i, row) in entries.iter().enumerate() {
             for (j, entry) in row.iter().enumerate() {
                 known.extend(entry.map(|entry| (i, j, entry)));
@@ -71,7 +72,12 @@ impl Trials<'_> {
     }
 
     /// Where both intervals part, and the input whose distribution is the likely reason.
-    fn disagreement(&self, name: &str, entry: &Estimate, found: &Comparison) -> Option<String> {
+    fn disagreement(
+        &self,
+        name: &str,
+        entry: &UncertainEstimate,
+        found: &PropagationComparison,
+    ) -> Option<String> {
         if found.agrees {
             return None;
         }
@@ -126,9 +132,9 @@ impl Trials<'_> {
                 }
             }
         }
-        let matrix = Matrix::fit(&pairs, self.axes_of_reference).ok()?.mixed(main);
+        let matrix = CalibrationMatrix::fit(&pairs, self.axes_of_reference).ok()?.mixed(main);
         let (common, correlations) = self.inputs.common();
-        let normal = drawn(correlations, common.len(), noise);
+        let normal = correlated_normals(correlations, common.len(), noise);
         let mut scale = 1.0;
         for (input, normal) in common.iter().zip(normal) {
             // The device's numbers have moved the phasors.

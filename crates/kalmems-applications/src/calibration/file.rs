@@ -7,11 +7,11 @@ use crate::config::Source;
 use crate::config::Vibrometer;
 use crate::config::kinds::{Angle, AngularRate, Frequency, Ratio, Temperature};
 use crate::config::{
-    Channels, Clock, ColumnChoice, ConfigError, Fault, Key, Name, Segments, read_source, schema_of,
+    Channels, Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name, Segments, read_source, schema_of,
 };
 use crate::config::{NotNegative, Positive};
-use crate::metrology::{Stated, StatedCorrelations};
-use crate::recording::Layout;
+use crate::metrology::{StandardUncertainty, StatedCorrelations};
+use crate::recording::RecordingLayout;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -206,29 +206,29 @@ pub struct MotionReference {
 pub struct StatedUncertainty {
     /// The vibrometer's gain; of an estimated motion, that of the vibrometer it was identified with.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub vibrometer: Option<Stated<Ratio>>,
+    pub vibrometer: Option<StandardUncertainty<Ratio>>,
     /// The lever arm that makes a rate of the vibrometer's velocity.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub lever_arm: Option<Stated<Ratio>>,
+    pub lever_arm: Option<StandardUncertainty<Ratio>>,
     /// The clock of the reference.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub clock: Option<Stated<Ratio>>,
+    pub clock: Option<StandardUncertainty<Ratio>>,
     /// What is left of the drive in the sensors' signals.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub feedthrough: Option<Stated<Ratio>>,
+    pub feedthrough: Option<StandardUncertainty<Ratio>>,
     /// The model behind an estimated motion: gap, gain, capacitance.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub model: Option<Stated<Ratio>>,
+    pub model: Option<StandardUncertainty<Ratio>>,
     /// The temperature between calibration and use.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub temperature: Option<Stated<Ratio>>,
+    pub temperature: Option<StandardUncertainty<Ratio>>,
     /// Motion about axes that the reference does not show, times the unit's cross-axis sensitivity.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub off_axis: Option<Stated<Ratio>>,
+    pub off_axis: Option<StandardUncertainty<Ratio>>,
     /// By what angle each of the reference's axes may be off the axis that it is called, in either direction square to it. Cross-axis terms
     /// hang on it in full and have no expanded uncertainty without it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub alignment: Option<Stated<Angle>>,
+    pub alignment: Option<StandardUncertainty<Angle>>,
     /// How these errors hang together, each pair once, such as `lever_arm = { vibrometer = 0.4 }`; the alignment is apart.
     #[serde(default, skip_serializing_if = "StatedCorrelations::is_empty")]
     pub correlation: StatedCorrelations,
@@ -283,7 +283,7 @@ impl GyroscopeCalibration {
     }
 
     fn check(&self) -> Result<(), ConfigError> {
-        let refuse = |key: Key, why: String| Err(self.error(key, Fault::Value { why }));
+        let refuse = |key: Key, why: String| Err(self.error(key, ConfigFault::Value { why }));
         let unit = Key::from("gyroscope");
         self.check_axes(&unit.clone().child("channels"), &self.gyroscope.channels)?;
         if let Some(channels) = &self.gyroscope.accelerometers {
@@ -313,7 +313,7 @@ impl GyroscopeCalibration {
             let key = Key::from("condition").index(index);
             if let Some(first) = conditions.insert(&condition.name, key.clone()) {
                 let fault =
-                    Fault::DuplicateName { name: condition.name.to_string(), first: first.to_string() };
+                    ConfigFault::DuplicateName { name: condition.name.to_string(), first: first.to_string() };
                 return Err(self.error(key.child("name"), fault));
             }
             if is_per_record(&condition.file) && condition.records.is_none() {
@@ -334,8 +334,10 @@ impl GyroscopeCalibration {
                     return refuse(key.child("uncertainty").child("correlation"), why);
                 }
                 if let Some(first) = names.insert(&reference.name, key.clone()) {
-                    let fault =
-                        Fault::DuplicateName { name: reference.name.to_string(), first: first.to_string() };
+                    let fault = ConfigFault::DuplicateName {
+                        name: reference.name.to_string(),
+                        first: first.to_string(),
+                    };
                     return Err(self.error(key.child("name"), fault));
                 }
             }
@@ -345,14 +347,14 @@ impl GyroscopeCalibration {
 
     /// Refuses a column that is read in two ways.
     fn check_columns(&self, key: &Key, file: &FileColumns) -> Result<(), ConfigError> {
-        file.check().map_err(|(_, why)| self.error(key.clone(), Fault::Value { why }))
+        file.check().map_err(|(_, why)| self.error(key.clone(), ConfigFault::Value { why }))
     }
 
     fn check_axes(&self, key: &Key, channels: &Channels) -> Result<(), ConfigError> {
         match channels.iter().find(|(axis, _)| !AXES.contains(axis)) {
             Some((axis, _)) => {
                 let why = format!("`{axis}` is no axis; expected `x`, `y` or `z`");
-                Err(self.error(key.clone().child(axis), Fault::Value { why }))
+                Err(self.error(key.clone().child(axis), ConfigFault::Value { why }))
             }
             None => Ok(()),
         }
@@ -378,7 +380,7 @@ impl GyroscopeCalibration {
     }
 
     /// An error at a key, with its line.
-    pub fn error(&self, key: impl Into<Key>, fault: Fault) -> ConfigError {
+    pub fn error(&self, key: impl Into<Key>, fault: ConfigFault) -> ConfigError {
         self.source.error_at(key.into(), fault)
     }
 }
@@ -404,7 +406,7 @@ impl InertialUnit {
 
 impl Condition {
     /// How to read a file of the gyroscope.
-    pub fn layout(&self, unit: &InertialUnit) -> Layout {
+    pub fn layout(&self, unit: &InertialUnit) -> RecordingLayout {
         let clock = unit.clock();
         let (format, segments) = (self.format.as_ref(), self.segments.as_ref());
         FileColumns { format, clock: Some(&clock), segments, columns: unit.columns() }.layout(None)
@@ -413,7 +415,7 @@ impl Condition {
 
 impl MotionReference {
     /// How to read a file of it.
-    pub fn layout(&self) -> Layout {
+    pub fn layout(&self) -> RecordingLayout {
         self.in_file().layout(None)
     }
 
@@ -434,7 +436,7 @@ impl RestRecord {
     }
 
     /// How to read its file.
-    pub fn layout(&self, unit: &InertialUnit) -> Layout {
+    pub fn layout(&self, unit: &InertialUnit) -> RecordingLayout {
         let clock = self.clock.clone().unwrap_or_else(|| unit.clock());
         self.in_file(unit, &clock).layout(None)
     }
@@ -451,7 +453,7 @@ impl RestRecord {
 
 impl StatedUncertainty {
     /// The keys of the relative ones, what each stands for in a budget, and what is stated of it.
-    pub fn contributions(&self) -> [(&'static str, &'static str, Option<&Stated<Ratio>>); 7] {
+    pub fn contributions(&self) -> [(&'static str, &'static str, Option<&StandardUncertainty<Ratio>>); 7] {
         [
             ("vibrometer", "vibrometer", self.vibrometer.as_ref()),
             ("lever_arm", "lever arm", self.lever_arm.as_ref()),

@@ -1,11 +1,11 @@
 //! Reading what a calibration file names.
 
 use super::error::CalibrationError;
-use super::tone::{AXES, Signals};
+use super::tone::{AXES, AxisSignals};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference, is_per_record};
-use crate::config::{Channels, Fault, Key};
+use crate::config::{Channels, ConfigFault, Key};
 use crate::named_files::{NamedFileError, NamedFiles};
-use crate::recording::{Instant, Layout, Recording, moved_by};
+use crate::recording::{Instant, RecordingLayout, SampledRecording, moved_by};
 use crate::units::{Kind, Unit, kind};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -14,7 +14,7 @@ use std::path::Path;
 
 /// What a column of a reference is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shows {
+pub enum ReferenceQuantity {
     /// Angular rates.
     Rate,
     /// Angles, whose rates are jω times them.
@@ -25,28 +25,28 @@ pub enum Shows {
 pub struct UnitRecord {
     pub name: String,
     pub place: String,
-    pub rates: Signals,
-    pub forces: Signals,
+    pub rates: AxisSignals,
+    pub forces: AxisSignals,
 }
 
 /// A reference's record.
 pub struct ReferenceRecord {
     pub place: String,
-    pub signals: Signals,
-    pub shows: [Shows; 3],
+    pub signals: AxisSignals,
+    pub shows: [ReferenceQuantity; 3],
     /// What of the device behind an estimated motion is uncertain, and by how much one standard deviation of it moves the motion.
-    pub moved: Vec<(String, Signals)>,
+    pub moved: Vec<(String, AxisSignals)>,
 }
 
 /// Reads files and remembers what they were.
-pub struct Files<'a> {
+pub struct InputFiles<'a> {
     pub file: &'a GyroscopeCalibration,
     pub named: NamedFiles<'a>,
     /// Where the times of each record of the gyroscope count from.
     pub origins: BTreeMap<String, Instant>,
 }
 
-impl Files<'_> {
+impl InputFiles<'_> {
     /// The gyroscope's records of one condition.
     pub fn unit(&mut self, index: usize, condition: &Condition) -> Result<Vec<UnitRecord>, CalibrationError> {
         let key = || Key::from("condition").index(index);
@@ -78,7 +78,7 @@ impl Files<'_> {
                             *slot = Some(recording.column_of(column, kind)?.of(segment).to_vec());
                         }
                     }
-                    Ok(Signals { time_s: time_s.clone(), axes })
+                    Ok(AxisSignals { time_s: time_s.clone(), axes })
                 };
                 let name = if per_record { name.clone() } else { label };
                 self.origins.insert(name.clone(), recording.origin());
@@ -103,20 +103,20 @@ impl Files<'_> {
         let layout = reference.layout();
         let per_record = is_per_record(&reference.file);
         let mut records = Vec::new();
-        let mut whole: Option<Recording> = None;
+        let mut whole: Option<SampledRecording> = None;
         for name in names {
-            let layout = Layout { origin: self.origins.get(*name).copied(), ..layout.clone() };
+            let layout = RecordingLayout { origin: self.origins.get(*name).copied(), ..layout.clone() };
             let path = self.file.resolve(&reference.file, name);
             let contributions = contribution_columns(&path, reference);
             let columns =
                 |(_, own): &(String, [Option<String>; 3])| own.iter().flatten().cloned().collect::<Vec<_>>();
-            let layout = Layout {
+            let layout = RecordingLayout {
                 columns: layout
                     .columns
                     .map(|own| own.into_iter().chain(contributions.iter().flat_map(columns)).collect()),
                 ..layout
             };
-            let there = whole.as_ref().map(Recording::origin);
+            let there = whole.as_ref().map(SampledRecording::origin);
             if per_record || there.is_none() || layout.origin.is_some_and(|origin| there != Some(origin)) {
                 whole = Some(self.read(key.clone().child("file"), &path, &layout)?);
             }
@@ -132,7 +132,7 @@ impl Files<'_> {
                 });
             };
             let mut axes = [None, None, None];
-            let mut shows = [Shows::Rate; 3];
+            let mut shows = [ReferenceQuantity::Rate; 3];
             for ((axis, slot), shows) in AXES.iter().zip(&mut axes).zip(&mut shows) {
                 let Some(column) = reference.channels.column(axis) else { continue };
                 let values = recording.column(column)?;
@@ -142,7 +142,7 @@ impl Files<'_> {
                     2.0 / (vibrometer.gain.si() * vibrometer.target_width.si())
                 } else {
                     if kind::ANGLE.accepts(unit) {
-                        *shows = Shows::Angle;
+                        *shows = ReferenceQuantity::Angle;
                     } else {
                         recording.column_of(column, &kind::ANGULAR_RATE)?;
                     }
@@ -159,12 +159,12 @@ impl Files<'_> {
                         *slot = Some(recording.column(column)?.of(segment).to_vec());
                     }
                 }
-                moved.push((by.clone(), Signals { time_s: time_s.clone(), axes }));
+                moved.push((by.clone(), AxisSignals { time_s: time_s.clone(), axes }));
             }
             records.push(ReferenceRecord {
                 moved,
                 place: path.display().to_string(),
-                signals: Signals { time_s, axes },
+                signals: AxisSignals { time_s, axes },
                 shows,
             });
         }
@@ -172,9 +172,14 @@ impl Files<'_> {
     }
 
     /// Reads a file and remembers it.
-    pub fn read(&mut self, key: Key, path: &Path, layout: &Layout) -> Result<Recording, CalibrationError> {
+    pub fn read(
+        &mut self,
+        key: Key,
+        path: &Path,
+        layout: &RecordingLayout,
+    ) -> Result<SampledRecording, CalibrationError> {
         self.named.read(path, layout).map_err(|error| match error {
-            NamedFileError::Missing(why) => self.file.error(key, Fault::Value { why }).into(),
+            NamedFileError::Missing(why) => self.file.error(key, ConfigFault::Value { why }).into(),
             NamedFileError::Read(error) => error.into(),
         })
     }

@@ -1,7 +1,7 @@
 //! The inputs of a scale factor and of each entry of K, for a budget.
 
 use super::file::StatedUncertainty;
-use super::outcome::{Contribution, Estimate};
+use super::outcome::{UncertainEstimate, UncertaintyContribution};
 use crate::metrology::{Budget, Combined, Distribution, Evaluation, Input};
 
 /// The probability with which intervals hold a value.
@@ -26,7 +26,7 @@ const OF_ALIGNMENT_SQUARED: &str = "alignment of the axes, second order";
 
 /// What the records say of their noise.
 #[derive(Clone, Copy, Debug)]
-pub struct Records {
+pub struct RecordNoise {
     /// By how much more than noise the records scatter, as a factor, where chance does not explain it; and the degrees of freedom of that.
     pub scatter: Option<f64>,
     pub freedom: f64,
@@ -40,8 +40,8 @@ pub struct Records {
 
 /// The inputs that all entries of K have in common, relative to it, and what their records say.
 #[derive(Clone, Debug)]
-pub struct Inputs {
-    records: Records,
+pub struct CommonInputs {
+    records: RecordNoise,
     /// Relative: value 0, and a sensitivity of ±1.
     common: Vec<Input>,
     correlations: Vec<(usize, usize, f64)>,
@@ -51,10 +51,10 @@ pub struct Inputs {
     alignment: Option<Input>,
 }
 
-impl Inputs {
+impl CommonInputs {
     /// From what the records, the device behind an estimated motion and the operator say. `of_device` is by how much, relative to the scale
     /// factor, one standard deviation of each of the device's numbers moves it.
-    pub fn of(records: Records, of_device: &[(String, f64)], stated: &StatedUncertainty) -> Self {
+    pub fn of(records: RecordNoise, of_device: &[(String, f64)], stated: &StatedUncertainty) -> Self {
         let mut common = vec![Input {
             name: "wander of the clocks".to_owned(),
             unit: "1",
@@ -125,7 +125,7 @@ impl Inputs {
     }
 
     /// What the records say.
-    pub const fn records(&self) -> &Records {
+    pub const fn records(&self) -> &RecordNoise {
         &self.records
     }
 
@@ -151,7 +151,7 @@ impl Inputs {
             budget.inputs.extend(scaled);
             budget.correlations.clone_from(&self.correlations);
         }
-        let Records { scatter, freedom, shown_part, residuals, .. } = self.records;
+        let RecordNoise { scatter, freedom, shown_part, residuals, .. } = self.records;
         let of_noise = |name: &str, part: f64, degrees_of_freedom: f64, source: &str| Input {
             name: name.to_owned(),
             unit: "1",
@@ -192,15 +192,15 @@ impl Inputs {
     }
 
     /// A number with its uncertainty by the records and by all that its budget knows.
-    pub fn estimate(&self, found: (f64, f64), by_alignment: f64, is_scale: bool) -> Estimate {
+    pub fn estimate(&self, found: (f64, f64), by_alignment: f64, is_scale: bool) -> UncertainEstimate {
         let budget = self.budget(found, by_alignment, is_scale);
         let freedom = if self.records.scatter.is_some() { self.records.freedom } else { f64::INFINITY };
         let by_records = Combined::of(found.1 * self.records.scatter.unwrap_or(1.0), freedom, PROBABILITY);
-        Estimate::of(found.0, by_records, budget.combined(PROBABILITY))
+        UncertainEstimate::of(found.0, by_records, budget.combined(PROBABILITY))
     }
 
     /// The table of a scale factor's budget, in ppm of it, with what nobody stated.
-    pub fn contributions(&self, budget: &Budget, value: f64) -> Vec<Contribution> {
+    pub fn contributions(&self, budget: &Budget, value: f64) -> Vec<UncertaintyContribution> {
         // What the records tell comes first.
         let origin = |input: &Input| match input.name.as_str() {
             OF_GYROSCOPE | OF_REFERENCE => FROM_NOISE,
@@ -216,13 +216,13 @@ impl Inputs {
         };
         let mut inputs: Vec<&Input> = budget.inputs.iter().collect();
         inputs.sort_by_key(|input| order(input));
-        let known = inputs.into_iter().map(|input| Contribution {
+        let known = inputs.into_iter().map(|input| UncertaintyContribution {
             source: input.name.clone(),
             ppm: Some(1e6 * (input.contribution() / value).abs()),
             origin: origin(input),
             input: Some(input.clone()),
         });
-        let missing = self.missing.iter().map(|name| Contribution {
+        let missing = self.missing.iter().map(|name| UncertaintyContribution {
             source: (*name).to_owned(),
             ppm: None,
             origin: NOT_STATED,

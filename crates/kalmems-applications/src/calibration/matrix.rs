@@ -8,7 +8,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// A record: the rate that there was and what the gyroscope showed of it, each on a clock of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pair {
+pub struct RatePair {
     /// The phasors of the reference's rates in rad/s; 0 where it shows no axis.
     pub reference: [Complex64; 3],
     /// The standard deviation of either part of them.
@@ -21,7 +21,7 @@ pub struct Pair {
 
 /// K of Ω_I = K·Ω, as far as the records tell it.
 #[derive(Clone, Debug)]
-pub struct Matrix {
+pub struct CalibrationMatrix {
     fit: Fit<9>,
     /// What makes of the fit's covariance that of the noise as it is known: below 1 where records scatter by more.
     by_noise: f64,
@@ -42,31 +42,31 @@ pub struct Matrix {
 /// Beyond this standard deviation an entry of K is not known.
 const UNKNOWN: f64 = 0.3;
 
-impl Matrix {
+impl CalibrationMatrix {
     /// Fits K to records by least squares, each record with a phase of its own, which is what the gyroscope's clock
     /// leaves open.
     ///
     /// Only magnitudes and relative phases count, so that the sign of a column is open too: its diagonal entry is taken
     /// as positive, and a gyroscope mounted upside down shows as one that is not. An error of the reference enters with
     /// K times its standard deviation.
-    pub fn fit(pairs: &[Pair], axes_of_reference: [bool; 3]) -> Result<Self, FitError> {
+    pub fn fit(pairs: &[RatePair], axes_of_reference: [bool; 3]) -> Result<Self, FitError> {
         let rows: [bool; 3] = std::array::from_fn(|i| pairs.iter().all(|pair| pair.shown[i].is_some()));
         let free: [bool; 9] = std::array::from_fn(|k| rows[k / 3] && axes_of_reference[k % 3]);
         let mut start = [0.0; 9];
         for axis in (0..3).filter(|axis| free[4 * axis]) {
-            let size = |of: &dyn Fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>();
+            let size = |of: &dyn Fn(&RatePair) -> f64| pairs.iter().map(of).sum::<f64>();
             let along =
                 size(&|pair| pair.reference[axis].norm() * pair.shown[axis].map_or(0.0, Complex64::norm));
             start[4 * axis] = along / size(&|pair| pair.reference[axis].norm_sqr()).max(f64::MIN_POSITIVE);
         }
         let settings = FitSettings { free, ..FitSettings::from_start(start) };
         // The weights hold K: twice is enough, as they hang on it weakly.
-        let mut found = fit(&Records { pairs, at: start }, &settings)?;
+        let mut found = fit(&MatrixResiduals { pairs, at: start }, &settings)?;
         found = fit(
-            &Records { pairs, at: found.parameters },
+            &MatrixResiduals { pairs, at: found.parameters },
             &FitSettings { start: found.parameters, ..settings },
         )?;
-        let records = Records { pairs, at: found.parameters };
+        let records = MatrixResiduals { pairs, at: found.parameters };
         let freedom = found.degrees_of_freedom.saturating_sub(pairs.len());
         let by_noise = found.degrees_of_freedom.max(1) as f64 / found.sum_of_squares.max(f64::MIN_POSITIVE);
         Ok(Self {
@@ -102,7 +102,7 @@ impl Matrix {
         if !(0..9).all(|k| self.entry(k / 3, k % 3).is_some()) {
             return None;
         }
-        let of = |pick: fn(&Alignment<Varied>) -> [Varied; 3]| {
+        let of = |pick: fn(&Alignment<MatrixDual>) -> [MatrixDual; 3]| {
             std::array::from_fn(|i| {
                 let derived = self.fit.derived(|k| {
                     pick(&Alignment::of(&[[k[0], k[1], k[2]], [k[3], k[4], k[5]], [k[6], k[7], k[8]]]))[i]
@@ -149,18 +149,18 @@ impl Matrix {
 }
 
 /// A number with its derivatives by the entries of K.
-type Varied = Dual<f64, 9>;
+type MatrixDual = Dual<f64, 9>;
 
 /// Residuals of G = e^{jφ}·K·Ω, the phase φ of each record the best for the K at hand.
-struct Records<'a> {
-    pairs: &'a [Pair],
+struct MatrixResiduals<'a> {
+    pairs: &'a [RatePair],
     /// The K for the weights.
     at: [f64; 9],
 }
 
-impl Records<'_> {
+impl MatrixResiduals<'_> {
     /// The standard deviation of one residual.
-    fn deviation(&self, pair: &Pair, row: usize) -> f64 {
+    fn deviation(&self, pair: &RatePair, row: usize) -> f64 {
         let of_reference = (0..3).map(|j| (self.at[3 * row + j] * pair.reference_deviation[j]).powi(2));
         let variance = pair.shown_deviation[row].powi(2) + of_reference.sum::<f64>();
         // A record without any noise has the weight of one with the noise of rounding.
@@ -169,7 +169,7 @@ impl Records<'_> {
     }
 
     /// e^{jφ}.
-    fn turn(&self, pair: &Pair, k: &[f64; 9]) -> Complex64 {
+    fn turn(&self, pair: &RatePair, k: &[f64; 9]) -> Complex64 {
         let terms = (0..3).filter_map(|i| {
             let weight = self.deviation(pair, i).powi(-2);
             Some(pair.shown[i]? * product(k, i, &pair.reference).conj() * weight)
@@ -184,7 +184,7 @@ fn product(k: &[f64; 9], row: usize, reference: &[Complex64; 3]) -> Complex64 {
     (0..3).map(|j| reference[j] * k[3 * row + j]).sum()
 }
 
-impl Regression<9> for Records<'_> {
+impl Regression<9> for MatrixResiduals<'_> {
     fn residuals(&self, k: &[f64; 9], each: &mut impl FnMut(f64)) {
         for pair in self.pairs {
             let turn = self.turn(pair, k);
@@ -234,7 +234,7 @@ impl Regression<9> for Records<'_> {
     }
 }
 
-fn excitation(pairs: &[Pair]) -> Vec<(f64, [f64; 3])> {
+fn excitation(pairs: &[RatePair]) -> Vec<(f64, [f64; 3])> {
     let mut gram = Mat::<f64, 3, 3>::zero();
     for pair in pairs {
         for i in 0..3 {
@@ -249,7 +249,7 @@ fn excitation(pairs: &[Pair]) -> Vec<(f64, [f64; 3])> {
 }
 
 /// Weighted by what each record tells of the scale factor.
-fn shown_part(pairs: &[Pair], k: &[f64; 9]) -> f64 {
+fn shown_part(pairs: &[RatePair], k: &[f64; 9]) -> f64 {
     let (mut of_shown, mut of_all) = (0.0, 0.0);
     for pair in pairs {
         let axis = (0..3).max_by(|a, b| pair.reference[*a].norm().total_cmp(&pair.reference[*b].norm()));

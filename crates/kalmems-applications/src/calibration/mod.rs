@@ -2,7 +2,7 @@
 //!
 //! A stage shakes the gyroscope, a reference knows how: a vibrometer, or the stage's own estimated motion. Each has its own
 //! clock, so that amplitudes and relative phases are all that can be compared: both records are fitted by sines of free
-//! frequency ([`Signals::tone`]), and K of Ω_I = K·Ω + b to the phasors of all records ([`Matrix::fit`]), each with a phase
+//! frequency ([`AxisSignals::tone`]), and K of Ω_I = K·Ω + b to the phasors of all records ([`CalibrationMatrix::fit`]), each with a phase
 //! of its own. [`calibrate`] does all that a calibration file says.
 
 mod calibrate;
@@ -28,7 +28,7 @@ mod stretches;
 mod tone;
 
 pub use calibrate::calibrate;
-pub use centre::{Centre, Shaken};
+pub use centre::{Centre, ShakenRecord};
 pub use certificate::{Certificate, certificate_page};
 pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
@@ -36,14 +36,15 @@ pub use file::{
     CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
     RestRecord, StatedUncertainty,
 };
-pub use matrix::{Matrix, Pair};
+pub use matrix::{CalibrationMatrix, RatePair};
 pub use noise_study::{NoiseShare, NoiseStudy};
 pub use off_axis::OffAxisMotion;
 pub use outcome::{
-    Calibrated, Calibration, Centred, Change, Contribution, CrossCheck, Estimate, InPlane, RecordFigures,
+    CalibratedGyroscope, Calibration, Centred, CrossCheck, InPlane, RecordFigures, ScaleFactorChange,
+    UncertainEstimate, UncertaintyContribution,
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
-pub use rest::Rest;
+pub use rest::AxisAtRest;
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
-pub use simulated::{Instrument, SimulatedUnit, Vibration};
-pub use tone::{AXES, Component, FEWEST_PERIODS, FEWEST_SAMPLES, Signals, Tone, ToneError};
+pub use simulated::{SimulatedInstrument, SimulatedUnit, Vibration};
+pub use tone::{AXES, AxisSignals, Component, FEWEST_PERIODS, FEWEST_SAMPLES, ToneError, VibrationTone};

@@ -36,7 +36,7 @@ const SLOPE: f64 = 4.0;
 
 /// A motion in a record that is called one at rest.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Motion {
+pub(super) enum RestMotion {
     /// Some samples vary more than the others.
     Passing {
         /// The first and the last piece that does, as samples of all stretches together.
@@ -54,13 +54,13 @@ pub(super) enum Motion {
 }
 
 /// The motions in a record at rest, given as stretches without gaps.
-pub(super) fn motions(stretches: &[&[f64]]) -> Vec<Motion> {
+pub(super) fn motions(stretches: &[&[f64]]) -> Vec<RestMotion> {
     let longest = stretches.iter().max_by_key(|stretch| stretch.len());
     let line = longest.and_then(|longest| line(&longest[..longest.len().min(LONGEST)]));
     passing(stretches).into_iter().chain(line).collect()
 }
 
-fn passing(stretches: &[&[f64]]) -> Option<Motion> {
+fn passing(stretches: &[&[f64]]) -> Option<RestMotion> {
     let samples: usize = stretches.iter().map(|stretch| stretch.len()).sum();
     let length = samples / PIECES;
     if length < SHORTEST_PIECE {
@@ -87,7 +87,7 @@ fn passing(stretches: &[&[f64]]) -> Option<Motion> {
     let out = || pieces.iter().filter(|(_, variance)| *variance > most * usual);
     let (first, last) = (out().next()?.0, out().next_back()?.0);
     let worst = out().map(|(_, variance)| *variance).fold(0.0, f64::max);
-    Some(Motion::Passing { samples: first..last + length, times: (worst / usual).sqrt() })
+    Some(RestMotion::Passing { samples: first..last + length, times: (worst / usual).sqrt() })
 }
 
 fn variance(piece: &[f64]) -> f64 {
@@ -96,7 +96,7 @@ fn variance(piece: &[f64]) -> f64 {
 }
 
 /// The strongest line of those that stand out of their band.
-fn line(values: &[f64]) -> Option<Motion> {
+fn line(values: &[f64]) -> Option<RestMotion> {
     let (bins, amplitude_of) = spectrum_magnitudes(values)?;
     let last = bins.len().saturating_sub(3);
     let power = SLOPE * (bins.len() as f64 / FALSE_ALARMS).portable_ln() / std::f64::consts::LN_2;
@@ -118,7 +118,10 @@ fn line(values: &[f64]) -> Option<Motion> {
         from = to.max(from + 1);
     }
     let (bin, magnitude) = strongest?;
-    Some(Motion::Line { frequency: bin as f64 / values.len() as f64, amplitude: amplitude_of * magnitude })
+    Some(RestMotion::Line {
+        frequency: bin as f64 / values.len() as f64,
+        amplitude: amplitude_of * magnitude,
+    })
 }
 
 #[cfg(test)]
@@ -154,7 +157,7 @@ mod tests {
             *value += 5.0 * (TAU * 0.07 * i as f64).sin();
         }
         let found = motions(&[&values]);
-        let Some(Motion::Passing { samples, times }) = found.first() else { panic!("{found:?}") };
+        let Some(RestMotion::Passing { samples, times }) = found.first() else { panic!("{found:?}") };
         assert!((2900..3100).contains(&samples.start) && (3100..3400).contains(&samples.end), "{samples:?}");
         assert!((2.5..4.5).contains(times), "{times}");
     }
@@ -166,7 +169,7 @@ mod tests {
             *value += 0.2 * (TAU * 0.123 * i as f64).sin();
         }
         let found = motions(&[&values]);
-        let Some(Motion::Line { frequency, amplitude }) = found.last() else { panic!("{found:?}") };
+        let Some(RestMotion::Line { frequency, amplitude }) = found.last() else { panic!("{found:?}") };
         assert!((frequency - 0.123).abs() < 1e-4 && (amplitude / 0.2 - 1.0).abs() < 0.2, "{found:?}");
     }
 

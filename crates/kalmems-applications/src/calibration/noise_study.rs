@@ -1,6 +1,6 @@
 //! What the noise of the stage's sensors does to a scale factor, by the ways it takes.
 
-use crate::fit::{ByDual, FitError, FitSettings, Law, fit};
+use crate::fit::{ByDual, FitError, FitSettings, ResidualLaw, fit};
 use crate::simulate::WhiteNoise;
 use kalmems_core::Portable;
 use kalmems_core::{Mat, Over};
@@ -129,7 +129,7 @@ struct Training<'a> {
     noise: [u64; 2],
 }
 
-impl Law<2> for Training<'_> {
+impl ResidualLaw<2> for Training<'_> {
     fn residuals<S: Over<f64>>(&self, p: &[S; 2], each: &mut impl FnMut(S)) {
         let mut noise = WhiteNoise::new(self.noise[0], self.noise[1]);
         let believed = with_gap(self.plate, p[0]);
@@ -150,7 +150,7 @@ struct Test<'a> {
     believed: &'a [[f64; 2]],
 }
 
-impl Law<1> for Test<'_> {
+impl ResidualLaw<1> for Test<'_> {
     fn residuals<S: Over<f64>>(&self, p: &[S; 1], each: &mut impl FnMut(S)) {
         // One period, which is all there is without noise.
         let samples = (self.study.rate_hz / self.study.frequency_hz).round();

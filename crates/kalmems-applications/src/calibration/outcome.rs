@@ -2,10 +2,10 @@
 
 use super::comparison::ReferenceComparison;
 use super::peaks::PeakToPeak;
-use super::rest::Rest;
+use super::rest::AxisAtRest;
 use crate::calibration::file::GyroscopeCalibration;
-use crate::metrology::{Combined, Comparison, Input, or_null};
-use crate::recording::Source;
+use crate::metrology::{Combined, Input, PropagationComparison, or_null};
+use crate::recording::RecordingSource;
 use serde::Serialize;
 
 /// A calibration.
@@ -14,22 +14,22 @@ pub struct Calibration {
     /// The calibration file.
     pub file: GyroscopeCalibration,
     /// Each condition with each of its references.
-    pub results: Vec<Calibrated>,
+    pub results: Vec<CalibratedGyroscope>,
     /// How scale factors change between conditions.
-    pub changes: Vec<Change>,
+    pub changes: Vec<ScaleFactorChange>,
     /// Whether references of one condition agree.
     pub comparisons: Vec<ReferenceComparison>,
     /// The record at rest, axis by axis.
-    pub rest: Vec<Rest>,
+    pub rest: Vec<AxisAtRest>,
     /// The files that were read, each once.
-    pub sources: Vec<Source>,
+    pub sources: Vec<RecordingSource>,
     /// What was found in the files and does not keep them from being used.
     pub findings: Vec<String>,
 }
 
 /// A number with what it is known to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Estimate {
+pub struct UncertainEstimate {
     /// The number.
     pub value: f64,
     /// Its standard uncertainty by the records alone: noise, and scatter where there is more than noise.
@@ -47,7 +47,7 @@ pub struct Estimate {
     pub interval: [f64; 2],
 }
 
-impl Estimate {
+impl UncertainEstimate {
     /// A number with its uncertainties.
     pub(super) fn of(value: f64, by_records: Combined, all: Combined) -> Self {
         let half = all.expanded_uncertainty;
@@ -70,7 +70,7 @@ impl Estimate {
 
 /// A gyroscope at one temperature by one reference.
 #[derive(Clone, Debug, Serialize)]
-pub struct Calibrated {
+pub struct CalibratedGyroscope {
     /// The condition.
     pub condition: String,
     /// Its temperature in K, where it is stated.
@@ -80,13 +80,13 @@ pub struct Calibrated {
     /// The axis that moves most: 0 for x.
     pub main: usize,
     /// The scale factor of that axis.
-    pub scale_factor: Estimate,
+    pub scale_factor: UncertainEstimate,
     /// K row by row; none where the records do not tell it.
-    pub matrix: [[Option<Estimate>; 3]; 3],
+    pub matrix: [[Option<UncertainEstimate>; 3]; 3],
     /// The bias of each axis in rad/s.
-    pub bias: [Option<Estimate>; 3],
+    pub bias: [Option<UncertainEstimate>; 3],
     /// What the scale factor's uncertainty is made of.
-    pub budget: Vec<Contribution>,
+    pub budget: Vec<UncertaintyContribution>,
     /// The records.
     pub records: Vec<RecordFigures>,
     /// The sum of squared residuals by their variances, and how many are free.
@@ -98,7 +98,7 @@ pub struct Calibrated {
     /// The singular values of the reference's rates in rad/s rms and their directions.
     pub excitation: Vec<(f64, [f64; 3])>,
     /// Scale along each axis, non-orthogonality xy, xz, yz and mounting about x, y, z, where all of K is known.
-    pub alignment: Option<[[Estimate; 3]; 3]>,
+    pub alignment: Option<[[UncertainEstimate; 3]; 3]>,
     /// Where two columns are known: the axes, their non-orthogonality, and the turn about the third.
     pub in_plane: Option<InPlane>,
     /// The accelerometers' place from the centre of rotation in m, where there are any.
@@ -112,9 +112,9 @@ pub struct Calibrated {
     pub warnings: Vec<String>,
 }
 
-impl Calibrated {
+impl CalibratedGyroscope {
     /// The entries of K beside its diagonal: row, column and what is known of them.
-    pub fn cross_terms(&self) -> impl Iterator<Item = (usize, usize, &Estimate)> {
+    pub fn cross_terms(&self) -> impl Iterator<Item = (usize, usize, &UncertainEstimate)> {
         let entries = self.matrix.iter().enumerate().flat_map(|(i, row)| {
             row.iter().enumerate().filter_map(move |(j, entry)| Some((i, j, entry.as_ref()?)))
         });
@@ -128,16 +128,16 @@ pub struct InPlane {
     /// The two axes.
     pub axes: [&'static str; 2],
     /// By how much the two are closer than square, in rad.
-    pub non_orthogonality: Estimate,
+    pub non_orthogonality: UncertainEstimate,
     /// By how much the case is turned about the third axis, in rad.
-    pub turn: Estimate,
+    pub turn: UncertainEstimate,
 }
 
 /// The place of the accelerometers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Centred {
     /// From the centre of rotation, in m; none along an axis that everything turned about.
-    pub arm: [Option<Estimate>; 3],
+    pub arm: [Option<UncertainEstimate>; 3],
     /// The sum of squared residuals by their variances.
     pub chi_square: f64,
     /// Residuals less parameters.
@@ -146,7 +146,7 @@ pub struct Centred {
 
 /// A part of an uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Contribution {
+pub struct UncertaintyContribution {
     /// What it comes from; a number of the device behind an estimated motion by its key.
     pub source: String,
     /// Its relative standard uncertainty in ppm; none where nobody said.
@@ -161,9 +161,9 @@ pub struct Contribution {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CrossCheck {
     /// Of the scale factor.
-    pub scale_factor: Comparison,
+    pub scale_factor: PropagationComparison,
     /// Of each other known entry of K, by its name, such as `k_xy`.
-    pub entries: Vec<(String, Comparison)>,
+    pub entries: Vec<(String, PropagationComparison)>,
     /// Where both ways do not agree, in sentences, with the input that is the likely reason.
     pub disagreements: Vec<String>,
 }
@@ -195,7 +195,7 @@ pub struct RecordFigures {
 
 /// A scale factor in two conditions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Change {
+pub struct ScaleFactorChange {
     /// The reference that both have.
     pub reference: String,
     /// From one condition.

@@ -1,13 +1,13 @@
 //! The published method: from crest to trough, samples about both averaged.
 
-use super::tone::Signals;
+use super::tone::AxisSignals;
 use crate::identify::fit_affine;
 use std::f64::consts::{PI, TAU};
 
 /// Samples of the reference to each side of a crest that are averaged (Chen, dissertation, 2018, section 3.6.3).
 pub const HALF_WINDOW: f64 = 15.0;
 
-impl Signals {
+impl AxisSignals {
     /// The mean about the crests less the mean about the troughs of one axis, each over so much of a period to either
     /// side; samples are put into one period by the frequency. `None` where no sample falls there.
     ///

@@ -1,6 +1,6 @@
 //! A record without motion: static bias, and how it wanders.
 
-use super::outcome::Estimate;
+use super::outcome::UncertainEstimate;
 use crate::metrology::{Combined, coverage_factor};
 use crate::signal::{Confident, Deviation, octaves};
 use serde::Serialize;
@@ -14,7 +14,7 @@ const FLOOR: f64 = 0.664_280_6;
 
 /// What one axis does at rest.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Rest {
+pub struct AxisAtRest {
     /// `x`, `y` or `z`.
     pub axis: &'static str,
     /// How many samples.
@@ -57,7 +57,7 @@ pub(super) fn finite_runs(values: &[f64]) -> impl Iterator<Item = &[f64]> {
     values.split(|value| !value.is_finite()).filter(|run| !run.is_empty())
 }
 
-impl Rest {
+impl AxisAtRest {
     /// From equidistant samples; those that are not finite are gaps. `None` of fewer than 64.
     pub fn of(axis: &'static str, values: &[f64], interval_s: f64) -> Option<Self> {
         Self::of_stretches(axis, &finite_runs(values).collect::<Vec<_>>(), interval_s)
@@ -114,8 +114,8 @@ impl Rest {
     }
 
     /// The bias with its uncertainty.
-    pub fn bias_estimate(&self) -> Estimate {
+    pub fn bias_estimate(&self) -> UncertainEstimate {
         let combined = Combined::of(self.bias_uncertainty, self.bias_freedom, super::inputs::PROBABILITY);
-        Estimate::of(self.bias, combined, combined)
+        UncertainEstimate::of(self.bias, combined, combined)
     }
 }

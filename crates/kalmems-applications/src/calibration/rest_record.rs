@@ -1,19 +1,19 @@
 //! The record at rest of a calibration file: read, divided at its gaps, and looked at for motion.
 
 use super::error::CalibrationError;
-use super::files::Files;
-use super::motion::{Motion, motions};
-use super::rest::{Rest, finite_runs};
+use super::files::InputFiles;
+use super::motion::{RestMotion, motions};
+use super::rest::{AxisAtRest, finite_runs};
 use super::stretches::stretches;
 use super::tone::AXES;
 use crate::calibration::file::GyroscopeCalibration;
 use crate::config::{Clock, Key};
-use crate::recording::{Recording, Segment};
+use crate::recording::{SampledRecording, Segment};
 use crate::units::kind;
 use std::ops::Range;
 
 /// What the record at rest shows, axis by axis, and what its reader has to know, in sentences.
-pub(super) fn measure(files: &mut Files) -> Result<(Vec<Rest>, Vec<String>), CalibrationError> {
+pub(super) fn measure(files: &mut InputFiles) -> Result<(Vec<AxisAtRest>, Vec<String>), CalibrationError> {
     let file = files.file;
     let Some(record) = &file.rest else { return Ok((Vec::new(), Vec::new())) };
     let (channels, layout) = (record.channels(&file.gyroscope), record.layout(&file.gyroscope));
@@ -29,7 +29,7 @@ pub(super) fn measure(files: &mut Files) -> Result<(Vec<Rest>, Vec<String>), Cal
         let runs: Vec<&[f64]> = whole.flat_map(finite_runs).collect();
         let place = || format!("{}, column `{column}`", path.display());
         let samples = runs.iter().map(|run| run.len()).sum();
-        let found = Rest::of_stretches(axis, &runs, time.interval_s);
+        let found = AxisAtRest::of_stretches(axis, &runs, time.interval_s);
         rest.push(found.ok_or_else(|| CalibrationError::Rest { place: place(), samples })?);
         if runs.len() > 1 {
             let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0) as f64 * time.interval_s;
@@ -58,7 +58,7 @@ struct RestTime {
 }
 
 impl RestTime {
-    fn of(recording: &Recording, file: &GyroscopeCalibration, remarks: &mut Vec<String>) -> Self {
+    fn of(recording: &SampledRecording, file: &GyroscopeCalibration, remarks: &mut Vec<String>) -> Self {
         let place = &recording.source().file;
         let mut rows = Vec::new();
         // By the number of samples, as the interval of a longer segment is known better.
@@ -93,7 +93,7 @@ impl RestTime {
 }
 
 /// What a reader has to know of times that are not equidistant.
-fn irregular(place: &str, segment: &Segment, found: &super::stretches::Stretches) -> Vec<String> {
+fn irregular(place: &str, segment: &Segment, found: &super::stretches::RecordStretches) -> Vec<String> {
     let of = if segment.label.is_empty() { String::new() } else { format!(", segment `{}`", segment.label) };
     let mut said = Vec::new();
     if found.burst > 1 {
@@ -138,20 +138,20 @@ fn off_nominal(place: &str, interval_s: f64, file: &GyroscopeCalibration) -> Opt
     })
 }
 
-fn describe(motion: &Motion, recording: &Recording, rows: &[usize], interval_s: f64) -> String {
+fn describe(motion: &RestMotion, recording: &SampledRecording, rows: &[usize], interval_s: f64) -> String {
     let time = |sample: usize| {
         let row = rows.get(sample.min(rows.len().saturating_sub(1))).copied().unwrap_or(0);
         let segment = recording.segments().iter().find(|segment| segment.rows.contains(&row));
         segment.map_or(f64::NAN, |segment| segment.time.at(row - segment.rows.start))
     };
     match motion {
-        Motion::Passing { samples, times } => format!(
+        RestMotion::Passing { samples, times } => format!(
             "between {:.6} s and {:.6} s it moves: the standard deviation there is up to {times:.1} times the usual (noise alone \
              shows that in less than one record of 1000). Leave that time out: bias, noise and deviations are not those of rest.",
             time(samples.start),
             time(samples.end.saturating_sub(1)),
         ),
-        Motion::Line { frequency, amplitude } => format!(
+        RestMotion::Line { frequency, amplitude } => format!(
             "a line of {amplitude:.3e} rad/s at {:.6} Hz stands out of its noise (noise alone shows one in less than one record \
              of 1000): it vibrates, or something interferes. The deviations at times about half a cycle of it are not those of \
              rest.",

@@ -3,14 +3,18 @@
 use super::certificate::{Certificate, certificate_page};
 use super::comparison::ReferenceComparison;
 use crate::WriteError;
-use crate::calibration::{AXES, Calibrated, Calibration, Change, Estimate, Rest};
-use crate::recording::Source;
+use crate::calibration::{
+    AXES, AxisAtRest, CalibratedGyroscope, Calibration, ScaleFactorChange, UncertainEstimate,
+};
+use crate::recording::RecordingSource;
 use kalmems_engines::topics::{explained, link};
-use kalmems_figures::{Axis, Column, Figure, Page, Panel, Part, Role, Section, Series, Severity, Table};
-use kalmems_store::{Output, RUN_FILE, RunInfo};
+use kalmems_figures::{
+    Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
+    TextTable,
+};
+use kalmems_store::{Output, RUN_FILE, RunInfo, RunTiming};
 use serde::Serialize;
 use std::io::{self, Write};
-use std::time::UNIX_EPOCH;
 
 /// What was found, as `calibration.json` has it.
 #[derive(Clone, Debug, Serialize)]
@@ -18,9 +22,9 @@ pub struct CalibrationSummary<'a> {
     /// The calibration's name.
     pub name: String,
     /// Each condition with each reference.
-    pub results: &'a [Calibrated],
+    pub results: &'a [CalibratedGyroscope],
     /// Changes between conditions.
-    pub changes: &'a [Change],
+    pub changes: &'a [ScaleFactorChange],
     /// Whether references of one condition agree.
     pub comparisons: &'a [ReferenceComparison],
     /// The record at rest, axis by axis.
@@ -34,7 +38,7 @@ pub struct CalibrationSummary<'a> {
 pub struct RestSummary<'a> {
     /// Bias and noise.
     #[serde(flatten)]
-    pub rest: &'a Rest,
+    pub rest: &'a AxisAtRest,
     /// Averaging time in s, Allan's deviation in rad/s, its interval of 95 %, the degrees of freedom, and the power of
     /// the frequency in the noise.
     pub allan: Vec<(f64, f64, [f64; 2], f64, i32)>,
@@ -88,7 +92,7 @@ impl<'a> CalibrationSummary<'a> {
         if !self.changes.is_empty() {
             text += &format!("\n{}", changes(self.changes).to_text());
         }
-        let rests: Vec<&Rest> = self.rest.iter().map(|rest| rest.rest).collect();
+        let rests: Vec<&AxisAtRest> = self.rest.iter().map(|rest| rest.rest).collect();
         if !rests.is_empty() {
             text += &format!("\n{}", at_rest(&rests).to_text());
         }
@@ -100,23 +104,23 @@ impl<'a> CalibrationSummary<'a> {
 }
 
 /// A line for each condition and reference.
-pub(super) fn scale_factors(results: &[Calibrated]) -> Table {
+pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
     let columns = [
-        Column::text("condition"),
-        Column::text("reference"),
-        Column::text("axis"),
-        Column::number("scale factor", ""),
-        Column::number("± 95 %", "ppm"),
-        Column::number("by the records alone", "ppm"),
-        Column::number("to the first reference", "ppm"),
-        Column::number("crest to trough", ""),
-        Column::number("with intercept", ""),
-        Column::number("bias", "rad/s"),
-        Column::number("±", "rad/s"),
+        ColumnHead::text("condition"),
+        ColumnHead::text("reference"),
+        ColumnHead::text("axis"),
+        ColumnHead::number("scale factor", ""),
+        ColumnHead::number("± 95 %", "ppm"),
+        ColumnHead::number("by the records alone", "ppm"),
+        ColumnHead::number("to the first reference", "ppm"),
+        ColumnHead::number("crest to trough", ""),
+        ColumnHead::number("with intercept", ""),
+        ColumnHead::number("bias", "rad/s"),
+        ColumnHead::number("±", "rad/s"),
     ];
-    let mut table = Table::new("Scale factors, gyroscope by reference", columns);
+    let mut table = TextTable::new("Scale factors, gyroscope by reference", columns);
     for result in results {
-        let Estimate { value, expanded_by_records, interval, .. } = result.scale_factor;
+        let UncertainEstimate { value, expanded_by_records, interval, .. } = result.scale_factor;
         let first = results.iter().find(|r| r.condition == result.condition && r.main == result.main);
         let first = first.map_or(value, |first| first.scale_factor.value);
         let peaks = result.peak_to_peak;
@@ -140,17 +144,17 @@ pub(super) fn scale_factors(results: &[Calibrated]) -> Table {
 }
 
 /// What an uncertainty is made of.
-pub(super) fn budget(result: &Calibrated) -> Table {
+pub(super) fn budget(result: &CalibratedGyroscope) -> TextTable {
     let columns = [
-        Column::text("source"),
-        Column::text("type"),
-        Column::text("distribution"),
-        Column::text("degrees of freedom"),
-        Column::number("standard uncertainty", "ppm"),
-        Column::text("known from"),
+        ColumnHead::text("source"),
+        ColumnHead::text("type"),
+        ColumnHead::text("distribution"),
+        ColumnHead::text("degrees of freedom"),
+        ColumnHead::number("standard uncertainty", "ppm"),
+        ColumnHead::text("known from"),
     ];
     let caption = format!("Uncertainty of the scale factor: {}, {}", result.condition, result.reference);
-    let mut table = Table::new(caption, columns);
+    let mut table = TextTable::new(caption, columns);
     for part in &result.budget {
         let ppm = part.ppm.map_or_else(|| "?".to_owned(), |ppm| format!("{ppm:.2}"));
         let [kind, distribution, freedom, source] = part.input.as_ref().map_or_else(
@@ -209,22 +213,22 @@ fn freedom(number: f64) -> String {
 }
 
 /// The intervals by trials beside the expanded uncertainties.
-fn trials(result: &Calibrated) -> Option<Table> {
+fn trials(result: &CalibratedGyroscope) -> Option<TextTable> {
     let check = result.cross_check.as_ref()?;
     let columns = [
-        Column::text("entry"),
-        Column::number("trials", ""),
-        Column::number("mean", ""),
-        Column::number("standard deviation", ""),
-        Column::number("95 % from", ""),
-        Column::number("to", ""),
-        Column::number("lower end, expanded less trials", ""),
-        Column::number("upper end", ""),
-        Column::number("tolerance", ""),
-        Column::text("agrees"),
+        ColumnHead::text("entry"),
+        ColumnHead::number("trials", ""),
+        ColumnHead::number("mean", ""),
+        ColumnHead::number("standard deviation", ""),
+        ColumnHead::number("95 % from", ""),
+        ColumnHead::number("to", ""),
+        ColumnHead::number("lower end, expanded less trials", ""),
+        ColumnHead::number("upper end", ""),
+        ColumnHead::number("tolerance", ""),
+        ColumnHead::text("agrees"),
     ];
     let caption = format!("By trials (JCGM 101): {}, {}", result.condition, result.reference);
-    let mut table = Table::new(caption, columns);
+    let mut table = TextTable::new(caption, columns);
     let axis = AXES[result.main];
     let own = (format!("k_{axis}{axis}"), &check.scale_factor);
     let others = check.entries.iter().map(|(name, comparison)| (name.clone(), comparison));
@@ -247,17 +251,17 @@ fn trials(result: &Calibrated) -> Option<Table> {
 }
 
 /// Pairs of references.
-pub(super) fn comparisons(comparisons: &[ReferenceComparison]) -> Table {
+pub(super) fn comparisons(comparisons: &[ReferenceComparison]) -> TextTable {
     let columns = [
-        Column::text("condition"),
-        Column::text("axis"),
-        Column::text("references"),
-        Column::number("difference", "ppm"),
-        Column::number("its standard uncertainty", "ppm"),
-        Column::number("normalised error", ""),
-        Column::text("verdict"),
+        ColumnHead::text("condition"),
+        ColumnHead::text("axis"),
+        ColumnHead::text("references"),
+        ColumnHead::number("difference", "ppm"),
+        ColumnHead::number("its standard uncertainty", "ppm"),
+        ColumnHead::number("normalised error", ""),
+        ColumnHead::text("verdict"),
     ];
-    let mut table = Table::new("Whether the references agree", columns);
+    let mut table = TextTable::new("Whether the references agree", columns);
     for found in comparisons {
         let [first, second] = &found.references;
         table.push([
@@ -274,20 +278,20 @@ pub(super) fn comparisons(comparisons: &[ReferenceComparison]) -> Table {
 }
 
 /// K, where there is more than one entry.
-pub(super) fn matrix(result: &Calibrated) -> Option<Table> {
+pub(super) fn matrix(result: &CalibratedGyroscope) -> Option<TextTable> {
     let known = result.matrix.iter().flatten().flatten().count();
     if known < 2 {
         return None;
     }
     let columns = [
-        Column::text("entry"),
-        Column::number("value", ""),
-        Column::number("± 95 %", ""),
-        Column::number("95 % interval from", ""),
-        Column::number("to", ""),
+        ColumnHead::text("entry"),
+        ColumnHead::number("value", ""),
+        ColumnHead::number("± 95 %", ""),
+        ColumnHead::number("95 % interval from", ""),
+        ColumnHead::number("to", ""),
     ];
     let caption = format!("K, row: gyroscope, column: rotation: {}, {}", result.condition, result.reference);
-    let mut table = Table::new(caption, columns);
+    let mut table = TextTable::new(caption, columns);
     for (i, row) in result.matrix.iter().enumerate() {
         for (j, entry) in row.iter().enumerate() {
             let Some(entry) = entry else { continue };
@@ -304,13 +308,13 @@ pub(super) fn matrix(result: &Calibrated) -> Option<Table> {
     Some(table)
 }
 
-fn in_mrad(angle: &Estimate) -> String {
+fn in_mrad(angle: &UncertainEstimate) -> String {
     let half = 0.5 * (angle.interval[1] - angle.interval[0]);
     format!("{:.4} ± {:.4} mrad", 1e3 * angle.value, 1e3 * half)
 }
 
 /// What else there is, in sentences.
-fn geometry(result: &Calibrated) -> Vec<String> {
+fn geometry(result: &CalibratedGyroscope) -> Vec<String> {
     let mut lines = Vec::new();
     if result.matrix.iter().flatten().flatten().count() > 1 {
         let parts = result
@@ -320,7 +324,7 @@ fn geometry(result: &Calibrated) -> Vec<String> {
         lines.push(format!("singular values of the rotation: {}", parts.collect::<Vec<_>>().join("; ")));
     }
     if let Some([_, angles, mounting]) = &result.alignment {
-        let named = |names: [&str; 3], of: &[Estimate; 3]| {
+        let named = |names: [&str; 3], of: &[UncertainEstimate; 3]| {
             let parts = names.iter().zip(of).map(|(name, angle)| format!("{name} {}", in_mrad(angle)));
             parts.collect::<Vec<_>>().join(", ")
         };
@@ -351,16 +355,16 @@ fn geometry(result: &Calibrated) -> Vec<String> {
     lines
 }
 
-fn changes(changes: &[Change]) -> Table {
+fn changes(changes: &[ScaleFactorChange]) -> TextTable {
     let columns = [
-        Column::text("reference"),
-        Column::text("from"),
-        Column::text("to"),
-        Column::number("change", "ppm"),
-        Column::number("standard uncertainty", "ppm"),
-        Column::number("per kelvin", "ppm/K"),
+        ColumnHead::text("reference"),
+        ColumnHead::text("from"),
+        ColumnHead::text("to"),
+        ColumnHead::number("change", "ppm"),
+        ColumnHead::number("standard uncertainty", "ppm"),
+        ColumnHead::number("per kelvin", "ppm/K"),
     ];
-    let mut table = Table::new("How the scale factor changes", columns);
+    let mut table = TextTable::new("How the scale factor changes", columns);
     for change in changes {
         table.push([
             change.reference.clone(),
@@ -374,17 +378,17 @@ fn changes(changes: &[Change]) -> Table {
     table
 }
 
-pub(super) fn at_rest(rests: &[&Rest]) -> Table {
+pub(super) fn at_rest(rests: &[&AxisAtRest]) -> TextTable {
     let columns = [
-        Column::text("axis"),
-        Column::number("static bias", "mrad/s"),
-        Column::number("± 95 %", "mrad/s"),
-        Column::number("rms noise", "mrad/s"),
-        Column::number("angle random walk", "deg/√h"),
-        Column::number("bias instability", "deg/h"),
-        Column::number("at", "s"),
+        ColumnHead::text("axis"),
+        ColumnHead::number("static bias", "mrad/s"),
+        ColumnHead::number("± 95 %", "mrad/s"),
+        ColumnHead::number("rms noise", "mrad/s"),
+        ColumnHead::number("angle random walk", "deg/√h"),
+        ColumnHead::number("bias instability", "deg/h"),
+        ColumnHead::number("at", "s"),
     ];
-    let mut table = Table::new("At rest", columns);
+    let mut table = TextTable::new("At rest", columns);
     for rest in rests {
         let half = 0.5 * (rest.bias_interval[1] - rest.bias_interval[0]);
         let bound = if rest.floor_is_seen { "" } else { "< " };
@@ -415,7 +419,7 @@ pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
 }
 
 /// The scale factor of each record.
-fn of_records(result: &Calibrated) -> Figure {
+fn of_records(result: &CalibratedGyroscope) -> Figure {
     let value = result.scale_factor.value;
     let ppm = |k: f64| 1e6 * (k / value - 1.0);
     let end = |sign: f64| {
@@ -429,13 +433,13 @@ fn of_records(result: &Calibrated) -> Figure {
     let both: Vec<((f64, f64), (f64, f64))> = end(-1.0).zip(end(1.0)).collect();
     for (k, (low, high)) in both.into_iter().enumerate() {
         let label = if k == 0 { "95 % by its noise" } else { "" };
-        records = records.with(Series::line(label, Role::Measured, [low, high]));
+        records = records.with(Series::line(label, SeriesRole::Measured, [low, high]));
     }
     let points: Vec<(f64, f64)> = result.records.iter().map(|r| (r.reference, ppm(r.scale_factor))).collect();
     records = records
-        .with(Series::points("each record", Role::Estimate, points))
-        .with(Series::level("95 % of the fit, by the records alone", Role::Bound, half))
-        .with(Series::level("", Role::Bound, -half));
+        .with(Series::points("each record", SeriesRole::Estimate, points))
+        .with(Series::level("95 % of the fit, by the records alone", SeriesRole::Bound, half))
+        .with(Series::level("", SeriesRole::Bound, -half));
     Figure::new(
         format!("records-{}-{}", result.condition, result.reference),
         format!("Condition {}, reference {}", result.condition, result.reference),
@@ -446,7 +450,7 @@ fn of_records(result: &Calibrated) -> Figure {
 }
 
 /// What each input adds to the uncertainty of a scale factor, and all together.
-fn of_budget(result: &Calibrated) -> Figure {
+fn of_budget(result: &CalibratedGyroscope) -> Figure {
     let mut parts: Vec<(&str, f64)> =
         result.budget.iter().filter_map(|part| Some((part.source.as_str(), part.ppm?))).collect();
     let all = 1e6 * result.scale_factor.uncertainty / result.scale_factor.value.abs();
@@ -457,7 +461,7 @@ fn of_budget(result: &Calibrated) -> Figure {
         Panel::new(Axis::new("standard uncertainty", "ppm"), Axis::new("row of the legend, from above", ""));
     for (place, (name, ppm)) in rows.enumerate() {
         let y = -(place as f64) - 1.0;
-        let role = if place == 0 { Role::Estimate } else { Role::Other };
+        let role = if place == 0 { SeriesRole::Estimate } else { SeriesRole::Other };
         panel = panel.with(Series::line(format!("{} {ppm:.1} ppm", short(name)), role, [(0.0, y), (ppm, y)]));
     }
     Figure::new(
@@ -470,7 +474,7 @@ fn of_budget(result: &Calibrated) -> Figure {
 }
 
 /// Allan's deviation of each axis.
-fn of_rest(rests: &[Rest]) -> Figure {
+fn of_rest(rests: &[AxisAtRest]) -> Figure {
     let figure = Figure::new(
         "allan",
         "At rest",
@@ -486,20 +490,23 @@ fn of_rest(rests: &[Rest]) -> Figure {
         )
         .with(Series::band(
             "95 %",
-            Role::Estimate,
+            SeriesRole::Estimate,
             known()
                 .map(|d| (d.averaged.time_s, per_hour(d.interval[0]), per_hour(d.interval[1])))
                 .collect::<Vec<_>>(),
         ))
         .with(Series::line(
             "Allan's deviation",
-            Role::Estimate,
+            SeriesRole::Estimate,
             known().map(|d| (d.averaged.time_s, per_hour(d.averaged.deviation))).collect::<Vec<_>>(),
         ));
         if let Some(walk) = rest.angle_random_walk {
             let line = known().map(|d| (d.averaged.time_s, per_hour(walk / d.averaged.time_s.sqrt())));
-            panel =
-                panel.with(Series::line("angle random walk alone", Role::Bound, line.collect::<Vec<_>>()));
+            panel = panel.with(Series::line(
+                "angle random walk alone",
+                SeriesRole::Bound,
+                line.collect::<Vec<_>>(),
+            ));
         }
         figure.with(panel)
     })
@@ -536,14 +543,11 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
         figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
     }
     output.write(RUN_FILE, |w| {
-        let run = Run {
+        let run = CalibrationRecord {
             version: env!("CARGO_PKG_VERSION"),
             command: "calibrate gyro",
             input_id,
-            timing: Timing {
-                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-                took_s: info.took.as_secs_f64(),
-            },
+            timing: info.timing(),
             input: &found.sources,
             calibration: toml::Value::try_from(&found.file).map_err(io::Error::other)?,
         };
@@ -552,7 +556,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
     Ok(())
 }
 
-fn entries(results: &[Calibrated], w: &mut dyn Write) -> io::Result<()> {
+fn entries(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()> {
     writeln!(w, "condition,reference,quantity,unit,value,by_records,uncertainty,low,high")?;
     for result in results {
         let names = (0..9).map(|k| format!("k_{}{}", AXES[k / 3], AXES[k % 3]));
@@ -560,7 +564,8 @@ fn entries(results: &[Calibrated], w: &mut dyn Write) -> io::Result<()> {
         let biases =
             AXES.iter().zip(&result.bias).map(|(axis, bias)| (format!("bias_{axis}"), "rad/s", bias));
         for (name, unit, entry) in entries.chain(biases) {
-            let Some(Estimate { value, by_records, uncertainty, interval: [low, high], .. }) = entry else {
+            let Some(UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. }) = entry
+            else {
                 continue;
             };
             writeln!(
@@ -573,7 +578,7 @@ fn entries(results: &[Calibrated], w: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-fn records(results: &[Calibrated], w: &mut dyn Write) -> io::Result<()> {
+fn records(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()> {
     let mut table = csv::Writer::from_writer(w);
     table.write_record([
         "condition",
@@ -599,7 +604,7 @@ fn records(results: &[Calibrated], w: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-fn allan(rests: &[Rest], w: &mut dyn Write) -> io::Result<()> {
+fn allan(rests: &[AxisAtRest], w: &mut dyn Write) -> io::Result<()> {
     writeln!(w, "axis,time_s,deviation_rad_per_s,low_rad_per_s,high_rad_per_s,freedom_1,exponent_1")?;
     for rest in rests {
         for d in &rest.deviations {
@@ -618,12 +623,12 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     let subtitle = found.file.description.clone().unwrap_or_default();
     let mut page = Page::new(found.file.name.to_string(), subtitle);
     if !found.results.is_empty() {
-        let mut section = Section::new("Verdict").part(Part::Verdict);
+        let mut section = PageSection::new("Verdict").part(PagePart::Verdict);
         for result in &found.results {
             for warning in &result.warnings {
                 let link = link("applications");
                 let text = format!("{}, {}: {warning}{link}", result.condition, result.reference);
-                section = section.notice(Severity::Warning, text);
+                section = section.notice(NoticeSeverity::Warning, text);
             }
         }
         section = section.table(scale_factors(&found.results)).paragraph(
@@ -641,8 +646,8 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     }
     for result in &found.results {
         let mut section =
-            Section::new(format!("Condition {}, reference {}", result.condition, result.reference))
-                .part(Part::Evidence);
+            PageSection::new(format!("Condition {}, reference {}", result.condition, result.reference))
+                .part(PagePart::Evidence);
         section = section.table(budget(result));
         for table in [matrix(result), trials(result)].into_iter().flatten() {
             section = section.table(table);
@@ -651,7 +656,7 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
             section = section.paragraph(line);
         }
         for line in &result.not_observed {
-            section = section.notice(Severity::Note, format!("Not observed: {line}"));
+            section = section.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
         }
         let ids =
             ["budget", "records"].map(|kind| format!("{kind}-{}-{}", result.condition, result.reference));
@@ -661,21 +666,24 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
         page = page.with(section);
     }
     if !found.rest.is_empty() {
-        let rests: Vec<&Rest> = found.rest.iter().collect();
-        let mut section = Section::new("At rest").table(at_rest(&rests));
+        let rests: Vec<&AxisAtRest> = found.rest.iter().collect();
+        let mut section = PageSection::new("At rest").table(at_rest(&rests));
         for figure in figures.iter().filter(|figure| figure.id == "allan") {
             section = section.figure(figure.clone());
         }
         page = page.with(section);
     }
     for finding in &found.findings {
-        page =
-            page.with(Section::new("In the files").part(Part::Made).notice(Severity::Note, finding.clone()));
+        page = page.with(
+            PageSection::new("In the files")
+                .part(PagePart::Made)
+                .notice(NoticeSeverity::Note, finding.clone()),
+        );
     }
     let file = toml::Value::try_from(&found.file).and_then(|file| toml::to_string(&file));
     let file = file.unwrap_or_else(|e| format!("cannot be written: {e}"));
     let beside = "The numbers are in `calibration.json`; dates and durations are in `run.toml`.";
-    let made = Section::made("calibrate gyro", env!("CARGO_PKG_VERSION"), beside);
+    let made = PageSection::made("calibrate gyro", env!("CARGO_PKG_VERSION"), beside);
     page.with(made.preformatted("The calibration file as it was understood", file))
 }
 
@@ -687,17 +695,11 @@ fn input_id(found: &Calibration) -> String {
 }
 
 #[derive(Serialize)]
-struct Run<'a> {
+struct CalibrationRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    timing: Timing,
-    input: &'a [Source],
+    timing: RunTiming,
+    input: &'a [RecordingSource],
     calibration: toml::Value,
-}
-
-#[derive(Serialize)]
-struct Timing {
-    started_unix_s: u64,
-    took_s: f64,
 }

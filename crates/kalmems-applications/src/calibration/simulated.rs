@@ -1,6 +1,6 @@
 //! Calibration records that are computed.
 
-use super::tone::Signals;
+use super::tone::AxisSignals;
 use crate::simulate::WhiteNoise;
 use kalmems_core::Portable;
 use kalmems_models::inertial::{SampleClock, SpecificForce, Triad};
@@ -19,7 +19,7 @@ pub struct Vibration {
 
 /// An instrument of three axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Instrument {
+pub struct SimulatedInstrument {
     /// Its axes.
     pub triad: Triad<f64>,
     /// The standard deviation of one sample's white noise, in its unit.
@@ -38,10 +38,10 @@ pub struct SimulatedUnit {
     /// When it samples.
     pub clock: SampleClock<f64>,
     /// The gyroscopes.
-    pub gyroscopes: Instrument,
+    pub gyroscopes: SimulatedInstrument,
     /// The accelerometers, if there are any, where they are from the centre of rotation, and gravity in m/s² along the
     /// resting axes.
-    pub accelerometers: Option<(Instrument, SpecificForce<f64>, [f64; 3])>,
+    pub accelerometers: Option<(SimulatedInstrument, SpecificForce<f64>, [f64; 3])>,
 }
 
 impl Vibration {
@@ -72,8 +72,9 @@ impl Vibration {
         wanted: [bool; 3],
         noise: f64,
         source: &mut WhiteNoise,
-    ) -> Signals {
-        let mut signals = Signals { time_s: Vec::new(), axes: wanted.map(|wanted| wanted.then(Vec::new)) };
+    ) -> AxisSignals {
+        let mut signals =
+            AxisSignals { time_s: Vec::new(), axes: wanted.map(|wanted| wanted.then(Vec::new)) };
         for t in times {
             signals.time_s.push(t);
             for (values, rate) in signals.axes.iter_mut().zip(self.rate(t)[0]) {
@@ -86,7 +87,7 @@ impl Vibration {
     }
 }
 
-impl Instrument {
+impl SimulatedInstrument {
     /// An ideal one.
     pub const IDEAL: Self = Self {
         triad: Triad { x: [1.0, 0.0, 0.0], y: [0.0, 1.0, 0.0], z: [0.0, 0.0, 1.0], bias: [0.0; 3] },
@@ -116,9 +117,11 @@ impl Instrument {
 
 impl SimulatedUnit {
     /// What it records of a vibration: rates and forces, on its own nominal time.
-    pub fn record(&self, vibration: &Vibration, samples: u32, source: &mut WhiteNoise) -> [Signals; 2] {
-        let empty =
-            |there: bool| Signals { time_s: Vec::new(), axes: std::array::from_fn(|_| there.then(Vec::new)) };
+    pub fn record(&self, vibration: &Vibration, samples: u32, source: &mut WhiteNoise) -> [AxisSignals; 2] {
+        let empty = |there: bool| AxisSignals {
+            time_s: Vec::new(),
+            axes: std::array::from_fn(|_| there.then(Vec::new)),
+        };
         let [mut rates, mut forces] = [empty(true), empty(self.accelerometers.is_some())];
         let interval_s = self.clock.true_rate().recip();
         let [mut of_rate, mut of_force] = [[0.0; 3]; 2];
@@ -147,7 +150,7 @@ fn turned(v: [f64; 3], tilt: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-fn push(signals: &mut Signals, time_s: f64, values: [f64; 3]) {
+fn push(signals: &mut AxisSignals, time_s: f64, values: [f64; 3]) {
     signals.time_s.push(time_s);
     for (column, value) in signals.axes.iter_mut().zip(values) {
         if let Some(column) = column {

@@ -13,7 +13,7 @@ const WINDOW: usize = 64;
 
 /// The rows of a record between its gaps.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Stretches {
+pub(super) struct RecordStretches {
     /// Rows without a gap, in their order.
     pub(super) rows: Vec<Range<usize>>,
     /// From one sample to the next in s.
@@ -29,7 +29,7 @@ pub(super) struct Stretches {
 /// Times that a host has given come late by what their way took: in bursts, where several samples travelled together. The
 /// interval is therefore the median over long windows of their mean intervals, not the median interval, and a gap is a step that
 /// the earliest of the times around it take alike. `None` of fewer than two rows.
-pub(super) fn stretches(time_s: &[f64]) -> Option<Stretches> {
+pub(super) fn stretches(time_s: &[f64]) -> Option<RecordStretches> {
     let last = time_s.len().checked_sub(1).filter(|last| *last > 0)?;
     let mean = (time_s[last] - time_s[0]) / last as f64;
     let steps = || time_s.windows(2).map(|pair| pair[1] - pair[0]);
@@ -50,7 +50,7 @@ pub(super) fn stretches(time_s: &[f64]) -> Option<Stretches> {
     let starts = std::iter::once(0).chain(breaks.iter().copied());
     let rows: Vec<Range<usize>> = starts.zip(ends).map(|(start, end)| start..end).collect();
     let gaps = breaks.iter().map(|row| [time_s[*row] - time_s[row - 1] - usual, time_s[row - 1]]);
-    Some(Stretches {
+    Some(RecordStretches {
         interval_s: slope(time_s, &rows).unwrap_or(usual),
         rows,
         burst,

@@ -21,7 +21,7 @@ const LARGEST_LOSS: f64 = 1e-4;
 
 /// Simultaneous samples of up to three axes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Signals {
+pub struct AxisSignals {
     /// When they were taken, on the instrument's own clock, in s.
     pub time_s: Vec<f64>,
     /// The values of x, y and z; NaN where there is none.
@@ -30,7 +30,7 @@ pub struct Signals {
 
 /// A vibration at one frequency: y(t) = offset + Re(phasor·e^{jω(t − t_m)}) for each axis, t_m the middle of the record.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tone {
+pub struct VibrationTone {
     /// The frequency on the instrument's own clock in Hz.
     pub frequency_hz: f64,
     /// Its standard deviation.
@@ -119,7 +119,7 @@ pub enum ToneError {
 /// The names of the axes.
 pub const AXES: [&str; 3] = ["x", "y", "z"];
 
-impl Signals {
+impl AxisSignals {
     /// The sine that all axes share: its frequency from the axis that moves most, by a fit with four parameters, and at
     /// that frequency amplitude, phase and offset of each, beside the second and third harmonic where sampling keeps
     /// them apart.
@@ -127,7 +127,7 @@ impl Signals {
     /// Noise is that of the residuals where these are white; otherwise it is their spectrum beside the line. Values as
     /// large as `full_scale` are clipped; without it, a value that repeats at the extremes far more often than a sine's
     /// crest would.
-    pub fn tone(&self, full_scale: Option<f64>) -> Result<Tone, ToneError> {
+    pub fn tone(&self, full_scale: Option<f64>) -> Result<VibrationTone, ToneError> {
         let count = self.time_s.len();
         let present = || (0..3).filter_map(|axis| Some((axis, self.axes[axis].as_ref()?)));
         let spread = |values: &[f64]| {
@@ -171,7 +171,14 @@ impl Signals {
         // Rife and Boorstyn's bound, IEEE Transactions on Information Theory 20, 591, 1974: 12/T² times the phase's variance.
         let frequency_deviation_hz =
             3.0_f64.sqrt() * found.deviation / (std::f64::consts::PI * span * amplitude);
-        Ok(Tone { frequency_hz: sine.frequency_hz, frequency_deviation_hz, periods, main, axes, wander_loss })
+        Ok(VibrationTone {
+            frequency_hz: sine.frequency_hz,
+            frequency_deviation_hz,
+            periods,
+            main,
+            axes,
+            wander_loss,
+        })
     }
 
     /// What each axis shows at a frequency that is known from elsewhere; none where it cannot be told.

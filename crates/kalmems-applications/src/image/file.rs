@@ -6,8 +6,8 @@ use crate::config::Positive;
 use crate::config::Quantity;
 use crate::config::Source;
 use crate::config::kinds::Angle;
-use crate::config::{Clock, ColumnChoice, ConfigError, Fault, Key, Name, read_source, schema_of};
-use crate::recording::Layout;
+use crate::config::{Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name, read_source, schema_of};
+use crate::recording::RecordingLayout;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -126,7 +126,7 @@ impl Image {
     }
 
     fn check(&self) -> Result<(), ConfigError> {
-        let refuse = |key: Key, why: String| Err(self.error(key, Fault::Value { why }));
+        let refuse = |key: Key, why: String| Err(self.error(key, ConfigFault::Value { why }));
         for (name, axis) in self.axes() {
             let key = |child| Key::from(name).child(child);
             if !PIXELS.contains(&axis.pixels) {
@@ -191,14 +191,14 @@ impl Image {
     }
 
     /// An error at a key, with its line.
-    pub fn error(&self, key: impl Into<Key>, fault: Fault) -> ConfigError {
+    pub fn error(&self, key: impl Into<Key>, fault: ConfigFault) -> ConfigError {
         self.source.error_at(key.into(), fault)
     }
 }
 
 impl Intensity {
     /// How to read its file.
-    pub fn layout(&self) -> Layout {
+    pub fn layout(&self) -> RecordingLayout {
         self.in_file().layout(None)
     }
 
@@ -210,7 +210,7 @@ impl Intensity {
 
 impl ImageAxis {
     /// How to read its file.
-    pub fn layout(&self) -> Layout {
+    pub fn layout(&self) -> RecordingLayout {
         self.in_file().layout(None)
     }
 

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 /// One axis: x(t) = ½ + ½·a·sin(2π·f·t + φ).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Oscillation {
+pub struct AxisOscillation {
     /// f in Hz.
     pub frequency_hz: f64,
     /// a, as a part of half the field of view: 1 sweeps all of it.
@@ -14,7 +14,7 @@ pub struct Oscillation {
     pub phase_rad: f64,
 }
 
-impl Oscillation {
+impl AxisOscillation {
     /// The position at a time in s; the field of view is 0 to 1.
     pub fn position(&self, time_s: f64) -> f64 {
         // Whole cycles are taken off first: they would cost digits.
@@ -34,9 +34,9 @@ impl Oscillation {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lissajous {
     /// To the right.
-    pub x: Oscillation,
+    pub x: AxisOscillation,
     /// Downwards.
-    pub y: Oscillation,
+    pub y: AxisOscillation,
     /// Samples per second.
     pub rate_hz: f64,
 }
@@ -56,7 +56,7 @@ impl Lissajous {
     /// The phases are those of the paper's calibration, 380.143° and 370.116°. How the axes' phases lie to each other
     /// decides how evenly the figure covers the field.
     pub fn published(rate_hz: f64) -> Self {
-        let axis = |frequency_hz, phase_deg: f64| Oscillation {
+        let axis = |frequency_hz, phase_deg: f64| AxisOscillation {
             frequency_hz,
             amplitude: 1.0,
             phase_rad: phase_deg.to_radians(),

@@ -8,12 +8,12 @@
 //! from 0 to 1 calls for (it is printed as 1).
 //!
 //! ```
-//! use kalmems_applications::image::{Lissajous, PhaseAccuracy, Raster, Scene};
+//! use kalmems_applications::image::{Lissajous, PhaseAccuracy, Raster, TissueScene};
 //! // 300 pixels, one pixel of shift at most.
 //! let target = PhaseAccuracy::of(300, 1);
 //! assert!((target.one_pass_rad.to_degrees() - 0.38).abs() < 0.005);
 //!
-//! let scene = Scene::mucosa(1);
+//! let scene = TissueScene::mucosa(1);
 //! let mut raster = Raster::new([100, 100]);
 //! for spot in Lissajous::published(2e6).frame(20e-3) {
 //!     raster.add(spot.position, scene.intensity(spot.position));
@@ -39,14 +39,16 @@ mod track;
 pub use accuracy::{PhaseAccuracy, ShiftHistogram, pixel_index};
 pub use file::{Fill, Image, ImageAxis, Intensity};
 pub use grey_png::{PictureError, preview, read_grey, write_grey};
-pub use lissajous::{Lissajous, Oscillation, Spot};
+pub use lissajous::{AxisOscillation, Lissajous, Spot};
 pub use merit::{edge_width, psnr_db, structural_similarity};
 pub use picture::Picture;
 pub use raster::{Passes, Raster};
 pub use reconstruct::{AxisOutcome, ImageError, ImageOutcome, reconstruct};
-pub use results::{AxisMetrics, Developed, ImageMetrics, ReferenceMetrics, image_page, write_image};
-pub use scan::{Counts, Scan, ScanAxis};
-pub use scene::Scene;
-pub use search::{FoundPhase, SearchError, search_phases};
+pub use results::{
+    DevelopedImage, ImageAxisMetrics, ImageMetrics, ReferenceMetrics, image_page, write_image,
+};
+pub use scan::{ImageScan, ScanAxis, ScanSampleCounts};
+pub use scene::TissueScene;
+pub use search::{FoundPhase, PhaseSearchError, search_phases};
 pub use sharpness::Sharpness;
-pub use track::{Placed, Track, TrackError, Walk};
+pub use track::{AxisTrack, TrackAngle, TrackError, TrackWalk};

@@ -1,15 +1,15 @@
 //! From an image file to an image.
 
 use super::raster::Passes;
-use super::scan::{Counts, Scan, ScanAxis};
-use super::search::{FoundPhase, SearchError, search_phases};
+use super::scan::{ImageScan, ScanAxis, ScanSampleCounts};
+use super::search::{FoundPhase, PhaseSearchError, search_phases};
 use super::sharpness::Sharpness;
-use super::track::{Track, TrackError};
-use crate::config::{ConfigError, Fault, Key, Quantity};
+use super::track::{AxisTrack, TrackError};
+use crate::config::{ConfigError, ConfigFault, Key, Quantity};
 use crate::image::file::Image;
 use crate::named_files::{NamedFileError, NamedFiles};
 use crate::progress::Progress;
-use crate::recording::{Finding, Instant, Layout, Purpose, ReadError, Source};
+use crate::recording::{Finding, Instant, Purpose, ReadError, RecordingLayout, RecordingSource};
 use crate::units::{Kind, kind};
 use std::path::Path;
 
@@ -23,11 +23,11 @@ pub struct ImageOutcome {
     /// The samples apart by the direction of y, where there is one.
     pub passes_of_y: Option<Passes>,
     /// What became of the samples.
-    pub counts: Counts,
+    pub counts: ScanSampleCounts,
     /// x, and y where there is one.
     pub axes: Vec<AxisOutcome>,
     /// The files that were read: the intensities, then the trajectories.
-    pub sources: Vec<Source>,
+    pub sources: Vec<RecordingSource>,
     /// What was found in them that does not keep them from being used, with the file's name.
     pub findings: Vec<(String, Finding)>,
 }
@@ -74,27 +74,33 @@ pub enum ImageError {
     },
     /// No phase was found.
     #[error(transparent)]
-    Search(#[from] SearchError),
+    Search(#[from] PhaseSearchError),
     /// No sample lies in the field of view.
     #[error(
         "no sample could be put in a pixel: of {} samples {} lie before or after a trajectory, {} in its gaps, {} outside \
          of the field of view, and {} have no intensity; the times of all files must be on one clock",
         .0.samples, .0.beyond_trajectory, .0.in_gap, .0.outside_field, .0.without_intensity
     )]
-    Nothing(Counts),
+    Nothing(ScanSampleCounts),
 }
 
 impl ImageError {
     /// Whether it was stopped from outside.
     pub const fn is_interruption(&self) -> bool {
-        matches!(self, Self::Read(ReadError::Interrupted { .. }) | Self::Search(SearchError::Interrupted))
+        matches!(
+            self,
+            Self::Read(ReadError::Interrupted { .. }) | Self::Search(PhaseSearchError::Interrupted)
+        )
     }
 }
 
 /// Reads all files of an image, searches phases where that is wanted, and sorts the samples into pixels.
 pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcome, ImageError> {
-    let mut files =
-        Files { image, origin: None, named: NamedFiles::new("image file", Purpose::Evaluation, progress) };
+    let mut files = ScanFiles {
+        image,
+        origin: None,
+        named: NamedFiles::new("image file", Purpose::Evaluation, progress),
+    };
     let (file, column) = (&image.intensity.file, image.intensity.column.name());
     let place = || Key::from("intensity");
     let (time_s, intensity) = files.read(place(), file, &image.intensity.layout(), column, None)?;
@@ -103,7 +109,7 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
         let key = Key::from(name);
         let layout = axis.layout();
         let (time_s, angle) = files.read(key, &axis.file, &layout, axis.column.name(), Some(&kind::ANGLE))?;
-        let track = Track::new(time_s, angle).map_err(|fault| ImageError::Track {
+        let track = AxisTrack::new(time_s, angle).map_err(|fault| ImageError::Track {
             place: format!("{}, column `{}`", image.resolve(&axis.file).display(), axis.column),
             fault,
         })?;
@@ -112,8 +118,8 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
     }
     let NamedFiles { sources, findings, .. } = files.named;
     let mut axes = axes.into_iter();
-    let Some(x) = axes.next() else { return Err(ImageError::Nothing(Counts::default())) };
-    let scan = Scan { time_s, intensity, x, y: axes.next() };
+    let Some(x) = axes.next() else { return Err(ImageError::Nothing(ScanSampleCounts::default())) };
+    let scan = ImageScan { time_s, intensity, x, y: axes.next() };
 
     let of = |f: fn(&super::ImageAxis) -> Option<f64>| [Some(&image.x), image.y.as_ref()].map(|a| f(a?));
     let start = of(|axis| axis.phase.as_ref().map(Quantity::si)).map(|phase| phase.unwrap_or(0.0));
@@ -153,27 +159,29 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
     })
 }
 
-struct Files<'a> {
+struct ScanFiles<'a> {
     image: &'a Image,
     /// Where the times of all files count from: the first says it.
     origin: Option<Instant>,
     named: NamedFiles<'a>,
 }
 
-impl Files<'_> {
+impl ScanFiles<'_> {
     /// Times and values of one column.
     fn read(
         &mut self,
         key: Key,
         file: &Path,
-        layout: &Layout,
+        layout: &RecordingLayout,
         column: &str,
         kind: Option<&Kind>,
     ) -> Result<(Vec<f64>, Vec<f64>), ImageError> {
-        let layout = Layout { origin: self.origin, ..layout.clone() };
+        let layout = RecordingLayout { origin: self.origin, ..layout.clone() };
         let read = self.named.read(&self.image.resolve(file), &layout);
         let recording = read.map_err(|error| match error {
-            NamedFileError::Missing(why) => self.image.error(key.child("file"), Fault::Value { why }).into(),
+            NamedFileError::Missing(why) => {
+                self.image.error(key.child("file"), ConfigFault::Value { why }).into()
+            }
             NamedFileError::Read(error) => ImageError::Read(error),
         })?;
         self.origin = Some(recording.origin());

@@ -4,21 +4,22 @@ use super::PictureError;
 use super::grey_png::{preview, preview_of, write_counts, write_grey};
 use crate::WriteError;
 use crate::image::file::Fill;
-use crate::image::{Counts, ImageOutcome, PhaseAccuracy, Picture, psnr_db, structural_similarity};
-use crate::recording::Source;
+use crate::image::{ImageOutcome, PhaseAccuracy, Picture, ScanSampleCounts, psnr_db, structural_similarity};
+use crate::recording::RecordingSource;
 use kalmems_core::Portable;
 use kalmems_engines::inspect::quantity;
 use kalmems_engines::topics::{explained, link};
-use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table, significant};
-use kalmems_store::{Output, RUN_FILE, RunInfo};
+use kalmems_figures::{
+    ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
+};
+use kalmems_store::{Output, RUN_FILE, RunInfo, RunTiming};
 use serde::Serialize;
 use std::io;
 use std::path::Path;
-use std::time::UNIX_EPOCH;
 
 /// An image with its grey values.
 #[derive(Clone, Debug)]
-pub struct Developed {
+pub struct DevelopedImage {
     /// Black 0, white 1; NaN where there is no sample.
     pub picture: Picture,
     /// The same of the samples taken while x grows.
@@ -31,7 +32,7 @@ pub struct Developed {
     pub white: f64,
 }
 
-impl Developed {
+impl DevelopedImage {
     /// With black and white as the image file says, or else from the darkest to the brightest pixel.
     pub fn of(outcome: &ImageOutcome) -> Self {
         let mean = outcome.passes.together().picture();
@@ -53,7 +54,7 @@ pub struct ImageMetrics {
     /// Its name.
     pub name: String,
     /// What became of the samples.
-    pub samples: Counts,
+    pub samples: ScanSampleCounts,
     /// Pixels with at least one sample.
     pub filled_pixels: usize,
     /// Pixels without one.
@@ -71,7 +72,7 @@ pub struct ImageMetrics {
     /// The root mean square of the samples about the mean of their pixel, as a grey value.
     pub within_pixel_rms: Option<f64>,
     /// Axis by axis.
-    pub axes: Vec<AxisMetrics>,
+    pub axes: Vec<ImageAxisMetrics>,
     /// Against the picture that it should be, where one was given.
     pub reference: Option<ReferenceMetrics>,
     /// What was found in the files and does not keep them from being used.
@@ -80,7 +81,7 @@ pub struct ImageMetrics {
 
 /// What is said of an axis.
 #[derive(Clone, Debug, Serialize)]
-pub struct AxisMetrics {
+pub struct ImageAxisMetrics {
     /// `x` or `y`.
     pub name: &'static str,
     /// Pixels along it.
@@ -118,7 +119,7 @@ impl ImageMetrics {
     /// Of an image; `reference` is the picture that it should be, and its file.
     pub fn of(
         outcome: &ImageOutcome,
-        developed: &Developed,
+        developed: &DevelopedImage,
         reference: Option<(&Path, &Picture)>,
     ) -> Result<Self, PictureError> {
         let all = outcome.passes.together();
@@ -137,7 +138,7 @@ impl ImageMetrics {
         };
         let freedom = all.samples() as f64 - all.filled() as f64;
         let passes = [Some(&outcome.passes), outcome.passes_of_y.as_ref()];
-        let axes = outcome.axes.iter().zip(passes).map(|(axis, passes)| AxisMetrics {
+        let axes = outcome.axes.iter().zip(passes).map(|(axis, passes)| ImageAxisMetrics {
             name: axis.name,
             pixels: axis.pixels,
             frequency_hz: axis.frequency_hz,
@@ -170,7 +171,7 @@ impl ImageMetrics {
 
     /// For a reader.
     pub fn to_text(&self) -> String {
-        let Counts { samples, used, outside_field, in_gap, beyond_trajectory, without_intensity } =
+        let ScanSampleCounts { samples, used, outside_field, in_gap, beyond_trajectory, without_intensity } =
             self.samples;
         let mut text = format!(
             "{used} of {samples} samples used; outside of the field {outside_field}, in gaps of a trajectory {in_gap}, \
@@ -225,7 +226,7 @@ impl ImageMetrics {
     }
 }
 
-fn for_the_eye(outcome: &ImageOutcome, developed: &Developed) -> Option<(Picture, usize)> {
+fn for_the_eye(outcome: &ImageOutcome, developed: &DevelopedImage) -> Option<(Picture, usize)> {
     outcome.image.fill.map(|Fill::Neighbours| developed.picture.filled_from_neighbours())
 }
 
@@ -236,7 +237,7 @@ fn for_the_eye(outcome: &ImageOutcome, developed: &Developed) -> Option<(Picture
 /// `report.html`, `metrics.json` and `run.toml`.
 pub fn write_image(
     outcome: &ImageOutcome,
-    developed: &Developed,
+    developed: &DevelopedImage,
     metrics: &ImageMetrics,
     output: &Output,
     info: RunInfo,
@@ -262,14 +263,11 @@ pub fn write_image(
         writeln!(w)
     })?;
     output.write(RUN_FILE, |w| {
-        let run = Run {
+        let run = ImageRecord {
             version: env!("CARGO_PKG_VERSION"),
             command: "image",
             input_id,
-            timing: Timing {
-                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-                took_s: info.took.as_secs_f64(),
-            },
+            timing: info.timing(),
             input: &outcome.sources,
             image: toml::Value::try_from(&outcome.image).map_err(io::Error::other)?,
         };
@@ -281,11 +279,11 @@ pub fn write_image(
 /// The report of an image: the page's text, which needs nothing else.
 pub fn image_page(
     outcome: &ImageOutcome,
-    developed: &Developed,
+    developed: &DevelopedImage,
     metrics: &ImageMetrics,
 ) -> Result<String, ReportError> {
-    let mut verdict = Section::new("Verdict").part(Part::Verdict);
-    let Counts { samples, used, .. } = metrics.samples;
+    let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
+    let ScanSampleCounts { samples, used, .. } = metrics.samples;
     let text = format!(
         "{used} of {samples} samples are in the image; {:.2} % of its {} pixels have samples.",
         100.0 * metrics.coverage,
@@ -293,9 +291,9 @@ pub fn image_page(
     );
     // An image of which half is missing is none.
     verdict = if metrics.coverage < 0.5 {
-        verdict.notice(Severity::Warning, format!("{text}{}", link("applications")))
+        verdict.notice(NoticeSeverity::Warning, format!("{text}{}", link("applications")))
     } else {
-        verdict.notice(Severity::Ok, text)
+        verdict.notice(NoticeSeverity::Ok, text)
     };
     for axis in &metrics.axes {
         let (off, pixel) = (axis.phase_sd_deg.unwrap_or(0.0), axis.one_pixel_deg);
@@ -305,16 +303,16 @@ pub fn image_page(
         );
         if axis.phase_sd_deg.is_some() {
             verdict = if off > pixel {
-                verdict.notice(Severity::Warning, format!("{known}{}", link("applications")))
+                verdict.notice(NoticeSeverity::Warning, format!("{known}{}", link("applications")))
             } else {
-                verdict.notice(Severity::Ok, known)
+                verdict.notice(NoticeSeverity::Ok, known)
             };
         }
     }
     if metrics.beyond_grey > 0 {
         let text =
             format!("{} pixels are darker than black or brighter than white, and cut.", metrics.beyond_grey);
-        verdict = verdict.notice(Severity::Note, text);
+        verdict = verdict.notice(NoticeSeverity::Note, text);
     }
     let field: Vec<String> = (metrics.axes.iter())
         .map(|axis| {
@@ -331,12 +329,12 @@ pub fn image_page(
         significant(metrics.white)
     );
     let (picture, alt) = (preview(&developed.picture), "The image");
-    let answer = Section::new("Image");
+    let answer = PageSection::new("Image");
     let answer = match metrics.axes.iter().find(|axis| axis.name == "x").and_then(bar) {
         Some(bar) => answer.raster_with_bar(picture, alt, caption, bar),
         None => answer.raster(picture, alt, caption),
     };
-    let mut evidence = Section::new("What it rests on").part(Part::Evidence);
+    let mut evidence = PageSection::new("What it rests on").part(PagePart::Evidence);
     let all = outcome.passes.together();
     let white = white_of(all.counts());
     let counts: Vec<f64> = all.counts().iter().map(|count| f64::from(*count) / white).collect();
@@ -352,7 +350,7 @@ pub fn image_page(
         );
         evidence = evidence.raster(preview(picture), format!("The image while x {name}"), caption);
     }
-    let made = Section::made(
+    let made = PageSection::made(
         "image",
         env!("CARGO_PKG_VERSION"),
         "`image.png` and its passes have 16 bits; `counts.png` has the counts as they are; the numbers are in `metrics.json`.",
@@ -370,7 +368,7 @@ pub fn image_page(
 }
 
 /// A bar of 1, 2 or 5 times a power of ten of degrees, a fifth of the field or less.
-fn bar(axis: &AxisMetrics) -> Option<(f64, String)> {
+fn bar(axis: &ImageAxisMetrics) -> Option<(f64, String)> {
     let field = 2.0 * axis.half_field_deg;
     if !(field.is_finite() && field > 0.0) {
         return None;
@@ -391,17 +389,17 @@ fn white_of(counts: &[u32]) -> f64 {
 }
 
 /// What is said of the axes.
-fn axes_table(metrics: &ImageMetrics) -> Table {
+fn axes_table(metrics: &ImageMetrics) -> TextTable {
     let columns = [
-        Column::text("axis"),
-        Column::number("frequency", "Hz"),
-        Column::number("amplitude", "deg"),
-        Column::number("phase", "deg"),
-        Column::number("sd of the phase", "deg"),
-        Column::number("passes differ", "grey, rms"),
-        Column::number("interpolation within", "pixels"),
+        ColumnHead::text("axis"),
+        ColumnHead::number("frequency", "Hz"),
+        ColumnHead::number("amplitude", "deg"),
+        ColumnHead::number("phase", "deg"),
+        ColumnHead::number("sd of the phase", "deg"),
+        ColumnHead::number("passes differ", "grey, rms"),
+        ColumnHead::number("interpolation within", "pixels"),
     ];
-    let mut table = Table::new("The axes", columns);
+    let mut table = TextTable::new("The axes", columns);
     for axis in &metrics.axes {
         let known = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.4}"));
         table.push([
@@ -428,17 +426,11 @@ fn input_id(outcome: &ImageOutcome) -> String {
 }
 
 #[derive(Serialize)]
-struct Run<'a> {
+struct ImageRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    timing: Timing,
-    input: &'a [Source],
+    timing: RunTiming,
+    input: &'a [RecordingSource],
     image: toml::Value,
-}
-
-#[derive(Serialize)]
-struct Timing {
-    started_unix_s: u64,
-    took_s: f64,
 }

@@ -1,14 +1,14 @@
 //! Intensities along an estimated trajectory.
 
 use super::raster::Passes;
-use super::track::{Placed, Track};
+use super::track::{AxisTrack, TrackAngle};
 use serde::Serialize;
 
 /// An axis of a scan.
 #[derive(Clone, Debug)]
 pub struct ScanAxis {
     /// Its angle over time.
-    pub track: Track,
+    pub track: AxisTrack,
     /// The angle at the edge of the field of view, in rad.
     pub half_field_rad: f64,
     /// Pixels along it.
@@ -24,7 +24,7 @@ impl ScanAxis {
 
 /// Intensities with their times, and where the spot was.
 #[derive(Clone, Debug)]
-pub struct Scan {
+pub struct ImageScan {
     /// When each was taken, in s, increasing; on a clock of its own rate, but with the same zero as the trajectories.
     pub time_s: Vec<f64>,
     /// The intensities; NaN where none was measured.
@@ -37,7 +37,7 @@ pub struct Scan {
 
 /// What became of the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Counts {
+pub struct ScanSampleCounts {
     /// All of them.
     pub samples: u64,
     /// Sorted into a pixel.
@@ -52,7 +52,7 @@ pub struct Counts {
     pub without_intensity: u64,
 }
 
-impl Scan {
+impl ImageScan {
     /// Width and height in pixels.
     pub fn size(&self) -> [usize; 2] {
         [self.x.pixels, self.y.as_ref().map_or(1, |y| y.pixels)]
@@ -70,19 +70,19 @@ impl Scan {
     /// Sorts all samples into pixels, in one pass, with each axis ahead of its trajectory by `phases_rad`.
     ///
     /// The passes are those of x, which is 0 in `direction_of`, or of y, which is 1.
-    pub fn reconstruct(&self, phases_rad: [f64; 2], direction_of: usize) -> (Passes, Counts) {
+    pub fn reconstruct(&self, phases_rad: [f64; 2], direction_of: usize) -> (Passes, ScanSampleCounts) {
         let mut passes = Passes::new(self.size());
-        let mut counts = Counts::default();
+        let mut counts = ScanSampleCounts::default();
         let mut walks = self.walks(phases_rad);
         for (time, intensity) in self.time_s.iter().zip(&self.intensity) {
             counts.samples += 1;
             let [x, y] = walks.each_mut().map(|walk| walk.as_mut().map(|walk| walk.at(*time)));
             let (position, rising) = match (x, y) {
-                (Some(Placed::Beyond), _) | (_, Some(Placed::Beyond)) => {
+                (Some(TrackAngle::Beyond), _) | (_, Some(TrackAngle::Beyond)) => {
                     counts.beyond_trajectory += 1;
                     continue;
                 }
-                (Some(Placed::InGap), _) | (_, Some(Placed::InGap)) => {
+                (Some(TrackAngle::InGap), _) | (_, Some(TrackAngle::InGap)) => {
                     counts.in_gap += 1;
                     continue;
                 }
@@ -92,7 +92,7 @@ impl Scan {
                 }
                 _ => ([self.place(0, x), self.place(1, y)], if direction_of == 1 { y } else { x }),
             };
-            let forward = matches!(rising, Some(Placed::At { rising: true, .. }));
+            let forward = matches!(rising, Some(TrackAngle::At { rising: true, .. }));
             let taken = passes.add(position, forward, *intensity);
             *(if taken { &mut counts.used } else { &mut counts.outside_field }) += 1;
         }
@@ -100,18 +100,18 @@ impl Scan {
     }
 
     /// A line has no second axis: all of it lies in the middle.
-    fn place(&self, axis: usize, placed: Option<Placed>) -> f64 {
+    fn place(&self, axis: usize, placed: Option<TrackAngle>) -> f64 {
         match (self.axis(axis), placed) {
-            (Some(axis), Some(Placed::At { angle_rad, .. })) => axis.position(angle_rad),
+            (Some(axis), Some(TrackAngle::At { angle_rad, .. })) => axis.position(angle_rad),
             (None, _) => 0.5,
             _ => f64::NAN,
         }
     }
 
-    fn walks(&self, phases_rad: [f64; 2]) -> [Option<Shifted<'_>>; 2] {
+    fn walks(&self, phases_rad: [f64; 2]) -> [Option<ShiftedAxis<'_>>; 2] {
         [0, 1].map(|axis| {
             let track = &self.axis(axis)?.track;
-            Some(Shifted { walk: track.walk(), lead_s: track.lead_s(phases_rad[axis]) })
+            Some(ShiftedAxis { walk: track.walk(), lead_s: track.lead_s(phases_rad[axis]) })
         })
     }
 
@@ -123,20 +123,20 @@ impl Scan {
         times
             .map(|time| {
                 let placed = walk.as_mut().map(|walk| walk.at(*time));
-                (self.place(axis, placed), matches!(placed, Some(Placed::At { rising: true, .. })))
+                (self.place(axis, placed), matches!(placed, Some(TrackAngle::At { rising: true, .. })))
             })
             .collect()
     }
 }
 
 /// An axis that is ahead of its trajectory: what it does now, the trajectory does later.
-struct Shifted<'a> {
-    walk: super::track::Walk<'a>,
+struct ShiftedAxis<'a> {
+    walk: super::track::TrackWalk<'a>,
     lead_s: f64,
 }
 
-impl Shifted<'_> {
-    fn at(&mut self, time_s: f64) -> Placed {
+impl ShiftedAxis<'_> {
+    fn at(&mut self, time_s: f64) -> TrackAngle {
         self.walk.at(time_s + self.lead_s)
     }
 }

@@ -6,9 +6,9 @@ use kalmems_core::Scalar;
 /// bars in its middle. It is computed from the seed alone and resembles no published picture.
 ///
 /// A function of the position, not a raster: a sample takes its value exactly where the spot is. All edges are as soft as
-/// a spot of [`Scene::SPOT`] makes them, so that there is nothing finer to be missed between samples.
+/// a spot of [`TissueScene::SPOT`] makes them, so that there is nothing finer to be missed between samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scene {
+pub struct TissueScene {
     seed: u64,
     chart: bool,
 }
@@ -23,7 +23,7 @@ const WHITE: f64 = 0.92;
 /// Periods of its bars, in 400ths of the field.
 const PERIODS: [f64; 4] = [20.0, 12.0, 8.0, 5.0];
 
-impl Scene {
+impl TissueScene {
     /// The width over which an edge rises, as a part of the field: 2 pixels of 400.
     pub const SPOT: f64 = 2.0 / 400.0;
 
@@ -147,7 +147,7 @@ fn chart(u: f64, v: f64) -> f64 {
 
 /// 0 far outside, 1 far inside, ½ on the edge, as a cubic over the width of the spot.
 fn edge(inside: f64) -> f64 {
-    smooth((inside / Scene::SPOT + 0.5).clamp(0.0, 1.0))
+    smooth((inside / TissueScene::SPOT + 0.5).clamp(0.0, 1.0))
 }
 
 fn smooth(t: f64) -> f64 {

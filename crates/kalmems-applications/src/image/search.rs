@@ -1,7 +1,7 @@
 //! The phase that makes an image sharpest.
 
 use super::raster::{Passes, Raster};
-use super::scan::Scan;
+use super::scan::ImageScan;
 use super::sharpness::Sharpness;
 use crate::progress::Progress;
 use serde::Serialize;
@@ -20,7 +20,7 @@ pub struct FoundPhase {
 
 /// Why no phase was found.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum SearchError {
+pub enum PhaseSearchError {
     /// The measure says nothing.
     #[error(
         "too few samples for a search: expected several per pixel; give fewer pixels or a longer recording"
@@ -72,13 +72,13 @@ const THINNEST: usize = 61;
 /// phase error the measure is even about the true phase, so that a parabola has its vertex there even where the measure is
 /// no parabola.
 pub fn search_phases(
-    scan: &Scan,
+    scan: &ImageScan,
     start_rad: [f64; 2],
     ranges_rad: [Option<f64>; 2],
     sharpness: Sharpness,
     progress: &dyn Progress,
-) -> Result<[Option<FoundPhase>; 2], SearchError> {
-    let mut search = Search { scan, sharpness, phases: start_rad, progress, done: 0 };
+) -> Result<[Option<FoundPhase>; 2], PhaseSearchError> {
+    let mut search = PhaseSearch { scan, sharpness, phases: start_rad, progress, done: 0 };
     let axes: Vec<(usize, f64)> = (0..2)
         .filter(|axis| scan.axis(*axis).is_some())
         .filter_map(|axis| Some((axis, ranges_rad[axis]?)))
@@ -93,7 +93,7 @@ pub fn search_phases(
             reach[axis] = search.step(axis, first, start_rad[axis], range)?;
             let farthest = (search.phases[axis] - start_rad[axis]).abs() + reach[axis] / 2.0 > range;
             if farthest && round + 1 == axes.len() {
-                return Err(SearchError::AtEnd { axis: NAMES[axis], phase_rad: search.phases[axis] });
+                return Err(PhaseSearchError::AtEnd { axis: NAMES[axis], phase_rad: search.phases[axis] });
             }
         }
     }
@@ -107,7 +107,7 @@ pub fn search_phases(
             let fit = search.vertex(axis, finest)?;
             search.phases[axis] = fit.phase_rad;
             if (fit.phase_rad - start_rad[axis]).abs() > range {
-                return Err(SearchError::AtEnd { axis: NAMES[axis], phase_rad: fit.phase_rad });
+                return Err(PhaseSearchError::AtEnd { axis: NAMES[axis], phase_rad: fit.phase_rad });
             }
             found[axis] = Some(fit);
         }
@@ -117,8 +117,8 @@ pub fn search_phases(
 
 const NAMES: [&str; 2] = ["x", "y"];
 
-struct Search<'a> {
-    scan: &'a Scan,
+struct PhaseSearch<'a> {
+    scan: &'a ImageScan,
     sharpness: Sharpness,
     phases: [f64; 2],
     progress: &'a dyn Progress,
@@ -126,14 +126,14 @@ struct Search<'a> {
 }
 
 /// One axis of a search: what does not change while its phase does.
-struct Fixed {
+struct FixedAxisData {
     axis: usize,
     size: [usize; 2],
     every: usize,
     other: Vec<(f64, bool)>,
 }
 
-impl Search<'_> {
+impl PhaseSearch<'_> {
     /// How much coarser the finest image is that has (nearly) no empty pixel.
     fn finest(&self) -> usize {
         let [x, y] = [0, 1].map(|axis| self.scan.positions(axis, self.phases[axis], 1));
@@ -147,20 +147,20 @@ impl Search<'_> {
         COARSER.into_iter().find(full).unwrap_or(8)
     }
 
-    fn fixed(&self, axis: usize, coarser: usize, every: usize) -> Fixed {
+    fn fixed(&self, axis: usize, coarser: usize, every: usize) -> FixedAxisData {
         let size = self.size(coarser);
         let other = self.scan.positions(1 - axis, self.phases[1 - axis], every);
-        Fixed { axis, size, every, other }
+        FixedAxisData { axis, size, every, other }
     }
 
     fn size(&self, coarser: usize) -> [usize; 2] {
         self.scan.size().map(|pixels| pixels.div_ceil(coarser))
     }
 
-    fn passes(&mut self, fixed: &Fixed, phase_rad: f64) -> Result<Passes, SearchError> {
+    fn passes(&mut self, fixed: &FixedAxisData, phase_rad: f64) -> Result<Passes, PhaseSearchError> {
         self.done += 1;
         if self.progress.reached(self.done).is_break() {
-            return Err(SearchError::Interrupted);
+            return Err(PhaseSearchError::Interrupted);
         }
         let mut passes = Passes::new(fixed.size);
         let along = self.scan.positions(fixed.axis, phase_rad, fixed.every);
@@ -176,7 +176,13 @@ impl Search<'_> {
 
     /// The best of the phases half a pixel apart within `reach` of `middle` becomes the present one; one step and a half,
     /// how far a finer search reaches.
-    fn step(&mut self, axis: usize, coarser: usize, middle: f64, reach: f64) -> Result<f64, SearchError> {
+    fn step(
+        &mut self,
+        axis: usize,
+        coarser: usize,
+        middle: f64,
+        reach: f64,
+    ) -> Result<f64, PhaseSearchError> {
         let size = self.size(coarser);
         let spare = self.scan.time_s.len() / (PER_PIXEL * size[0] * size[1]).max(1);
         // Odd, so that it is less likely to keep step with the motion.
@@ -192,13 +198,13 @@ impl Search<'_> {
                 best = Some((phase, value));
             }
         }
-        let (phase, _) = best.ok_or(SearchError::TooFew)?;
+        let (phase, _) = best.ok_or(PhaseSearchError::TooFew)?;
         self.phases[axis] = phase;
         Ok(1.5 * step)
     }
 
     /// The vertex of a parabola over one pixel to each side of the present phase.
-    fn vertex(&mut self, axis: usize, coarser: usize) -> Result<FoundPhase, SearchError> {
+    fn vertex(&mut self, axis: usize, coarser: usize) -> Result<FoundPhase, PhaseSearchError> {
         let fixed = self.fixed(axis, coarser, 1);
         let step = 2.0 / fixed.size[axis] as f64 / f64::from(SIDE);
         let mut middle = self.phases[axis];
@@ -213,11 +219,11 @@ impl Search<'_> {
                 }
             }
             if values.iter().any(|v| !v.is_finite()) {
-                return Err(SearchError::TooFew);
+                return Err(PhaseSearchError::TooFew);
             }
             let parabola = Parabola::through(&values);
             if parabola.curvature <= 0.0 || parabola.vertex.abs() > f64::from(SIDE) {
-                return Err(SearchError::Flat { axis: NAMES[axis] });
+                return Err(PhaseSearchError::Flat { axis: NAMES[axis] });
             }
             middle += parabola.vertex * step;
             if parabola.vertex.abs() < 0.5 {
@@ -232,7 +238,7 @@ impl Search<'_> {
                 return Ok(FoundPhase { phase_rad: middle, sd_rad, best: parabola.least });
             }
         }
-        Err(SearchError::Flat { axis: NAMES[axis] })
+        Err(PhaseSearchError::Flat { axis: NAMES[axis] })
     }
 }
 

@@ -12,7 +12,7 @@ const SHORTEST: usize = 4;
 /// Between samples it is the cubic through the four around; nothing is interpolated across a gap, which is a time
 /// without samples longer than [`GAP`] usual intervals or a sample without a number.
 #[derive(Clone, Debug)]
-pub struct Track {
+pub struct AxisTrack {
     time_s: Vec<f64>,
     angle_rad: Vec<f64>,
     runs: Vec<Range<usize>>,
@@ -43,7 +43,7 @@ pub enum TrackError {
 
 /// What is known of the angle at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Placed {
+pub enum TrackAngle {
     /// It is known.
     At {
         /// In rad.
@@ -57,7 +57,7 @@ pub enum Placed {
     Beyond,
 }
 
-impl Track {
+impl AxisTrack {
     /// From times in s, increasing, and angles in rad; NaN where there is none.
     pub fn new(time_s: Vec<f64>, angle_rad: Vec<f64>) -> Result<Self, TrackError> {
         if time_s.len() != angle_rad.len() || !time_s.is_sorted_by(|a, b| a < b) {
@@ -137,23 +137,23 @@ impl Track {
     }
 
     /// Goes along it.
-    pub const fn walk(&self) -> Walk<'_> {
-        Walk { track: self, run: 0, to: 0 }
+    pub const fn walk(&self) -> TrackWalk<'_> {
+        TrackWalk { track: self, run: 0, to: 0 }
     }
 }
 
 /// Looks at a track at one time after the other; quick where they increase.
 #[derive(Clone, Debug)]
-pub struct Walk<'a> {
-    track: &'a Track,
+pub struct TrackWalk<'a> {
+    track: &'a AxisTrack,
     run: usize,
     /// The sample at the end of the interval that was looked at last.
     to: usize,
 }
 
-impl Walk<'_> {
+impl TrackWalk<'_> {
     /// The angle at a time in s.
-    pub fn at(&mut self, time_s: f64) -> Placed {
+    pub fn at(&mut self, time_s: f64) -> TrackAngle {
         let times = &self.track.time_s;
         let runs = &self.track.runs;
         if self.to > 0 && times[self.to - 1] > time_s {
@@ -162,9 +162,9 @@ impl Walk<'_> {
         while runs.get(self.run).is_some_and(|run| times[run.end - 1] < time_s) {
             self.run += 1;
         }
-        let Some(run) = runs.get(self.run).filter(|_| !time_s.is_nan()) else { return Placed::Beyond };
+        let Some(run) = runs.get(self.run).filter(|_| !time_s.is_nan()) else { return TrackAngle::Beyond };
         if time_s < times[run.start] {
-            return if self.run == 0 { Placed::Beyond } else { Placed::InGap };
+            return if self.run == 0 { TrackAngle::Beyond } else { TrackAngle::InGap };
         }
         self.to = self.to.max(run.start + 1);
         while times[self.to] < time_s {
@@ -172,7 +172,7 @@ impl Walk<'_> {
         }
         let angle = &self.track.angle_rad[run.clone()];
         let to = self.to - run.start;
-        Placed::At {
+        TrackAngle::At {
             angle_rad: cubic_between(&times[run.clone()], |k| angle[k], to, time_s),
             rising: angle[to] >= angle[to - 1],
         }
@@ -189,13 +189,13 @@ mod tests {
         0.2 * (TAU * t).sin()
     }
 
-    fn with_holes() -> Track {
+    fn with_holes() -> AxisTrack {
         let mut time: Vec<f64> = (0..640).map(|k| f64::from(k) / RATE).collect();
         let mut angle: Vec<f64> = time.iter().map(|t| sine(*t)).collect();
         angle[100] = f64::NAN;
         time.drain(300..320);
         angle.drain(300..320);
-        Track::new(time, angle).unwrap()
+        AxisTrack::new(time, angle).unwrap()
     }
 
     #[test]
@@ -208,19 +208,19 @@ mod tests {
         for k in -10..7000 {
             let t = f64::from(k) / 350.0;
             match walk.at(t) {
-                Placed::At { angle_rad, rising } => {
+                TrackAngle::At { angle_rad, rising } => {
                     known += 1;
                     let off = (angle_rad - sine(t)).abs();
                     assert!(off < 4.01 * track.interpolation_error_rad(), "{t}: {off}");
                     let slope = (TAU * t).cos();
                     assert!(slope.abs() < 0.2 || rising == (slope > 0.0));
                 }
-                Placed::InGap => {
+                TrackAngle::InGap => {
                     gap += 1;
                     let [a, b, c, d] = [99.0, 101.0, 299.0, 320.0].map(|k| k / RATE);
                     assert!((a..b).contains(&t) || (c..d).contains(&t), "{t}");
                 }
-                Placed::Beyond => assert!(!(0.0..=639.0 / RATE).contains(&t), "{t}"),
+                TrackAngle::Beyond => assert!(!(0.0..=639.0 / RATE).contains(&t), "{t}"),
             }
         }
         // 2 intervals and 21 of 1/32 s, at 350 per second.
@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_used_is_refused() {
-        let refused = |t: &[f64], a: &[f64]| Track::new(t.to_vec(), a.to_vec()).unwrap_err();
+        let refused = |t: &[f64], a: &[f64]| AxisTrack::new(t.to_vec(), a.to_vec()).unwrap_err();
         assert_eq!(refused(&[0.0, 1.0, 1.0], &[0.0; 3]), TrackError::Times);
         assert_eq!(refused(&[0.0, 1.0], &[0.0; 3]), TrackError::Times);
         assert_eq!(refused(&[], &[]), TrackError::Short { longest: 0 });

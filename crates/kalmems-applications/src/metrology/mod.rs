@@ -8,14 +8,14 @@
 //! Nothing here knows what is calibrated.
 
 mod budget;
-mod chance;
+mod correlated_draws;
 mod input;
-mod stated;
+mod standard_uncertainty;
 mod trials;
 
 pub use budget::{Budget, Combined, coverage_factor};
-pub use chance::{chi_by_freedom, drawn, shared_error};
+pub use correlated_draws::{chi_by_freedom, correlated_normals, shared_error};
 pub(crate) use input::or_null;
 pub use input::{Distribution, Evaluation, Input};
-pub use stated::{Stated, StatedCorrelations};
-pub use trials::{Comparison, Propagated, compared, propagated};
+pub use standard_uncertainty::{StandardUncertainty, StatedCorrelations};
+pub use trials::{PropagatedResult, PropagationComparison, compared, propagated};

@@ -11,7 +11,7 @@ const BLOCK: usize = 10_000;
 
 /// What a Monte Carlo method found of one result.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Propagated {
+pub struct PropagatedResult {
     /// How many trials were made.
     pub trials: usize,
     /// Their mean.
@@ -26,9 +26,9 @@ pub struct Propagated {
 
 /// Whether the propagation of uncertainties (JCGM 100) agrees with that of distributions (JCGM 101, clause 8).
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Comparison {
+pub struct PropagationComparison {
     /// What the trials found.
-    pub propagated: Propagated,
+    pub propagated: PropagatedResult,
     /// δ, half a unit of the second significant digit of the standard uncertainty: by so much the ends of both intervals may differ.
     pub tolerance: f64,
     /// By how much the lower and the upper end of the interval by JCGM 100 lie above those of the trials.
@@ -49,7 +49,7 @@ pub fn propagated(
     seed: u64,
     trial: &(dyn Fn(&mut WhiteNoise) -> Option<Vec<f64>> + Sync),
     heard: &mut dyn FnMut(usize) -> ControlFlow<()>,
-) -> Option<Vec<(Propagated, f64)>> {
+) -> Option<Vec<(PropagatedResult, f64)>> {
     let mut values = vec![Vec::new(); count];
     // Of each block the ends of each result's interval.
     let mut ends: Vec<Vec<[f64; 2]>> = vec![Vec::new(); count];
@@ -85,20 +85,25 @@ pub fn propagated(
         }
         let (value, standard_uncertainty) = moments(values);
         let interval = interval(values, probability)?;
-        let found = Propagated { trials: values.len(), value, standard_uncertainty, interval, probability };
+        let found =
+            PropagatedResult { trials: values.len(), value, standard_uncertainty, interval, probability };
         Some((found, accuracy(ends)))
     });
     found.collect()
 }
 
 /// Sets the trials beside a combined uncertainty about this value.
-pub fn compared(value: f64, combined: &Combined, (propagated, accuracy): (Propagated, f64)) -> Comparison {
+pub fn compared(
+    value: f64,
+    combined: &Combined,
+    (propagated, accuracy): (PropagatedResult, f64),
+) -> PropagationComparison {
     let tolerance = tolerance(combined.standard_uncertainty);
     let half = combined.expanded_uncertainty;
     let differences = [value - half - propagated.interval[0], value + half - propagated.interval[1]];
     // What the trials do not tell is no disagreement.
     let agrees = differences.iter().all(|difference| difference.abs() <= tolerance + accuracy);
-    Comparison { propagated, tolerance, differences, accuracy, agrees }
+    PropagationComparison { propagated, tolerance, differences, accuracy, agrees }
 }
 
 /// δ = ½·10^l of a number that is c·10^l with two digits c.
@@ -142,7 +147,7 @@ mod tests {
     use super::super::Combined;
     use super::*;
 
-    fn of(law: fn(&mut WhiteNoise) -> f64) -> (Propagated, f64) {
+    fn of(law: fn(&mut WhiteNoise) -> f64) -> (PropagatedResult, f64) {
         let trial = move |noise: &mut WhiteNoise| Some(vec![law(noise)]);
         propagated((1, 400_000, 0.95), 1, &trial, &mut |_| ControlFlow::Continue(())).unwrap()[0]
     }

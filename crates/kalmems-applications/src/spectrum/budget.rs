@@ -1,8 +1,8 @@
 //! What errors of the position do to a spectrum.
 
 use super::coadd::MeasuredLine;
-use super::line::Line;
-use super::process::Processed;
+use super::line::SpectralPeak;
+use super::process::ProcessedScans;
 use crate::config::Quantity;
 use crate::spectrum::file::PathErrors;
 use kalmems_core::Portable;
@@ -12,7 +12,7 @@ use std::f64::consts::{PI, TAU};
 
 /// One reason why a line is not where, or not as high as, it should be.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Contribution {
+pub struct LineErrorContribution {
     /// What it is.
     pub of: Reason,
     /// By how much the line is shifted for certain, in 1/m.
@@ -59,12 +59,13 @@ impl Reason {
 /// The contributions to the error of a line's wavenumber that something is known about.
 pub fn budget(
     errors: Option<&PathErrors>,
-    processed: &Processed,
+    processed: &ProcessedScans,
     line: Option<MeasuredLine>,
-) -> Vec<Contribution> {
+) -> Vec<LineErrorContribution> {
     let Some(MeasuredLine { line, standard_error }) = line else { return Vec::new() };
     let nu = line.wavenumber_per_m;
-    let entry = |of, shift_per_m, sd_per_m, height| Contribution { of, shift_per_m, sd_per_m, height };
+    let entry =
+        |of, shift_per_m, sd_per_m, height| LineErrorContribution { of, shift_per_m, sd_per_m, height };
     let mut found = Vec::new();
     if let Some(error) = standard_error {
         found.push(entry(Reason::Scatter, 0.0, error.wavenumber_per_m, 1.0));
@@ -97,13 +98,13 @@ pub fn budget(
 const NODES: usize = 33;
 
 /// What the stated errors of the path may be wrong by at each wavenumber of a spectrum, in its unit: the root of the sum of the squares of all
-/// [contributions](Contribution), each as the shift of a line there times the slope of the spectrum and as what is lost of its height. `None`
+/// [contributions](LineErrorContribution), each as the shift of a line there times the slope of the spectrum and as what is lost of its height. `None`
 /// where no error is stated.
 ///
 /// It is the same in all scans, and no number of scans makes it smaller.
 pub fn systematic_error(
     errors: Option<&PathErrors>,
-    processed: &Processed,
+    processed: &ProcessedScans,
     spectrum: &[f64],
 ) -> Option<Vec<f64>> {
     let errors = errors?;
@@ -112,7 +113,8 @@ pub fn systematic_error(
     let nodes: Vec<Vec<[f64; 2]>> = (0..NODES)
         .map(|node| {
             let place = last as f64 * node as f64 / (NODES - 1) as f64;
-            let line = Line { wavenumber_per_m: grid.first_per_m + grid.step_per_m * place, height: 1.0 };
+            let line =
+                SpectralPeak { wavenumber_per_m: grid.first_per_m + grid.step_per_m * place, height: 1.0 };
             let contributions =
                 budget(Some(errors), processed, Some(MeasuredLine { line, standard_error: None }));
             contributions
@@ -141,7 +143,11 @@ pub fn systematic_error(
 
 /// What is left of a line's height where each sample's position is that of another moment: |Σ w·e^{i·2π·ν·v·δt}|/Σ w over the
 /// samples, with their speeds v of the path and their weights.
-fn height_by_time_errors(processed: &Processed, wavenumber_per_m: f64, error_s: impl Fn(f64) -> f64) -> f64 {
+fn height_by_time_errors(
+    processed: &ProcessedScans,
+    wavenumber_per_m: f64,
+    error_s: impl Fn(f64) -> f64,
+) -> f64 {
     let (mut cosine, mut sine, mut total) = (0.0, 0.0, 0.0);
     for sample in &processed.samples {
         let angle = TAU * wavenumber_per_m * sample.speed_m_per_s * error_s(sample.time_s);
@@ -181,7 +187,7 @@ pub fn line_shift(wavenumber_per_m: f64, relative_amplitude_error: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::simulate::WhiteNoise;
-    use crate::spectrum::{Apodisation, Grid, Scans, line_near, path_weights, spectrum_at};
+    use crate::spectrum::{Apodisation, Scans, WavenumberGrid, line_near, path_weights, spectrum_at};
     use std::f64::consts::TAU;
 
     /// Against spectra that are computed with such errors.
@@ -222,13 +228,13 @@ mod tests {
         let y: Vec<f64> =
             x.iter().map(|x| lights.iter().map(|nu| light(*nu) * (TAU * nu * x).cos()).sum()).collect();
         let settings = (Apodisation::NortonBeerMedium, largest);
-        let grid = Grid { first_per_m: 160e3, step_per_m: 400.0, points: 200 };
+        let grid = WavenumberGrid { first_per_m: 160e3, step_per_m: 400.0, points: 200 };
         let weights = path_weights(&x);
         let along = |path: &[f64]| -> Vec<f64> {
             grid.wavenumbers().iter().map(|nu| spectrum_at(*nu, path, (&y, &weights), settings).re).collect()
         };
         let ideal = along(&x);
-        let processed = Processed {
+        let processed = ProcessedScans {
             scans: Scans { grid, spectra: vec![ideal.clone()], forward: vec![true] },
             counts: None,
             zero_m: None,

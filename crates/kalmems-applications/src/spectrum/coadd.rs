@@ -1,7 +1,7 @@
 //! The mean of scans, what noise it has, and how well its lines are known.
 
-use super::grid::Grid;
-use super::line::{Line, line_near};
+use super::grid::WavenumberGrid;
+use super::line::{SpectralPeak, line_near};
 use serde::Serialize;
 
 /// Parts that are left out in turn.
@@ -11,7 +11,7 @@ const PARTS: usize = 12;
 #[derive(Clone, Debug)]
 pub struct Scans {
     /// Their wavenumbers.
-    pub grid: Grid,
+    pub grid: WavenumberGrid,
     /// One spectrum for each.
     pub spectra: Vec<Vec<f64>>,
     /// Whether the mirror went forward in each.
@@ -31,9 +31,9 @@ pub struct CoaddedNoise {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredLine {
     /// Where and how high.
-    pub line: Line,
+    pub line: SpectralPeak,
     /// The standard errors of both; unknown of a single scan.
-    pub standard_error: Option<Line>,
+    pub standard_error: Option<SpectralPeak>,
 }
 
 impl Scans {
@@ -127,11 +127,11 @@ impl Scans {
         let find = |mean: Vec<f64>| {
             let turned: Vec<f64> = mean.iter().map(|value| sign * value).collect();
             let line = line_near(&wavenumbers, &turned, near_per_m, within_per_m)?;
-            Some(Line { height: sign * line.height, ..line })
+            Some(SpectralPeak { height: sign * line.height, ..line })
         };
         let line = find(self.mean())?;
         let parts = self.parts();
-        let found: Vec<Line> = if parts < 2 {
+        let found: Vec<SpectralPeak> = if parts < 2 {
             Vec::new()
         } else {
             (0..parts).filter_map(|part| find(self.mean_without(Some(part)))).collect()
@@ -139,13 +139,16 @@ impl Scans {
         // Where a part decides whether there is a line at all, nothing is known about its error.
         let known = found.len() == parts && parts > 1;
         let standard_error = known.then(|| {
-            let error = |of: fn(&Line) -> f64| {
+            let error = |of: fn(&SpectralPeak) -> f64| {
                 let n = parts as f64;
                 let mean = found.iter().map(of).sum::<f64>() / n;
                 let square: f64 = found.iter().map(|line| (of(line) - mean).powi(2)).sum();
                 (square * (n - 1.0) / n).sqrt()
             };
-            Line { wavenumber_per_m: error(|line| line.wavenumber_per_m), height: error(|line| line.height) }
+            SpectralPeak {
+                wavenumber_per_m: error(|line| line.wavenumber_per_m),
+                height: error(|line| line.height),
+            }
         });
         Some(MeasuredLine { line, standard_error })
     }
@@ -160,7 +163,7 @@ mod tests {
     /// thirty repetitions.
     #[test]
     fn noise_falls_with_the_root_of_the_scans_and_errors_are_known() {
-        let grid = Grid { first_per_m: 0.0, step_per_m: 1.0, points: 400 };
+        let grid = WavenumberGrid { first_per_m: 0.0, step_per_m: 1.0, points: 400 };
         let mut noise = WhiteNoise::new(5, 0);
         let mut one = |count: usize| {
             let spectra = (0..count).map(|_| {

@@ -5,9 +5,9 @@ use crate::config::FileFormat;
 use crate::config::Quantity;
 use crate::config::Source;
 use crate::config::kinds::{Angle, Frequency, Length, Ratio, Time, Wavenumber};
-use crate::config::{Clock, ColumnChoice, ConfigError, Fault, Key, Name, read_source, schema_of};
+use crate::config::{Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name, read_source, schema_of};
 use crate::config::{NotNegative, Positive};
-use crate::recording::Layout;
+use crate::recording::RecordingLayout;
 use crate::spectrum::Apodisation;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -140,7 +140,7 @@ pub struct SpectrumTransform {
     pub zero_filling: Option<u32>,
     /// The wavenumbers that are wanted; all if left out, where a fast transform gives them.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub band: Option<Band>,
+    pub band: Option<WavenumberBand>,
     /// The position of the mirror at which the path difference is 0; searched if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zero_path: Option<Quantity<Length>>,
@@ -202,7 +202,7 @@ pub enum Registration {
 /// Wavenumbers from one to another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Band {
+pub struct WavenumberBand {
     /// The lowest.
     pub from: Quantity<Wavenumber, NotNegative>,
     /// The highest.
@@ -256,7 +256,7 @@ pub struct PathErrors {
 pub struct SpectrumReference {
     /// The wavenumbers that are compared; all if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub band: Option<Band>,
+    pub band: Option<WavenumberBand>,
     /// The true positions: the spectrum along them is the ideal one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trajectory: Option<PathTrajectory>,
@@ -302,7 +302,7 @@ pub struct Light {
     pub start: Option<Quantity<Time>>,
     /// When it samples; throughout if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub bursts: Option<Bursts>,
+    pub bursts: Option<DetectorBursts>,
     /// The standard deviation of the detector's white noise, in the unit of the heights; 0 if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<Quantity<Ratio, NotNegative>>,
@@ -333,7 +333,7 @@ pub struct LightSource {
 /// When a detector samples that does not sample always.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Bursts {
+pub struct DetectorBursts {
     /// How long each lasts.
     pub duration: Quantity<Time, Positive>,
     /// From the beginning of one to that of the next.
@@ -364,7 +364,7 @@ impl SpectrumFile {
     fn from_source(source: Source) -> Result<Self, ConfigError> {
         let mut file: Self = read_source(&source)?;
         file.source = source;
-        file.check().map_err(|(key, why)| file.error(key, Fault::Value { why }))?;
+        file.check().map_err(|(key, why)| file.error(key, ConfigFault::Value { why }))?;
         Ok(file)
     }
 
@@ -498,7 +498,7 @@ impl SpectrumFile {
     }
 
     /// An error at a key, with its line.
-    pub fn error(&self, key: impl Into<Key>, fault: Fault) -> ConfigError {
+    pub fn error(&self, key: impl Into<Key>, fault: ConfigFault) -> ConfigError {
         self.source.error_at(key.into(), fault)
     }
 }
@@ -509,7 +509,7 @@ fn refuse(key: &str, why: &str) -> Result<(), (Key, String)> {
 
 impl PathTrajectory {
     /// How to read its file.
-    pub fn layout(&self) -> Layout {
+    pub fn layout(&self) -> RecordingLayout {
         self.in_file().layout(None)
     }
 
@@ -531,7 +531,7 @@ impl PathTrajectory {
 
 impl Interferogram {
     /// How to read its columns; without a clock samples count as one per second.
-    pub fn layout(&self) -> Layout {
+    pub fn layout(&self) -> RecordingLayout {
         self.in_file().layout(None)
     }
 
@@ -543,7 +543,7 @@ impl Interferogram {
 
 impl ReferenceSpectrum {
     /// How to read its columns.
-    pub fn layout(&self) -> Layout {
+    pub fn layout(&self) -> RecordingLayout {
         self.in_file().layout(None)
     }
 
@@ -553,7 +553,7 @@ impl ReferenceSpectrum {
     }
 }
 
-impl Band {
+impl WavenumberBand {
     /// Lowest and highest in 1/m.
     pub fn per_m(&self) -> [f64; 2] {
         [self.from.si(), self.to.si()]

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 /// Wavenumbers at equal steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grid {
+pub struct WavenumberGrid {
     /// The lowest, in 1/m.
     pub first_per_m: f64,
     /// In 1/m.
@@ -18,7 +18,7 @@ pub struct Grid {
 /// A turn by a fixed angle is repeated; after so many it starts anew, so that rounding does not add up.
 const RESTART: usize = 1024;
 
-impl Grid {
+impl WavenumberGrid {
     /// One of them, in 1/m.
     pub fn wavenumber(&self, index: usize) -> f64 {
         self.first_per_m + self.step_per_m * index as f64
@@ -65,7 +65,7 @@ fn turn(angle_rad: f64) -> Complex64 {
 }
 
 /// e^{i·2π·ν·x} at the first wavenumber of a block.
-fn turn_at(grid: &Grid, block: usize, path_m: f64) -> Complex64 {
+fn turn_at(grid: &WavenumberGrid, block: usize, path_m: f64) -> Complex64 {
     turn(TAU * grid.wavenumber(block * RESTART) * path_m)
 }
 
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn it_is_the_sum_at_each_wavenumber() {
-        let grid = Grid { first_per_m: 158e3, step_per_m: 12.5, points: 2500 };
+        let grid = WavenumberGrid { first_per_m: 158e3, step_per_m: 12.5, points: 2500 };
         let path: Vec<f64> = (0..300).map(|k| 1e-3 * (f64::from(k) / 50.0).sin()).collect();
         let value: Vec<f64> = (0..300).map(|k| (f64::from(k) * 0.7).cos()).collect();
         let sums = grid.transform(&path, &value);

@@ -1,7 +1,7 @@
 //! A light and a detector, simulated along a known motion.
 
-use super::scans::Detector;
-use super::track::{Position, PositionTrack};
+use super::scans::DetectorSignal;
+use super::track::{PositionTrack, TrackPosition};
 use crate::config::Quantity;
 use crate::simulate::WhiteNoise;
 use crate::spectrum::file::Light;
@@ -26,7 +26,7 @@ pub fn intensity(light: &Light, path_m: f64) -> f64 {
 ///
 /// It is later than the motion by the delay of the light's trajectory. Its clock shows t·(1 + skew) when that of the
 /// trajectory shows t. Where the trajectory has no position there is no sample.
-pub fn detect(light: &Light, track: &PositionTrack) -> Detector {
+pub fn detect(light: &Light, track: &PositionTrack) -> DetectorSignal {
     let [begin, end] = track.span_s();
     let start = light.start.as_ref().map_or(begin, Quantity::si);
     let skew = light.clock_skew.as_ref().map_or(0.0, Quantity::si);
@@ -39,8 +39,8 @@ pub fn detect(light: &Light, track: &PositionTrack) -> Detector {
     let scale = light.trajectory.path_per_position();
     let delay = light.trajectory.delay_s();
     let seen = |time: f64| match track.at(time - delay) {
-        Position::At(position) => intensity(light, scale * (position - zero)),
-        Position::InGap | Position::Beyond => f64::NAN,
+        TrackPosition::At(position) => intensity(light, scale * (position - zero)),
+        TrackPosition::InGap | TrackPosition::Beyond => f64::NAN,
     };
     // What a first-order stage keeps of its state over one step.
     let kept = light
@@ -49,7 +49,7 @@ pub fn detect(light: &Light, track: &PositionTrack) -> Detector {
         .map(|corner| Scalar::exp(-TAU * corner.si() * interval / (f64::from(STEPS) * (1.0 + skew))));
     let sd = light.noise.as_ref().map_or(0.0, Quantity::si);
     let mut noise = WhiteNoise::new(light.seed.unwrap_or(1).into(), 0);
-    let mut detector = Detector { time_s: Vec::new(), value: Vec::new() };
+    let mut detector = DetectorSignal { time_s: Vec::new(), value: Vec::new() };
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
     let samples = (each / interval).round() as u64;
     for burst in 0..bursts {

@@ -2,7 +2,7 @@
 
 /// A maximum of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct SpectralPeak {
     /// Where, in 1/m.
     pub wavenumber_per_m: f64,
     /// How high.
@@ -16,8 +16,8 @@ pub fn line_near(
     values: &[f64],
     near_per_m: f64,
     within_per_m: f64,
-) -> Option<Line> {
-    let mut best: Option<Line> = None;
+) -> Option<SpectralPeak> {
+    let mut best: Option<SpectralPeak> = None;
     for (nu, y) in wavenumber_per_m.windows(3).zip(values.windows(3)) {
         let is_peak = y[1] >= y[0] && y[1] > y[2];
         if !is_peak || (nu[1] - near_per_m).abs() > within_per_m {
@@ -25,7 +25,7 @@ pub fn line_near(
         }
         let curvature = y[0] - 2.0 * y[1] + y[2];
         let shift = 0.5 * (y[0] - y[2]) / curvature;
-        let line = Line {
+        let line = SpectralPeak {
             wavenumber_per_m: nu[1] + shift * (nu[2] - nu[1]),
             height: y[1] - 0.25 * (y[0] - y[2]) * shift,
         };

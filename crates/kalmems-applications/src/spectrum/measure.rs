@@ -1,23 +1,23 @@
 //! From a spectrum file to a spectrum.
 
-use super::budget::{Contribution, budget, systematic_error};
+use super::budget::{LineErrorContribution, budget, systematic_error};
 use super::coadd::{CoaddedNoise, MeasuredLine};
-use super::grid::Grid;
-use super::input::Input;
+use super::grid::WavenumberGrid;
+use super::input::SpectrumInput;
 use super::light::detect;
 use super::mertz::MertzError;
-use super::process::{Processed, along, of_steps};
+use super::process::{ProcessedScans, along, of_steps};
 use super::recalibrate::{KnownLine, Recalibration, recalibrate};
 use super::resample::ResampleError;
-use super::scans::{Detector, ScanCounts};
+use super::scans::{DetectorSignal, ScanCounts};
 use super::track::PositionTrackError;
 use super::transform::TransformError;
-use crate::config::{ConfigError, Fault, Quantity};
+use crate::config::{ConfigError, ConfigFault, Quantity};
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
-use crate::recording::{Finding, Purpose, ReadError, Source};
+use crate::recording::{Finding, Purpose, ReadError, RecordingSource};
 use crate::signal::cubic_between;
-use crate::spectrum::file::{Band, PathDifference, SpectrumFile, SpectrumLine, SpectrumReference};
+use crate::spectrum::file::{PathDifference, SpectrumFile, SpectrumLine, SpectrumReference, WavenumberBand};
 use kalmems_core::Portable;
 use kalmems_engines::rig::{LengthScale, Workbench};
 
@@ -27,7 +27,7 @@ pub struct SpectrumOutcome {
     /// What it was computed from.
     pub file: SpectrumFile,
     /// The spectra of the scans.
-    pub processed: Processed,
+    pub processed: ProcessedScans,
     /// Their mean.
     pub spectrum: Vec<f64>,
     /// Its standard error by the differences of the scans, where there are several.
@@ -39,31 +39,31 @@ pub struct SpectrumOutcome {
     /// The lines that were asked for, in their order; `None` where there is none.
     pub lines: Vec<Option<MeasuredLine>>,
     /// For each of them, what its wavenumber may be off by.
-    pub budgets: Vec<Vec<Contribution>>,
+    pub budgets: Vec<Vec<LineErrorContribution>>,
     /// How much later than taken the detector shows the motion, by what forward and backward scans differ by; with its
     /// standard error.
     pub residual_delay_s: Option<(f64, f64)>,
     /// The scale of the positions, where a line is known.
     pub recalibration: Option<Recalibration>,
     /// What to write in the experiment of the positions' estimate, where the file names one and a line is known.
-    pub correction: Option<Correction>,
+    pub correction: Option<DeviceCorrection>,
     /// What a trajectory may be off by between its samples, in m of position.
     pub interpolation_error_m: Option<f64>,
     /// Gaps in the trajectory.
     pub gaps: usize,
     /// Against what it should be.
-    pub comparison: Option<Comparison>,
+    pub comparison: Option<SpectrumComparison>,
     /// What a simulated detector gave.
-    pub simulated: Option<Detector>,
+    pub simulated: Option<DetectorSignal>,
     /// The files that were read.
-    pub sources: Vec<Source>,
+    pub sources: Vec<RecordingSource>,
     /// What was found in them that does not keep them from being used, with the file's name.
     pub findings: Vec<(String, Finding)>,
 }
 
 /// What a recalibration means for a device.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Correction {
+pub struct DeviceCorrection {
     /// The key of the experiment file.
     pub key: &'static str,
     /// What it is in the experiment, as written there.
@@ -76,7 +76,7 @@ pub struct Correction {
 
 /// A spectrum against what it should be.
 #[derive(Clone, Debug)]
-pub struct Comparison {
+pub struct SpectrumComparison {
     /// Wavenumbers in 1/m.
     pub wavenumber_per_m: Vec<f64>,
     /// Our values there.
@@ -179,8 +179,11 @@ pub fn measure(
     file: &SpectrumFile,
     progress: &dyn Progress,
 ) -> Result<SpectrumOutcome, SpectrumError> {
-    let mut input =
-        Input { file, origin: None, files: NamedFiles::new("spectrum file", Purpose::Evaluation, progress) };
+    let mut input = SpectrumInput {
+        file,
+        origin: None,
+        files: NamedFiles::new("spectrum file", Purpose::Evaluation, progress),
+    };
     let simulated = match &file.light {
         Some(light) => Some(detect(light, &input.track("light.trajectory", &light.trajectory)?)),
         None => None,
@@ -249,15 +252,15 @@ fn correction(
     workbench: &Workbench,
     file: &SpectrumFile,
     Recalibration { scale, scale_sd, .. }: Recalibration,
-) -> Result<Option<Correction>, SpectrumError> {
+) -> Result<Option<DeviceCorrection>, SpectrumError> {
     let Some(experiment) = &file.experiment else { return Ok(None) };
     let experiment = workbench.load(&file.resolve(experiment))?;
     let Some(LengthScale { key, length }) = workbench.rig(&experiment)?.length_scale(&experiment)? else {
         let why = "no length of its device scales what it measures; a line recalibrates the distances of a piston mirror"
             .to_owned();
-        return Err(file.error("experiment", Fault::Value { why }).into());
+        return Err(file.error("experiment", ConfigFault::Value { why }).into());
     };
-    Ok(Some(Correction {
+    Ok(Some(DeviceCorrection {
         key,
         was: length.text().to_owned(),
         is_m: scale * length.si(),
@@ -265,7 +268,7 @@ fn correction(
     }))
 }
 
-fn measured(file: &SpectrumFile, processed: &Processed) -> Vec<Option<MeasuredLine>> {
+fn measured(file: &SpectrumFile, processed: &ProcessedScans) -> Vec<Option<MeasuredLine>> {
     let resolved = file.transform.apodisation.line_width() / processed.largest_m;
     let find = |line: &SpectrumLine| {
         let within = line.within.as_ref().map_or(resolved, Quantity::si);
@@ -286,7 +289,7 @@ fn known(asked: &SpectrumLine, found: &MeasuredLine) -> Option<KnownLine> {
 
 /// Forward scans lie later by v·τ, backward ones earlier: half the difference over the speed, which counts where the light
 /// is by which scans are laid over each other.
-fn residual_delay(processed: &Processed) -> Option<(f64, f64)> {
+fn residual_delay(processed: &ProcessedScans) -> Option<(f64, f64)> {
     let energy: f64 = processed.samples.iter().map(|s| s.energy).sum();
     let speed = processed.samples.iter().map(|s| s.energy * s.speed_m_per_s.abs()).sum::<f64>() / energy;
     let of = |direction: bool| {
@@ -305,11 +308,11 @@ fn residual_delay(processed: &Processed) -> Option<(f64, f64)> {
 }
 
 fn compare(
-    input: &mut Input<'_>,
+    input: &mut SpectrumInput<'_>,
     reference: &SpectrumReference,
-    detectors: &[Detector],
-    (grid, spectrum): (Grid, &[f64]),
-) -> Result<Comparison, SpectrumError> {
+    detectors: &[DetectorSignal],
+    (grid, spectrum): (WavenumberGrid, &[f64]),
+) -> Result<SpectrumComparison, SpectrumError> {
     let file = input.file;
     let (wavenumber_per_m, theirs, free_scale, lines) = match (&reference.trajectory, &reference.spectrum) {
         (Some(trajectory), _) => {
@@ -325,7 +328,7 @@ fn compare(
     };
     let ours = grid.wavenumbers();
     let ends = [grid.first_per_m, grid.wavenumber(grid.points.saturating_sub(1))];
-    let [from, to] = reference.band.as_ref().map_or(ends, Band::per_m);
+    let [from, to] = reference.band.as_ref().map_or(ends, WavenumberBand::per_m);
     let within = |nu: f64| nu >= from.max(ends[0]) && nu <= to.min(ends[1]);
     let pairs: Vec<(f64, f64, f64)> = (wavenumber_per_m.into_iter().zip(theirs))
         .filter(|(nu, value)| within(*nu) && value.is_finite())
@@ -346,7 +349,7 @@ fn compare(
     let square = sum(&|ours, theirs| (scale * ours - theirs).powi(2));
     let off = pairs.iter().map(|(nu, ours, theirs)| (*nu, (scale * ours - theirs) / peak));
     let worst = off.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap_or((f64::NAN, f64::NAN));
-    Ok(Comparison {
+    Ok(SpectrumComparison {
         worst,
         rms_over_peak: (square / pairs.len() as f64).sqrt() / peak,
         wavenumber_per_m: pairs.iter().map(|(nu, ..)| *nu).collect(),

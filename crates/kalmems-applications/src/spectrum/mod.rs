@@ -25,20 +25,22 @@ mod transform;
 mod zero_path;
 
 pub use apodisation::Apodisation;
-pub use budget::{Contribution, Reason, budget, detector_limit, line_height, line_shift, systematic_error};
+pub use budget::{
+    LineErrorContribution, Reason, budget, detector_limit, line_height, line_shift, systematic_error,
+};
 pub use coadd::{CoaddedNoise, MeasuredLine, Scans};
 pub use file::{
-    Band, Bursts, Directions, Interferogram, Light, LightSource, PathDifference, PathErrors, PathTrajectory,
-    PhaseCorrection, ReferenceLaser, ReferenceSpectrum, Registration, SpectrumFile, SpectrumLine,
-    SpectrumReference, SpectrumTransform, TransformMethod,
+    DetectorBursts, Directions, Interferogram, Light, LightSource, PathDifference, PathErrors,
+    PathTrajectory, PhaseCorrection, ReferenceLaser, ReferenceSpectrum, Registration, SpectrumFile,
+    SpectrumLine, SpectrumReference, SpectrumTransform, TransformMethod, WavenumberBand,
 };
-pub use grid::Grid;
+pub use grid::WavenumberGrid;
 pub use light::{detect, intensity};
-pub use line::{Line, dip_between, line_near};
-pub use measure::{Comparison, Correction, SpectrumError, SpectrumOutcome, measure};
+pub use line::{SpectralPeak, dip_between, line_near};
+pub use measure::{DeviceCorrection, SpectrumComparison, SpectrumError, SpectrumOutcome, measure};
 pub use mertz::{MertzError, OneSided, mertz, one_sided, without_phase};
 pub use nonuniform::{path_weights, spectrum_at};
-pub use process::{PathSample, Processed};
+pub use process::{PathSample, ProcessedScans};
 pub use recalibrate::{KnownLine, Recalibration, recalibrate};
 pub use register::{shift_to, turn};
 pub use resample::{ResampleError, resample};
@@ -46,7 +48,7 @@ pub use results::{
     ContributionMetrics, CorrectionMetrics, JcampSpectrum, LineMetrics, SpectrumMetrics,
     SpectrumReferenceMetrics, spectrum_figures, spectrum_page, write_jcamp, write_spectrum,
 };
-pub use scans::{Detector, PathScale, Reach, Scan, ScanCounts, path_differences, scans};
-pub use track::{Position, PositionTrack, PositionTrackError};
+pub use scans::{DetectorSignal, MirrorScan, PathScale, Reach, ScanCounts, path_differences, scans};
+pub use track::{PositionTrack, PositionTrackError, TrackPosition};
 pub use transform::{Spectrum, TransformError, transform};
 pub use zero_path::zero_path;

@@ -1,26 +1,27 @@
 //! From interferograms to the spectrum of each scan.
 
 use super::coadd::Scans;
-use super::grid::Grid;
+use super::grid::WavenumberGrid;
 use super::measure::SpectrumError;
 use super::mertz::{OneSided, one_sided, without_phase};
 use super::nonuniform::path_weights;
 use super::register::{shift_to, turn};
 use super::resample::resample;
-use super::scans::{Detector, PathScale, Reach, Scan, ScanCounts, path_differences, scans};
+use super::scans::{DetectorSignal, MirrorScan, PathScale, Reach, ScanCounts, path_differences, scans};
 use super::track::PositionTrack;
 use super::transform::{Spectrum, transform};
 use super::zero_path::zero_path;
 use crate::config::Quantity;
 use crate::progress::Progress;
 use crate::spectrum::file::{
-    Band, Directions, PathTrajectory, PhaseCorrection, Registration, SpectrumTransform, TransformMethod,
+    Directions, PathTrajectory, PhaseCorrection, Registration, SpectrumTransform, TransformMethod,
+    WavenumberBand,
 };
 use realfft::num_complex::Complex64;
 
 /// The spectra of all scans, and what was met on the way.
 #[derive(Clone, Debug)]
-pub struct Processed {
+pub struct ProcessedScans {
     /// The spectra.
     pub scans: Scans,
     /// What became of the samples, along a trajectory.
@@ -62,10 +63,10 @@ const SAMPLES: usize = 100_000;
 
 /// Spectra of columns with a known step.
 pub(super) fn of_steps(
-    columns: &[Detector],
+    columns: &[DetectorSignal],
     step_m: f64,
     settings: &SpectrumTransform,
-) -> Result<Processed, SpectrumError> {
+) -> Result<ProcessedScans, SpectrumError> {
     let mertz_wanted = settings.phase == PhaseCorrection::Mertz;
     let mut centred = Vec::new();
     for column in columns {
@@ -103,7 +104,7 @@ pub(super) fn of_steps(
         let place = |k: usize| step_m * (k as f64 - *zero as f64);
         values.iter().enumerate().map(|(k, y)| (place(k), *y)).collect()
     });
-    Ok(Processed {
+    Ok(ProcessedScans {
         largest_m,
         limit_per_m: 0.5 / step_m,
         interferogram: interferogram.unwrap_or_default(),
@@ -114,12 +115,12 @@ pub(super) fn of_steps(
 /// Spectra along a trajectory. Where the zero path is to be searched, all is done twice: about the sample that deviates most,
 /// and, as that may be some fringes off, about the zero path that the spectrum then shows.
 pub(super) fn along(
-    columns: &[Detector],
+    columns: &[DetectorSignal],
     track: &PositionTrack,
     trajectory: &PathTrajectory,
     settings: &SpectrumTransform,
     progress: &dyn Progress,
-) -> Result<Processed, SpectrumError> {
+) -> Result<ProcessedScans, SpectrumError> {
     let told = settings.zero_path.as_ref().map(Quantity::si);
     let about = |zero| along_about(zero, columns, track, trajectory, settings, progress);
     let found = about(told)?;
@@ -131,12 +132,12 @@ pub(super) fn along(
 
 fn along_about(
     told: Option<f64>,
-    columns: &[Detector],
+    columns: &[DetectorSignal],
     track: &PositionTrack,
     trajectory: &PathTrajectory,
     settings: &SpectrumTransform,
     progress: &dyn Progress,
-) -> Result<Processed, SpectrumError> {
+) -> Result<ProcessedScans, SpectrumError> {
     let largest_m = settings.largest_path_difference.as_ref().map_or(0.0, Quantity::si);
     let short_m = settings.short_path_difference.as_ref().map_or(largest_m, Quantity::si);
     let reach = Reach { largest_m, short_m };
@@ -144,7 +145,7 @@ fn along_about(
     let scale =
         PathScale { path_per_position: factor, delay_s: trajectory.delay_s(), zero_m: told.unwrap_or(0.0) };
     let mut counts = ScanCounts::default();
-    let mut passes: Vec<(usize, Scan)> = Vec::new();
+    let mut passes: Vec<(usize, MirrorScan)> = Vec::new();
     let mut paths = Vec::new();
     let mut zero_m = told;
     for (index, column) in columns.iter().enumerate() {
@@ -176,7 +177,7 @@ fn along_about(
         counts = counts.plus(of_column);
         paths.push(path);
     }
-    let path_of = |(column, scan): &(usize, Scan)| &paths[*column][scan.rows.clone()];
+    let path_of = |(column, scan): &(usize, MirrorScan)| &paths[*column][scan.rows.clone()];
     let widest = passes.iter().flat_map(|pass| path_of(pass).windows(2).map(|p| (p[1] - p[0]).abs()));
     let widest = widest.fold(0.0, f64::max);
     if passes.is_empty() || widest == 0.0 {
@@ -216,7 +217,7 @@ fn along_about(
         let value = &columns[pass.0].value[pass.1.rows.clone()];
         path_of(pass).iter().copied().zip(value.iter().copied()).collect()
     });
-    Ok(Processed {
+    Ok(ProcessedScans {
         samples: path_samples(columns, &paths, &passes, counts.used, settings),
         counts: Some(counts),
         path_per_position: factor,
@@ -230,9 +231,9 @@ fn along_about(
 
 /// The samples of all passes, or some of many.
 fn path_samples(
-    columns: &[Detector],
+    columns: &[DetectorSignal],
     paths: &[Vec<f64>],
-    passes: &[(usize, Scan)],
+    passes: &[(usize, MirrorScan)],
     used: usize,
     settings: &SpectrumTransform,
 ) -> Vec<PathSample> {
@@ -258,7 +259,7 @@ fn path_samples(
 }
 
 /// The path at the sample that deviates most.
-fn coarse_zero(column: &Detector, path: &[f64]) -> Option<f64> {
+fn coarse_zero(column: &DetectorSignal, path: &[f64]) -> Option<f64> {
     let placed: Vec<f64> =
         column.value.iter().zip(path).map(|(y, x)| if x.is_nan() { f64::NAN } else { *y }).collect();
     zero_path(&placed).map(|row| path[row])
@@ -279,8 +280,8 @@ fn weighted(
     value: &[f64],
     largest_m: f64,
     settings: &SpectrumTransform,
-) -> Result<(Vec<Complex64>, Grid), SpectrumError> {
-    let [from, to] = settings.band.as_ref().map_or([0.0, 0.0], Band::per_m);
+) -> Result<(Vec<Complex64>, WavenumberGrid), SpectrumError> {
+    let [from, to] = settings.band.as_ref().map_or([0.0, 0.0], WavenumberBand::per_m);
     let filling = f64::from(settings.zero_filling.unwrap_or(DEFAULT_FILLING));
     let step_per_m = (2.0 * largest_m * filling).recip();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked below
@@ -288,7 +289,7 @@ fn weighted(
     if points > MOST_POINTS {
         return Err(SpectrumError::TooManyPoints { points });
     }
-    let grid = Grid { first_per_m: from, step_per_m, points };
+    let grid = WavenumberGrid { first_per_m: from, step_per_m, points };
     let weights = path_weights(path);
     let total: f64 = weights.iter().sum();
     let mean = value.iter().zip(&weights).map(|(y, w)| y * w).sum::<f64>() / total;
@@ -316,7 +317,7 @@ fn fast(
     largest_m: f64,
     points: usize,
     settings: &SpectrumTransform,
-) -> Result<(OfScan, Grid), SpectrumError> {
+) -> Result<(OfScan, WavenumberGrid), SpectrumError> {
     let end = (settings.apodisation, largest_m);
     let OneSided { fine: Spectrum { step_per_m, values }, coarse } =
         if settings.phase == PhaseCorrection::Mertz {
@@ -325,13 +326,13 @@ fn fast(
             OneSided { fine: transform(values, zero, step_m, end, points)?, coarse: Vec::new() }
         };
     let last = values.len() - 1;
-    let [from, to] = settings.band.as_ref().map_or([0.0, f64::INFINITY], Band::per_m);
+    let [from, to] = settings.band.as_ref().map_or([0.0, f64::INFINITY], WavenumberBand::per_m);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
     let index = |nu: f64| ((nu / step_per_m) as usize).min(last);
     let (first, last) = (index(from), index(to));
     let fine = values[first..=last].to_vec();
     let coarse = coarse.get(first..=last).unwrap_or_default().to_vec();
-    let grid = Grid { first_per_m: step_per_m * first as f64, step_per_m, points: fine.len() };
+    let grid = WavenumberGrid { first_per_m: step_per_m * first as f64, step_per_m, points: fine.len() };
     Ok((OfScan { fine, coarse }, grid))
 }
 
@@ -339,11 +340,11 @@ fn fast(
 fn finish(
     scans: Vec<OfScan>,
     forward: Vec<bool>,
-    grid: Grid,
+    grid: WavenumberGrid,
     settings: &SpectrumTransform,
     registration: Registration,
     zero_is_told: bool,
-) -> Processed {
+) -> ProcessedScans {
     let (mut spectra, coarse): (Vec<Vec<Complex64>>, Vec<Vec<Complex64>>) =
         scans.into_iter().map(|scan| (scan.fine, scan.coarse)).unzip();
     let mut misregistration_m = Vec::new();
@@ -377,7 +378,7 @@ fn finish(
     let sign = if inverted { -1.0 } else { 1.0 };
     let real = |value: &Complex64| if power { value.norm() } else { sign * value.re };
     let spectra = spectra.iter().map(|spectrum| spectrum.iter().map(real).collect()).collect();
-    Processed {
+    ProcessedScans {
         scans: Scans { grid, spectra, forward },
         counts: None,
         zero_m: Some(common_m),
@@ -399,7 +400,7 @@ fn remove_phases(
     spectra: &mut [Vec<Complex64>],
     mut coarse: Vec<Vec<Complex64>>,
     forward: &[bool],
-    grid: Grid,
+    grid: WavenumberGrid,
 ) {
     for direction in [true, false] {
         let places: Vec<usize> = (0..spectra.len()).filter(|place| forward[*place] == direction).collect();
@@ -420,7 +421,7 @@ fn remove_phases(
 
 /// Where the zero path of each scan lies beyond their mean one: first against the mean of the scans as they are, then against
 /// the mean of those that were laid over it.
-fn misregistrations(spectra: &[Vec<Complex64>], grid: Grid) -> Vec<f64> {
+fn misregistrations(spectra: &[Vec<Complex64>], grid: WavenumberGrid) -> Vec<f64> {
     let as_they_are = mean(spectra, grid);
     let mut laid = spectra.to_vec();
     for spectrum in &mut laid {
@@ -434,7 +435,7 @@ fn misregistrations(spectra: &[Vec<Complex64>], grid: Grid) -> Vec<f64> {
     shifts.iter().map(|shift| shift - middle).collect()
 }
 
-fn mean(spectra: &[Vec<Complex64>], grid: Grid) -> Vec<Complex64> {
+fn mean(spectra: &[Vec<Complex64>], grid: WavenumberGrid) -> Vec<Complex64> {
     let mut mean = vec![Complex64::new(0.0, 0.0); grid.points];
     for spectrum in spectra {
         for (mean, value) in mean.iter_mut().zip(spectrum) {
@@ -469,10 +470,10 @@ mod tests {
             .collect();
         let peak = clean.iter().map(|y: &f64| y.abs()).fold(0.0, f64::max);
         let mut noise = WhiteNoise::new(20_261_124, 3);
-        let columns: Vec<Detector> = (0..SCANS)
+        let columns: Vec<DetectorSignal> = (0..SCANS)
             .map(|_| {
                 let value: Vec<f64> = clean.iter().map(|y| y + 1e-3 * peak * noise.sample()).collect();
-                Detector { time_s: vec![f64::NAN; value.len()], value }
+                DetectorSignal { time_s: vec![f64::NAN; value.len()], value }
             })
             .collect();
         let settings: SpectrumTransform =

@@ -1,6 +1,6 @@
 //! Scans laid over each other.
 
-use super::grid::Grid;
+use super::grid::WavenumberGrid;
 use kalmems_core::Scalar;
 use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -14,7 +14,7 @@ const HALF_A_FRINGE: f64 = 0.5;
 const LOOKS: f64 = 24.0;
 
 /// Turns a spectrum to a zero path that lies `shift_m` further on: S·e^{i·2π·ν·shift}.
-pub fn turn(spectrum: &mut [Complex64], grid: Grid, shift_m: f64) {
+pub fn turn(spectrum: &mut [Complex64], grid: WavenumberGrid, shift_m: f64) {
     for (index, value) in spectrum.iter_mut().enumerate() {
         let angle = TAU * grid.wavenumber(index) * shift_m;
         *value *= Complex64::new(Scalar::cos(angle), Scalar::sin(angle));
@@ -27,7 +27,7 @@ pub fn turn(spectrum: &mut [Complex64], grid: Grid, shift_m: f64) {
 /// That is the correlation of the two interferograms within the band, searched up to half a fringe of the mean wavenumber to each
 /// side. Without a reference R is 1, the sum the interferogram itself, and the shift its largest deviation of either sign, searched over six
 /// fringes to each side.
-pub fn shift_to(spectrum: &[Complex64], reference: Option<&[Complex64]>, grid: Grid) -> (f64, f64) {
+pub fn shift_to(spectrum: &[Complex64], reference: Option<&[Complex64]>, grid: WavenumberGrid) -> (f64, f64) {
     let product: Vec<Complex64> = match reference {
         Some(reference) => spectrum.iter().zip(reference).map(|(s, r)| s * r.conj()).collect(),
         None => spectrum.to_vec(),
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn a_shift_is_found_of_either_sign_and_undone() {
-        let grid = Grid { first_per_m: 140e3, step_per_m: 200.0, points: 400 };
+        let grid = WavenumberGrid { first_per_m: 140e3, step_per_m: 200.0, points: 400 };
         let band = |index: usize| (-((grid.wavenumber(index) - 180e3) / 12e3).powi(2)).exp();
         for (shift, sign) in [(0.0, 1.0), (1.3e-6, 1.0), (-7.7e-6, -1.0), (12.4e-6, 1.0)] {
             let mut spectrum: Vec<Complex64> =

@@ -1,6 +1,6 @@
 //! From samples at equal times to samples at equal path differences.
 
-use super::scans::Scan;
+use super::scans::MirrorScan;
 use crate::signal::{band_limited, polynomial_between};
 
 /// Points of the polynomial through the path differences.
@@ -34,7 +34,7 @@ pub enum ResampleError {
 pub fn resample(
     value: &[f64],
     path_m: &[f64],
-    scan: &Scan,
+    scan: &MirrorScan,
     step_m: f64,
     (first, last): (i32, i32),
 ) -> Result<Vec<f64>, ResampleError> {
@@ -85,7 +85,7 @@ mod tests {
         for (around, forward) in [(0..2001, true), (2000..4001, false)] {
             let inside = around.clone().filter(|k| path[*k].abs() <= 0.95e-3);
             let rows = inside.clone().min().unwrap()..inside.max().unwrap() + 1;
-            let scan = Scan { rows, around, forward };
+            let scan = MirrorScan { rows, around, forward };
             let (step, ends) = (1e-6, (-949, 949));
             let found = resample(&value, &path, &scan, step, ends).unwrap();
             let expected: Vec<f64> = (ends.0..=ends.1).map(|j| light(step * f64::from(j))).collect();
@@ -96,7 +96,7 @@ mod tests {
         }
         let mut shaken = path.clone();
         shaken[1000] += 5e-6;
-        let scan = Scan { rows: 300..1700, around: 0..2001, forward: true };
+        let scan = MirrorScan { rows: 300..1700, around: 0..2001, forward: true };
         let error = resample(&value, &shaken, &scan, 1e-6, (-900, 900)).unwrap_err();
         assert_eq!(error, ResampleError::BackAndForth { row: 1000, forward: true });
     }

@@ -1,13 +1,13 @@
 //! A detector's samples along a path, cut into scans.
 
-use super::track::{Position, PositionTrack};
+use super::track::{PositionTrack, TrackPosition};
 use crate::signal::{GAP, usual_interval};
 use serde::Serialize;
 use std::ops::Range;
 
 /// What a detector gave, and when, on the clock of the position.
 #[derive(Clone, Debug)]
-pub struct Detector {
+pub struct DetectorSignal {
     /// Increasing, in s.
     pub time_s: Vec<f64>,
     /// NaN where nothing was measured.
@@ -36,7 +36,7 @@ pub struct Reach {
 
 /// One pass of the mirror through the wanted path differences.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scan {
+pub struct MirrorScan {
     /// Its samples.
     pub rows: Range<usize>,
     /// The samples around it without a gap, its own among them.
@@ -81,7 +81,7 @@ impl ScanCounts {
 
 /// The path difference in m of each sample; NaN where it, or the detector's value, is not known.
 pub fn path_differences(
-    detector: &Detector,
+    detector: &DetectorSignal,
     track: &PositionTrack,
     scale: PathScale,
 ) -> (Vec<f64>, ScanCounts) {
@@ -92,12 +92,12 @@ pub fn path_differences(
             return f64::NAN;
         }
         match track.at(time - scale.delay_s) {
-            Position::At(position) => scale.path_per_position * (position - scale.zero_m),
-            Position::InGap => {
+            TrackPosition::At(position) => scale.path_per_position * (position - scale.zero_m),
+            TrackPosition::InGap => {
                 counts.in_gap += 1;
                 f64::NAN
             }
-            Position::Beyond => {
+            TrackPosition::Beyond => {
                 counts.beyond_trajectory += 1;
                 f64::NAN
             }
@@ -110,7 +110,7 @@ pub fn path_differences(
 /// Finds the passes that lead through all wanted path differences, from one end to the other, without a gap.
 ///
 /// Within them the mirror does not turn, so that noise of the position at its turning points has no say.
-pub fn scans(time_s: &[f64], path_m: &[f64], reach: Reach, counts: &mut ScanCounts) -> Vec<Scan> {
+pub fn scans(time_s: &[f64], path_m: &[f64], reach: Reach, counts: &mut ScanCounts) -> Vec<MirrorScan> {
     let longest = GAP * usual_interval(time_s);
     let mut found = Vec::new();
     let mut start = 0;
@@ -133,7 +133,7 @@ fn passes(
     around: Range<usize>,
     reach: Reach,
     counts: &mut ScanCounts,
-    found: &mut Vec<Scan>,
+    found: &mut Vec<MirrorScan>,
 ) {
     let [low, high] = [-reach.short_m, reach.largest_m];
     let mut k = around.start;
@@ -151,7 +151,7 @@ fn passes(
             |row: Option<usize>| row.filter(|row| around.contains(row)).map(|row| path_m[row] > 0.0);
         match (outside(start.checked_sub(1)), outside(Some(k))) {
             (Some(from), Some(to)) if from != to => {
-                found.push(Scan { rows: start..k, around: around.clone(), forward: to });
+                found.push(MirrorScan { rows: start..k, around: around.clone(), forward: to });
             }
             _ => counts.incomplete_scans += 1,
         }

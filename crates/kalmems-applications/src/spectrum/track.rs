@@ -35,7 +35,7 @@ pub enum PositionTrackError {
 
 /// What is known of a position at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Position {
+pub enum TrackPosition {
     /// It is known, in m.
     At(f64),
     /// Between two samples with a gap between them.
@@ -77,16 +77,18 @@ impl PositionTrack {
     }
 
     /// The position at a time in s.
-    pub fn at(&self, time_s: f64) -> Position {
+    pub fn at(&self, time_s: f64) -> TrackPosition {
         let after = self.runs.partition_point(|run| self.time_s[run.end - 1] < time_s);
-        let Some(run) = self.runs.get(after).filter(|_| !time_s.is_nan()) else { return Position::Beyond };
+        let Some(run) = self.runs.get(after).filter(|_| !time_s.is_nan()) else {
+            return TrackPosition::Beyond;
+        };
         let times = &self.time_s[run.clone()];
         if time_s < times[0] {
-            return if after == 0 { Position::Beyond } else { Position::InGap };
+            return if after == 0 { TrackPosition::Beyond } else { TrackPosition::InGap };
         }
         let to = times.partition_point(|t| *t < time_s).max(1);
         let sample = |k: usize| self.position_m[run.start + k];
-        Position::At(polynomial_between(POINTS, times, sample, to, time_s))
+        TrackPosition::At(polynomial_between(POINTS, times, sample, to, time_s))
     }
 
     /// How many gaps it has between its runs.
@@ -124,18 +126,18 @@ mod tests {
             let t = f64::from(k) * 2e-5 + 3e-6;
             let row = t * 20e3;
             match track.at(t) {
-                Position::At(position) => {
+                TrackPosition::At(position) => {
                     // Up to (10·1·2·…)/(225/64) times as much where the points lie to one side.
                     assert!((position - sine(t)).abs() < 6.0 * bound, "{t}: {}", position - sine(t));
                 }
-                Position::InGap => {
+                TrackPosition::InGap => {
                     assert!((99.0..101.0).contains(&row) || (199.0..220.0).contains(&row), "{row}");
                 }
-                Position::Beyond => assert!(row > 399.0, "{row}"),
+                TrackPosition::Beyond => assert!(row > 399.0, "{row}"),
             }
         }
-        assert_eq!(track.at(-1e-9), Position::Beyond);
-        assert_eq!(track.at(f64::NAN), Position::Beyond);
+        assert_eq!(track.at(-1e-9), TrackPosition::Beyond);
+        assert_eq!(track.at(f64::NAN), TrackPosition::Beyond);
         assert_eq!(PositionTrack::new(vec![0.0, 1.0], vec![0.0]).unwrap_err(), PositionTrackError::Times);
         let short = PositionTrack::new(vec![0.0, 1.0, 2.0], vec![0.0; 3]).unwrap_err();
         assert_eq!(short, PositionTrackError::Short { longest: 3 });

@@ -1,9 +1,9 @@
 //! `kalmems batch`.
 
 use crate::args::BatchArguments;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target};
 use kalmems::batch::{Batch, BatchError, BatchOptions, BatchRecording};
 use kalmems::rigs::Workbench;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// Some recordings could not be estimated, and the results have all others.
 const SOME_FAILED: u8 = 5;
 
-pub fn run(workbench: &Workbench, arguments: &BatchArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &BatchArguments) -> Result<(), CommandEnding> {
     let batch = Batch::load(workbench, &arguments.experiment, arguments.of.as_deref()).map_err(ending)?;
     let batch = match &arguments.reference {
         Some(files) => batch.with_references(files),
@@ -27,7 +27,7 @@ pub fn run(workbench: &Workbench, arguments: &BatchArguments) -> Result<(), Endi
     let usual = || PathBuf::from("out").join("batches").join(batch.name());
     let out = arguments.out.clone().unwrap_or_else(usual);
     let options = BatchOptions { threads: arguments.threads, force: arguments.force };
-    let bar = Bar::of_large_units();
+    let bar = ProgressDisplay::of_large_units();
     let outcome = batch.run(&recordings, &out, options, &bar).map_err(ending)?;
     drop(bar);
     target::tell_of(&outcome.committed);
@@ -50,19 +50,21 @@ pub fn run(workbench: &Workbench, arguments: &BatchArguments) -> Result<(), Endi
     }
     tell!("results in {}; open {}", out.display(), out.join("report.html").display());
     if summary.estimated() == 0 {
-        return Err(Ending::Wrong("no recording could be estimated".to_owned()));
+        return Err(CommandEnding::Wrong("no recording could be estimated".to_owned()));
     }
     if arguments.strict && !summary.doubtful.is_empty() {
         let doubtful = summary.doubtful.join(", ");
-        return Err(Ending::NotConsistent(format!("the verdict is `doubtful` or worse for: {doubtful}")));
+        return Err(CommandEnding::NotConsistent(format!(
+            "the verdict is `doubtful` or worse for: {doubtful}"
+        )));
     }
-    if summary.failures.is_empty() { Ok(()) } else { Err(Ending::Told(SOME_FAILED)) }
+    if summary.failures.is_empty() { Ok(()) } else { Err(CommandEnding::Told(SOME_FAILED)) }
 }
 
 #[allow(clippy::needless_pass_by_value)] // as `map_err` has it
-fn ending(error: BatchError) -> Ending {
+fn ending(error: BatchError) -> CommandEnding {
     match error {
-        BatchError::Interrupted { .. } => Ending::Paused(error.to_string()),
-        error => Ending::Wrong(error.to_string()),
+        BatchError::Interrupted { .. } => CommandEnding::Paused(error.to_string()),
+        error => CommandEnding::Wrong(error.to_string()),
     }
 }

@@ -1,25 +1,25 @@
 //! `kalmems calibrate`.
 
-use crate::args::{CalibrateArguments, Calibrated};
-use crate::progress::Bar;
+use crate::args::{CalibrateArguments, CalibrationSubject};
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target};
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::calibrate;
 use kalmems::applications::calibration::{CalibrationSummary, write_calibration};
 use kalmems::results::{RunInfo, Work};
 use std::time::{Instant, SystemTime};
 
-pub fn run(arguments: &CalibrateArguments) -> Result<(), Ending> {
-    let Calibrated::Gyro(arguments) = &arguments.what;
+pub fn run(arguments: &CalibrateArguments) -> Result<(), CommandEnding> {
+    let CalibrationSubject::Gyro(arguments) = &arguments.what;
     let (started, clock) = (SystemTime::now(), Instant::now());
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let file = GyroscopeCalibration::load(&arguments.file).map_err(|e| wrong(&e))?;
     let work = Work::of_file("calibrate gyro", &arguments.file, file.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["calibrated", &file.name.to_string()], &work)?;
-    let bar = Bar::default();
+    let bar = ProgressDisplay::default();
     let found = calibrate(&file, &bar)
-        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+        .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;
     drop(bar);
     let info = RunInfo { started, took: clock.elapsed() };
     write_calibration(&found, &output, info).map_err(|e| wrong(&e))?;

@@ -3,15 +3,15 @@
 use crate::args::CompareArguments;
 use crate::target::write_page;
 use crate::tell::tell;
-use crate::{Ending, print_json};
+use crate::{CommandEnding, print_json};
 use kalmems::results::compare_page;
 use serde_json::json;
 
-pub fn run(arguments: &CompareArguments) -> Result<(), Ending> {
-    let html = compare_page(&arguments.runs).map_err(|e| Ending::Wrong(e.to_string()))?;
+pub fn run(arguments: &CompareArguments) -> Result<(), CommandEnding> {
+    let html = compare_page(&arguments.runs).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
     if let Some(folder) = arguments.report.parent() {
         std::fs::create_dir_all(folder)
-            .map_err(|e| Ending::Wrong(format!("cannot make the folder {}: {e}", folder.display())))?;
+            .map_err(|e| CommandEnding::Wrong(format!("cannot make the folder {}: {e}", folder.display())))?;
     }
     write_page(&arguments.report, &html, arguments.force)?;
     if arguments.json {

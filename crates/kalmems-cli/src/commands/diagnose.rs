@@ -2,25 +2,25 @@
 
 use crate::args::DiagnoseArguments;
 use crate::experiment::load;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::target::{BesideExperiment, write_page};
 use crate::tell::tell;
-use crate::{Ending, print, print_json};
+use crate::{CommandEnding, print, print_json};
 use kalmems::diagnose::{diagnose, pasted};
 use kalmems::results::diagnosis_page;
 use kalmems::rigs::Workbench;
 use std::path::Path;
 
-pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), Ending> {
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), CommandEnding> {
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let (experiment, noise) = load(workbench, &arguments.experiment)?;
     for noise in noise {
         tell!("{noise}");
     }
     let beside = BesideExperiment::of(arguments.write.as_deref(), &arguments.experiment, arguments.force)?;
-    let bar = Bar::default();
+    let bar = ProgressDisplay::default();
     let found = diagnose(workbench, &experiment, arguments.filter.as_deref(), &bar)
-        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+        .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;
     drop(bar);
     if arguments.json {
         print_json(&found)?;

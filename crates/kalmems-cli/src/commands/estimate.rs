@@ -2,22 +2,22 @@
 
 use crate::args::EstimateArguments;
 use crate::experiment::load;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target};
 use kalmems::config::Experiment;
 use kalmems::diagnose::FoundNoise;
 use kalmems::results::{
-    Estimated, LongEstimate, Metrics, Output, RunInfo, Work, WriteError, WriteOptions, budget_table,
+    Estimated, LongEstimate, Metrics, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table,
     is_unexplained, notices_in_short, parameters_table, scale_notes_of, summary_table,
 };
 use kalmems::rigs::Workbench;
 use kalmems::workflow::{self, PartsError, WorkflowError};
 use std::time::{Instant, SystemTime};
 
-pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), CommandEnding> {
     let (started, clock) = (SystemTime::now(), Instant::now());
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let (experiment, noise) = load(workbench, &arguments.experiment)?;
     let work = Work::of_file("estimate", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &[&experiment.name.to_string()], &work)?;
@@ -48,12 +48,14 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), E
 
     if !metrics.estimators().any(|estimator| estimator.verdict.is_of_an_estimate()) {
         let why = "no filter gave an estimate of the motion: each stopped or lost the signal; the report and `metrics.json` state the times";
-        return Err(Ending::Wrong(why.to_owned()));
+        return Err(CommandEnding::Wrong(why.to_owned()));
     }
     let failed: Vec<&str> = metrics.estimators().filter(|e| !e.passes()).map(|e| e.name.as_str()).collect();
     if arguments.strict && !failed.is_empty() {
         let failed = failed.join(", ");
-        return Err(Ending::NotConsistent(format!("the verdict is `doubtful` or worse for: {failed}")));
+        return Err(CommandEnding::NotConsistent(format!(
+            "the verdict is `doubtful` or worse for: {failed}"
+        )));
     }
     Ok(())
 }
@@ -64,8 +66,8 @@ fn at_once(
     arguments: &EstimateArguments,
     output: &Output,
     (started, clock): (SystemTime, Instant),
-) -> Result<Metrics, Ending> {
-    let bar = Bar::default();
+) -> Result<Metrics, CommandEnding> {
+    let bar = ProgressDisplay::default();
     let estimated = Estimated::of(workbench, experiment, noise, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
     let info = RunInfo { started, took: clock.elapsed() };
@@ -80,11 +82,11 @@ fn in_parts(
     arguments: &EstimateArguments,
     output: &Output,
     (started, clock): (SystemTime, Instant),
-) -> Result<Metrics, Ending> {
+) -> Result<Metrics, CommandEnding> {
     let wanted = WriteOptions { trajectories: !arguments.no_trajectories };
-    let rig = workbench.rig(experiment).map_err(|e| Ending::Wrong(e.to_string()))?;
+    let rig = workbench.rig(experiment).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
     let mut results = LongEstimate::begin(rig, experiment, output, wanted, &crate::interrupt::requested);
-    let bar = Bar::default();
+    let bar = ProgressDisplay::default();
     let whole = workflow::estimate_in_parts(workbench, experiment, &bar, &mut |part| results.part(&part));
     let whole = whole.map_err(|e| match e {
         PartsError::Work(error) => of_work(&error),
@@ -95,13 +97,13 @@ fn in_parts(
     results.finish(&whole, (notes, noise), RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
 }
 
-fn of_work(error: &WorkflowError) -> Ending {
-    if error.is_interruption() { Ending::Interrupted } else { Ending::Wrong(error.to_string()) }
+fn of_work(error: &WorkflowError) -> CommandEnding {
+    if error.is_interruption() { CommandEnding::Interrupted } else { CommandEnding::Wrong(error.to_string()) }
 }
 
-fn of_writing(error: WriteError) -> Ending {
+fn of_writing(error: ResultWriteError) -> CommandEnding {
     match error {
-        WriteError::Interrupted => Ending::Interrupted,
-        error => Ending::Wrong(error.to_string()),
+        ResultWriteError::Interrupted => CommandEnding::Interrupted,
+        error => CommandEnding::Wrong(error.to_string()),
     }
 }

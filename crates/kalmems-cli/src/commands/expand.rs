@@ -3,13 +3,13 @@
 use crate::args::ExpandArguments;
 use crate::target::BesideExperiment;
 use crate::tell::tell;
-use crate::{Ending, print, print_json};
+use crate::{CommandEnding, print, print_json};
 use kalmems::expand::expand;
 use kalmems::rigs::Workbench;
 use serde_json::json;
 
-pub fn run(workbench: &Workbench, arguments: &ExpandArguments) -> Result<(), Ending> {
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+pub fn run(workbench: &Workbench, arguments: &ExpandArguments) -> Result<(), CommandEnding> {
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let beside = BesideExperiment::of(arguments.write.as_deref(), &arguments.experiment, arguments.force)?;
     let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let expanded = expand(workbench, &experiment).map_err(|e| wrong(&e))?;

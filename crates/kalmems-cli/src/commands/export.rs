@@ -2,9 +2,9 @@
 
 use crate::args::{ExportArguments, ExportDigits, Language};
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
-use kalmems::config::{Filter, Method};
-use kalmems::export::{Digits, Request, Target, write_export};
+use crate::{CommandEnding, print, print_json, target};
+use kalmems::config::{FilterTable, Method};
+use kalmems::export::{ExportRequest, SourceDigits, SourceLanguage, write_export};
 use kalmems::inspect::quantity;
 use kalmems::results::Work;
 use kalmems::rigs::Workbench;
@@ -12,16 +12,16 @@ use kalmems::units::{Value, kind};
 use serde_json::json;
 use std::path::PathBuf;
 
-pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Ending> {
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), CommandEnding> {
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let filters = experiment.estimate.as_ref().map_or(&[][..], |estimate| &estimate.filters[..]);
-    let is_accurate = |filter: &&Filter| filter.method != Method::EulerEkf;
+    let is_accurate = |filter: &&FilterTable| filter.method != Method::EulerEkf;
     let first = || filters.iter().find(is_accurate).or(filters.first()).map(|filter| filter.name.to_string());
-    let request = Request {
+    let request = ExportRequest {
         target: match arguments.target {
-            Language::C => Target::C,
-            Language::Rust => Target::Rust,
+            Language::C => SourceLanguage::C,
+            Language::Rust => SourceLanguage::Rust,
         },
         filter: arguments.filter.clone().or_else(first).unwrap_or_default(),
         interval_s: arguments.rate.as_deref().map(interval_s).transpose()?,
@@ -29,9 +29,9 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), End
         samples: arguments.samples,
         adjustable: arguments.adjustable.clone(),
         digits: match arguments.digits {
-            None => Digits::AsNeeded,
-            Some(ExportDigits::Single) => Digits::Single,
-            Some(ExportDigits::Double) => Digits::Double,
+            None => SourceDigits::AsNeeded,
+            Some(ExportDigits::Single) => SourceDigits::Single,
+            Some(ExportDigits::Double) => SourceDigits::Double,
         },
     };
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
@@ -65,8 +65,8 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), End
 }
 
 /// One over a rate.
-fn interval_s(rate: &str) -> Result<f64, Ending> {
-    let wrong = |why: &dyn std::fmt::Display| Ending::Wrong(format!("--rate: {why}"));
+fn interval_s(rate: &str) -> Result<f64, CommandEnding> {
+    let wrong = |why: &dyn std::fmt::Display| CommandEnding::Wrong(format!("--rate: {why}"));
     let value = Value::parse(rate).map_err(|e| wrong(&e))?;
     let rate_hz = value.of_kind(&kind::FREQUENCY).map_err(|e| wrong(&e))?;
     let interval_s = rate_hz.recip();

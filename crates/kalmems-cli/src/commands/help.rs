@@ -1,19 +1,19 @@
 //! `kalmems help`.
 
-use crate::args::{Arguments, HelpArguments};
-use crate::{Ending, print, print_json};
+use crate::args::{CommandLine, HelpArguments};
+use crate::{CommandEnding, print, print_json};
 use clap::{Command, CommandFactory};
 use kalmems::draft::names_of;
 use kalmems::rigs::{Rig, Workbench};
 use kalmems::topics::{TOPICS, Topic, topic};
 
-pub fn run(workbench: &Workbench, arguments: &HelpArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &HelpArguments) -> Result<(), CommandEnding> {
     let words: Vec<&str> = arguments.topic.iter().map(String::as_str).collect();
     match words[..] {
         ["device", name] => of_device(workbench, name, arguments.json),
         _ if arguments.json => {
             let why = "`--json` of `help` is for the names of a device, such as `kalmems help device shared_scanner --json`";
-            Err(Ending::Wrong(why.to_owned()))
+            Err(CommandEnding::Wrong(why.to_owned()))
         }
         ["topics"] => print(&topics()),
         ["device" | "devices"] => {
@@ -33,7 +33,7 @@ pub fn run(workbench: &Workbench, arguments: &HelpArguments) -> Result<(), Endin
             let found = words.join(" ");
             let all = topics();
             let why = format!("found the topic `{found}`, which is no command and none of these:\n{all}");
-            Err(Ending::Wrong(why))
+            Err(CommandEnding::Wrong(why))
         }
     }
 }
@@ -48,14 +48,14 @@ fn topics() -> String {
     )
 }
 
-fn of_device(workbench: &Workbench, name: &str, json: bool) -> Result<(), Ending> {
-    let names = names_of(workbench, name).map_err(|e| Ending::Wrong(e.to_string()))?;
+fn of_device(workbench: &Workbench, name: &str, json: bool) -> Result<(), CommandEnding> {
+    let names = names_of(workbench, name).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
     if json { print_json(&names) } else { print(&names.to_string()) }
 }
 
 /// The command with this path of names, such as `calibrate gyro`, named in its help as it is called.
 pub fn command_of(path: &[String]) -> Option<Command> {
-    let mut command = Arguments::command();
+    let mut command = CommandLine::command();
     command.build();
     for name in path {
         command = command.find_subcommand(name)?.clone();

@@ -2,25 +2,25 @@
 
 use crate::args::IdentifyArguments;
 use crate::experiment::load;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target};
 use kalmems::config::Experiment;
 use kalmems::diagnose::{identify, with_found_numbers, with_noise};
-use kalmems::results::{IdentificationSummary, RunInfo, Work, WriteError, write_identification};
+use kalmems::results::{IdentificationSummary, ResultWriteError, RunInfo, Work, write_identification};
 use kalmems::rigs::Workbench;
 use std::time::{Instant, SystemTime};
 
-pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), CommandEnding> {
     let (started, clock) = (SystemTime::now(), Instant::now());
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let (experiment, noise) = load(workbench, &arguments.experiment)?;
     let work = Work::of_file("identify", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["identified", &experiment.name.to_string()], &work)?;
-    let bar = Bar::default();
+    let bar = ProgressDisplay::default();
     let identified = |experiment: &Experiment| {
         identify(workbench, experiment, &bar)
-            .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })
+            .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })
     };
     let mut found = identified(&experiment)?;
     let by_likelihood = experiment.identify.as_ref().is_some_and(|identify| !identify.parameters.is_empty());
@@ -29,7 +29,7 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), E
         let again = with_found_numbers(&experiment, &found.experiment, &noise).map_err(|e| wrong(&e))?;
         let again = with_noise(workbench, &again, &bar);
         let (experiment, better) =
-            again.map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+            again.map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;
         found = identified(&experiment)?;
         noise = better;
     }
@@ -40,7 +40,7 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), E
     let info = RunInfo { started, took: clock.elapsed() };
     let stop = &crate::interrupt::requested;
     write_identification(&found, &output, info, stop).map_err(|e| match e {
-        WriteError::Interrupted => Ending::Interrupted,
+        ResultWriteError::Interrupted => CommandEnding::Interrupted,
         e => wrong(&e),
     })?;
     let out = target::finish(output)?;

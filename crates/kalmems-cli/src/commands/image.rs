@@ -1,22 +1,22 @@
 //! `kalmems image`.
 
 use crate::args::ImageArguments;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target};
 use kalmems::applications::image::Image;
 use kalmems::applications::image::reconstruct;
-use kalmems::applications::image::{Developed, ImageMetrics, read_grey, write_image};
+use kalmems::applications::image::{DevelopedImage, ImageMetrics, read_grey, write_image};
 use kalmems::results::{RunInfo, Work};
 use std::time::{Instant, SystemTime};
 
-pub fn run(arguments: &ImageArguments) -> Result<(), Ending> {
+pub fn run(arguments: &ImageArguments) -> Result<(), CommandEnding> {
     let (started, clock) = (SystemTime::now(), Instant::now());
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let mut image = Image::load(&arguments.image).map_err(|e| wrong(&e))?;
     for (axis, phase) in [("x", &arguments.phase_x), ("y", &arguments.phase_y)] {
         if let Some(phase) = phase {
-            image.set_phase(axis, phase).map_err(|e| Ending::Wrong(format!("--phase-{axis}: {e}")))?;
+            image.set_phase(axis, phase).map_err(|e| CommandEnding::Wrong(format!("--phase-{axis}: {e}")))?;
         }
     }
     let reference = match &arguments.reference {
@@ -25,11 +25,11 @@ pub fn run(arguments: &ImageArguments) -> Result<(), Ending> {
     };
     let work = Work::of_file("image", &arguments.image, image.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["image", &image.name.to_string()], &work)?;
-    let bar = Bar::default();
+    let bar = ProgressDisplay::default();
     let outcome = reconstruct(&image, &bar)
-        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+        .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;
     drop(bar);
-    let developed = Developed::of(&outcome);
+    let developed = DevelopedImage::of(&outcome);
     let reference = reference.as_ref().map(|(path, picture)| (*path, picture));
     let metrics = ImageMetrics::of(&outcome, &developed, reference).map_err(|e| wrong(&e))?;
     let info = RunInfo { started, took: clock.elapsed() };

@@ -1,18 +1,18 @@
 //! `kalmems inspect`.
 
 use crate::args::InspectArguments;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target};
 use kalmems::inspect::inspect_with;
-use kalmems::progress::Reader;
+use kalmems::progress::ReaderProgress;
 use kalmems::recording::ReadError;
 use kalmems::results::{RunInfo, Work, draw_outlook, write_outlook};
 use kalmems::rigs::Workbench;
 use std::fmt::Display;
 use std::time::{Instant, SystemTime};
 
-pub fn run(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), CommandEnding> {
     if arguments.input.extension().is_some_and(|ending| ending == "toml") {
         device(workbench, arguments)
     } else {
@@ -20,15 +20,15 @@ pub fn run(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), En
     }
 }
 
-fn wrong(e: &dyn Display) -> Ending {
-    Ending::Wrong(e.to_string())
+fn wrong(e: &dyn Display) -> CommandEnding {
+    CommandEnding::Wrong(e.to_string())
 }
 
 /// What an experiment's device will do under its drive.
-fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Ending> {
+fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), CommandEnding> {
     if arguments.report.is_some() {
         let why = "`--report` is for a recording; of an experiment file the report is in the folder that `--out` names";
-        return Err(Ending::Wrong(why.to_owned()));
+        return Err(CommandEnding::Wrong(why.to_owned()));
     }
     let (started, clock) = (SystemTime::now(), Instant::now());
     let experiment = workbench.load(&arguments.input).map_err(|e| wrong(&e))?;
@@ -49,16 +49,16 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), End
 }
 
 /// What a recording holds.
-fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
+fn recording(arguments: &InspectArguments) -> Result<(), CommandEnding> {
     if arguments.out.is_some() {
         let why = "`--out` is for an experiment file; of a recording one picture is drawn, with `--png`, and a page written, with `--report`";
-        return Err(Ending::Wrong(why.to_owned()));
+        return Err(CommandEnding::Wrong(why.to_owned()));
     }
-    let bar = Bar::default();
-    let mut reading = Reader::new(&bar, "reading");
+    let bar = ProgressDisplay::default();
+    let mut reading = ReaderProgress::new(&bar, "reading");
     let inspection = inspect_with(&arguments.input, &mut |done, total| reading.hear(done, total)).map_err(
         |e| match e {
-            ReadError::Interrupted { .. } => Ending::Interrupted,
+            ReadError::Interrupted { .. } => CommandEnding::Interrupted,
             e => wrong(&e),
         },
     )?;
@@ -79,5 +79,7 @@ fn recording(arguments: &InspectArguments) -> Result<(), Ending> {
         return Ok(());
     }
     let file = arguments.input.display();
-    Err(Ending::Wrong(format!("`{file}` cannot be used as a recording as it is; the findings above say why")))
+    Err(CommandEnding::Wrong(format!(
+        "`{file}` cannot be used as a recording as it is; the findings above say why"
+    )))
 }

@@ -1,13 +1,13 @@
 //! `kalmems new`.
 
 use crate::args::NewArguments;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::target::write_file;
 use crate::tell::{line, tell};
-use crate::{Ending, print, print_json};
-use kalmems::config::Role;
-use kalmems::draft::{self, Draft, DraftError, Question, Sorted, Wanted, listed, of_device};
-use kalmems::progress::Reader;
+use crate::{CommandEnding, print, print_json};
+use kalmems::config::RecordingRole;
+use kalmems::draft::{self, Draft, DraftError, DraftRequest, Question, SortedRecording, listed, of_device};
+use kalmems::progress::ReaderProgress;
 use kalmems::recording::ReadError;
 use kalmems::rigs::Workbench;
 use serde_json::json;
@@ -15,7 +15,7 @@ use std::fmt::Write as _;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), CommandEnding> {
     let Some(device) = &arguments.device else { return list(workbench, arguments.json) };
     let Some(recording) = &arguments.recording else {
         let text = of_device(workbench, device).map_err(|e| wrong(&e))?;
@@ -25,7 +25,7 @@ pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending
     let here = Path::new("").to_owned();
     let folder = arguments.write.as_ref().and_then(|path| path.parent()).map_or(here, Path::to_owned);
     let folder = if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder };
-    let wanted = Wanted {
+    let wanted = DraftRequest {
         device,
         recording,
         further: &further,
@@ -37,7 +37,7 @@ pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending
     let mut answers = arguments.channels.clone();
     while let Some(answer) = ask(&sorted.questions)? {
         answers.push(answer);
-        sorted = sort(workbench, &Wanted { channels: &answers, ..wanted.clone() })?;
+        sorted = sort(workbench, &DraftRequest { channels: &answers, ..wanted.clone() })?;
     }
     if arguments.json && !sorted.questions.is_empty() {
         // For a program that asks in its own way and comes again with `--channel`.
@@ -53,12 +53,12 @@ pub fn run(workbench: &Workbench, arguments: &NewArguments) -> Result<(), Ending
     put(arguments, &draft, "estimate")
 }
 
-fn wrong(e: &dyn std::fmt::Display) -> Ending {
-    Ending::Wrong(e.to_string())
+fn wrong(e: &dyn std::fmt::Display) -> CommandEnding {
+    CommandEnding::Wrong(e.to_string())
 }
 
 /// All devices, with a sketch of the signal of each.
-fn list(workbench: &Workbench, json: bool) -> Result<(), Ending> {
+fn list(workbench: &Workbench, json: bool) -> Result<(), CommandEnding> {
     let devices = listed(workbench).map_err(|e| wrong(&e))?;
     if json {
         return print_json(&devices);
@@ -73,11 +73,12 @@ fn list(workbench: &Workbench, json: bool) -> Result<(), Ending> {
     print(&text)
 }
 
-fn further(stated: &[(String, String)]) -> Result<Vec<(Role, PathBuf)>, Ending> {
+fn further(stated: &[(String, String)]) -> Result<Vec<(RecordingRole, PathBuf)>, CommandEnding> {
     let one = |(role, file): &(String, String)| {
-        let role = Role::ALL.into_iter().find(|known| known.key() == role).ok_or_else(|| {
-            let known: Vec<String> = Role::ALL.iter().map(|role| format!("`{}`", role.key())).collect();
-            Ending::Wrong(format!(
+        let role = RecordingRole::ALL.into_iter().find(|known| known.key() == role).ok_or_else(|| {
+            let known: Vec<String> =
+                RecordingRole::ALL.iter().map(|role| format!("`{}`", role.key())).collect();
+            CommandEnding::Wrong(format!(
                 "`--further`: found the role `{role}`; expected one of {}",
                 known.join(", ")
             ))
@@ -87,17 +88,17 @@ fn further(stated: &[(String, String)]) -> Result<Vec<(Role, PathBuf)>, Ending> 
     stated.iter().map(one).collect()
 }
 
-fn sort(workbench: &Workbench, wanted: &Wanted) -> Result<Sorted, Ending> {
-    let bar = Bar::default();
-    let mut reading = Reader::new(&bar, "reading");
+fn sort(workbench: &Workbench, wanted: &DraftRequest) -> Result<SortedRecording, CommandEnding> {
+    let bar = ProgressDisplay::default();
+    let mut reading = ReaderProgress::new(&bar, "reading");
     draft::sort(workbench, wanted, &mut |done, total| reading.hear(done, total)).map_err(|e| match e {
-        DraftError::Read(ReadError::Interrupted { .. }) => Ending::Interrupted,
+        DraftError::Read(ReadError::Interrupted { .. }) => CommandEnding::Interrupted,
         e => wrong(&e),
     })
 }
 
 /// Asks the first question, where somebody is there to answer it; a channel and its column.
-fn ask(questions: &[Question]) -> Result<Option<(String, String)>, Ending> {
+fn ask(questions: &[Question]) -> Result<Option<(String, String)>, CommandEnding> {
     let Some(question) = questions.first().filter(|question| !question.candidates.is_empty()) else {
         return Ok(None);
     };
@@ -109,7 +110,7 @@ fn ask(questions: &[Question]) -> Result<Option<(String, String)>, Ending> {
     for (index, column) in question.candidates.iter().enumerate() {
         line(format_args!("  {}: {column}", index + 1));
     }
-    let failed = |e: std::io::Error| Ending::Wrong(format!("no answer: {e}"));
+    let failed = |e: std::io::Error| CommandEnding::Wrong(format!("no answer: {e}"));
     loop {
         let mut to = output.lock();
         write!(to, "its number or name: ").and_then(|()| to.flush()).map_err(failed)?;
@@ -129,7 +130,7 @@ fn ask(questions: &[Question]) -> Result<Option<(String, String)>, Ending> {
 }
 
 /// Writes the file, or prints it, and says what to do with it.
-fn put(arguments: &NewArguments, draft: &Draft, next: &str) -> Result<(), Ending> {
+fn put(arguments: &NewArguments, draft: &Draft, next: &str) -> Result<(), CommandEnding> {
     if let Some(path) = &arguments.write {
         write_file(path, &draft.text, arguments.force)?;
     }

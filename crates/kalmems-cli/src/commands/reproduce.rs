@@ -1,31 +1,31 @@
 //! `kalmems reproduce`.
 
 use crate::args::ReproduceArguments;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target};
 use kalmems::results::{RunInfo, Work};
 use kalmems_papers::program::{
-    Effort, ReproduceError, Settings, checks_table, reproduce, summary_table, write_reproduction,
+    Effort, ReproduceError, ReproductionSettings, checks_table, reproduce, summary_table, write_reproduction,
 };
 use std::time::{Instant, SystemTime};
 
-pub fn run(arguments: &ReproduceArguments) -> Result<(), Ending> {
+pub fn run(arguments: &ReproduceArguments) -> Result<(), CommandEnding> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let (name, program) =
         *kalmems_papers::ALL.iter().find(|(name, _)| *name == arguments.rig).ok_or_else(|| {
             let known: Vec<&str> = kalmems_papers::ALL.iter().map(|(name, _)| *name).collect();
-            Ending::Wrong(format!(
+            CommandEnding::Wrong(format!(
                 "nothing is published of a rig `{}`; there is: {}",
                 arguments.rig,
                 known.join(", ")
             ))
         })?;
     let ending = |e: ReproduceError| match e {
-        ReproduceError::Interrupted => Ending::Interrupted,
-        e => Ending::Wrong(e.to_string()),
+        ReproduceError::Interrupted => CommandEnding::Interrupted,
+        e => CommandEnding::Wrong(e.to_string()),
     };
-    let settings = Settings {
+    let settings = ReproductionSettings {
         only: arguments.only.clone(),
         effort: if arguments.full { Effort::Full } else { Effort::Quick },
         seed: arguments.seed.into(),
@@ -35,7 +35,7 @@ pub fn run(arguments: &ReproduceArguments) -> Result<(), Ending> {
     };
     let work = Work::named("reproduce", name).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["reproduce", name], &work)?;
-    let bar = Bar::default();
+    let bar = ProgressDisplay::default();
     let reproduction = reproduce(name, program, settings, &bar).map_err(ending)?;
     drop(bar);
     let info = RunInfo { started, took: clock.elapsed() };

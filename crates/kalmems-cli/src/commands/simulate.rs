@@ -1,21 +1,21 @@
 //! `kalmems simulate`.
 
 use crate::args::SimulateArguments;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
-use kalmems::config::Role;
+use crate::{CommandEnding, print, print_json, target};
+use kalmems::config::RecordingRole;
 use kalmems::figures::with_short_numbers;
 use kalmems::inspect::quantity;
 use kalmems::results::{RunInfo, SimulationWriteError, Work, write_simulation};
 use kalmems::rigs::Workbench;
 use kalmems::simulate::SimulateError;
-use kalmems::units::Header;
+use kalmems::units::ColumnHeader;
 use std::time::{Instant, SystemTime};
 
-pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), CommandEnding> {
     let (started, clock) = (SystemTime::now(), Instant::now());
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let mut experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     if let (Some(simulate), Some(seed)) = (&mut experiment.simulate, arguments.seed) {
         simulate.seed = seed.into();
@@ -24,10 +24,10 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), E
     let simulation = rig.simulate(&experiment).map_err(|e| wrong(&e))?;
     let work = Work::of_file("simulate", &arguments.experiment, experiment.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["simulated", &experiment.name.to_string()], &work)?;
-    let bar = Bar::default();
+    let bar = ProgressDisplay::default();
     let info = || RunInfo { started, took: clock.elapsed() };
     let summary = write_simulation(&experiment, &*simulation, &output, info, &bar).map_err(|e| match e {
-        SimulationWriteError::Simulate(SimulateError::Interrupted) => Ending::Interrupted,
+        SimulationWriteError::Simulate(SimulateError::Interrupted) => CommandEnding::Interrupted,
         e => wrong(&e),
     })?;
     drop(bar);
@@ -38,7 +38,7 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), E
     } else {
         let outlook = summary.outlook.map_or_else(String::new, |outlook| format!("{outlook}\n"));
         let column = simulation.truth().first().map_or("deflection", |channel| channel.column);
-        let unit = Header::parse(column).unit_text;
+        let unit = ColumnHeader::parse(column).unit_text;
         let name = column.strip_suffix(&unit).map_or(column, |name| name.trim_end_matches('_'));
         let unit = unit.replace("_per_", "/").replace('_', " ");
         let largest = format!("largest {name} {}", quantity(summary.largest, &unit));
@@ -49,7 +49,7 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), E
         }
     }
     let (next, command, file) = match simulation.role() {
-        Role::RingDown => ("identify from it", "identify", "experiment.toml"),
+        RecordingRole::RingDown => ("identify from it", "identify", "experiment.toml"),
         _ if experiment.estimate.is_some() => ("estimate it", "estimate", "experiment.toml"),
         // Of an experiment without filters.
         _ => ("look at it", "inspect", "recording.csv"),

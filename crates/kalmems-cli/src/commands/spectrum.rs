@@ -1,9 +1,9 @@
 //! `kalmems spectrum`.
 
 use crate::args::SpectrumArguments;
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target};
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::measure;
 use kalmems::applications::spectrum::{SpectrumMetrics, write_spectrum};
@@ -11,15 +11,15 @@ use kalmems::results::{RunInfo, Work};
 use kalmems::rigs::Workbench;
 use std::time::{Instant, SystemTime};
 
-pub fn run(workbench: &Workbench, arguments: &SpectrumArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &SpectrumArguments) -> Result<(), CommandEnding> {
     let (started, clock) = (SystemTime::now(), Instant::now());
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let file = SpectrumFile::load(&arguments.spectrum).map_err(|e| wrong(&e))?;
     let work = Work::of_file("spectrum", &arguments.spectrum, file.files()).forced(arguments.force);
     let output = target::begin(arguments.out.as_ref(), &["spectrum", &file.name.to_string()], &work)?;
-    let bar = Bar::default();
+    let bar = ProgressDisplay::default();
     let outcome = measure(workbench, &file, &bar)
-        .map_err(|e| if e.is_interruption() { Ending::Interrupted } else { wrong(&e) })?;
+        .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;
     drop(bar);
     let metrics = SpectrumMetrics::of(&outcome);
     let info = RunInfo { started, took: clock.elapsed() };

@@ -1,6 +1,6 @@
 //! `kalmems stream`.
 
-use crate::Ending;
+use crate::CommandEnding;
 use crate::args::StreamArguments;
 use crate::interrupt;
 use crate::target::write_page;
@@ -9,7 +9,8 @@ use kalmems::recording::ReadError;
 use kalmems::results::create_file;
 use kalmems::rigs::Workbench;
 use kalmems::stream::{
-    AheadSummary, Break, Outputs, StreamError, StreamSummary, is_frames, is_lines, stream, stream_with_page,
+    AheadSummary, StreamEnd, StreamError, StreamOutputs, StreamSummary, is_frames, is_lines, stream,
+    stream_with_page,
 };
 use std::io::{self, BufWriter, ErrorKind, IsTerminal, Write};
 use std::path::Path;
@@ -27,8 +28,8 @@ const BROKEN: u8 = 4;
 /// The exit code where the user stopped it.
 const INTERRUPTED: u8 = 130;
 
-pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Ending> {
-    let wrong = |e: &dyn std::fmt::Display| Ending::Wrong(e.to_string());
+pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), CommandEnding> {
+    let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let experiment = workbench.load(&arguments.experiment).map_err(|e| wrong(&e))?;
     let (lines, frames) = (arguments.lines.as_deref(), arguments.frames.as_deref());
     let standard = Path::new("-");
@@ -43,21 +44,21 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
     });
     if lines == Some(standard) && frames == Some(standard) {
         let why = "lines and frames cannot both go to standard output; give one of them a file";
-        return Err(Ending::Wrong(why.to_owned()));
+        return Err(CommandEnding::Wrong(why.to_owned()));
     }
     if lines == Some(&*own_file) {
         let failed = |e: io::Error| wrong(&format!("cannot make the folder {}: {e}", own_folder.display()));
         std::fs::create_dir_all(&own_folder).map_err(failed)?;
     }
     let written = lines.map(|to| output(to, is_lines, arguments.force)).transpose()?;
-    let outputs = Outputs {
+    let outputs = StreamOutputs {
         lines: watched(written, arguments.to.as_deref())?,
         frames: frames.map(|to| output(to, is_frames, arguments.force)).transpose()?,
         notices: Some(Box::new(StandardError)),
     };
     let state = arguments.state.as_deref();
     let unreadable =
-        |e: &io::Error| Ending::Wrong(format!("cannot read samples from `{}`: {e}", arguments.from));
+        |e: &io::Error| CommandEnding::Wrong(format!("cannot read samples from `{}`: {e}", arguments.from));
     let source = source::open(&arguments.from, arguments.baud).map_err(|e| unreadable(&e))?;
     if experiment.stream.as_ref().is_some_and(|stream| stream.reconnect.is_some()) && !source.reopens() {
         tell!(
@@ -81,7 +82,7 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
         write_page(path, &html, arguments.force)?;
         tell!("the report: {}", path.display());
     }
-    if let Some(Break { why, samples, time_s }) = &summary.broken {
+    if let Some(StreamEnd { why, samples, time_s }) = &summary.broken {
         let at = time_s.map_or_else(String::new, |time_s| format!(", at {time_s} s"));
         line(format_args!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from));
     }
@@ -95,38 +96,44 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), End
         tell!("{}", text(&summary).trim_end());
     }
     match (summary.interrupted, summary.broken) {
-        (true, _) => Err(Ending::Told(INTERRUPTED)),
-        (false, Some(_)) => Err(Ending::Told(BROKEN)),
+        (true, _) => Err(CommandEnding::Told(INTERRUPTED)),
+        (false, Some(_)) => Err(CommandEnding::Told(BROKEN)),
         (false, None) => Ok(()),
     }
 }
 
 /// What takes the lines: a file, and a program that draws them.
 #[cfg(not(target_family = "wasm"))]
-fn watched(written: Option<Box<dyn Write>>, to: Option<&str>) -> Result<Option<Box<dyn Write>>, Ending> {
+fn watched(
+    written: Option<Box<dyn Write>>,
+    to: Option<&str>,
+) -> Result<Option<Box<dyn Write>>, CommandEnding> {
     let Some(to) = to else { return Ok(written) };
-    let viewer = viewer::open(to).map_err(|e| Ending::Wrong(format!("`--to`: {e}")))?;
+    let viewer = viewer::open(to).map_err(|e| CommandEnding::Wrong(format!("`--to`: {e}")))?;
     Ok(Some(match written {
-        Some(written) => Box::new(viewer::Both(written, viewer)),
+        Some(written) => Box::new(viewer::TwoWriters(written, viewer)),
         None => Box::new(viewer),
     }))
 }
 
 /// A browser sends nothing.
 #[cfg(target_family = "wasm")]
-fn watched(written: Option<Box<dyn Write>>, to: Option<&str>) -> Result<Option<Box<dyn Write>>, Ending> {
+fn watched(
+    written: Option<Box<dyn Write>>,
+    to: Option<&str>,
+) -> Result<Option<Box<dyn Write>>, CommandEnding> {
     if to.is_some() {
-        return Err(Ending::Wrong("`--to`: a browser has no connections here".to_owned()));
+        return Err(CommandEnding::Wrong("`--to`: a browser has no connections here".to_owned()));
     }
     Ok(written)
 }
 
 /// Opens what estimates go to; what another stream wrote there is kept beside it.
-fn output(to: &Path, is_own: fn(&[u8]) -> bool, force: bool) -> Result<Box<dyn Write>, Ending> {
+fn output(to: &Path, is_own: fn(&[u8]) -> bool, force: bool) -> Result<Box<dyn Write>, CommandEnding> {
     if to == Path::new("-") {
         return Ok(Box::new(BufWriter::new(io::stdout())));
     }
-    let file = create_file(to, is_own, force).map_err(|e| Ending::Wrong(e.to_string()))?;
+    let file = create_file(to, is_own, force).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
     Ok(Box::new(BufWriter::new(file)))
 }
 

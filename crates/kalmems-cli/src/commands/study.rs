@@ -1,19 +1,19 @@
 //! `kalmems study` and `kalmems merge`.
 
 use crate::args::{MergeArguments, StudyArguments};
-use crate::progress::Bar;
+use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{Ending, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target};
 use kalmems::results::Output;
 use kalmems::rigs::Workbench;
-use kalmems::study::{Options, Plan, Shard, StudyError};
+use kalmems::study::{Shard, StudyError, StudyOptions, StudyPlan};
 use std::path::PathBuf;
 
-pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Ending> {
+pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), CommandEnding> {
     let plan = if arguments.calibration {
-        Plan::calibration(workbench, &arguments.study, arguments.runs)
+        StudyPlan::calibration(workbench, &arguments.study, arguments.runs)
     } else {
-        Plan::load(workbench, &arguments.study)
+        StudyPlan::load(workbench, &arguments.study)
     };
     let plan = plan.map_err(ending)?;
     let out = folder(&plan, arguments.out.as_ref());
@@ -21,8 +21,8 @@ pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Endi
     // The journal of a shard stands beside the folder, which no shard writes.
     let whole = arguments.shard.is_whole();
     let output = whole.then(|| target::begin(Some(&out), &[], &work)).transpose()?;
-    let options = Options { shard: arguments.shard, threads: arguments.threads, force: arguments.force };
-    let bar = Bar::of_large_units();
+    let options = StudyOptions { shard: arguments.shard, threads: arguments.threads, force: arguments.force };
+    let bar = ProgressDisplay::of_large_units();
     let progressed = plan.run_all(&out, options, &bar).map_err(ending)?;
     drop(bar);
     let journal = progressed.journal.display();
@@ -46,9 +46,9 @@ pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Endi
     report(&plan, &[progressed.journal], output, arguments.json)
 }
 
-pub fn merge(workbench: &Workbench, arguments: &MergeArguments) -> Result<(), Ending> {
+pub fn merge(workbench: &Workbench, arguments: &MergeArguments) -> Result<(), CommandEnding> {
     let Some(first) = arguments.journals.first() else { return Ok(()) };
-    let plan = Plan::from_journal(workbench, first).map_err(ending)?;
+    let plan = StudyPlan::from_journal(workbench, first).map_err(ending)?;
     let out = folder(&plan, arguments.out.as_ref());
     let work = plan.work().forced(arguments.force);
     report(&plan, &arguments.journals, target::begin(Some(&out), &[], &work)?, arguments.json)
@@ -61,20 +61,20 @@ fn all_shards(one: Shard) -> impl Iterator<Item = Shard> {
     (1..=count).filter_map(move |number| format!("{number}/{count}").parse().ok())
 }
 
-fn folder(plan: &Plan, out: Option<&PathBuf>) -> PathBuf {
+fn folder(plan: &StudyPlan, out: Option<&PathBuf>) -> PathBuf {
     let kind = if plan.is_calibration() { "calibrations" } else { "studies" };
     out.map_or_else(|| PathBuf::from("out").join(kind).join(plan.name()), Clone::clone)
 }
 
 #[allow(clippy::needless_pass_by_value)] // as `map_err` has it
-fn ending(error: StudyError) -> Ending {
+fn ending(error: StudyError) -> CommandEnding {
     match error {
-        StudyError::Interrupted { .. } => Ending::Paused(error.to_string()),
-        error => Ending::Wrong(error.to_string()),
+        StudyError::Interrupted { .. } => CommandEnding::Paused(error.to_string()),
+        error => CommandEnding::Wrong(error.to_string()),
     }
 }
 
-fn report(plan: &Plan, journals: &[PathBuf], output: Output, json: bool) -> Result<(), Ending> {
+fn report(plan: &StudyPlan, journals: &[PathBuf], output: Output, json: bool) -> Result<(), CommandEnding> {
     let summary = plan.write_results(journals, &output).map_err(ending)?;
     let out = target::finish(output)?;
     if json {

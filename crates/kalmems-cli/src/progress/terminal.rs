@@ -3,9 +3,9 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 
-pub struct Shown(ProgressBar);
+pub struct TerminalBar(ProgressBar);
 
-impl Shown {
+impl TerminalBar {
     /// One, if standard error is a terminal.
     pub fn begin(what: &str, total: u64) -> Option<Self> {
         if !std::io::stderr().is_terminal() {
@@ -23,7 +23,7 @@ impl Shown {
     }
 }
 
-impl Drop for Shown {
+impl Drop for TerminalBar {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }

@@ -159,7 +159,7 @@ fn the_trajectories_are_those_of_an_estimate_to_the_last_bit_and_can_be_a_record
     let names: Vec<String> = table.description().columns.iter().map(|column| column.name.clone()).collect();
     let place = |name: &str| names.iter().position(|own| own == name).unwrap();
     let wanted = ["angle_rad", "rate_sd_rad_per_s", "innovation_V", "nis_1"];
-    let numbers = wanted.map(|name| kalmems_formats::Wanted::Number { column: place(name), power: 0 });
+    let numbers = wanted.map(|name| kalmems_formats::WantedColumn::Number { column: place(name), power: 0 });
     table.want(&numbers).unwrap();
     let mut found = vec![Vec::new(); wanted.len()];
     let mut block = kalmems_formats::Block::with_capacity(4096);

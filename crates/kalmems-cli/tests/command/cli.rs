@@ -87,9 +87,13 @@ fn pages_of_commands_without_a_folder_are_written_and_compared_runs_stand_in_one
     }
     let compare = ["compare", &path("a"), &path("b"), "--report", &path("compare.html")];
     let html = page("compare.html", &compare);
-    for part in
-        ["<td role=\"cell\" data-head=\"run\" class=\"text short\">a</td>", "doubtful", "a: ekf", "b: ekf"]
-    {
+    for part in [
+        "<td role=\"cell\" data-head=\"run\" class=\"text short\">a</td>",
+        "doubtful",
+        "a: ekf",
+        "b: ekf",
+        "kalmems help overconfident",
+    ] {
         assert!(html.contains(part), "{part}");
     }
     // It is replaced by another one, and a stranger's file is not.

@@ -37,7 +37,7 @@ pub struct Bank<F, T, const N: usize, const K: usize> {
 
 /// What a measurement said to the whole bank.
 #[derive(Clone, Copy, Debug)]
-pub struct Evidence<T: Scalar> {
+pub struct BankEvidence<T: Scalar> {
     /// ln Σ weight·p(y | past, model).
     pub log_likelihood: T,
     /// Where all models took the measurement; elsewhere the weights are as before.
@@ -83,7 +83,7 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const K: usize> Bank<F,
         measurements: &[H; K],
         y: &[T; M],
         r: &[Covariance<T, M>; K],
-    ) -> Result<Evidence<T>, FilterError> {
+    ) -> Result<BankEvidence<T>, FilterError> {
         let mut next = self.filters.clone();
         let mut taken = T::of(0.0).is_finite();
         let mut log_weights = self.log_weights;
@@ -101,7 +101,7 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const K: usize> Bank<F,
             log_weights = normalized(&log_weights.map(|l| T::select(l.lt(least), least, l))).0;
         }
         self.log_weights = vector!(|k| T::select(taken, log_weights[k], self.log_weights[k]));
-        Ok(Evidence { log_likelihood, taken })
+        Ok(BankEvidence { log_likelihood, taken })
     }
 
     /// The filters, in the order given.

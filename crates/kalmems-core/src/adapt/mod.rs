@@ -13,8 +13,8 @@ mod bank;
 mod score;
 mod window;
 
-pub use bank::{Bank, Evidence};
-pub use score::{Score, Step};
+pub use bank::{Bank, BankEvidence};
+pub use score::{Score, ScoreStep};
 pub use window::InnovationWindow;
 
 use crate::notation::{lower, vector};
@@ -45,7 +45,7 @@ pub struct Bounds<T, const P: usize> {
 
 /// Numbers within their bounds, and which of the bounds hold them.
 #[derive(Clone, Copy, Debug)]
-pub struct Held<T: Scalar, const P: usize> {
+pub struct BoundedEstimate<T: Scalar, const P: usize> {
     /// The numbers.
     pub value: [T; P],
     /// Where a number was below its bound and stands at it now.
@@ -54,7 +54,7 @@ pub struct Held<T: Scalar, const P: usize> {
     pub at_most: [T::Mask; P],
 }
 
-impl<T: Scalar, const P: usize> Held<T, P> {
+impl<T: Scalar, const P: usize> BoundedEstimate<T, P> {
     /// Where a bound binds: the estimate is then not what the data say.
     pub fn binds(&self) -> T::Mask {
         let no = T::of(0.0).is_finite().not();
@@ -65,17 +65,17 @@ impl<T: Scalar, const P: usize> Held<T, P> {
 
 impl<T: Scalar, const P: usize> Bounds<T, P> {
     /// Holds numbers within the bounds. What is not a number stays so.
-    pub fn hold(&self, value: [T; P]) -> Held<T, P> {
+    pub fn hold(&self, value: [T; P]) -> BoundedEstimate<T, P> {
         let at_least: [T::Mask; P] = array::from_fn(|i| value[i].lt(self.least[i]));
         let at_most: [T::Mask; P] = array::from_fn(|i| value[i].gt(self.most[i]));
         let value = vector!(|i| {
             T::select(at_least[i], self.least[i], T::select(at_most[i], self.most[i], value[i]))
         });
-        Held { value, at_least, at_most }
+        BoundedEstimate { value, at_least, at_most }
     }
 
     /// Holds the variances of a covariance within the bounds, and keeps its correlations.
-    pub fn hold_variances(&self, covariance: &Covariance<T, P>) -> (Covariance<T, P>, Held<T, P>) {
+    pub fn hold_variances(&self, covariance: &Covariance<T, P>) -> (Covariance<T, P>, BoundedEstimate<T, P>) {
         let held = self.hold(vector!(|i| covariance.get(i, i)));
         let scales: [T; P] = vector!(|i| {
             let changed = held.at_least[i].or(held.at_most[i]);

@@ -55,7 +55,7 @@ pub struct Score<T, const P: usize> {
 
 /// Where the data point from here.
 #[derive(Clone, Copy, Debug)]
-pub struct Step<T, const P: usize> {
+pub struct ScoreStep<T, const P: usize> {
     /// I⁻¹·score: what to add to θ. Far from the answer it may be much too long; hold it by
     /// [`Bounds`](super::Bounds) around θ, a factor of e for a scale.
     pub change: [T; P],
@@ -116,7 +116,7 @@ impl<T: Scalar<Mask = bool>, const P: usize> Score<T, P> {
     ///
     /// That is where some parameter keeps less than a millionth of its information when those before it are
     /// unknown.
-    pub fn step(&self) -> Option<Step<T, P>> {
+    pub fn step(&self) -> Option<ScoreStep<T, P>> {
         // In units of each parameter's own standard deviation.
         let units: [T; P] = vector!(|p| self.information.get(p, p).sqrt().recip());
         let ldl = Ldl::of(&Covariance::<T, P>::lower(|p, q| {
@@ -128,7 +128,7 @@ impl<T: Scalar<Mask = bool>, const P: usize> Score<T, P> {
             return None;
         }
         let change = ldl.solve(&vector!(|p| self.score[p] * units[p]));
-        Some(Step {
+        Some(ScoreStep {
             change: vector!(|p| change[p] * units[p]),
             standard_deviation: vector!(|p| {
                 let column = ldl.solve(&vector!(|q| T::of(if p == q { 1.0 } else { 0.0 })));

@@ -1,7 +1,7 @@
 //! Detections while samples arrive.
 
 use super::maxima::Maxima;
-use super::window::Window;
+use super::window::SampleWindow;
 use super::{Crossing, CubicFit, SlopeKernel, Threshold};
 use crate::Scalar;
 
@@ -40,7 +40,7 @@ pub struct Detector<T, const HALF: usize, const REACH: usize, const MEMORY: usiz
     kernel: SlopeKernel<T, HALF>,
     threshold: Threshold<T>,
     noise_variance: T,
-    window: Window<T, MEMORY>,
+    window: SampleWindow<T, MEMORY>,
     /// How many finite samples in a row are the newest.
     whole: usize,
     maxima: Maxima<T, REACH>,
@@ -60,7 +60,7 @@ impl<T: Scalar<Mask = bool>, const HALF: usize, const REACH: usize, const MEMORY
             kernel,
             threshold,
             noise_variance,
-            window: Window::new(),
+            window: SampleWindow::new(),
             whole: 0,
             maxima: Maxima::new(threshold.keep()),
             last: None,

@@ -44,4 +44,4 @@ pub use false_alarms::NoiseMaxima;
 pub use kernel::{SlopeDesign, SlopeKernel};
 pub use maxima::{Peak, Peaks, peaks};
 pub use past::{angle_at, angle_variance};
-pub use threshold::{Hold, Threshold};
+pub use threshold::{HoldLevel, Threshold};

@@ -18,7 +18,7 @@ pub struct Threshold<T> {
 
 /// The lower level while a motion is followed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hold {
+pub struct HoldLevel {
     /// In standard deviations of the response to noise.
     pub deviations: f64,
     /// For how many samples after a detection: at least the time between two crossings, twice that if one may be
@@ -35,7 +35,7 @@ impl<T: Scalar<Mask = bool>> Threshold<T> {
     /// The level at which white noise of standard deviation `noise` per sample, and no motion, has `per_sample` false
     /// alarms per sample (the rate per second times the interval), with maxima suppressed over `reach` samples.
     ///
-    /// With a [`Hold`] of M samples at a level with the rate b, a false alarm is followed by another with the chance
+    /// With a [`HoldLevel`] of M samples at a level with the rate b, a false alarm is followed by another with the chance
     /// p = 1 − e^{−h·(M − reach)}, where h = b/(1 − b·reach) is the rate once the suppression has ended; one leads to
     /// 1/(1 − p) on average. The upper level is that for the rate times 1 − p, so that the stated rate is that of all.
     ///
@@ -46,7 +46,7 @@ impl<T: Scalar<Mask = bool>> Threshold<T> {
         noise: f64,
         per_sample: f64,
         reach: usize,
-        hold: Option<Hold>,
+        hold: Option<HoldLevel>,
     ) -> Result<Self, DetectError> {
         if !(noise > 0.0 && noise.is_finite()) {
             return Err(DetectError::Noise { deviation: noise });

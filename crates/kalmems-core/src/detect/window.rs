@@ -6,12 +6,12 @@ use crate::Scalar;
 ///
 /// Each is written twice, `LENGTH` apart, so that a slice of that length always begins at the oldest.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Window<T, const LENGTH: usize> {
+pub(super) struct SampleWindow<T, const LENGTH: usize> {
     samples: [[T; LENGTH]; 2],
     oldest: usize,
 }
 
-impl<T: Scalar, const LENGTH: usize> Window<T, LENGTH> {
+impl<T: Scalar, const LENGTH: usize> SampleWindow<T, LENGTH> {
     /// Without a sample yet: not numbers.
     pub fn new() -> Self {
         Self { samples: [[T::of(f64::NAN); LENGTH]; 2], oldest: 0 }

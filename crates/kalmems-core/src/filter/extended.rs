@@ -1,8 +1,8 @@
 //! The extended Kalman filter.
 
-use super::gaussian::{Refusal, Weighed};
+use super::gaussian::{Refusal, WeighedMeasurement};
 use super::linearized::linearized_filter;
-use super::{Filter, Gaussian, Innovation, Link};
+use super::{Filter, Gaussian, Innovation, StateTransition};
 use crate::update::Policy;
 use crate::{Covariance, FilterError, NumericMeasurement, NumericProcess, Scalar};
 
@@ -36,7 +36,8 @@ impl<T: Scalar<Mask = bool>, const N: usize> Ekf<T, N> {
         let (mean, f) = process.linearized(&self.state.mean, u);
         let predicted = self.state.propagated(mean, &f, process);
         let (expected, h) = measurement.linearized(&predicted.mean);
-        let Weighed { mut innovation, gain, recip } = predicted.weigh::<H, M>((y, &expected), &h, r);
+        let WeighedMeasurement { mut innovation, gain, recip } =
+            predicted.weigh::<H, M>((y, &expected), &h, r);
         let next = predicted.corrected::<H, M>(&innovation.residual, &gain, &h, r);
         // Where a pivot is +0 its reciprocal is positive, but no gain is finite.
         if next.zeros().finite_and_positive(&recip) {

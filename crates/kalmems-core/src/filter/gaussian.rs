@@ -1,6 +1,6 @@
 //! The state of knowledge, and the two steps that filters with a covariance share.
 
-use super::{Filter, Innovation, Link};
+use super::{Filter, Innovation, StateTransition};
 use crate::notation::{Zeros, dot, finite, lower, matrix, nothing, plus, vector};
 use crate::update::{Correction, Policy};
 use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
@@ -23,7 +23,7 @@ impl<T: Scalar, F: Filter<T, N>, const N: usize> From<&F> for Gaussian<T, N> {
 }
 
 /// What a measurement says, and how much of it is taken.
-pub(super) struct Weighed<T: Scalar, const N: usize, const M: usize> {
+pub(super) struct WeighedMeasurement<T: Scalar, const N: usize, const M: usize> {
     pub innovation: Innovation<T, M>,
     /// K = P·Hᵀ·S⁻¹.
     pub gain: Mat<T, N, M>,
@@ -115,11 +115,11 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<T, N>, FilterError> {
+    ) -> Result<StateTransition<T, N>, FilterError> {
         let (mean, f) = process.linearized(&self.mean, u);
         let next = self.propagated(mean, &f, process);
         let taken = self.accept(&next, &Refusal::none())?;
-        Ok(Link { transition: f, noise: *process.noise_added().covariance(), taken })
+        Ok(StateTransition { transition: f, noise: *process.noise_added().covariance(), taken })
     }
 
     /// What the prediction gives.
@@ -149,7 +149,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
-        let Weighed { mut innovation, gain, .. } = self.weigh::<H, M>((y, predicted), h, r);
+        let WeighedMeasurement { mut innovation, gain, .. } = self.weigh::<H, M>((y, predicted), h, r);
         let correction = self.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);
         let positive = innovation.taken;
@@ -196,7 +196,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         (y, predicted): (&[T; M], &[T; M]),
         h: &Mat<T, M, N>,
         r: &Covariance<T, M>,
-    ) -> Weighed<T, N, M> {
+    ) -> WeighedMeasurement<T, N, M> {
         let p = &self.covariance;
         let seen = |i: usize, k: usize| H::sees(i, k);
         // H·P, whose transpose times S⁻¹ is the gain.
@@ -204,7 +204,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         let s = lower!(|i, j| r.get(i, j) + dot!(N, |k| seen(j, k), |k| hp.0[i][k], h.0[j][k]));
         let (innovation, ldl) = Innovation::new(y, predicted, s);
         let gain = Mat(vector!(|i| ldl.solve(&vector!(|j| hp.0[j][i]))));
-        Weighed { innovation, gain, recip: ldl.recip }
+        WeighedMeasurement { innovation, gain, recip: ldl.recip }
     }
 
     /// What a gain would do with a residual.

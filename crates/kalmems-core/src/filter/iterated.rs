@@ -1,8 +1,8 @@
 //! The iterated extended Kalman filter.
 
-use super::gaussian::{Refusal, Weighed};
+use super::gaussian::{Refusal, WeighedMeasurement};
 use super::linearized::linearized_filter;
-use super::{Filter, Gaussian, Innovation, Link};
+use super::{Filter, Gaussian, Innovation, StateTransition};
 use crate::notation::{matrix, vector};
 use crate::update::Policy;
 use crate::{Covariance, FilterError, Mask, NumericMeasurement, NumericProcess, Scalar};
@@ -67,7 +67,7 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
     ) -> Result<Innovation<T, M>, FilterError> {
         let prior = self.state;
         let (predicted, mut h) = measurement.linearized(&prior.mean);
-        let Weighed { mut innovation, mut gain, .. } = prior.weigh::<H, M>((y, &predicted), &h, r);
+        let WeighedMeasurement { mut innovation, mut gain, .. } = prior.weigh::<H, M>((y, &predicted), &h, r);
         let correction = prior.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);
         let mut refused = Refusal { innovation: innovation.taken.not(), ..Refusal::of_measurement(y) };
@@ -87,7 +87,7 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
             let offset: [T; N] = vector!(|i| prior.mean[i] - mean[i]);
             let moved = jacobian.times_vector(&offset);
             let expected = vector!(|i| at[i] + moved[i]);
-            let Weighed { innovation: next_innovation, gain: next_gain, .. } =
+            let WeighedMeasurement { innovation: next_innovation, gain: next_gain, .. } =
                 prior.weigh::<H, M>((y, &expected), &jacobian, r);
             refused.innovation = refused.innovation.or(still.and(next_innovation.taken.not()));
             let change = prior.correction(&next_gain, &next_innovation.residual).change;

@@ -22,7 +22,7 @@ macro_rules! linearized_filter {
             &mut self,
             process: &P,
             u: &P::Input,
-        ) -> Result<Link<T, N>, FilterError> {
+        ) -> Result<StateTransition<T, N>, FilterError> {
             self.state.propagate(process, u)
         }
     };

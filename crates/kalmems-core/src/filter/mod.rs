@@ -70,7 +70,7 @@ pub trait Filter<T: Scalar, const N: usize> {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<T, N>, FilterError>;
+    ) -> Result<StateTransition<T, N>, FilterError>;
 
     /// Moves the state by one step. Which lanes took it.
     #[inline(always)]
@@ -112,7 +112,7 @@ pub trait Filter<T: Scalar, const N: usize> {
 /// regression of x′ on x over the points, and Ω holds what the regression leaves as well. F·P·Fᵀ + Ω is the
 /// predicted covariance in either case.
 #[derive(Clone, Copy, Debug)]
-pub struct Link<T: Scalar, const N: usize> {
+pub struct StateTransition<T: Scalar, const N: usize> {
     /// F.
     pub transition: Mat<T, N, N>,
     /// Ω.

@@ -1,8 +1,8 @@
 //! The extended Kalman filter with states that are considered but not estimated.
 
-use super::gaussian::{Refusal, Weighed};
+use super::gaussian::{Refusal, WeighedMeasurement};
 use super::linearized::linearized_filter;
-use super::{Filter, Gaussian, Innovation, Link};
+use super::{Filter, Gaussian, Innovation, StateTransition};
 use crate::notation::{matrix, vector};
 use crate::update::Policy;
 use crate::{Covariance, FilterError, Mask, NumericMeasurement, NumericProcess, Scalar};
@@ -58,7 +58,8 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SchmidtEkf<T, N> {
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
         let (predicted, h) = measurement.linearized(&self.state.mean);
-        let Weighed { mut innovation, gain: full, .. } = self.state.weigh::<H, M>((y, &predicted), &h, r);
+        let WeighedMeasurement { mut innovation, gain: full, .. } =
+            self.state.weigh::<H, M>((y, &predicted), &h, r);
         let gain = matrix!(|i, j| if self.considered[i] { T::of(0.0) } else { full.0[i][j] });
         let correction = self.state.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);

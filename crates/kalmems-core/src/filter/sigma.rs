@@ -69,9 +69,14 @@ impl<T: Scalar, const N: usize> Offsets<T, N> {
 
     /// Where each point goes in one step.
     #[inline(always)]
-    pub fn step<P: NumericProcess<T, N>>(&self, x: &[T; N], process: &P, u: &P::Input) -> Points<T, N, N> {
+    pub fn step<P: NumericProcess<T, N>>(
+        &self,
+        x: &[T; N],
+        process: &P,
+        u: &P::Input,
+    ) -> PerSigmaPoint<T, N, N> {
         let centre = process.moved(x, u);
-        let mut points = Points { centre, plus: [centre; N], minus: [centre; N] };
+        let mut points = PerSigmaPoint { centre, plus: [centre; N], minus: [centre; N] };
         unrolled!(j < N {
             points.plus[j] = process.moved(&self.above(x, j), u);
             points.minus[j] = process.moved(&self.below(x, j), u);
@@ -85,9 +90,9 @@ impl<T: Scalar, const N: usize> Offsets<T, N> {
         &self,
         x: &[T; N],
         measurement: &H,
-    ) -> Points<T, N, M> {
+    ) -> PerSigmaPoint<T, N, M> {
         let centre = measurement.expected(x);
-        let mut points = Points { centre, plus: [centre; N], minus: [centre; N] };
+        let mut points = PerSigmaPoint { centre, plus: [centre; N], minus: [centre; N] };
         unrolled!(j < N {
             if sees::<T, H, N, M>(j) {
                 points.plus[j] = measurement.expected(&self.above(x, j));
@@ -99,8 +104,12 @@ impl<T: Scalar, const N: usize> Offsets<T, N> {
 
     /// What deviations are left when a linear law F of the offsets is taken from them.
     #[inline(always)]
-    pub fn unexplained<const K: usize>(&self, d: &Points<T, N, K>, f: &Mat<T, K, N>) -> Points<T, N, K> {
-        Points {
+    pub fn unexplained<const K: usize>(
+        &self,
+        d: &PerSigmaPoint<T, N, K>,
+        f: &Mat<T, K, N>,
+    ) -> PerSigmaPoint<T, N, K> {
+        PerSigmaPoint {
             centre: d.centre,
             plus: vector!(|j| vector!(|i| d.plus[j][i] - self.through(f, i, j))),
             minus: vector!(|j| vector!(|i| d.minus[j][i] + self.through(f, i, j))),
@@ -115,9 +124,13 @@ impl<T: Scalar, const N: usize> Offsets<T, N> {
 
     /// The deviations of the points themselves, less what a gain explains of them by those seen.
     #[inline(always)]
-    pub fn corrected<const M: usize>(&self, seen: &Points<T, N, M>, gain: &Mat<T, N, M>) -> Points<T, N, N> {
+    pub fn corrected<const M: usize>(
+        &self,
+        seen: &PerSigmaPoint<T, N, M>,
+        gain: &Mat<T, N, M>,
+    ) -> PerSigmaPoint<T, N, N> {
         let (plus, minus) = (&seen.plus, &seen.minus);
-        Points {
+        PerSigmaPoint {
             centre: vector!(|i| -along(gain, i, &seen.centre)),
             plus: vector!(|j| vector!(|i| {
                 let rest = along(gain, i, &plus[j]);
@@ -146,13 +159,13 @@ pub(super) fn sees<T: Scalar, H: NumericMeasurement<T, N, M>, const N: usize, co
 }
 
 /// Something of every sigma point: of the centre, and of the pairs around it.
-pub(super) struct Points<T, const N: usize, const K: usize> {
+pub(super) struct PerSigmaPoint<T, const N: usize, const K: usize> {
     pub centre: [T; K],
     pub plus: [[T; K]; N],
     pub minus: [[T; K]; N],
 }
 
-impl<T: Scalar, const N: usize, const K: usize> Points<T, N, K> {
+impl<T: Scalar, const N: usize, const K: usize> PerSigmaPoint<T, N, K> {
     /// The points' deviations from a mean.
     #[inline(always)]
     pub fn deviations(&self, mean: &[T; K]) -> Self {
@@ -176,7 +189,7 @@ impl<T: Scalar> Weights<T> {
     #[inline(always)]
     pub fn mean<const N: usize, const K: usize>(
         &self,
-        points: &Points<T, N, K>,
+        points: &PerSigmaPoint<T, N, K>,
         moved: impl Fn(usize) -> bool,
     ) -> [T; K] {
         let c = &points.centre;
@@ -188,7 +201,11 @@ impl<T: Scalar> Weights<T> {
 
     /// The weighted sum of products of two components' deviations: one entry of a covariance.
     #[inline(always)]
-    pub fn moment<const N: usize, const K: usize>(&self, d: &Points<T, N, K>, (i, k): (usize, usize)) -> T {
+    pub fn moment<const N: usize, const K: usize>(
+        &self,
+        d: &PerSigmaPoint<T, N, K>,
+        (i, k): (usize, usize),
+    ) -> T {
         let pairs = sum!(N, |j| (d.plus[j][i] * d.plus[j][k]).mac(d.minus[j][i], d.minus[j][k]));
         (d.centre[i] * d.centre[k] * self.centre).mac(pairs, self.outer)
     }
@@ -199,7 +216,7 @@ impl<T: Scalar> Weights<T> {
     pub fn cross<const N: usize, const K: usize>(
         &self,
         offsets: &Offsets<T, N>,
-        d: &Points<T, N, K>,
+        d: &PerSigmaPoint<T, N, K>,
         (i, k): (usize, usize),
         moved: impl Fn(usize) -> bool,
     ) -> T {

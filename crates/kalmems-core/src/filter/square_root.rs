@@ -2,7 +2,7 @@
 
 use super::factored::Factored;
 use super::gaussian::Refusal;
-use super::{Filter, Innovation, Link};
+use super::{Filter, Innovation, StateTransition};
 use crate::linalg::{Decorrelation, triangularize};
 use crate::notation::{matrix, sum};
 use crate::update::Policy;
@@ -73,7 +73,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<T, N>, FilterError> {
+    ) -> Result<StateTransition<T, N>, FilterError> {
         let (mean, transition) = process.linearized(&self.state.mean, u);
         let s = &self.state.factor;
         let moved =
@@ -81,7 +81,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
         let factor = triangularize(moved, Mat::<T, N, 0>::zero(), *process.noise_added().root());
         let every = T::of(0.0).is_finite();
         let taken = self.state.take(&Factored { mean, factor }, every, &Refusal::none())?;
-        Ok(Link { transition, noise: *process.noise_added().covariance(), taken })
+        Ok(StateTransition { transition, noise: *process.noise_added().covariance(), taken })
     }
 
     #[inline(always)]

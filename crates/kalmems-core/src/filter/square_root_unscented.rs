@@ -2,9 +2,9 @@
 
 use super::factored::Factored;
 use super::gaussian::Refusal;
-use super::sigma::{Points, SigmaPoints, Weights};
+use super::sigma::{PerSigmaPoint, SigmaPoints, Weights};
 use super::square_root::sees;
-use super::{Filter, Innovation, Link};
+use super::{Filter, Innovation, StateTransition};
 use crate::linalg::{Contraction, Decorrelation, inverse_times, times_inverse, triangularize};
 use crate::notation::{lower, matrix, sum, vector};
 use crate::update::Policy;
@@ -52,7 +52,7 @@ pub struct SquareRootUkf<T, const N: usize> {
 }
 
 /// What a function makes of the points: its mean, and the columns of a factor of its covariance.
-struct Spread<T, const N: usize, const K: usize> {
+struct TransformedPoints<T, const N: usize, const K: usize> {
     mean: [T; K],
     /// o, one column for each pair.
     differences: Mat<T, K, N>,
@@ -96,12 +96,12 @@ impl<T: Scalar, const N: usize> SquareRootUkf<T, N> {
     }
 
     #[inline(always)]
-    fn spread<const K: usize>(&self, points: &Points<T, N, K>) -> Spread<T, N, K> {
+    fn spread<const K: usize>(&self, points: &PerSigmaPoint<T, N, K>) -> TransformedPoints<T, N, K> {
         let c = &points.centre;
         let bends: Mat<T, K, N> =
             matrix!(|i, j| ((points.plus[j][i] - c[i]) + (points.minus[j][i] - c[i])) * self.root);
         let all: [T; K] = vector!(|i| sum!(N, |j| bends.0[i][j]));
-        Spread {
+        TransformedPoints {
             mean: self.weights.mean(points, |_| true),
             differences: matrix!(|i, j| (points.plus[j][i] - points.minus[j][i]) * self.root),
             bends: matrix!(|i, j| bends.0[i][j] + all[i] * self.shared),
@@ -134,7 +134,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<T, N>, FilterError> {
+    ) -> Result<StateTransition<T, N>, FilterError> {
         let offsets = self.weights.offsets(&self.state.factor);
         let next = self.spread(&offsets.step(&self.state.mean, process, u));
         let noise = process.noise_added();
@@ -149,14 +149,14 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
         }
 
         // The regression of the new state on the old, Cov(x′, x)·P⁻¹ = o·Sᵀ·(S·Sᵀ)⁻¹, leaves the bends.
-        let link = Link {
+        let link = StateTransition {
             transition: times_inverse(&next.differences, &self.state.factor),
             noise: lower!(|i, k| next.bent(i, k) + noise.covariance().get(i, k)),
             taken: T::of(0.0).is_finite(),
         };
         let state = Factored { mean: next.mean, factor };
         let taken = self.state.take(&state, link.taken, &refused)?;
-        Ok(Link { taken, ..link })
+        Ok(StateTransition { taken, ..link })
     }
 
     #[inline(always)]
@@ -188,7 +188,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
     }
 }
 
-impl<T: Scalar, const N: usize, const K: usize> Spread<T, N, K> {
+impl<T: Scalar, const N: usize, const K: usize> TransformedPoints<T, N, K> {
     /// What the bends add to the covariance.
     #[inline(always)]
     fn bent(&self, i: usize, k: usize) -> T {

@@ -2,7 +2,7 @@
 
 use super::gaussian::Refusal;
 use super::sigma::{Offsets, SigmaPoints, Weights, sees};
-use super::{Filter, Gaussian, Innovation, Link};
+use super::{Filter, Gaussian, Innovation, StateTransition};
 use crate::linalg::Ldl;
 use crate::notation::{lower, matrix, sum, vector};
 use crate::update::{Correction, Policy};
@@ -65,7 +65,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<T, N>, FilterError> {
+    ) -> Result<StateTransition<T, N>, FilterError> {
         let before = self.state.covariance;
         let (offsets, positive) = self.offsets();
         let points = offsets.step(&self.state.mean, process, u);
@@ -87,7 +87,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         // would leave rounding of the size of P⁻ in place of a small Ω.
         let residuals = offsets.unexplained(&deviations, &transition);
         let noise = lower!(|i, k| self.weights.moment(&residuals, (i, k)) + q.get(i, k));
-        Ok(Link { transition, noise, taken })
+        Ok(StateTransition { transition, noise, taken })
     }
 
     /// The covariance is summed from the corrected points, P⁺ = Σ w·(δx − K·δy)(δx − K·δy)ᵀ + K·R·Kᵀ: the same

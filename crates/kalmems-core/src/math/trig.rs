@@ -5,7 +5,7 @@ use super::constants::Constants;
 use crate::Mask;
 
 /// An angle as n·π/2 + r with |r| ≤ π/4.
-struct Reduced<R: Register> {
+struct ReducedAngle<R: Register> {
     /// r rounded.
     r: R,
     /// What r lost by that.
@@ -20,7 +20,7 @@ struct Reduced<R: Register> {
 /// Cody and Waite's reduction (Software Manual for the Elementary Functions, 1980): π/2 in parts, all but the last so
 /// short that their products with n are exact.
 #[inline(always)]
-fn reduce<R: Register>(size: R) -> Reduced<R> {
+fn reduce<R: Register>(size: R) -> ReducedAngle<R> {
     let c = R::Float::TRIG;
     // The sum is too large to have a fraction.
     let quadrant = size * R::splat(c.two_per_pi) + R::splat(c.shift);
@@ -36,7 +36,7 @@ fn reduce<R: Register>(size: R) -> Reduced<R> {
     let inside = size.lt(R::splat(c.bound));
     let beyond = size.lt(R::splat(R::Float::INFINITY)).and(inside.not());
     let bad = beyond.or(r.abs().lt(n * R::splat(c.cancelled)));
-    Reduced { r, rest, quadrant, bad }
+    ReducedAngle { r, rest, quadrant, bad }
 }
 
 /// sin(r + rest) and cos(r + rest).

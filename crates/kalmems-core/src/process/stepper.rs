@@ -88,7 +88,7 @@ impl<T: Scalar, D: ParametricDynamics<T, N>, const N: usize> ParametricProcess<T
 
     #[inline(always)]
     fn step_of<S: Over<T>>(&self, varied: &D::Of<S>, x: &[S; N], u: &Nodes<D::Input>) -> [S; N] {
-        runge_kutta(self.interval, x, u, &Varied::<T, S, D>(varied))
+        runge_kutta(self.interval, x, u, &VariedDynamics::<T, S, D>(varied))
     }
 }
 
@@ -118,10 +118,10 @@ impl<T: Scalar, S: Over<T>, D: Dynamics<T, N>, const N: usize> RightHandSide<S, 
 }
 
 /// Dynamics with other parameters.
-struct Varied<'a, T: Scalar, S: Scalar, D: Parameters<T>>(&'a D::Of<S>);
+struct VariedDynamics<'a, T: Scalar, S: Scalar, D: Parameters<T>>(&'a D::Of<S>);
 
 impl<T: Scalar, S: Over<T>, D: ParametricDynamics<T, N>, const N: usize> RightHandSide<S, D::Input, N>
-    for Varied<'_, T, S, D>
+    for VariedDynamics<'_, T, S, D>
 {
     #[inline(always)]
     fn at(&self, x: &[S; N], u: &D::Input) -> [S; N] {

@@ -3,7 +3,8 @@
 use super::{Backward, Smoothed};
 use crate::update::Policy;
 use crate::{
-    Covariance, Filter, FilterError, Gaussian, Innovation, Link, NumericMeasurement, NumericProcess, Scalar,
+    Covariance, Filter, FilterError, Gaussian, Innovation, NumericMeasurement, NumericProcess, Scalar,
+    StateTransition,
 };
 use core::marker::PhantomData;
 
@@ -156,7 +157,7 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const LAG: usize> Filte
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<T, N>, FilterError> {
+    ) -> Result<StateTransition<T, N>, FilterError> {
         let before = Gaussian { mean: *self.filter.mean(), covariance: self.filter.covariance() };
         let mut moved = self.filter.clone();
         let link = moved.predict_linked(process, u)?;

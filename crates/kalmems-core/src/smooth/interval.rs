@@ -1,7 +1,7 @@
 //! Smoothing a whole recording, in little memory.
 
 use super::{Backward, Smoothed};
-use crate::{FilterError, Gaussian, Link, Scalar};
+use crate::{FilterError, Gaussian, Scalar, StateTransition};
 use core::fmt;
 
 /// What happens to a filter at each sample of a recording, as often as it is asked.
@@ -12,19 +12,19 @@ use core::fmt;
 /// [`smooth_interval`] shows one at work.
 ///
 /// ```
-/// use kalmems_core::smooth::Course;
-/// use kalmems_core::{Covariance, Filter, FilterError, LinearMeasurement, LinearProcess, Link, Mat};
+/// use kalmems_core::smooth::SmoothingCourse;
+/// use kalmems_core::{Covariance, Filter, FilterError, LinearMeasurement, LinearProcess, StateTransition, Mat};
 /// /// A level that walks at random, some samples missing.
 /// struct Recording<'a> {
 ///     walk: LinearProcess<f64, 1, 0>,
 ///     levels: &'a [Option<f64>],
 /// }
-/// impl<F: Filter<f64, 1>> Course<f64, F, 1> for Recording<'_> {
+/// impl<F: Filter<f64, 1>> SmoothingCourse<f64, F, 1> for Recording<'_> {
 ///     type Error = FilterError;
 ///     fn samples(&self) -> usize {
 ///         self.levels.len()
 ///     }
-///     fn advance(&mut self, filter: &mut F, _: usize) -> Result<Link<f64, 1>, FilterError> {
+///     fn advance(&mut self, filter: &mut F, _: usize) -> Result<StateTransition<f64, 1>, FilterError> {
 ///         filter.predict_linked(&self.walk, &[])
 ///     }
 ///     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), FilterError> {
@@ -36,7 +36,7 @@ use core::fmt;
 ///     }
 /// }
 /// ```
-pub trait Course<T: Scalar, F, const N: usize> {
+pub trait SmoothingCourse<T: Scalar, F, const N: usize> {
     /// Why a sample could not be processed.
     type Error;
 
@@ -44,7 +44,7 @@ pub trait Course<T: Scalar, F, const N: usize> {
     fn samples(&self) -> usize;
 
     /// Moves the filter from sample `sample` − 1 to `sample`, which is at least 1.
-    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<Link<T, N>, Self::Error>;
+    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<StateTransition<T, N>, Self::Error>;
 
     /// Corrects the filter with what was measured at `sample`.
     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), Self::Error>;
@@ -52,7 +52,7 @@ pub trait Course<T: Scalar, F, const N: usize> {
 
 /// Why a recording could not be smoothed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum IntervalError<E> {
+pub enum SmoothingError<E> {
     /// The course failed at a sample, or whoever took its smoothed state.
     Course {
         /// The sample.
@@ -77,7 +77,7 @@ pub enum IntervalError<E> {
     },
 }
 
-impl<E: fmt::Display> fmt::Display for IntervalError<E> {
+impl<E: fmt::Display> fmt::Display for SmoothingError<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Course { sample, cause } => write!(f, "sample {sample}: {cause}"),
@@ -92,7 +92,7 @@ impl<E: fmt::Display> fmt::Display for IntervalError<E> {
     }
 }
 
-impl<E: core::error::Error> core::error::Error for IntervalError<E> {}
+impl<E: core::error::Error> core::error::Error for SmoothingError<E> {}
 
 /// Smooths all samples of a recording, from the last to the first, and hands each to `each`.
 ///
@@ -107,16 +107,16 @@ impl<E: core::error::Error> core::error::Error for IntervalError<E> {}
 /// once. The results are the same to the bit however the recording is divided.
 ///
 /// ```
-/// use kalmems_core::smooth::{Backward, Course, smooth_interval};
-/// use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearMeasurement, LinearProcess, Link, Mat};
+/// use kalmems_core::smooth::{Backward, SmoothingCourse, smooth_interval};
+/// use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearMeasurement, LinearProcess, StateTransition, Mat};
 /// /// Levels in memory, some missing, on a random walk.
 /// struct Levels<'a>(&'a [Option<f64>], LinearProcess<f64, 1, 0>);
-/// impl<F: Filter<f64, 1>> Course<f64, F, 1> for Levels<'_> {
+/// impl<F: Filter<f64, 1>> SmoothingCourse<f64, F, 1> for Levels<'_> {
 ///     type Error = FilterError;
 ///     fn samples(&self) -> usize {
 ///         self.0.len()
 ///     }
-///     fn advance(&mut self, filter: &mut F, _: usize) -> Result<Link<f64, 1>, FilterError> {
+///     fn advance(&mut self, filter: &mut F, _: usize) -> Result<StateTransition<f64, 1>, FilterError> {
 ///         filter.predict_linked(&self.1, &[])
 ///     }
 ///     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), FilterError> {
@@ -140,22 +140,22 @@ impl<E: core::error::Error> core::error::Error for IntervalError<E> {}
 ///     Ok(())
 /// })?;
 /// assert!((means[1] - 2.0).abs() < 1e-5); // half-way
-/// # Ok::<(), kalmems_core::smooth::IntervalError<FilterError>>(())
+/// # Ok::<(), kalmems_core::smooth::SmoothingError<FilterError>>(())
 /// ```
-pub fn smooth_interval<T: Scalar, F: Clone, C: Course<T, F, N>, const N: usize>(
+pub fn smooth_interval<T: Scalar, F: Clone, C: SmoothingCourse<T, F, N>, const N: usize>(
     start: &F,
     course: &mut C,
     checkpoints: &mut [F],
     block: &mut [Backward<T, N>],
     mut each: impl FnMut(usize, &Smoothed<T, N>) -> Result<(), C::Error>,
-) -> Result<(), IntervalError<C::Error>>
+) -> Result<(), SmoothingError<C::Error>>
 where
     Gaussian<T, N>: for<'a> From<&'a F>,
 {
     let samples = course.samples();
     let room = checkpoints.len().saturating_mul(block.len());
     if room < samples {
-        return Err(IntervalError::Storage { samples, room });
+        return Err(SmoothingError::Storage { samples, room });
     }
     let length = block.len();
     leave_checkpoints(start, course, checkpoints, length)?;
@@ -176,7 +176,7 @@ where
             let before = Gaussian::from(&filter);
             let link = course.advance(&mut filter, next).map_err(at(next))?;
             *step = Backward::new(&before, &link, &Gaussian::from(&filter).mean)
-                .map_err(|cause| IntervalError::Step { sample, cause })?;
+                .map_err(|cause| SmoothingError::Step { sample, cause })?;
             if next < end {
                 course.correct(&mut filter, next).map_err(at(next))?;
             }
@@ -185,7 +185,7 @@ where
             let smoothed = match &later {
                 Some(later) => step.apply(later),
                 None => Smoothed::newest(&Gaussian::from(&filter))
-                    .map_err(|cause| IntervalError::Step { sample, cause })?,
+                    .map_err(|cause| SmoothingError::Step { sample, cause })?,
             };
             each(sample, &smoothed).map_err(at(sample))?;
             later = Some(smoothed);
@@ -196,12 +196,12 @@ where
 }
 
 /// The first pass: a copy of the filter as it is after the first sample of each block.
-fn leave_checkpoints<T: Scalar, F: Clone, C: Course<T, F, N>, const N: usize>(
+fn leave_checkpoints<T: Scalar, F: Clone, C: SmoothingCourse<T, F, N>, const N: usize>(
     start: &F,
     course: &mut C,
     checkpoints: &mut [F],
     length: usize,
-) -> Result<(), IntervalError<C::Error>> {
+) -> Result<(), SmoothingError<C::Error>> {
     let samples = course.samples();
     let mut filter = start.clone();
     let mut sample = 0;
@@ -222,6 +222,6 @@ fn leave_checkpoints<T: Scalar, F: Clone, C: Course<T, F, N>, const N: usize>(
     Ok(())
 }
 
-fn at<E>(sample: usize) -> impl Fn(E) -> IntervalError<E> {
-    move |cause| IntervalError::Course { sample, cause }
+fn at<E>(sample: usize) -> impl Fn(E) -> SmoothingError<E> {
+    move |cause| SmoothingError::Course { sample, cause }
 }

@@ -9,5 +9,5 @@ mod interval;
 mod rts;
 
 pub use fixed_lag::FixedLag;
-pub use interval::{Course, IntervalError, smooth_interval};
+pub use interval::{SmoothingCourse, SmoothingError, smooth_interval};
 pub use rts::{Backward, Smoothed};

@@ -2,7 +2,7 @@
 
 use crate::linalg::{Semidefinite, reduced, times_inverse, triangularize};
 use crate::notation::{finite, matrix, sum, vector};
-use crate::{Covariance, FilterError, Gaussian, Link, Mask, Mat, Scalar};
+use crate::{Covariance, FilterError, Gaussian, Mask, Mat, Scalar, StateTransition};
 
 /// A Gaussian over a state, given measurements before and after it. The covariance is held as a factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,7 +124,11 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
     /// direction (sigma points with a negative weight in the centre can leave such an Ω), and with
     /// [`FilterError::NonFiniteState`] where the step is finite in no lane.
     #[inline(always)]
-    pub fn new(before: &Gaussian<T, N>, link: &Link<T, N>, predicted: &[T; N]) -> Result<Self, FilterError> {
+    pub fn new(
+        before: &Gaussian<T, N>,
+        link: &StateTransition<T, N>,
+        predicted: &[T; N],
+    ) -> Result<Self, FilterError> {
         let (state, noise) = (Semidefinite::of(&before.covariance), Semidefinite::of(&link.noise));
         let mut below = [[state.root, Mat::zero()]];
         let (x, [y]) = reduced([link.transition.times(&state.root), noise.root], &mut below);

@@ -101,7 +101,7 @@ pub trait Sequential<T: Scalar, const N: usize>: Filter<T, N> + Clone {
             }
             let component = Combination { measurement, weights: vector!(|k| inverse[k][i]) };
             let variance = Covariance::from_variances([noise.diagonal[i]]);
-            match self.update_where(&component, &[y[i]], &variance, &Within(wanted, policy)) {
+            match self.update_where(&component, &[y[i]], &variance, &MaskedPolicy(wanted, policy)) {
                 Ok(innovation) => sequence.add(i, &innovation, wanted),
                 Err(refused) => {
                     *self = before;
@@ -201,9 +201,9 @@ impl<T: Scalar, H: Measurement<T, N, M>, const N: usize, const M: usize> Measure
 }
 
 /// What a policy takes, in these lanes alone.
-struct Within<'a, K, A>(K, &'a A);
+struct MaskedPolicy<'a, K, A>(K, &'a A);
 
-impl<T: Scalar, A: Policy<T, N>, const N: usize> Policy<T, N> for Within<'_, T::Mask, A> {
+impl<T: Scalar, A: Policy<T, N>, const N: usize> Policy<T, N> for MaskedPolicy<'_, T::Mask, A> {
     #[inline(always)]
     fn take<const M: usize>(&self, innovation: &Innovation<T, M>, correction: &Correction<T, N>) -> T::Mask {
         self.0.and(self.1.take(innovation, correction))

@@ -2,8 +2,8 @@
 
 use crate::chance::{Chance, spread};
 use kalmems_core::detect::{
-    CubicDesign, CubicFit, DetectError, Detection, Detector, Hold, Peak, SlopeDesign, SlopeKernel, Threshold,
-    angle_at, peaks,
+    CubicDesign, CubicFit, DetectError, Detection, Detector, HoldLevel, Peak, SlopeDesign, SlopeKernel,
+    Threshold, angle_at, peaks,
 };
 use kalmems_core::{
     Covariance, Ekf, Filter, LinearMeasurement, LinearProcess, Mat, NoiseDensity, Scalar,
@@ -153,7 +153,7 @@ fn a_threshold_has_the_rate_of_false_alarms_that_was_asked_for() {
     let (kernel, samples, reach) = (kernel(), 1_000_000, 150);
     // Maxima that follow each other closely are not quite independent: a few per cent.
     let bias = 0.06;
-    let hold = Hold { deviations: 2.0, samples: 600 };
+    let hold = HoldLevel { deviations: 2.0, samples: 600 };
     for (seed, per_sample) in [(21, 1.4e-3), (22, 5e-4), (23, 1e-4)] {
         let level = Threshold::for_false_alarms(&kernel, 1.0, per_sample, reach, None).unwrap();
         let count = alarms(&kernel, reach, level, seed, samples);
@@ -399,7 +399,7 @@ fn following_a_motion_lowers_the_level_and_its_end_raises_it() {
         })
         .collect();
     let rate = 2e-5;
-    let hold = Some(Hold { deviations: 2.0, samples: 600 });
+    let hold = Some(HoldLevel { deviations: 2.0, samples: 600 });
     let found = |hold| -> Vec<u64> {
         let threshold = Threshold::for_false_alarms(&kernel(), 1.0, rate, 150, hold).unwrap();
         let detector = Detector::<f64, 60, 150, 401>::new(kernel(), threshold, 1.0);
@@ -471,7 +471,7 @@ proptest! {
     ) {
         let kernel = SlopeKernel::<f64, 3>::new(width).unwrap();
         let fixed = Threshold::fixed(level);
-        let hold = Some(Hold { deviations: hold, samples: 20 });
+        let hold = Some(HoldLevel { deviations: hold, samples: 20 });
         let two = Threshold::for_false_alarms(&kernel, 1.0, 0.01, 7, hold).unwrap();
         for threshold in [fixed, two] {
             let slope = responses(&kernel, &signal);

@@ -1,10 +1,10 @@
 //! The annual flow of the Nile at Aswan, 1871–1970 (Cobb, Biometrika 65, 243, 1978; public domain), with the
 //! local-level model of Durbin and Koopman: an answer that others have published.
 
-use kalmems_core::smooth::{Backward, Course, Smoothed, smooth_interval};
+use kalmems_core::smooth::{Backward, Smoothed, SmoothingCourse, smooth_interval};
 use kalmems_core::{
     Covariance, Ekf, Filter, FilterError, Information, InformationError, Kalman, LinearMeasurement,
-    LinearProcess, Link, Mat,
+    LinearProcess, Mat, StateTransition,
 };
 
 #[rustfmt::skip]
@@ -80,12 +80,16 @@ impl Year {
 /// The years after the first, which is corrected before.
 struct LaterYears;
 
-impl Course<f64, Ekf<f64, 1>, 1> for LaterYears {
+impl SmoothingCourse<f64, Ekf<f64, 1>, 1> for LaterYears {
     type Error = FilterError;
     fn samples(&self) -> usize {
         FLOW.len()
     }
-    fn advance(&mut self, filter: &mut Ekf<f64, 1>, _: usize) -> Result<Link<f64, 1>, FilterError> {
+    fn advance(
+        &mut self,
+        filter: &mut Ekf<f64, 1>,
+        _: usize,
+    ) -> Result<StateTransition<f64, 1>, FilterError> {
         filter.predict_linked(&walk(), &[])
     }
     fn correct(&mut self, filter: &mut Ekf<f64, 1>, year: usize) -> Result<(), FilterError> {

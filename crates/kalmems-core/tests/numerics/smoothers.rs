@@ -1,12 +1,12 @@
 //! The smoothers against batch solutions, closed forms, a dense smoother of another form, and simulated
 //! truth.
 
-use kalmems_core::smooth::{Backward, Course, FixedLag, IntervalError, Smoothed, smooth_interval};
+use kalmems_core::smooth::{Backward, FixedLag, Smoothed, SmoothingCourse, SmoothingError, smooth_interval};
 use kalmems_core::update::Gate;
 use kalmems_core::{
     Covariance, Dynamics, Ekf, Filter, FilterError, Gaussian, Information, InformationError,
-    LinearMeasurement, LinearProcess, Link, Mat, Measurement, Nodes, NoiseDensity, Over, Process,
-    ProcessNoise, Rk4, Scalar, SigmaPoints, Ukf,
+    LinearMeasurement, LinearProcess, Mat, Measurement, Nodes, NoiseDensity, Over, Process, ProcessNoise,
+    Rk4, Scalar, SigmaPoints, StateTransition, Ukf,
 };
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use proptest::prelude::*;
@@ -34,12 +34,12 @@ impl Linear {
     }
 }
 
-impl<F: Filter<f64, 3>> Course<f64, F, 3> for Linear {
+impl<F: Filter<f64, 3>> SmoothingCourse<f64, F, 3> for Linear {
     type Error = FilterError;
     fn samples(&self) -> usize {
         self.ys.len()
     }
-    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<Link<f64, 3>, FilterError> {
+    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<StateTransition<f64, 3>, FilterError> {
         filter.predict_linked(&self.process, &Self::input(sample))
     }
     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), FilterError> {
@@ -53,7 +53,7 @@ fn gaussian<F: Filter<f64, N>, const N: usize>(filter: &F) -> Gaussian<f64, N> {
 }
 
 /// What the filter alone says at each sample.
-fn filtered<F: Filter<f64, N> + Clone, C: Course<f64, F, N>, const N: usize>(
+fn filtered<F: Filter<f64, N> + Clone, C: SmoothingCourse<f64, F, N>, const N: usize>(
     start: &F,
     course: &mut C,
 ) -> Vec<Gaussian<f64, N>>
@@ -73,11 +73,11 @@ where
 }
 
 /// The fixed-interval smoother in blocks of a length.
-fn smoothed<F: Filter<f64, N> + Clone, C: Course<f64, F, N>, const N: usize>(
+fn smoothed<F: Filter<f64, N> + Clone, C: SmoothingCourse<f64, F, N>, const N: usize>(
     start: &F,
     course: &mut C,
     length: usize,
-) -> Result<Vec<Smoothed<f64, N>>, IntervalError<C::Error>> {
+) -> Result<Vec<Smoothed<f64, N>>, SmoothingError<C::Error>> {
     let mut checkpoints = vec![start.clone(); course.samples().div_ceil(length)];
     let mut all = Vec::new();
     let mut expected = course.samples();
@@ -396,12 +396,12 @@ struct From {
     first: usize,
 }
 
-impl<F: Filter<f64, 3>> Course<f64, F, 3> for From {
+impl<F: Filter<f64, 3>> SmoothingCourse<f64, F, 3> for From {
     type Error = FilterError;
     fn samples(&self) -> usize {
         self.course.ys.len() - self.first
     }
-    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<Link<f64, 3>, FilterError> {
+    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<StateTransition<f64, 3>, FilterError> {
         self.course.advance(filter, self.first + sample)
     }
     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), FilterError> {
@@ -510,12 +510,12 @@ impl Swing {
 const START: [f64; 2] = [1.2, 0.0];
 const START_DEVIATIONS: [f64; 2] = [0.2, 0.3];
 
-impl<F: Filter<f64, 2>> Course<f64, F, 2> for Swing {
+impl<F: Filter<f64, 2>> SmoothingCourse<f64, F, 2> for Swing {
     type Error = FilterError;
     fn samples(&self) -> usize {
         self.ys.len()
     }
-    fn advance(&mut self, filter: &mut F, _: usize) -> Result<Link<f64, 2>, FilterError> {
+    fn advance(&mut self, filter: &mut F, _: usize) -> Result<StateTransition<f64, 2>, FilterError> {
         filter.predict_linked(&self.process, &Nodes::held(()))
     }
     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), FilterError> {
@@ -681,12 +681,16 @@ fn blocks_change_nothing() {
 
 /// A course that counts how often each sample is advanced to.
 struct Counted(Swing, Vec<usize>);
-impl Course<f64, Ukf<f64, 2>, 2> for Counted {
+impl SmoothingCourse<f64, Ukf<f64, 2>, 2> for Counted {
     type Error = FilterError;
     fn samples(&self) -> usize {
-        Course::<f64, Ukf<f64, 2>, 2>::samples(&self.0)
+        SmoothingCourse::<f64, Ukf<f64, 2>, 2>::samples(&self.0)
     }
-    fn advance(&mut self, filter: &mut Ukf<f64, 2>, sample: usize) -> Result<Link<f64, 2>, FilterError> {
+    fn advance(
+        &mut self,
+        filter: &mut Ukf<f64, 2>,
+        sample: usize,
+    ) -> Result<StateTransition<f64, 2>, FilterError> {
         self.1[sample] += 1;
         self.0.advance(filter, sample)
     }
@@ -714,7 +718,7 @@ fn what_cannot_be_smoothed_is_told() {
     let none = |_: usize, _: &Smoothed<f64, 2>| Ok(());
     let mut block = [Backward::identity(); 6];
     let room = smooth_interval(&start, &mut swing, &mut [start; 3], &mut block, none);
-    assert_eq!(room, Err(IntervalError::Storage { samples: 20, room: 18 }));
+    assert_eq!(room, Err(SmoothingError::Storage { samples: 20, room: 18 }));
     let empty = smooth_interval(&start, &mut Swing::new(Vec::new()), &mut [], &mut [], none);
     assert_eq!(empty, Ok(()));
     swing.ys[13] = f64::NAN;
@@ -722,7 +726,7 @@ fn what_cannot_be_smoothed_is_told() {
     for length in [5, 20] {
         assert_eq!(
             smoothed(&start, &mut swing, length).unwrap_err(),
-            IntervalError::Course { sample: 13, cause }
+            SmoothingError::Course { sample: 13, cause }
         );
     }
     let mut stopped = 20;
@@ -731,7 +735,7 @@ fn what_cannot_be_smoothed_is_told() {
             stopped = k;
             if k == 11 { Err(cause) } else { Ok(()) }
         });
-    assert_eq!((outcome, stopped), (Err(IntervalError::Course { sample: 11, cause }), 11));
+    assert_eq!((outcome, stopped), (Err(SmoothingError::Course { sample: 11, cause }), 11));
 
     // No covariance: a correlation of two. An EKF does not look; the smoother does, and leaves the filter.
     let no_covariance = Covariance::from_lower(Mat([[1.0, 0.0], [2.0, 1.0]]));
@@ -742,7 +746,7 @@ fn what_cannot_be_smoothed_is_told() {
     assert!(lagged.smoothed().is_none() && lagged.lagged(0).is_none());
     let ekf = Ekf::new([1.0, 2.0], no_covariance);
     let mut blind = Swing::new(vec![0.5; 3]);
-    assert!(matches!(smoothed(&ekf, &mut blind, 3), Err(IntervalError::Step { sample: 0, .. })));
+    assert!(matches!(smoothed(&ekf, &mut blind, 3), Err(SmoothingError::Step { sample: 0, .. })));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::excitation::turned;
 use super::reduced::{HARMONICS, output_harmonics};
-use super::{Circuit, Complex, Excitation, Motion, Reduced};
+use super::{Circuit, Complex, Excitation, ReducedCircuit, SineMotion};
 use crate::signal::{Sine, fit_sine_at};
 use crate::simulate::{Drive, Simulator};
 use kalmems_core::{Covariance, Dynamics, Ekf, Filter, FilterError, Measurement, Nodes, NoiseDensity, Rk4};
@@ -13,7 +13,7 @@ use std::fmt;
 
 /// The filter that is asked about, and what is permitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Setting {
+pub struct AdequacySettings {
     /// q: the density of its angular acceleration's noise in rad²/s³.
     pub acceleration_density: f64,
     /// R: the variance that it takes a sample to have, in V².
@@ -39,21 +39,21 @@ pub struct Cost {
 
 /// What a filter knows of the circuit, the simplest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Known {
+pub enum CircuitKnowledge {
     /// y = a·C + b.
     Affine,
     /// The same behind the poles of the two low-pass stages.
     Poles,
-    /// The same of C a time ago, that of [`Reduced::front_delay_s`].
+    /// The same of C a time ago, that of [`ReducedCircuit::front_delay_s`].
     PolesAndDelay,
 }
 
 /// Whether y = a·C + b is good enough for a filter, and if not, whether the poles are.
 ///
-/// The device is integrated under its drive until it is steady, the circuit [`Reduced`] for that motion, and
+/// The device is integrated under its drive until it is steady, the circuit [`ReducedCircuit`] for that motion, and
 /// extended Kalman filters that know the device exactly follow the circuit's output, without noise and
-/// carrier, each knowing as much of poles and delay as [`Known`] says. Their gain and offset are those of
-/// [`Reduced::with_poles_and_delay`]. A small q trusts the device's model, which the drive holds in phase,
+/// carrier, each knowing as much of poles and delay as [`CircuitKnowledge`] says. Their gain and offset are those of
+/// [`ReducedCircuit::with_poles_and_delay`]. A small q trusts the device's model, which the drive holds in phase,
 /// and is pulled less; a large one follows its signal wherever it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adequacy {
@@ -62,7 +62,7 @@ pub struct Adequacy {
     /// Its frequency.
     pub motion_hz: f64,
     /// The circuit for it.
-    pub reduced: Reduced,
+    pub reduced: ReducedCircuit,
     /// What the affine model without poles costs.
     pub affine: Cost,
     /// What the poles without the delay cost.
@@ -70,7 +70,7 @@ pub struct Adequacy {
     /// What is left with both.
     pub poles_and_delay: Cost,
     /// What was asked.
-    pub setting: Setting,
+    pub setting: AdequacySettings,
 }
 
 /// Why nothing can be said.
@@ -107,7 +107,7 @@ impl Adequacy {
         circuit: &Circuit,
         scanner: &ParametricScanner<f64>,
         (drive, start): (&Drive, [f64; 2]),
-        setting: &Setting,
+        setting: &AdequacySettings,
     ) -> Result<Self, AdequacyError> {
         let &Drive::Sine { offset, amplitude, frequency_hz, phase_rad } = drive else {
             return Err(AdequacyError::NoSine);
@@ -143,19 +143,19 @@ impl Adequacy {
             carrier: setting.carrier,
             carrier_hz: setting.carrier_hz,
         };
-        let motion = Motion {
+        let motion = SineMotion {
             amplitude_rad: moving.amplitude,
             phase_rad: moving.phase_rad + 0.5 * PI - 0.5 * phase_rad,
         };
-        let reduced = Reduced::of(circuit, &excitation, &scanner.comb, &motion);
-        let signal = Output {
+        let reduced = ReducedCircuit::of(circuit, &excitation, &scanner.comb, &motion);
+        let signal = CircuitOutput {
             harmonics: output_harmonics(circuit, &excitation, &scanner.comb, &motion),
             drive_hz: frequency_hz,
             earlier_s: phase_rad / (TAU * frequency_hz),
         };
         let heard: Vec<f64> = truth.iter().map(|(t, _)| signal.at(*t)).collect();
-        let cost = |known: Known| -> Result<Cost, FilterError> {
-            let record = Followed { scanner, drive, truth: &truth, heard: &heard, rate_hz, setting };
+        let cost = |known: CircuitKnowledge| -> Result<Cost, FilterError> {
+            let record = MotionAndSignal { scanner, drive, truth: &truth, heard: &heard, rate_hz, setting };
             let estimated = record.by(known, &reduced)?;
             let estimated = &estimated[follow - scored..];
             // θ → −θ is the same to the filter: the nearer of both counts, and phases count modulo half a cycle.
@@ -175,45 +175,47 @@ impl Adequacy {
             amplitude_deg: moving.amplitude.to_degrees(),
             motion_hz,
             reduced,
-            affine: cost(Known::Affine)?,
-            poles: cost(Known::Poles)?,
-            poles_and_delay: cost(Known::PolesAndDelay)?,
+            affine: cost(CircuitKnowledge::Affine)?,
+            poles: cost(CircuitKnowledge::Poles)?,
+            poles_and_delay: cost(CircuitKnowledge::PolesAndDelay)?,
             setting: *setting,
         })
     }
 
     /// What it costs to know so much.
-    pub fn cost(&self, known: Known) -> &Cost {
+    pub fn cost(&self, known: CircuitKnowledge) -> &Cost {
         match known {
-            Known::Affine => &self.affine,
-            Known::Poles => &self.poles,
-            Known::PolesAndDelay => &self.poles_and_delay,
+            CircuitKnowledge::Affine => &self.affine,
+            CircuitKnowledge::Poles => &self.poles,
+            CircuitKnowledge::PolesAndDelay => &self.poles_and_delay,
         }
     }
 
     /// Whether so much will do: phase, and angle by no more than such an error of phase makes.
     ///
     /// The second catches a motion of a wrong amplitude whose phase happens to be right.
-    pub fn is_adequate(&self, known: Known) -> bool {
+    pub fn is_adequate(&self, known: CircuitKnowledge) -> bool {
         let (cost, permitted) = (self.cost(known), self.setting.permitted_phase_deg);
         let of_angle_deg = self.amplitude_deg * permitted.to_radians() * FRAC_1_SQRT_2;
         cost.phase_deg.abs() <= permitted && cost.angle_rmse_deg <= of_angle_deg
     }
 
     /// The simplest model that is adequate; `None` where none is.
-    pub fn needed(&self) -> Option<Known> {
-        [Known::Affine, Known::Poles, Known::PolesAndDelay].into_iter().find(|known| self.is_adequate(*known))
+    pub fn needed(&self) -> Option<CircuitKnowledge> {
+        [CircuitKnowledge::Affine, CircuitKnowledge::Poles, CircuitKnowledge::PolesAndDelay]
+            .into_iter()
+            .find(|known| self.is_adequate(*known))
     }
 }
 
 /// What the circuit gives under a steady motion.
-struct Output {
+struct CircuitOutput {
     harmonics: [Complex<f64>; HARMONICS],
     drive_hz: f64,
     earlier_s: f64,
 }
 
-impl Output {
+impl CircuitOutput {
     fn at(&self, time_s: f64) -> f64 {
         let cycles = self.drive_hz * (time_s + self.earlier_s);
         let [mean, moving @ ..] = &self.harmonics;
@@ -225,27 +227,29 @@ impl Output {
 }
 
 /// A motion and its signal, for filters to follow.
-struct Followed<'a> {
+struct MotionAndSignal<'a> {
     scanner: &'a ParametricScanner<f64>,
     drive: &'a Drive,
     truth: &'a [(f64, [f64; 2])],
     heard: &'a [f64],
     rate_hz: f64,
-    setting: &'a Setting,
+    setting: &'a AdequacySettings,
 }
 
-impl Followed<'_> {
+impl MotionAndSignal<'_> {
     /// The angles of a filter that knows so much.
-    fn by(&self, known: Known, reduced: &Reduced) -> Result<Vec<f64>, FilterError> {
+    fn by(&self, known: CircuitKnowledge, reduced: &ReducedCircuit) -> Result<Vec<f64>, FilterError> {
         let scanner = self.scanner;
         let model = reduced.with_poles_and_delay;
         let affine = DemodulatedComb { comb: scanner.comb, gain: model.gain, offset: model.offset };
         let [angle, rate] = self.truth.first().map_or([0.0; 2], |(_, state)| *state);
         let rate_sd = TAU * 0.5 * self.rate_hz / STEPS_PER_DRIVE_CYCLE * 0.05;
         let delay_s = match known {
-            Known::Affine => return self.angles(*scanner, &affine, ([angle, rate], [0.05, rate_sd])),
-            Known::Poles => 0.0,
-            Known::PolesAndDelay => reduced.front_delay_s,
+            CircuitKnowledge::Affine => {
+                return self.angles(*scanner, &affine, ([angle, rate], [0.05, rate_sd]));
+            }
+            CircuitKnowledge::Poles => 0.0,
+            CircuitKnowledge::PolesAndDelay => reduced.front_delay_s,
         };
         let staged = LowPassedComb {
             device: DriveGain { scanner: *scanner, drive_gain: 1.0 },
@@ -314,12 +318,14 @@ impl fmt::Display for Adequacy {
         )?;
         let permitted = self.setting.permitted_phase_deg;
         match self.needed() {
-            Some(Known::Affine) => write!(f, "y = a·C + b is adequate ({permitted} deg permitted)"),
-            Some(Known::Poles) => write!(
+            Some(CircuitKnowledge::Affine) => {
+                write!(f, "y = a·C + b is adequate ({permitted} deg permitted)")
+            }
+            Some(CircuitKnowledge::Poles) => write!(
                 f,
                 "y = a·C + b is not adequate ({permitted} deg permitted), the poles are needed as states"
             ),
-            Some(Known::PolesAndDelay) => write!(
+            Some(CircuitKnowledge::PolesAndDelay) => write!(
                 f,
                 "y = a·C + b is not adequate ({permitted} deg permitted), the poles are needed as states, and the delay \
                  besides"

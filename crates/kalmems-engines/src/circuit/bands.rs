@@ -1,6 +1,6 @@
 //! Which lines each stage of the circuit has, under a steady drive and motion.
 
-use super::{Circuit, Complex, Detector, Excitation, Motion, Spectrum, comb_harmonics};
+use super::{AmplitudeDetector, Circuit, CircuitSpectrum, Complex, Excitation, SineMotion, comb_harmonics};
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::FRAC_PI_2;
 
@@ -17,18 +17,23 @@ const HARMONICS: usize = 16;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bands {
     /// V_o1, behind the amplifier.
-    pub amplified: Spectrum,
+    pub amplified: CircuitSpectrum,
     /// V_o2, behind the high-pass.
-    pub passed: Spectrum,
+    pub passed: CircuitSpectrum,
     /// V_o3, behind the detector; `None` behind a diode, which has no lines in closed form.
-    pub detected: Option<Spectrum>,
+    pub detected: Option<CircuitSpectrum>,
     /// y_cap, behind both low-pass stages.
-    pub output: Option<Spectrum>,
+    pub output: Option<CircuitSpectrum>,
 }
 
 impl Bands {
     /// The lines for a comb that swings as a sine.
-    pub fn of(circuit: &Circuit, excitation: &Excitation, comb: &GaussianComb<f64>, motion: &Motion) -> Self {
+    pub fn of(
+        circuit: &Circuit,
+        excitation: &Excitation,
+        comb: &GaussianComb<f64>,
+        motion: &SineMotion,
+    ) -> Self {
         let harmonics = comb_harmonics::<HARMONICS>(comb, motion.amplitude_rad);
         Self::of_harmonics(circuit, excitation, &harmonics, motion.phase_rad)
     }
@@ -40,7 +45,7 @@ impl Bands {
         capacitance: &[f64],
         motion_phase_rad: f64,
     ) -> Self {
-        let none = Spectrum::new(excitation.drive_hz, excitation.carrier_hz);
+        let none = CircuitSpectrum::new(excitation.drive_hz, excitation.carrier_hz);
         let mut comb = none.clone().with((0, 0), circuit.transimpedance.parasitic_capacitance, 0.0);
         for (n, value) in (0_i32..).zip(capacitance) {
             comb = comb.with((0, n), *value, 2.0 * f64::from(n) * motion_phase_rad);
@@ -54,11 +59,11 @@ impl Bands {
             .filtered(|hz| circuit.amplifier_response(hz));
         let passed = amplified.filtered(|hz| circuit.high_pass.response(hz));
         let detected = match &circuit.detector {
-            Detector::Diode(_) => None,
-            Detector::SquareLaw(law) => {
+            AmplitudeDetector::Diode(_) => None,
+            AmplitudeDetector::SquareLaw(law) => {
                 Some(passed.times(&passed).scaled(law.square).plus(&passed.scaled(law.linear)))
             }
-            Detector::Synchronous(law) => {
+            AmplitudeDetector::Synchronous(law) => {
                 let phase = circuit.front_response(excitation.carrier_hz).arg() + law.phase;
                 Some(passed.times(&none.with((1, 0), 2.0, phase)))
             }

@@ -1,7 +1,7 @@
 //! The circuit in time.
 
 use super::excitation::turned;
-use super::{Circuit, Detector, Excitation, Motion};
+use super::{AmplitudeDetector, Circuit, Excitation, SineMotion};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::circuit::{
     SampledCascade, SampledDiode, SampledSection, Section, SquareLaw, SynchronousDemodulator, Transimpedance,
@@ -13,7 +13,7 @@ pub const SAMPLES_PER_CARRIER_CYCLE: f64 = 50.0;
 
 /// What the circuit meets at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Inputs {
+pub struct CircuitInputs {
     /// C in F.
     pub capacitance: f64,
     /// Ċ = dC/dθ·θ̇ in F/s.
@@ -79,9 +79,9 @@ impl Chain {
             amplifier: circuit.amplifier_bandwidth_hz.map(pole),
             high_pass: SampledCascade::new(&circuit.high_pass.cascade, interval),
             detector: match circuit.detector {
-                Detector::SquareLaw(law) => SampledDetector::SquareLaw(law),
-                Detector::Diode(law) => SampledDetector::Diode(SampledDiode::new(law, interval)),
-                Detector::Synchronous(law) => {
+                AmplitudeDetector::SquareLaw(law) => SampledDetector::SquareLaw(law),
+                AmplitudeDetector::Diode(law) => SampledDetector::Diode(SampledDiode::new(law, interval)),
+                AmplitudeDetector::Synchronous(law) => {
                     let phase = circuit.front_response(carrier_hz).arg() + law.phase;
                     SampledDetector::Synchronous(SynchronousDemodulator { phase })
                 }
@@ -97,8 +97,8 @@ impl Chain {
     }
 
     /// One step on, to an instant with these inputs.
-    pub fn step(&mut self, inputs: &Inputs) -> Stages {
-        let Inputs { capacitance, capacitance_rate, voltage, voltage_rate, .. } = *inputs;
+    pub fn step(&mut self, inputs: &CircuitInputs) -> Stages {
+        let CircuitInputs { capacitance, capacitance_rate, voltage, voltage_rate, .. } = *inputs;
         let current = self.transimpedance.voltage(capacitance, capacitance_rate, voltage, voltage_rate);
         let amplified = self.amplifier.as_mut().map_or(current, |pole| pole.step(current)) + inputs.noise;
         let passed = self.high_pass.step(amplified);
@@ -119,7 +119,7 @@ impl Chain {
 pub fn run(
     circuit: &Circuit,
     excitation: &Excitation,
-    (comb, motion): (&GaussianComb<f64>, &Motion),
+    (comb, motion): (&GaussianComb<f64>, &SineMotion),
     rate_hz: f64,
     (settle, count): (u32, u32),
     mut each: impl FnMut(f64, &Stages),
@@ -129,7 +129,7 @@ pub fn run(
         let time_s = k as f64 / rate_hz;
         let (angle, rate) = motion.at(time_s, excitation.drive_hz);
         let (voltage, voltage_rate) = excitation.at(time_s);
-        let stages = chain.step(&Inputs {
+        let stages = chain.step(&CircuitInputs {
             capacitance: comb.capacitance(angle),
             capacitance_rate: comb.slope(angle) * rate,
             voltage,
@@ -149,7 +149,7 @@ pub fn run(
 pub(super) fn measured_harmonics<const N: usize>(
     circuit: &Circuit,
     excitation: &Excitation,
-    device: (&GaussianComb<f64>, &Motion),
+    device: (&GaussianComb<f64>, &SineMotion),
     (settle_s, cycles): (f64, u32),
 ) -> [super::Complex<f64>; N] {
     // Whole steps per cycle of the motion.

@@ -39,14 +39,14 @@ impl Excitation {
 /// θ = amplitude·sin(ω_dr·t/2 + phase): a motion at half of the drive's frequency, as parametric resonance makes it
 /// (Chen et al., shared electrodes, 2020, equation 17).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion {
+pub struct SineMotion {
     /// In rad.
     pub amplitude_rad: f64,
     /// φ in rad, of the motion's cycle.
     pub phase_rad: f64,
 }
 
-impl Motion {
+impl SineMotion {
     /// θ in rad and θ̇ in rad/s under a drive of this frequency.
     pub fn at(&self, time_s: f64, drive_hz: f64) -> (f64, f64) {
         let (sine, cosine) = turned(0.5 * drive_hz * time_s + self.phase_rad / TAU);

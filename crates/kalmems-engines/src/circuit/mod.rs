@@ -2,7 +2,7 @@
 //!
 //! A [`Circuit`] is an amplifier, a high-pass, a detector and two low-pass stages. [`Chain`] runs it step by step;
 //! [`Bands`] says which lines each stage has under a steady drive and motion, without a simulation; the two are tested
-//! against each other line by line. [`DriveRejection`] and [`Demodulation`] choose filters. [`Reduced`] says what of
+//! against each other line by line. [`DriveRejection`] and [`Demodulation`] choose filters. [`ReducedCircuit`] says what of
 //! it a filter needs to know, and [`Adequacy`] what it costs to know less.
 
 mod adequacy;
@@ -14,14 +14,14 @@ mod harmonics;
 mod reduced;
 mod spectrum;
 
-pub use adequacy::{Adequacy, AdequacyError, Cost, Known, Setting};
+pub use adequacy::{Adequacy, AdequacyError, AdequacySettings, CircuitKnowledge, Cost};
 pub use bands::Bands;
-pub use chain::{Chain, Inputs, SAMPLES_PER_CARRIER_CYCLE, Stages, run};
+pub use chain::{Chain, CircuitInputs, SAMPLES_PER_CARRIER_CYCLE, Stages, run};
 pub use design::{Demodulation, DesignError, DriveRejection, HighPassDesign, LowPassDesign};
-pub use excitation::{Excitation, Motion};
+pub use excitation::{Excitation, SineMotion};
 pub use harmonics::{comb_harmonics, scaled_bessel};
-pub use reduced::{Model, Reduced};
-pub use spectrum::{Complex, Line, Spectrum};
+pub use reduced::{FittedModel, ReducedCircuit};
+pub use spectrum::{CircuitLine, CircuitSpectrum, Complex};
 
 use kalmems_models::circuit::{
     Cascade, DiodeEnvelope, Section, SquareLaw, SynchronousDemodulator, Transimpedance,
@@ -38,7 +38,7 @@ pub struct Circuit {
     /// What keeps the drive out.
     pub high_pass: HighPass,
     /// What makes an amplitude of the carrier.
-    pub detector: Detector,
+    pub detector: AmplitudeDetector,
     /// The poles of the two low-pass stages behind the detector.
     pub low_pass_hz: [f64; 2],
     /// The density of the noise at the amplifier's output, one-sided, in V²/Hz, from 0 to half the simulation's rate. A
@@ -78,7 +78,7 @@ impl HighPass {
 
 /// What makes an amplitude of the carrier.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Detector {
+pub enum AmplitudeDetector {
     /// One that squares.
     SquareLaw(SquareLaw<f64>),
     /// A diode that charges a capacitor.

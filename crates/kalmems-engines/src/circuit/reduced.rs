@@ -2,7 +2,7 @@
 
 use super::chain::measured_harmonics;
 use super::excitation::turned;
-use super::{Bands, Circuit, Complex, Excitation, Motion, comb_harmonics};
+use super::{Bands, Circuit, Complex, Excitation, SineMotion, comb_harmonics};
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::PI;
 use std::fmt;
@@ -12,7 +12,7 @@ pub(super) const HARMONICS: usize = 6;
 
 /// One of the models, fitted to the circuit's output over a cycle of the motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Model {
+pub struct FittedModel {
     /// a in V/F.
     pub gain: f64,
     /// b in V.
@@ -29,31 +29,36 @@ pub struct Model {
 /// carrier that the low-pass stages leave are no part of it. Gain and offset belong to the motion: a detector that
 /// squares has a gain in proportion to C + C_p.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reduced {
+pub struct ReducedCircuit {
     /// y = a·C + b (Chen et al., shared electrodes, 2020, equation 25).
-    pub affine: Model,
+    pub affine: FittedModel,
     /// The same of C a time ago.
-    pub delayed: Model,
+    pub delayed: FittedModel,
     /// That time in s.
     pub delay_s: f64,
     /// The same of C behind the poles of the two low-pass stages.
-    pub with_poles: Model,
+    pub with_poles: FittedModel,
     /// These poles.
     pub poles_hz: [f64; 2],
     /// The same with a delay besides: that of the high-pass, whose phase is not straight about a carrier that lies near
     /// its cut-off.
-    pub with_poles_and_delay: Model,
+    pub with_poles_and_delay: FittedModel,
     /// That delay in s.
     pub front_delay_s: f64,
     /// What of the drive comes through at f_dr without any motion, in V.
     pub feedthrough: f64,
 }
 
-impl Reduced {
+impl ReducedCircuit {
     /// Reduces a circuit: by its lines, or behind a diode by a run over 64 cycles of the motion.
-    pub fn of(circuit: &Circuit, excitation: &Excitation, comb: &GaussianComb<f64>, motion: &Motion) -> Self {
+    pub fn of(
+        circuit: &Circuit,
+        excitation: &Excitation,
+        comb: &GaussianComb<f64>,
+        motion: &SineMotion,
+    ) -> Self {
         let y = output_harmonics(circuit, excitation, comb, motion);
-        let still = Motion { amplitude_rad: 0.0, ..*motion };
+        let still = SineMotion { amplitude_rad: 0.0, ..*motion };
         let still = output_harmonics(circuit, excitation, comb, &still);
         let cosines = comb_harmonics::<HARMONICS>(comb, motion.amplitude_rad);
         let mut c = [Complex::default(); HARMONICS];
@@ -95,7 +100,7 @@ pub(super) fn output_harmonics(
     circuit: &Circuit,
     excitation: &Excitation,
     comb: &GaussianComb<f64>,
-    motion: &Motion,
+    motion: &SineMotion,
 ) -> [Complex<f64>; HARMONICS] {
     Bands::of(circuit, excitation, comb, motion).output_harmonics().unwrap_or_else(|| {
         let slowest_hz = circuit.low_pass_hz.into_iter().fold(f64::INFINITY, f64::min);
@@ -106,14 +111,19 @@ pub(super) fn output_harmonics(
 }
 
 /// The least squares of y by a·c + b over a cycle.
-fn fit(y: &[Complex<f64>; HARMONICS], c: &[Complex<f64>; HARMONICS]) -> Model {
+fn fit(y: &[Complex<f64>; HARMONICS], c: &[Complex<f64>; HARMONICS]) -> FittedModel {
     let moving = || y.iter().zip(c).skip(1);
     let total: f64 = moving().map(|(y, _)| y.norm_sqr()).sum();
     let gain = moving().map(|(y, c)| (y * c.conj()).re).sum::<f64>()
         / moving().map(|(_, c)| c.norm_sqr()).sum::<f64>();
     let left: f64 = moving().map(|(y, c)| (y - c * gain).norm_sqr()).sum();
     let turn = (c[1] * gain / y[1]).arg().to_degrees();
-    Model { gain, offset: (y[0] - c[0] * gain).re, residual: (left / total).sqrt(), lag_deg: 0.5 * turn }
+    FittedModel {
+        gain,
+        offset: (y[0] - c[0] * gain).re,
+        residual: (left / total).sqrt(),
+        lag_deg: 0.5 * turn,
+    }
 }
 
 /// Where a function of a delay is least, from a tenth of a period early to half of one late: a grid, then golden
@@ -144,9 +154,9 @@ fn least(f: impl Fn(f64) -> f64, period: f64) -> f64 {
     f64::midpoint(low, high)
 }
 
-impl fmt::Display for Reduced {
+impl fmt::Display for ReducedCircuit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Model { gain, offset, residual, .. } = self.with_poles_and_delay;
+        let FittedModel { gain, offset, residual, .. } = self.with_poles_and_delay;
         let [first, second] = self.poles_hz;
         write!(
             f,

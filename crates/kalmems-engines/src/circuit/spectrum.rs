@@ -15,7 +15,7 @@ const LEAST: f64 = 1e-9;
 /// Held as the coefficients of e^{j(m·ω_c + n·ω_dr)·t}, which come in conjugate pairs; a product of two signals is the
 /// convolution of their coefficients.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spectrum {
+pub struct CircuitSpectrum {
     drive_hz: f64,
     carrier_hz: f64,
     /// By m and n.
@@ -24,7 +24,7 @@ pub struct Spectrum {
 
 /// One line: amplitude·cos(2π·f·t + phase).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct CircuitLine {
     /// m: how many times the carrier's frequency.
     pub carrier: i32,
     /// n: how many times the drive's frequency.
@@ -37,7 +37,7 @@ pub struct Line {
     pub phase_rad: f64,
 }
 
-impl fmt::Display for Line {
+impl fmt::Display for CircuitLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&name_of(self.carrier, self.drive))
     }
@@ -60,7 +60,7 @@ fn name_of(carrier: i32, drive: i32) -> String {
     }
 }
 
-impl Spectrum {
+impl CircuitSpectrum {
     /// Nothing, with the frequencies that lines will be made of.
     pub fn new(drive_hz: f64, carrier_hz: f64) -> Self {
         Self { drive_hz, carrier_hz, coefficients: BTreeMap::new() }
@@ -133,12 +133,12 @@ impl Spectrum {
     }
 
     /// All lines, from the lowest frequency on.
-    pub fn lines(&self) -> Vec<Line> {
-        let mut lines: Vec<Line> = (self.coefficients.iter())
+    pub fn lines(&self) -> Vec<CircuitLine> {
+        let mut lines: Vec<CircuitLine> = (self.coefficients.iter())
             .filter_map(|(&(carrier, drive), value)| {
                 let frequency_hz = self.frequency_hz((carrier, drive));
                 let constant = (carrier, drive) == (0, 0);
-                (constant || frequency_hz > 0.0).then(|| Line {
+                (constant || frequency_hz > 0.0).then(|| CircuitLine {
                     carrier,
                     drive,
                     frequency_hz,
@@ -152,7 +152,7 @@ impl Spectrum {
     }
 
     /// The lines that are at most this many decibels below the largest, from the lowest frequency on.
-    pub fn lines_above(&self, decibels_down: f64) -> Vec<Line> {
+    pub fn lines_above(&self, decibels_down: f64) -> Vec<CircuitLine> {
         let mut lines = self.lines();
         let largest = lines.iter().map(|line| line.amplitude).fold(0.0, f64::max);
         let least = largest * 10_f64.portable_powf(-decibels_down / 20.0);

@@ -1,13 +1,13 @@
 //! All that is wanted of one filter over one part of a segment.
 
 use super::any_filter::{AnyFilter, StateFilter};
-use super::engine::Followed;
-use super::gate::{Decisions, Watch};
+use super::engine::FilterRun;
+use super::gate::{Decisions, SampleGate};
 use super::past::FilterPast;
-use super::smoothing::{FilteredPart, Lagged, Smoother, Whole};
+use super::smoothing::{FilteredPart, Lagged, PendingPart, Smoother};
 use super::{
-    Course, EstimateError, FilterBasics, Known, ReadoutState, SignalSegment, StateName, Tracked, Trajectory,
-    WithReadout,
+    Course, EstimateError, FilterBasics, MeanAndCovariance, ReadoutState, SignalSegment, StateName, Tracked,
+    Trajectory, WithReadout,
 };
 use crate::config::Method;
 use crate::progress::Progress;
@@ -16,7 +16,7 @@ use std::ops::Range;
 
 /// Which samples of a course are to be taken.
 #[derive(Clone, Debug)]
-pub struct Samples {
+pub struct SampleSelection {
     /// Those that are new.
     pub fresh: Range<usize>,
     /// Whether the segment ends with the last of them.
@@ -25,7 +25,7 @@ pub struct Samples {
     pub interval_s: f64,
 }
 
-impl Samples {
+impl SampleSelection {
     /// All that there are, so many of this interval in s.
     pub const fn whole(count: usize, interval_s: f64) -> Self {
         Self { fresh: 0..count, ends: true, interval_s }
@@ -34,42 +34,42 @@ impl Samples {
 
 impl SignalSegment<'_> {
     /// Its samples.
-    pub fn samples(&self) -> Samples {
-        Samples { fresh: self.fresh.clone(), ends: self.ends, interval_s: self.interval_s }
+    pub fn samples(&self) -> SampleSelection {
+        SampleSelection { fresh: self.fresh.clone(), ends: self.ends, interval_s: self.interval_s }
     }
 }
 
 /// A filter and its smoothers on their way, whatever the number of its states.
-pub(super) trait Run: Send {
+pub(super) trait AnswerRun: Send {
     /// What they say of new samples, with what another run of the filter rejected where that is followed. `None` where the work was
     /// stopped.
     fn take(
         &mut self,
         filter: &FilterBasics,
-        way: (&mut dyn Course, &Samples),
+        way: (&mut dyn Course, &SampleSelection),
         decided: Option<&Decisions>,
         states: &[StateName],
         progress: &dyn Progress,
     ) -> Option<Vec<Trajectory>>;
 
     /// What the filter knows.
-    fn known(&self) -> Known;
+    fn known(&self) -> MeanAndCovariance;
 
     /// How it takes its samples, as numbers.
     fn watch_numbers(&self) -> Vec<f64>;
 }
 
 /// Of `N` states.
-struct RunOf<const N: usize> {
-    followed: Followed<N>,
+struct SizedAnswerRun<const N: usize> {
+    followed: FilterRun<N>,
     smoothers: Vec<(&'static str, Smoother<N>)>,
 }
 
-impl<const N: usize> Run for RunOf<N> {
+impl<const N: usize> AnswerRun for SizedAnswerRun<N> {
     fn take(
         &mut self,
         filter: &FilterBasics,
-        (course, samples): (&mut dyn Course, &Samples),
+        (course, samples): (&mut dyn Course, &SampleSelection),
         decided: Option<&Decisions>,
         states: &[StateName],
         progress: &dyn Progress,
@@ -93,7 +93,7 @@ impl<const N: usize> Run for RunOf<N> {
         Some(trajectories)
     }
 
-    fn known(&self) -> Known {
+    fn known(&self) -> MeanAndCovariance {
         self.followed.known()
     }
 
@@ -103,26 +103,26 @@ impl<const N: usize> Run for RunOf<N> {
 }
 
 /// A filter at the beginning of its way, or where it was left in another run, with the smoothers that are wanted.
-pub(super) struct Begun<'a> {
-    left: Option<&'a Known>,
-    watch: Watch,
+pub(super) struct FilterRunStart<'a> {
+    left: Option<&'a MeanAndCovariance>,
+    watch: SampleGate,
     smooth: bool,
     lag: Option<usize>,
 }
 
-impl Begun<'_> {
+impl FilterRunStart<'_> {
     /// Of this number of states.
     pub(super) fn of<const N: usize>(
         self,
         filter: Box<dyn StateFilter<N>>,
-    ) -> Result<Box<dyn Run>, FilterError> {
+    ) -> Result<Box<dyn AnswerRun>, FilterError> {
         let followed = match self.left {
-            Some(left) => Followed::resumed(filter, self.watch, left)?,
-            None => Followed::new(filter, self.watch),
+            Some(left) => FilterRun::resumed(filter, self.watch, left)?,
+            None => FilterRun::new(filter, self.watch),
         };
-        let whole = self.smooth.then(|| ("smoothed", Smoother::Whole(Whole::new())));
+        let whole = self.smooth.then(|| ("smoothed", Smoother::Whole(PendingPart::new())));
         let lagged = self.lag.map(|lag| ("lagged", Smoother::Lagged(Lagged::new(lag))));
-        Ok(Box::new(RunOf { followed, smoothers: whole.into_iter().chain(lagged).collect() }))
+        Ok(Box::new(SizedAnswerRun { followed, smoothers: whole.into_iter().chain(lagged).collect() }))
     }
 }
 
@@ -131,8 +131,8 @@ impl Begun<'_> {
 /// It goes on where the past left it; `start` says what is known at the first sample of the segment.
 pub fn answers(
     (filter, past): (&FilterBasics, &mut FilterPast),
-    start: impl FnOnce() -> Result<Known, EstimateError>,
-    course: (&mut dyn Course, &Samples),
+    start: impl FnOnce() -> Result<MeanAndCovariance, EstimateError>,
+    course: (&mut dyn Course, &SampleSelection),
     states: &[StateName],
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
@@ -142,14 +142,18 @@ pub fn answers(
 /// The same with a filter that `begin` makes, of what was known where another run left it, if one did.
 pub fn follow(
     (filter, past): (&FilterBasics, &mut FilterPast),
-    begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
-    (course, samples): (&mut dyn Course, &Samples),
+    begin: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
+    (course, samples): (&mut dyn Course, &SampleSelection),
     states: &[StateName],
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     if !filter.readout.is_empty() {
         if !course.further_signals().is_empty() {
             return Err(EstimateError::SeveralReadouts { filter: filter.name.clone() });
+        }
+        if filter.readout.iter().any(ReadoutState::needs_drive) && course.drive(samples.fresh.start).is_none()
+        {
+            return Err(EstimateError::NoDriveToFeedThrough { filter: filter.name.clone() });
         }
         let all: Vec<StateName> =
             states.iter().copied().chain(filter.readout.iter().map(ReadoutState::name)).collect();
@@ -162,8 +166,8 @@ pub fn follow(
 /// The same with a course and the names of all states that the filter has.
 fn follow_all(
     (filter, past): (&FilterBasics, &mut FilterPast),
-    begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
-    (course, samples): (&mut dyn Course, &Samples),
+    begin: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
+    (course, samples): (&mut dyn Course, &SampleSelection),
     states: &[StateName],
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
@@ -172,7 +176,7 @@ fn follow_all(
     } else {
         let (left, lag) = (past.left().cloned(), filter.lag_samples(samples.interval_s));
         let watch = past.watch(filter, (course.time_s(), samples));
-        let begun = begin(left)?.run(Begun { left: past.left(), watch, smooth: filter.smooth, lag });
+        let begun = begin(left)?.run(FilterRunStart { left: past.left(), watch, smooth: filter.smooth, lag });
         begun.map_err(|why| EstimateError::Resumed { why: why.to_string() })?
     };
     let decided = past.decided.clone();

@@ -1,18 +1,18 @@
 //! A filter that is chosen when the program runs, and so is its number of states.
 
-use super::answers::{Begun, Run};
+use super::answers::{AnswerRun, FilterRunStart};
 use super::engine::Filtering;
-use super::gate::Watch;
-use super::linked::Linked;
-use super::transition::{Numbers, Seen, Sensor, Transition};
+use super::gate::SampleGate;
+use super::linked::LinkedFilter;
+use super::transition::{Sensor, SensorMeasurement, Transition, TransitionProcess};
 use super::{ConstantGain, GainOf, ModelAlone, ParameterCorrelation, StateName};
 use crate::config::Method;
 use kalmems_core::Portable;
 use kalmems_core::filter::Pole;
 use kalmems_core::update::Gate;
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, FixedGain, Gaussian, Innovation, IteratedEkf, Link, Mat,
-    OperatingPoint, SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, Ukf,
+    Covariance, Ekf, Filter, FilterError, FixedGain, Gaussian, Innovation, IteratedEkf, Mat, OperatingPoint,
+    SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, StateTransition, Ukf,
 };
 use std::f64::consts::PI;
 
@@ -29,7 +29,7 @@ pub trait StateFilter<const N: usize>: Send {
     fn mean(&self) -> [f64; N];
 
     /// Moves the state by one step.
-    fn step(&mut self, transition: &dyn Transition) -> Result<Link<f64, N>, FilterError>;
+    fn step(&mut self, transition: &dyn Transition) -> Result<StateTransition<f64, N>, FilterError>;
 
     /// Corrects the state with a sample `y` of this noise variance, where its NIS is not above the largest that is believed.
     fn correct(
@@ -53,8 +53,8 @@ impl<F: Filter<f64, N> + Clone + Send + 'static, const N: usize> StateFilter<N> 
         *Filter::mean(self)
     }
 
-    fn step(&mut self, transition: &dyn Transition) -> Result<Link<f64, N>, FilterError> {
-        self.predict_linked(&Numbers::<N>::of(transition), &())
+    fn step(&mut self, transition: &dyn Transition) -> Result<StateTransition<f64, N>, FilterError> {
+        self.predict_linked(&TransitionProcess::<N>::of(transition), &())
     }
 
     fn correct(
@@ -65,7 +65,7 @@ impl<F: Filter<f64, N> + Clone + Send + 'static, const N: usize> StateFilter<N> 
         largest_nis: f64,
     ) -> Result<Innovation<f64, 1>, FilterError> {
         let variance = Covariance::from_variances([variance]);
-        self.update_where(&Seen(sensor), &[y], &variance, &Gate { nis: largest_nis })
+        self.update_where(&SensorMeasurement(sensor), &[y], &variance, &Gate { nis: largest_nis })
     }
 
     fn copied(&self) -> Box<dyn StateFilter<N>> {
@@ -75,14 +75,14 @@ impl<F: Filter<f64, N> + Clone + Send + 'static, const N: usize> StateFilter<N> 
 
 /// Mean and covariance of any number of states.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Known {
+pub struct MeanAndCovariance {
     /// The mean.
     pub mean: Vec<f64>,
     /// The lower triangle of the covariance, row by row.
     pub lower: Vec<f64>,
 }
 
-impl Known {
+impl MeanAndCovariance {
     /// Uncorrelated states, each with its mean and its standard deviation.
     pub fn apart(states: impl IntoIterator<Item = (f64, f64)>) -> Self {
         let (mean, sd): (Vec<f64>, Vec<f64>) = states.into_iter().unzip();
@@ -155,14 +155,14 @@ impl Known {
     }
 }
 
-impl<const N: usize> From<Gaussian<f64, N>> for Known {
+impl<const N: usize> From<Gaussian<f64, N>> for MeanAndCovariance {
     fn from(Gaussian { mean, covariance }: Gaussian<f64, N>) -> Self {
         let lower = (0..N).flat_map(|i| (0..=i).map(move |j| (i, j)));
         Self { mean: mean.to_vec(), lower: lower.map(|(i, j)| covariance.get(i, j)).collect() }
     }
 }
 
-impl<const N: usize> From<([f64; N], Covariance<f64, N>)> for Known {
+impl<const N: usize> From<([f64; N], Covariance<f64, N>)> for MeanAndCovariance {
     fn from((mean, covariance): ([f64; N], Covariance<f64, N>)) -> Self {
         Gaussian { mean, covariance }.into()
     }
@@ -187,7 +187,7 @@ pub struct FilterKind {
 
 impl FilterKind {
     /// From this mean and covariance; the extended filter for a method that is a matter of the process and not of the filter.
-    fn from<const N: usize>(self, known: &Known) -> Box<dyn StateFilter<N>> {
+    fn from<const N: usize>(self, known: &MeanAndCovariance) -> Box<dyn StateFilter<N>> {
         let Gaussian { mean, covariance } = known.gaussian::<N>();
         match self.method {
             Method::Model => Box::new(ModelAlone::new(mean)),
@@ -214,13 +214,17 @@ impl FilterKind {
 
 fn constant_gain<const N: usize>(
     gain: (GainOf, f64),
-    at: &Known,
-    start: &Known,
+    at: &MeanAndCovariance,
+    start: &MeanAndCovariance,
     (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
 ) -> Result<ConstantGain<N>, String> {
     let (at, mean) = (at.gaussian::<N>().mean, start.gaussian::<N>().mean);
     let noise = Covariance::from_variances([variance]);
-    let point = OperatingPoint::of(&Numbers::<N>::of(transition), (&Seen(sensor), noise), (&at, &()));
+    let point = OperatingPoint::of(
+        &TransitionProcess::<N>::of(transition),
+        (&SensorMeasurement(sensor), noise),
+        (&at, &()),
+    );
     let gain = match gain {
         (GainOf::Settled, _) => FixedGain::steady_state(mean, &point).map_err(|why| why.to_string())?,
         (GainOf::Poles(corner), interval_s) => {
@@ -275,7 +279,7 @@ macro_rules! for_each_size {
 
             /// The filter of a kind, from this mean and covariance; `None` for more states than [`MOST_STATES`], and for fewer
             /// than two.
-            pub fn of(kind: FilterKind, known: &Known) -> Option<Self> {
+            pub fn of(kind: FilterKind, known: &MeanAndCovariance) -> Option<Self> {
                 match known.mean.len() {
                     $($states => Some(Self::$variant(kind.from::<$states>(known))),)*
                     _ => None,
@@ -285,7 +289,7 @@ macro_rules! for_each_size {
             /// A filter with one gain for all times: that for the model linearised at a mean, with poles sampled in this interval in s.
             pub fn of_constant_gain(
                 gain: (GainOf, f64),
-                (at, start): (&Known, &Known),
+                (at, start): (&MeanAndCovariance, &MeanAndCovariance),
                 (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
             ) -> Result<Self, String> {
                 match start.mean.len() {
@@ -298,7 +302,7 @@ macro_rules! for_each_size {
             /// The gain of such a filter, for each state what it adds of a residual.
             pub fn constant_gain_of(
                 gain: (GainOf, f64),
-                (at, start): (&Known, &Known),
+                (at, start): (&MeanAndCovariance, &MeanAndCovariance),
                 (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
             ) -> Result<Vec<f64>, String> {
                 match start.mean.len() {
@@ -309,14 +313,14 @@ macro_rules! for_each_size {
             }
 
             /// As a course leads it, and how it takes its samples.
-            pub(super) fn on_its_way(self, watch: Watch) -> Box<dyn Filtering + Send> {
+            pub(super) fn on_its_way(self, watch: SampleGate) -> Box<dyn Filtering + Send> {
                 match self {
-                    $(Self::$variant(filter) => Box::new(Linked::<$states>::new(filter, watch)),)*
+                    $(Self::$variant(filter) => Box::new(LinkedFilter::<$states>::new(filter, watch)),)*
                 }
             }
 
             /// Takes it on its way.
-            pub(super) fn run(self, begun: Begun) -> Result<Box<dyn Run>, FilterError> {
+            pub(super) fn run(self, begun: FilterRunStart) -> Result<Box<dyn AnswerRun>, FilterError> {
                 match self {
                     $(Self::$variant(filter) => begun.of::<$states>(filter),)*
                 }

@@ -2,11 +2,11 @@
 
 use super::any_filter::AnyFilter;
 use super::engine::Filtering;
-use super::gate::Watch;
+use super::gate::SampleGate;
 use super::transition::{Sensor, Transition};
 use super::{
-    Counts, Course, Derived, EstimateError, FilterBasics, FilterPast, Known, Samples, StateName, Trajectory,
-    follow,
+    Course, DerivedQuantities, EstimateError, FilterBasics, FilterPast, MeanAndCovariance, SampleCounts,
+    SampleSelection, StateName, Trajectory, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::Portable;
@@ -21,18 +21,18 @@ pub const MOST_MODELS: usize = 27;
 /// They go on where the past left them; `start` says what the model of each index knows at the first sample of the segment.
 pub fn answers_of_bank(
     (filter, past): (&FilterBasics, &mut FilterPast),
-    start: impl Fn(usize) -> Result<Known, EstimateError>,
-    (courses, samples): (Vec<Box<dyn Course + '_>>, &Samples),
+    start: impl Fn(usize) -> Result<MeanAndCovariance, EstimateError>,
+    (courses, samples): (Vec<Box<dyn Course + '_>>, &SampleSelection),
     states: &[StateName],
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
-    let models = if let Some(models) = past.course.take::<Models>() {
+    let models = if let Some(models) = past.course.take::<BankFilters>() {
         *models
     } else {
         let member = |model| filter.begin(past.left().cloned(), || start(model));
         let members = (0..courses.len()).map(member).collect::<Result<_, _>>()?;
         let time_s = courses.first().map_or(&[][..], |course| course.time_s());
-        Models::new(members, &past.watch(filter, (time_s, samples)))
+        BankFilters::new(members, &past.watch(filter, (time_s, samples)))
     };
     let mut bank = BankCourse::new(courses, models);
     let begin = |left| filter.begin(left, || start(0));
@@ -42,14 +42,14 @@ pub fn answers_of_bank(
 }
 
 /// The filters of all models on their way, and how likely each is; kept from one part of a segment to the next.
-struct Models {
+struct BankFilters {
     filters: Vec<Box<dyn Filtering + Send>>,
     log_weights: Vec<f64>,
 }
 
-impl Models {
+impl BankFilters {
     /// All equally likely at first.
-    fn new(filters: Vec<AnyFilter>, watch: &Watch) -> Self {
+    fn new(filters: Vec<AnyFilter>, watch: &SampleGate) -> Self {
         let log_weights = vec![-(filters.len() as f64).portable_ln(); filters.len()];
         let on_its_way = |filter: AnyFilter| filter.on_its_way(watch.clone());
         Self { filters: filters.into_iter().map(on_its_way).collect(), log_weights }
@@ -95,7 +95,7 @@ impl Models {
 /// says; it is one that holds a covariance, not a root.
 struct BankCourse<'a> {
     courses: Vec<Box<dyn Course + 'a>>,
-    models: Models,
+    models: BankFilters,
     mean: Vec<f64>,
     covariance: Vec<f64>,
     /// Room for the covariance of one model.
@@ -105,7 +105,7 @@ struct BankCourse<'a> {
 
 impl<'a> BankCourse<'a> {
     /// Along the course of each model, from where the models were left.
-    fn new(courses: Vec<Box<dyn Course + 'a>>, models: Models) -> Self {
+    fn new(courses: Vec<Box<dyn Course + 'a>>, models: BankFilters) -> Self {
         let states = models.filters.first().map_or(0, |filter| filter.mean().len());
         let square = vec![0.0; states * states];
         let (covariance, of_one) = (square.clone(), square);
@@ -118,7 +118,7 @@ impl<'a> BankCourse<'a> {
         leader: usize,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         let Some(member) = self.models.filters.get_mut(leader) else { return Ok(None) };
         if let (Some(watch), Some(led)) = (member.watch(), filter.watch()) {
@@ -126,7 +126,7 @@ impl<'a> BankCourse<'a> {
         }
         let innovation = self.courses[leader].correct(&mut **member, k, counts)?;
         if let (Some(watch), Some(led)) = (member.watch(), filter.watch()) {
-            led.take_over(watch);
+            led.adopt_decisions(watch);
         }
         Ok(innovation)
     }
@@ -147,7 +147,7 @@ impl Course for BankCourse<'_> {
         self.courses.first().map_or(&[], |course| course.signal())
     }
 
-    fn derived(&self) -> Option<Derived> {
+    fn derived(&self) -> Option<DerivedQuantities> {
         self.courses.first().and_then(|course| course.derived())
     }
 
@@ -167,7 +167,7 @@ impl Course for BankCourse<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         let before = *counts;
         for (course, member) in self.courses.iter_mut().zip(&mut self.models.filters) {
@@ -182,7 +182,7 @@ impl Course for BankCourse<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         let before = *counts;
         let leader = self.models.likeliest();
@@ -194,7 +194,7 @@ impl Course for BankCourse<'_> {
                 continue;
             }
             if let (Some(watch), Some(led)) = (member.watch(), filter.watch()) {
-                watch.follow_beside(led);
+                watch.follow_other(led);
             }
             *counts = before;
             self.innovations.extend(course.correct(&mut **member, k, counts)?);
@@ -210,7 +210,7 @@ impl Course for BankCourse<'_> {
             |one: &Innovation<f64, 1>| one.covariance.get(0, 0) + (one.residual[0] - residual).powi(2);
         let variance: f64 = found().map(|(one, w)| w * spread(one)).sum();
         // As a filter says it that knows its state exactly and takes all of that for noise.
-        let mut innovation = filter.update_within(&Expected, residual, variance, NEVER)?;
+        let mut innovation = filter.update_within(&ZeroMeasurement, residual, variance, NEVER)?;
         innovation.taken = self.innovations.iter().all(|one| one.taken);
         if innovation.taken {
             self.models.weigh(&self.innovations);
@@ -224,9 +224,9 @@ impl Course for BankCourse<'_> {
 const NEVER: f64 = -1.0;
 
 /// Expects nothing, whatever the state is.
-struct Expected;
+struct ZeroMeasurement;
 
-impl Sensor for Expected {
+impl Sensor for ZeroMeasurement {
     fn read(&self, _: &[f64]) -> f64 {
         0.0
     }

@@ -1,9 +1,9 @@
 //! Where a filter starts, from the first samples of a segment alone.
 
 use super::engine::{Course, Filtering};
-use super::foretell::{Foreteller, Onwards};
-use super::transition::{Seen, Sensor, Transition};
-use super::{Counts, Known, MOST_STATES};
+use super::phase_prediction::{PhasePredictor, StatePropagation};
+use super::transition::{Sensor, SensorMeasurement, Transition};
+use super::{MOST_STATES, MeanAndCovariance, SampleCounts};
 use crate::fit::{Fit, FitSettings, Regression, fit, outliers};
 use kalmems_core::Portable;
 use kalmems_core::update::Gate;
@@ -14,7 +14,7 @@ use std::ops::Range;
 
 /// What is known of one state before the first sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prior {
+pub struct StatePrior {
     /// Its mean; where nothing is known, where the search begins.
     pub mean: f64,
     /// Its standard deviation, where something is known; of 0 it is held.
@@ -25,7 +25,7 @@ pub struct Prior {
 #[derive(Clone, Debug, Default)]
 pub struct StartSearch {
     /// Of each state.
-    pub prior: Vec<Prior>,
+    pub prior: Vec<StatePrior>,
     /// The shapes of its free oscillations about rest, real and imaginary part: at the phase φ one is re·cos φ − im·sin φ.
     pub shapes: Vec<[Vec<f64>; 2]>,
     /// States that may have the other sign together, about their mean before.
@@ -45,13 +45,13 @@ pub struct StartSearch {
 #[derive(Clone, Debug)]
 pub struct BatchStart {
     /// What all samples of the batch say of the states at its first one.
-    pub first: Known,
+    pub first: MeanAndCovariance,
     /// What they say of the states at the first row behind them; `None` where that is what a prediction from the start says, because no
     /// noise enters the motion.
-    pub behind: Option<Known>,
+    pub behind: Option<MeanAndCovariance>,
     /// That row.
     pub row: usize,
-    /// The sum of squared residuals, each over the standard deviation that was foretold, over the degrees of freedom: about 1 where
+    /// The sum of squared residuals, each over the standard deviation that was predicted, over the degrees of freedom: about 1 where
     /// the device is as described.
     pub mean_square: f64,
 }
@@ -82,7 +82,7 @@ const ITERATIONS: usize = 60;
 
 /// Finds the states at the first of these rows of a course by which all of them are likeliest.
 ///
-/// From an exactly known start x₀ a Kalman filter foretells each sample. Its innovations ν_k are white with the variances S_k, and
+/// From an exactly known start x₀ a Kalman filter predicts each sample. Its innovations ν_k are white with the variances S_k, and
 /// linear in x₀ to first order: ∂ν_k/∂x₀ = −H_k·Φ_k with Φ_{k+1} = F_k·(1 − K_k·H_k)·Φ_k (de Jong, *The diffuse Kalman filter*, Annals
 /// of Statistics 19, 1073, 1991). Σ ν_k²/S_k and what was known before are made smallest by Gauss and Newton's steps in a trust region;
 /// (Σ Φᵀ·Hᵀ·S⁻¹·H·Φ + Σ₀⁻¹)⁻¹ is the covariance of the start. Noise of the motion is accounted for, and known inputs are.
@@ -98,7 +98,7 @@ pub fn batch_start(
     rows: Range<usize>,
     search: &StartSearch,
 ) -> Result<BatchStart, NoBatchStart> {
-    let mut batch = Batch { course: RefCell::new(course), rows, search, left_out: Vec::new() };
+    let mut batch = StartBatch { course: RefCell::new(course), rows, search, left_out: Vec::new() };
     let (mut found, mut fits) = batch.minima()?;
     for _ in 0..ROUNDS {
         let Some(left_out) = outliers(&batch.of_samples(&found.parameters)) else { break };
@@ -113,7 +113,7 @@ pub fn batch_start(
 }
 
 /// The rows of a course from which a start is found.
-struct Batch<'a> {
+struct StartBatch<'a> {
     course: RefCell<&'a mut dyn Course>,
     rows: Range<usize>,
     search: &'a StartSearch,
@@ -121,9 +121,9 @@ struct Batch<'a> {
     left_out: Vec<bool>,
 }
 
-type Start = [f64; MOST_STATES];
+type StartDeviations = [f64; MOST_STATES];
 
-impl Batch<'_> {
+impl StartBatch<'_> {
     fn states(&self) -> usize {
         self.search.prior.len().min(MOST_STATES)
     }
@@ -147,13 +147,13 @@ impl Batch<'_> {
     }
 
     /// What a start leaves of each sample, used or not, in standard deviations.
-    fn of_samples(&self, start: &Start) -> Vec<f64> {
+    fn of_samples(&self, start: &StartDeviations) -> Vec<f64> {
         let found = self.led(start, false, &mut |_, _| ());
         found.map_or_else(|_| Vec::new(), |filter| filter.of_samples)
     }
 
     /// The start that is known before.
-    fn rest(&self) -> Start {
+    fn rest(&self) -> StartDeviations {
         std::array::from_fn(|i| self.search.prior.get(i).map_or(0.0, |prior| prior.mean))
     }
 
@@ -165,12 +165,12 @@ impl Batch<'_> {
     /// meant where they are not asked for.
     fn led(
         &self,
-        start: &Start,
+        start: &StartDeviations,
         derivatives: bool,
-        each: &mut dyn FnMut(f64, &Start),
+        each: &mut dyn FnMut(f64, &StartDeviations),
     ) -> Result<FromKnown<'_>, FilterError> {
         let mut filter = FromKnown::new(&start[..self.states()], derivatives, &self.left_out);
-        let mut counts = Counts::default();
+        let mut counts = SampleCounts::default();
         let mut course = self.course.borrow_mut();
         for k in self.rows.clone() {
             if k > self.rows.start {
@@ -190,22 +190,22 @@ impl Batch<'_> {
     }
 
     /// All residuals; one that is not a number where the motion is not finite.
-    fn all(&self, start: &Start) -> Vec<f64> {
+    fn all(&self, start: &StartDeviations) -> Vec<f64> {
         let mut all = Vec::new();
         self.residuals(start, &mut |residual| all.push(residual));
         all
     }
 
-    fn cost(&self, start: &Start) -> f64 {
+    fn cost(&self, start: &StartDeviations) -> f64 {
         let sum: f64 = self.all(start).iter().map(|residual| residual * residual).sum();
         if sum.is_finite() { sum } else { f64::INFINITY }
     }
 
     /// Where the search begins: the likeliest of rest and of free oscillations about it at several phases, one oscillation after the
     /// other.
-    fn seeds(&self) -> Vec<Start> {
+    fn seeds(&self) -> Vec<StartDeviations> {
         let mut seeds = vec![(self.cost(&self.rest()), self.rest())];
-        let best = |seeds: &[(f64, Start)]| {
+        let best = |seeds: &[(f64, StartDeviations)]| {
             seeds.iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or(self.rest(), |(_, seed)| *seed)
         };
         for (state, period) in &self.search.periods {
@@ -238,8 +238,8 @@ impl Batch<'_> {
         seeds.into_iter().filter(|(cost, _)| cost.is_finite()).map(|(_, seed)| seed).collect()
     }
 
-    /// How large an oscillation of this shape is that changes what is foretold by as much as the samples differ from it.
-    fn amplitude(&self, from: &Start, shape: &[Vec<f64>; 2]) -> Option<f64> {
+    /// How large an oscillation of this shape is that changes what is predicted by as much as the samples differ from it.
+    fn amplitude(&self, from: &StartDeviations, shape: &[Vec<f64>; 2]) -> Option<f64> {
         const SMALLEST: f64 = 1e-18;
         let before = self.all(from);
         let wanted: f64 = before.iter().map(|r| r * r).sum();
@@ -268,7 +268,7 @@ impl Batch<'_> {
     }
 
     /// The minimum that a seed leads to.
-    fn follow(&self, seed: Start) -> Option<Fit<MOST_STATES>> {
+    fn follow(&self, seed: StartDeviations) -> Option<Fit<MOST_STATES>> {
         let settings = FitSettings {
             free: self.free(),
             tolerance: 1e-10,
@@ -279,7 +279,7 @@ impl Batch<'_> {
     }
 
     /// The same start with other signs of what may have them: of each group, and of all.
-    fn mirrored(&self, found: &Start) -> Vec<Start> {
+    fn mirrored(&self, found: &StartDeviations) -> Vec<StartDeviations> {
         let rest = self.rest();
         let turned = |groups: &[Vec<usize>]| {
             let mut start = *found;
@@ -302,7 +302,7 @@ impl Batch<'_> {
             return Err(NoBatchStart::Undetermined((0..self.states()).filter(lost).collect()));
         }
         let scale = widening(found);
-        let is_other_than = |start: &Start, other: &Fit<MOST_STATES>| {
+        let is_other_than = |start: &StartDeviations, other: &Fit<MOST_STATES>| {
             let apart = |i: usize| {
                 let mut apart = other.parameters[i] - start[i];
                 if let Some((_, period)) = self.search.periods.iter().find(|(state, _)| *state == i) {
@@ -339,7 +339,7 @@ impl Batch<'_> {
             }
         }
         let lower = || (0..n).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        let first = Known {
+        let first = MeanAndCovariance {
             mean: start[..n].to_vec(),
             lower: lower().map(|(i, j)| covariance(found, i, j)).collect(),
         };
@@ -347,7 +347,7 @@ impl Batch<'_> {
         let row = self.rows.end;
         let mut course = self.course.borrow_mut();
         let behind = if row < course.time_s().len() {
-            let mut counts = Counts::default();
+            let mut counts = SampleCounts::default();
             course.advance(&mut filter, row, &mut counts).map_err(|_| NoBatchStart::NotFitted)?;
             // P + Φ·C·Φᵀ.
             let spread = |i: usize, j: usize| {
@@ -359,7 +359,7 @@ impl Batch<'_> {
                 };
                 filter.covariance[i * n + j] + pairs.map(start).sum::<f64>()
             };
-            filter.is_noisy.then(|| Known {
+            filter.is_noisy.then(|| MeanAndCovariance {
                 mean: filter.mean.clone(),
                 lower: lower().map(|(i, j)| spread(i, j)).collect(),
             })
@@ -389,7 +389,12 @@ fn deviation(found: &Fit<MOST_STATES>, i: usize) -> f64 {
 }
 
 /// A start with a free oscillation of this shape, amplitude and phase more.
-fn oscillating(from: &Start, [real, imaginary]: &[Vec<f64>; 2], amplitude: f64, phase: f64) -> Start {
+fn oscillating(
+    from: &StartDeviations,
+    [real, imaginary]: &[Vec<f64>; 2],
+    amplitude: f64,
+    phase: f64,
+) -> StartDeviations {
     let (sine, cosine) = phase.portable_sin_cos();
     std::array::from_fn(|i| {
         let part = |of: &[f64]| of.get(i).copied().unwrap_or(0.0);
@@ -397,14 +402,14 @@ fn oscillating(from: &Start, [real, imaginary]: &[Vec<f64>; 2], amplitude: f64, 
     })
 }
 
-impl Regression<MOST_STATES> for Batch<'_> {
-    fn residuals(&self, start: &Start, each: &mut impl FnMut(f64)) {
+impl Regression<MOST_STATES> for StartBatch<'_> {
+    fn residuals(&self, start: &StartDeviations, each: &mut impl FnMut(f64)) {
         if self.led(start, false, &mut |residual, _| each(residual)).is_err() {
             each(f64::NAN);
         }
     }
 
-    fn linearize(&self, start: &Start, each: &mut impl FnMut(f64, &Start)) {
+    fn linearize(&self, start: &StartDeviations, each: &mut impl FnMut(f64, &StartDeviations)) {
         if self.led(start, true, &mut |residual, gradient| each(residual, gradient)).is_err() {
             each(f64::NAN, &[f64::NAN; MOST_STATES]);
         }
@@ -422,7 +427,7 @@ struct FromKnown<'a> {
     /// Whether noise has entered the motion.
     is_noisy: bool,
     /// Innovations over their standard deviations, with the derivatives by the start.
-    residuals: Vec<(f64, Start)>,
+    residuals: Vec<(f64, StartDeviations)>,
     /// Which samples correct nothing and have none.
     left_out: &'a [bool],
     /// The innovation of each sample over its standard deviation.
@@ -560,21 +565,21 @@ impl Filtering for FromKnown<'_> {
         itself(expected, spread, y, variance)
     }
 
-    /// Nothing is foretold while a start is sought.
-    fn foretell(&self, _: &mut Foreteller, _: f64, _: Option<&dyn Onwards>) {}
+    /// Nothing is predicted while a start is sought.
+    fn predict_phases(&self, _: &mut PhasePredictor, _: f64, _: Option<&dyn StatePropagation>) {}
 }
 
 /// An innovation, as a filter of one state says it that expects a signal with this variance.
 fn itself(expected: f64, spread: f64, y: f64, variance: f64) -> Result<Innovation<f64, 1>, FilterError> {
     let mut said = Ekf::new([expected], Covariance::from_variances([spread]));
     let noise = Covariance::from_variances([variance]);
-    said.update_where(&Seen(&Itself), &[y], &noise, &Gate { nis: f64::INFINITY })
+    said.update_where(&SensorMeasurement(&StateReadout), &[y], &noise, &Gate { nis: f64::INFINITY })
 }
 
 /// Reads a state as it is.
-struct Itself;
+struct StateReadout;
 
-impl Sensor for Itself {
+impl Sensor for StateReadout {
     fn read(&self, x: &[f64]) -> f64 {
         x.first().copied().unwrap_or(f64::NAN)
     }
@@ -631,11 +636,11 @@ mod tests {
     }
 
     /// Sees the first quadrature, or its square.
-    struct Reads {
+    struct QuadratureReadout {
         squared: bool,
     }
 
-    impl Sensor for Reads {
+    impl Sensor for QuadratureReadout {
         fn read(&self, x: &[f64]) -> f64 {
             if self.squared { x[0] * x[0] } else { x[0] }
         }
@@ -647,17 +652,17 @@ mod tests {
         }
     }
 
-    struct Way {
+    struct FilterPass {
         time_s: Vec<f64>,
         signal: Vec<f64>,
         turning: Turning,
-        reads: Reads,
+        reads: QuadratureReadout,
     }
 
-    impl Way {
+    impl FilterPass {
         /// With the true states at each sample.
         fn from(start: &[f64], noise: f64, squared: bool, seed: u64) -> (Self, Vec<Vec<f64>>) {
-            let (turning, reads) = (Turning { states: start.len(), noise }, Reads { squared });
+            let (turning, reads) = (Turning { states: start.len(), noise }, QuadratureReadout { squared });
             let (mut of_motion, mut of_samples) = (WhiteNoise::new(seed, 0), WhiteNoise::new(seed, 1));
             let (mut x, mut truth, mut signal) = (start.to_vec(), Vec::new(), Vec::new());
             for _ in 0..80 {
@@ -677,7 +682,7 @@ mod tests {
             let mut shape = [vec![0.0; states], vec![0.0; states]];
             (shape[0][0], shape[1][1]) = (1.0, -1.0);
             StartSearch {
-                prior: vec![Prior { mean: 0.0, sd }; states],
+                prior: vec![StatePrior { mean: 0.0, sd }; states],
                 shapes: vec![shape],
                 mirrored: vec![vec![0, 1]],
                 ..StartSearch::default()
@@ -685,7 +690,7 @@ mod tests {
         }
     }
 
-    impl Course for Way {
+    impl Course for FilterPass {
         fn time_s(&self) -> &[f64] {
             &self.time_s
         }
@@ -698,7 +703,7 @@ mod tests {
             &mut self,
             filter: &mut dyn Filtering,
             _: usize,
-            _: &mut Counts,
+            _: &mut SampleCounts,
         ) -> Result<(), FilterError> {
             filter.predict(&self.turning)
         }
@@ -707,14 +712,14 @@ mod tests {
             &mut self,
             filter: &mut dyn Filtering,
             k: usize,
-            _: &mut Counts,
+            _: &mut SampleCounts,
         ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
             by_signal(filter, self.signal[k], (&self.reads, SD * SD))
         }
     }
 
     /// eᵀ·P⁻¹·e of two states.
-    fn normalised(known: &Known, truth: &[f64]) -> f64 {
+    fn normalised(known: &MeanAndCovariance, truth: &[f64]) -> f64 {
         let [a, b] = [known.mean[0] - truth[0], known.mean[1] - truth[1]];
         let [p, q, r] = [known.lower[0], known.lower[1], known.lower[2]];
         (r * a * a - 2.0 * q * a * b + p * b * b) / (p * r - q * q)
@@ -732,7 +737,7 @@ mod tests {
             for seed in SEEDS {
                 let mut chance = WhiteNoise::new(seed, 2);
                 let start = [chance.sample(), chance.sample()];
-                let (mut way, truth) = Way::from(&start, noise, false, seed);
+                let (mut way, truth) = FilterPass::from(&start, noise, false, seed);
                 let search = way.search(None);
                 let found = batch_start(&mut way, 0..60, &search).unwrap();
                 let error = normalised(&found.first, &truth[0]);
@@ -751,11 +756,11 @@ mod tests {
 
     #[test]
     fn residuals_that_are_larger_than_the_noise_widen_the_covariance() {
-        let (mut way, _) = Way::from(&[1.0, 0.5], 0.0, false, 1);
+        let (mut way, _) = FilterPass::from(&[1.0, 0.5], 0.0, false, 1);
         let search = way.search(None);
         let as_stated = batch_start(&mut way, 0..60, &search).unwrap();
         // Noise of three times the size that is stated.
-        let (mut clean, _) = Way::from(&[1.0, 0.5], 0.0, false, 1);
+        let (mut clean, _) = FilterPass::from(&[1.0, 0.5], 0.0, false, 1);
         let mut noise = WhiteNoise::new(5, 5);
         clean.signal.iter_mut().for_each(|y| *y += 8_f64.sqrt() * SD * noise.sample());
         let wide = batch_start(&mut clean, 0..60, &search).unwrap();
@@ -768,17 +773,17 @@ mod tests {
     #[test]
     fn a_start_that_the_samples_do_not_determine_is_refused() {
         // Nothing hangs on the third state.
-        let (mut way, _) = Way::from(&[1.0, 0.5, 2.0], 0.0, false, 3);
+        let (mut way, _) = FilterPass::from(&[1.0, 0.5, 2.0], 0.0, false, 3);
         let search = way.search(None);
         assert_eq!(batch_start(&mut way, 0..60, &search).unwrap_err(), NoBatchStart::Undetermined(vec![2]));
         // What is known of it before is what is known of it then.
         let mut known = way.search(None);
-        known.prior[2] = Prior { mean: 1.5, sd: Some(0.7) };
+        known.prior[2] = StatePrior { mean: 1.5, sd: Some(0.7) };
         let found = batch_start(&mut way, 0..60, &known).unwrap();
         assert!((found.first.mean[2] - 1.5).abs() < 1e-6, "{:?}", found.first);
         assert!((found.first.lower[5] / 0.49 - 1.0).abs() < 1e-6, "{:?}", found.first);
         // A square does not tell the sign.
-        let (mut way, _) = Way::from(&[2.0, 1.0], 0.0, true, 4);
+        let (mut way, _) = FilterPass::from(&[2.0, 1.0], 0.0, true, 4);
         let search = way.search(None);
         let Err(NoBatchStart::Ambiguous([one, other])) = batch_start(&mut way, 0..60, &search) else {
             panic!("a sign was told")

@@ -8,7 +8,7 @@
 //!   & Born, Statistical Orbit Determination, 2004, chapter 6).
 //! - N_j = ν(p₀ + s_j) − ν(p₀) is how it enters the innovation: ν(p₀) = ν* − Σ b_j·N_j with the white ν* of a filter that is told right. The
 //!   innovations so far therefore tell b, by a Kalman filter of b alone (Friedland's separate-bias estimation, IEEE Trans. Autom. Control 14,
-//!   359, 1969), and less what they foretell, ν' = ν + Σ b̂_j·N_j is white with the variance S + N·P_b·Nᵀ. That is the innovation of the
+//!   359, 1969), and less what they predict, ν' = ν + Σ b̂_j·N_j is white with the variance S + N·P_b·Nᵀ. That is the innovation of the
 //!   device as it is stated, with its uncertainty.
 //!
 //! The answer itself is not changed by what the recording tells of b: a parameter that is to be learnt is a state.
@@ -33,13 +33,13 @@ pub struct Contribution {
 
 /// What innovations have told of the directions of the device's uncertainty.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Learnt {
+pub(crate) struct DirectionInformation {
     mean: Vec<f64>,
     /// Row by row.
     covariance: Vec<f64>,
 }
 
-impl Learnt {
+impl DirectionInformation {
     fn of(directions: usize) -> Self {
         let diagonal = |k: usize| f64::from(u8::from(k / directions == k % directions));
         Self { mean: vec![0.0; directions], covariance: (0..directions * directions).map(diagonal).collect() }
@@ -67,9 +67,9 @@ impl Learnt {
             row.iter().zip(enters).map(|(p, e)| p * e).sum::<f64>()
         };
         let spread: Vec<f64> = (0..n).map(spread).collect();
-        let foretold: f64 = self.mean.iter().zip(enters).map(|(b, e)| b * e).sum();
+        let predicted: f64 = self.mean.iter().zip(enters).map(|(b, e)| b * e).sum();
         let whole = variance + spread.iter().zip(enters).map(|(s, e)| s * e).sum::<f64>();
-        let left = value + foretold;
+        let left = value + predicted;
         if learns && whole > 0.0 {
             for i in 0..n {
                 let gain = spread[i] / whole;
@@ -88,12 +88,17 @@ impl Trajectory {
     /// more in each direction, `learnt` what the samples before have told; those before `from_s` tell nothing.
     ///
     /// Of what makes no claim nothing is changed.
-    pub(crate) fn consider(&mut self, varied: &[(Arc<str>, &Self)], learnt: &mut Learnt, from_s: f64) {
+    pub(crate) fn consider(
+        &mut self,
+        varied: &[(Arc<str>, &Self)],
+        learnt: &mut DirectionInformation,
+        from_s: f64,
+    ) {
         if varied.is_empty() || !self.claims() {
             return;
         }
         if learnt.mean.len() != varied.len() {
-            *learnt = Learnt::of(varied.len());
+            *learnt = DirectionInformation::of(varied.len());
         }
         self.considered = varied
             .iter()
@@ -122,7 +127,7 @@ impl Trajectory {
     }
 
     /// Gives the innovations that of the stated device.
-    fn expect(&mut self, varied: &[(Arc<str>, &Self)], learnt: &mut Learnt, from_s: f64) {
+    fn expect(&mut self, varied: &[(Arc<str>, &Self)], learnt: &mut DirectionInformation, from_s: f64) {
         let mut enters = vec![0.0; varied.len()];
         for k in 0..self.time_s.len() {
             let learns = self.time_s[k] >= from_s;
@@ -189,10 +194,10 @@ mod tests {
                 2,
                 |k, j| if j == 0 { 1.5 + 0.1 * k as f64 } else { (k as f64 * 0.8).cos() },
             );
-        let mut learnt = Learnt::of(2);
+        let mut learnt = DirectionInformation::of(2);
         let mut sum = 0.0;
         for k in 0..12 {
-            // A filter that is told b + 1 foretells a_j more.
+            // A filter that is told b + 1 predicts a_j more.
             let of_each: Vec<f64> = enters.row(k).iter().map(|enter| -enter).collect();
             let (left, variance) = learnt.take((measured[k], VARIANCE), &of_each, true);
             sum -= 0.5 * (left * left / variance + variance.ln());
@@ -220,11 +225,11 @@ mod tests {
 
     #[test]
     fn what_was_learnt_is_read_back_from_its_numbers() {
-        let mut learnt = Learnt::of(3);
+        let mut learnt = DirectionInformation::of(3);
         learnt.take((0.4, 0.1), &[1.0, -0.3, 0.2], true);
         let numbers: Vec<f64> = learnt.numbers().collect();
-        let again = Learnt::read(&numbers).unwrap();
+        let again = DirectionInformation::read(&numbers).unwrap();
         assert_eq!((again.mean, again.covariance), (learnt.mean, learnt.covariance));
-        assert!(Learnt::read(&numbers[1..]).is_none());
+        assert!(DirectionInformation::read(&numbers[1..]).is_none());
     }
 }

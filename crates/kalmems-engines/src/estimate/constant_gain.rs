@@ -4,8 +4,8 @@ use kalmems_core::filter::ContinuousObserver;
 use kalmems_core::riccati::{RiccatiError, continuous_riccati, discrete_lyapunov, kalman_bucy_gain};
 use kalmems_core::update::{Correction, Policy};
 use kalmems_core::{
-    Covariance, Dynamics, Ekf, Exponential, Filter, FilterError, FixedGain, Innovation, Link, Mat,
-    Measurement, NoiseDensity, NumericMeasurement, NumericProcess, OperatingPoint, Process,
+    Covariance, Dynamics, Ekf, Exponential, Filter, FilterError, FixedGain, Innovation, Mat, Measurement,
+    NoiseDensity, NumericMeasurement, NumericProcess, OperatingPoint, Process, StateTransition,
 };
 
 /// A [`FixedGain`] for the loop that serves all filters, on a signal of one number.
@@ -126,9 +126,9 @@ impl<const N: usize> Filter<f64, N> for ConstantGain<N> {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<f64, N>, FilterError> {
+    ) -> Result<StateTransition<f64, N>, FilterError> {
         self.mean = finite(process.moved(&self.mean, u))?;
-        Ok(Link { transition: self.transition, noise: self.noise, taken: true })
+        Ok(StateTransition { transition: self.transition, noise: self.noise, taken: true })
     }
 
     fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(

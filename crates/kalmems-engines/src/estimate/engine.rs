@@ -2,13 +2,13 @@
 
 use super::any_filter::StateFilter;
 use super::error_memory::ErrorMemory;
-use super::foretell::{Foreteller, Onwards};
-use super::gate::{Decisions, Rejection, Watch};
-use super::linked::Linked;
+use super::gate::{Decisions, Rejection, SampleGate};
+use super::linked::LinkedFilter;
+use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::transition::{Sensor, Transition};
 use super::{
-    Counts, Failure, FurtherSignal, Known, Lock, StateSeries, TakenOver, TakenOverTo, Trajectory,
-    TrajectoryKind,
+    AnyKnownStateStep, FilterFailure, FurtherSignal, KnownStateStep, Lock, MeanAndCovariance, SampleCounts,
+    StateSeries, Trajectory, TrajectoryKind,
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
@@ -26,6 +26,12 @@ pub trait Course {
     /// The signal; not a number where it is missing.
     fn signal(&self) -> &[f64];
 
+    /// The drive at sample `k` in V, of a device that one drive moves.
+    fn drive(&self, k: usize) -> Option<f64> {
+        let _ = k;
+        None
+    }
+
     /// The names of the signals that correct a filter after the first one, where there are several.
     fn further_signals(&self) -> Vec<String> {
         Vec::new()
@@ -38,12 +44,12 @@ pub trait Course {
     }
 
     /// What is said of each sample beside the states, where there is something.
-    fn derived(&self) -> Option<Derived> {
+    fn derived(&self) -> Option<DerivedQuantities> {
         None
     }
 
-    /// Foretells what will happen, from a filter that is corrected by sample `k`, where that is asked for.
-    fn foretell(&mut self, filter: &dyn Filtering, k: usize) {
+    /// Predicts what will happen, from a filter that is corrected by sample `k`, where that is asked for.
+    fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
         let _ = (filter, k);
     }
 
@@ -57,7 +63,7 @@ pub trait Course {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError>;
 
     /// Corrects a filter by what is known at sample `k`; `None` where there is no signal.
@@ -65,7 +71,7 @@ pub trait Course {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError>;
 }
 
@@ -81,7 +87,7 @@ pub trait Filtering {
     fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError>;
 
     /// Comes to a state that is known of all that it has, whatever was before.
-    fn take_over(&mut self, known: &TakenOverTo) -> Result<(), FilterError> {
+    fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
         self.predict(known)
     }
 
@@ -108,12 +114,17 @@ pub trait Filtering {
     }
 
     /// How it takes its samples, of a filter that may reject some.
-    fn watch(&mut self) -> Option<&mut Watch> {
+    fn watch(&mut self) -> Option<&mut SampleGate> {
         None
     }
 
-    /// Lets zero phases be foretold from what it knows at this time in s, and from how its state goes on, where that is known.
-    fn foretell(&self, foreteller: &mut Foreteller, time_s: f64, onwards: Option<&dyn Onwards>);
+    /// Lets zero phases be predicted from what it knows at this time in s, and from how its state goes on, where that is known.
+    fn predict_phases(
+        &self,
+        predictor: &mut PhasePredictor,
+        time_s: f64,
+        onwards: Option<&dyn StatePropagation>,
+    );
 }
 
 /// Corrects a filter by the signal at sample `k`, if there is one.
@@ -139,7 +150,7 @@ fn of_signal(
 /// innovation of the first one, and of each behind it innovation and standard deviation, written to `further`, not a number where
 /// the signal is missing.
 ///
-/// Each innovation is foretold by the past and the signals before it, so that all sequences are white, and independent of one
+/// Each innovation is predicted by the past and the signals before it, so that all sequences are white, and independent of one
 /// another, for a filter that is right.
 pub fn by_signals<S: Sensor>(
     filter: &mut dyn Filtering,
@@ -162,7 +173,7 @@ pub fn by_signals<S: Sensor>(
 
 /// Quantities that follow from the states, such as a position from an amplitude and a phase.
 #[derive(Clone, Copy, Debug)]
-pub struct Derived {
+pub struct DerivedQuantities {
     /// What they are.
     pub names: [StateName; 2],
     /// What they need to know beside the states.
@@ -175,7 +186,7 @@ pub struct Derived {
 /// covariance.
 pub type Compute = fn(f64, &[f64], &dyn Fn(usize, usize) -> f64) -> [(f64, f64); 2];
 
-impl Derived {
+impl DerivedQuantities {
     /// The names of the states, and of what follows from them.
     pub(super) fn after(derived: Option<&Self>, states: &[StateName]) -> Vec<StateName> {
         states.iter().copied().chain(derived.into_iter().flat_map(|derived| derived.names)).collect()
@@ -184,7 +195,7 @@ impl Derived {
 
 impl Trajectory {
     /// Enters what was rejected of sample `k`: it is no innovation of the signal.
-    fn enter_rejections(&mut self, k: usize, watch: &Watch) {
+    fn enter_rejections(&mut self, k: usize, watch: &SampleGate) {
         self.gate_turns.extend(watch.turned());
         let time_s = self.time_s[k];
         for &(signal, innovation, sd) in watch.rejected() {
@@ -199,7 +210,7 @@ impl Trajectory {
     /// Enters what is known of the states at sample `k`, and what follows from it.
     pub(super) fn keep(
         &mut self,
-        derived: Option<&Derived>,
+        derived: Option<&DerivedQuantities>,
         k: usize,
         mean: &[f64],
         covariance: &dyn Fn(usize, usize) -> f64,
@@ -247,7 +258,7 @@ impl Trajectory {
             nis: blank(),
             log_likelihood: blank(),
             crossings_log_likelihood: 0.0,
-            counts: Counts { samples: n, ..Counts::default() },
+            counts: SampleCounts { samples: n, ..SampleCounts::default() },
             lock: Lock::default(),
             rejected: Vec::new(),
             gate_nis: None,
@@ -340,37 +351,37 @@ impl Trajectory {
 }
 
 /// A filter on its way through a segment.
-pub struct Followed<const N: usize> {
-    filter: Linked<N>,
+pub struct FilterRun<const N: usize> {
+    filter: LinkedFilter<N>,
     /// The filter at the first row of the part that was taken last, predicted and not yet corrected.
-    entry: Linked<N>,
+    entry: LinkedFilter<N>,
     begun: bool,
-    failure: Option<Failure>,
+    failure: Option<FilterFailure>,
     errors: ErrorMemory<N>,
 }
 
-impl<const N: usize> Followed<N> {
+impl<const N: usize> FilterRun<N> {
     /// From the segment's first sample on.
-    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: Watch) -> Self {
+    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
-        let filter = Linked::new(filter, watch);
+        let filter = LinkedFilter::new(filter, watch);
         Self { entry: filter.clone(), filter, begun: false, failure: None, errors: ErrorMemory::new() }
     }
 
     /// From a sample on at which a filter was left with this mean and covariance.
     pub(super) fn resumed(
         filter: Box<dyn StateFilter<N>>,
-        watch: Watch,
-        left: &Known,
+        watch: SampleGate,
+        left: &MeanAndCovariance,
     ) -> Result<Self, FilterError> {
         let mut followed = Self::new(filter, watch);
-        followed.filter.predict(&TakenOver::<N>::from(left.gaussian()).step())?;
+        followed.filter.predict(&KnownStateStep::<N>::from(left.gaussian()).step())?;
         followed.begun = true;
         Ok(followed)
     }
 
     /// What the filter knows.
-    pub(super) fn known(&self) -> Known {
+    pub(super) fn known(&self) -> MeanAndCovariance {
         self.filter.gaussian().into()
     }
 
@@ -385,7 +396,7 @@ impl<const N: usize> Followed<N> {
     }
 
     /// The filter at the first row of the part that was taken last.
-    pub(super) fn entry(&self) -> &Linked<N> {
+    pub(super) fn entry(&self) -> &LinkedFilter<N> {
         &self.entry
     }
 
@@ -405,7 +416,7 @@ impl<const N: usize> Followed<N> {
             names,
             TrajectoryKind::Filtered,
             (course.time_s(), course.signal(), fresh),
-            &Derived::after(course.derived().as_ref(), states),
+            &DerivedQuantities::after(course.derived().as_ref(), states),
         );
         let n = fresh.len();
         let further = course.further_signals().into_iter();
@@ -426,7 +437,7 @@ impl<const N: usize> Followed<N> {
                 break;
             }
             if let Err(why) = self.step(course, (fresh.start, k), &mut trajectory) {
-                self.failure = Some(Failure { time_s: trajectory.time_s[k], why });
+                self.failure = Some(FilterFailure { time_s: trajectory.time_s[k], why });
                 trajectory.failure = self.failure;
             }
         }
@@ -484,7 +495,7 @@ impl<const N: usize> Followed<N> {
         let covariances = (before.as_ref(), &now.covariance);
         let span = self.errors.take(trajectory.time_s[k], filter.link().as_ref(), covariances);
         trajectory.error_spans.extend(span);
-        course.foretell(&self.filter, first + k);
+        course.predict_phases(&self.filter, first + k);
         Ok(())
     }
 }

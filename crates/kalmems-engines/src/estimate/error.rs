@@ -2,7 +2,7 @@
 
 use super::MOST_STATES;
 use crate::config::ConfigError;
-use crate::recording::{Finding, FindingKind, ReadError, unsound};
+use crate::recording::{Finding, FindingKind, ReadError, unusable_signal};
 use kalmems_figures::number;
 
 /// What keeps an estimate from being made.
@@ -100,6 +100,14 @@ pub enum EstimateError {
         filter: String,
         /// Why.
         why: kalmems_core::augmentation::AugmentationError,
+    },
+    /// The drive's feedthrough of a device without a drive.
+    #[error(
+        "the filter `{filter}` has `readout.feedthrough`, and this device has no recorded drive in V that could reach the signal; leave it out"
+    )]
+    NoDriveToFeedThrough {
+        /// The filter.
+        filter: String,
     },
     /// The readout's states of a filter that takes several signals.
     #[error(
@@ -357,12 +365,12 @@ impl EstimateError {
 impl EstimateError {
     /// Refuses a recording one of whose signals is clipped or another channel, in the segments that are wanted by their labels; `place` is
     /// what messages call it.
-    pub fn of_unsound(
+    pub fn of_unusable_signal(
         diagnosis: &[Finding],
         (place, columns): (&str, &[&str]),
         wanted: impl Fn(&str) -> bool,
     ) -> Result<(), Self> {
-        let Some(finding) = unsound(diagnosis, columns, wanted) else { return Ok(()) };
+        let Some(finding) = unusable_signal(diagnosis, columns, wanted) else { return Ok(()) };
         let (place, column) = (place.to_owned(), finding.column.clone().unwrap_or_default());
         Err(match finding.kind {
             FindingKind::Repeats => Self::Repeated { place, column, found: finding.detail.clone() },

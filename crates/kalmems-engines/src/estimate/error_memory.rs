@@ -1,6 +1,6 @@
 //! How long the error of an estimate lasts, by the filter's own account.
 
-use kalmems_core::{Covariance, Ldl, Link};
+use kalmems_core::{Covariance, Ldl, StateTransition};
 
 /// A part of a trajectory, and how long the errors of its first states last there.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +34,7 @@ const SPAN: u32 = 1024;
 /// such as that of a wrong scale, does not excuse itself by lasting.
 #[derive(Clone)]
 pub(super) struct ErrorMemory<const N: usize> {
-    state: State,
+    state: MemoryState,
     /// Cov(x_now, x_i then) of each state i that is followed.
     columns: [[f64; N]; FOLLOWED],
     variance: [f64; FOLLOWED],
@@ -51,7 +51,7 @@ pub(super) struct ErrorMemory<const N: usize> {
 
 /// What is going on.
 #[derive(Clone, Copy)]
-enum State {
+enum MemoryState {
     /// An error is to be followed from the next update on.
     Begins,
     /// One is followed, for so many updates.
@@ -63,7 +63,7 @@ enum State {
 impl<const N: usize> ErrorMemory<N> {
     pub(super) const fn new() -> Self {
         Self {
-            state: State::Begins,
+            state: MemoryState::Begins,
             columns: [[0.0; N]; FOLLOWED],
             variance: [0.0; FOLLOWED],
             sums_s: [0.0; FOLLOWED],
@@ -78,7 +78,7 @@ impl<const N: usize> ErrorMemory<N> {
 
     /// Whether the covariance before the update will be asked for.
     pub(super) const fn is_following(&self) -> bool {
-        matches!(self.state, State::Follows(_))
+        matches!(self.state, MemoryState::Follows(_))
     }
 
     /// Takes a step and its update: how the state hangs on the one before, and its covariance before and after the update.
@@ -86,7 +86,7 @@ impl<const N: usize> ErrorMemory<N> {
     pub(super) fn take(
         &mut self,
         time_s: f64,
-        link: Option<&Link<f64, N>>,
+        link: Option<&StateTransition<f64, N>>,
         (before, after): (Option<&Covariance<f64, N>>, &Covariance<f64, N>),
     ) -> Option<ErrorSpan> {
         if self.span_began_s.is_nan() {
@@ -94,15 +94,15 @@ impl<const N: usize> ErrorMemory<N> {
         }
         self.updates += 1;
         match (self.state, link, before) {
-            (State::Follows(steps), Some(link), Some(before)) => {
+            (MemoryState::Follows(steps), Some(link), Some(before)) => {
                 let lasts = self.carry(link, before, after, time_s - self.before_s);
-                self.state = State::Follows(steps.saturating_add(1));
+                self.state = MemoryState::Follows(steps.saturating_add(1));
                 if !lasts {
                     self.end(time_s);
-                    self.state = State::Rests(steps.saturating_add(1).saturating_mul(REST));
+                    self.state = MemoryState::Rests(steps.saturating_add(1).saturating_mul(REST));
                 }
             }
-            (State::Rests(left), ..) if left > 0 => self.state = State::Rests(left - 1),
+            (MemoryState::Rests(left), ..) if left > 0 => self.state = MemoryState::Rests(left - 1),
             _ => self.begin(time_s, after),
         }
         self.before_s = time_s;
@@ -128,13 +128,13 @@ impl<const N: usize> ErrorMemory<N> {
         }
         self.sums_s = [0.0; FOLLOWED];
         self.began_s = time_s;
-        self.state = State::Follows(0);
+        self.state = MemoryState::Follows(0);
     }
 
     /// Carries the covariances on; whether something of them is left.
     fn carry(
         &mut self,
-        link: &Link<f64, N>,
+        link: &StateTransition<f64, N>,
         before: &Covariance<f64, N>,
         after: &Covariance<f64, N>,
         interval_s: f64,
@@ -156,7 +156,7 @@ impl<const N: usize> ErrorMemory<N> {
 
     /// Counts what was followed.
     fn end(&mut self, time_s: f64) {
-        let State::Follows(steps) = self.state else { return };
+        let MemoryState::Follows(steps) = self.state else { return };
         let passed_s = time_s - self.began_s;
         if steps == 0 || passed_s <= 0.0 {
             return;
@@ -189,14 +189,14 @@ mod tests {
     const INTERVAL_S: f64 = 1e-3;
 
     /// A filter of a swing of two states that reads the first one, step by step, from its transition and noises.
-    struct Swing {
+    struct TwoStateSwing {
         transition: [[f64; 2]; 2],
         process: f64,
         measured: f64,
         covariance: [[f64; 2]; 2],
     }
 
-    impl Swing {
+    impl TwoStateSwing {
         fn new(turn: f64, decay: f64) -> Self {
             let (sin, cos) = turn.sin_cos();
             let transition = [[decay * cos, decay * sin], [-decay * sin, decay * cos]];
@@ -217,14 +217,14 @@ mod tests {
             (Covariance::from_lower(Mat(before)), gain, Covariance::from_lower(Mat(self.covariance)))
         }
 
-        fn link(&self) -> Link<f64, 2> {
+        fn link(&self) -> StateTransition<f64, 2> {
             let noise = Covariance::from_variances([self.process; 2]);
-            Link { transition: Mat(self.transition), noise, taken: true }
+            StateTransition { transition: Mat(self.transition), noise, taken: true }
         }
     }
 
     /// How long an error of the first state lasts, over so many steps.
-    fn lasts_s(swing: &mut Swing, steps: usize) -> f64 {
+    fn lasts_s(swing: &mut TwoStateSwing, steps: usize) -> f64 {
         let mut memory = ErrorMemory::<2>::new();
         let (mut passed_s, mut independent) = (0.0, 0.0);
         let mut count = |span: Option<ErrorSpan>| {
@@ -256,7 +256,7 @@ mod tests {
             p = before * remains;
             let [before, after] = [before, p].map(|p| Covariance::from_variances([p]));
             let noise = Covariance::from_variances([q]);
-            let link = Link { transition: Mat([[1.0]]), noise, taken: true };
+            let link = StateTransition { transition: Mat([[1.0]]), noise, taken: true };
             spans.extend(memory.take(f64::from(k) * INTERVAL_S, Some(&link), (Some(&before), &after)));
         }
         let square = remains * remains;
@@ -269,7 +269,7 @@ mod tests {
     #[test]
     fn of_a_swing_it_says_how_much_a_mean_square_of_errors_varies() {
         let steps = 20_000;
-        let mut swing = Swing::new(0.3, 0.9999);
+        let mut swing = TwoStateSwing::new(0.3, 0.9999);
         for _ in 0..5000 {
             swing.step();
         }
@@ -306,8 +306,11 @@ mod tests {
         // Two states that are never told apart, nor read: no process noise, no decay.
         let mut memory = ErrorMemory::<2>::new();
         let covariance = Covariance::from_variances([1.0, 4.0]);
-        let link =
-            Link { transition: Mat::identity(), noise: Covariance::from_variances([0.0; 2]), taken: true };
+        let link = StateTransition {
+            transition: Mat::identity(),
+            noise: Covariance::from_variances([0.0; 2]),
+            taken: true,
+        };
         for k in 0..5000 {
             let span = memory.take(f64::from(k) * INTERVAL_S, Some(&link), (Some(&covariance), &covariance));
             assert_eq!(span, None);

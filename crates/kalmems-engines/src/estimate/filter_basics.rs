@@ -1,10 +1,13 @@
 //! What the table of a filter says, whatever the device.
 
-use super::gate::{FALSE_REJECTIONS, Taking, UpdateLaw, largest_nis};
-use super::tracked::{Parameter, Tracked, tracked};
-use super::{AnyFilter, EstimateError, FilterKind, GainOf, Known, MOST_MODELS, ReadoutState, StateName};
+use super::gate::{FALSE_REJECTIONS, GateMode, UpdateLaw, largest_nis};
+use super::tracked::{DeviceParameter, Tracked, tracked};
+use super::{
+    AnyFilter, EstimateError, FilterKind, GainOf, MOST_MODELS, MeanAndCovariance, ReadoutState, StateName,
+};
 use crate::config::{
-    ConfigError, Estimate, Experiment, Fault, Filter, Gate, Key, Method, Quantity, Update, Values,
+    ConfigError, ConfigFault, Estimate, Experiment, FilterTable, Key, Method, OutlierGate, Quantity, Update,
+    Values,
 };
 use kalmems_core::SigmaPoints;
 use kalmems_core::augmentation::AugmentationError;
@@ -30,7 +33,7 @@ pub struct FilterBasics {
     /// How far a smoother with a fixed lag looks ahead, in s, where one is wanted.
     pub lag_s: Option<f64>,
     /// Which samples it takes, and how.
-    pub taking: Taking,
+    pub taking: GateMode,
     /// What is between sensor and recording as states, behind all others.
     pub readout: Vec<ReadoutState>,
 }
@@ -40,18 +43,20 @@ impl FilterBasics {
     pub fn of(
         experiment: &Experiment,
         at: &Key,
-        filter: &Filter,
-        parameters: (&'static [Parameter], &[f64]),
+        filter: &FilterTable,
+        parameters: (&'static [DeviceParameter], &[f64]),
     ) -> Result<Self, ConfigError> {
         if filter.method.has_fixed_gain() && !filter.states.is_empty() {
             let why = "a gain for all times is that of the motion alone, with the device as it is stated; leave it out, or use `ekf`";
-            return Err(experiment.error(at.clone().child("states"), Fault::Value { why: why.to_owned() }));
+            return Err(
+                experiment.error(at.clone().child("states"), ConfigFault::Value { why: why.to_owned() })
+            );
         }
         let models = 3_usize.saturating_pow(u32::try_from(filter.states.len()).unwrap_or(u32::MAX));
         if filter.method == Method::Bank && models > MOST_MODELS {
             let why =
                 format!("these are {models} models; at most {MOST_MODELS}, of three parameters, are built");
-            return Err(experiment.error(at.clone().child("states"), Fault::Value { why }));
+            return Err(experiment.error(at.clone().child("states"), ConfigFault::Value { why }));
         }
         Ok(Self {
             key: filter.name.key(),
@@ -103,8 +108,8 @@ impl FilterBasics {
     /// The filter as it begins: with what it knew where another run left it, or with what `start` says.
     pub fn begin(
         &self,
-        left: Option<Known>,
-        start: impl FnOnce() -> Result<Known, EstimateError>,
+        left: Option<MeanAndCovariance>,
+        start: impl FnOnce() -> Result<MeanAndCovariance, EstimateError>,
     ) -> Result<AnyFilter, EstimateError> {
         let known = match left {
             Some(left) => left,
@@ -133,15 +138,15 @@ impl FilterBasics {
 
 /// Which samples a filter takes, and how: one that claims nothing knows no outlier, and what a step by Euler's method claims leaves its own
 /// error out, so that a gate has to be asked for.
-fn taking(experiment: &Experiment, filter: &Filter) -> Taking {
+fn taking(experiment: &Experiment, filter: &FilterTable) -> GateMode {
     let usual = Some(FALSE_REJECTIONS).filter(|_| filter.method != Method::EulerEkf);
-    let false_rejections = filter.gate.map_or(usual, Gate::false_rejections);
+    let false_rejections = filter.gate.map_or(usual, OutlierGate::false_rejections);
     let law = match filter.update {
         Update::Normal => UpdateLaw::Normal,
         Update::Huber => UpdateLaw::Huber(HUBER_BOUND),
         Update::StudentT => UpdateLaw::StudentT(filter.degrees_of_freedom.unwrap_or(STUDENT_FREEDOM)),
     };
-    Taking {
+    GateMode {
         largest_nis: false_rejections.filter(|_| filter.method.claims()).map(largest_nis),
         after_s: experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si()),
         law,
@@ -156,7 +161,7 @@ const HUBER_BOUND: f64 = 1.345;
 const STUDENT_FREEDOM: f64 = 4.0;
 
 /// Where the file has a filter's process noise, its own or that of all, and what it says.
-pub fn process_noise<'a>(estimate: &'a Estimate, at: &Key, filter: &'a Filter) -> (Key, &'a Values) {
+pub fn process_noise<'a>(estimate: &'a Estimate, at: &Key, filter: &'a FilterTable) -> (Key, &'a Values) {
     if filter.process_noise.is_empty() {
         (Key::from("estimate.process_noise"), &estimate.process_noise)
     } else {

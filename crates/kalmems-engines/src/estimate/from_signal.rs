@@ -1,9 +1,10 @@
 //! A filter that takes its start from the first samples of its way.
 
-use super::engine::{Course, Derived, Filtering};
+use super::engine::{Course, DerivedQuantities, Filtering};
 use super::{
-    Around, BatchStart, Counts, EstimateError, FilterBasics, Known, NoBatchStart, Prior, ReadoutState,
-    Samples, StartSearch, StateName, TakenOverTo, Trajectory, WithReadout, batch_start,
+    AnyKnownStateStep, BatchStart, EstimateError, FilterBasics, MeanAndCovariance, NoBatchStart,
+    ReadoutState, RowsAround, SampleCounts, SampleSelection, StartSearch, StateName, StatePrior, Trajectory,
+    WithReadout, batch_start,
 };
 use kalmems_core::{FilterError, Innovation};
 
@@ -18,7 +19,7 @@ const SAMPLES_PER_STATE: usize = 20;
 fn first_rows((cycle_s, interval_s): (f64, f64), states: usize) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, saturating
     let rows = (CYCLES * cycle_s / interval_s).ceil() as usize;
-    rows.clamp(SAMPLES_PER_STATE * states.max(1), Around::LONGEST_HEAD >> (DOUBLINGS + 1))
+    rows.clamp(SAMPLES_PER_STATE * states.max(1), RowsAround::LONGEST_HEAD >> (DOUBLINGS + 1))
 }
 
 /// The rows that [`start_from_signal`] looks at, at most, and one behind them: what an estimator's first part has to have.
@@ -28,7 +29,7 @@ pub fn rows_for_start(motion: (f64, f64), states: usize) -> usize {
 
 /// Of which filter a start is sought, and what is said where there is none.
 #[derive(Clone, Copy, Debug)]
-pub struct StartOf<'a> {
+pub struct SignalStart<'a> {
     /// The recording and its segment.
     pub place: &'a str,
     /// The filter.
@@ -46,9 +47,9 @@ pub struct StartOf<'a> {
 /// Three cycles are looked at, and twice and four times as many where they do not tell it.
 pub fn start_from_signal(
     course: &mut dyn Course,
-    samples: &Samples,
+    samples: &SampleSelection,
     search: &StartSearch,
-    of: StartOf,
+    of: SignalStart,
 ) -> Result<BatchStart, EstimateError> {
     if of.basics.readout.is_empty() {
         return sought(course, samples, search, of);
@@ -58,11 +59,11 @@ pub fn start_from_signal(
 
 fn sought(
     course: &mut dyn Course,
-    samples: &Samples,
+    samples: &SampleSelection,
     search: &StartSearch,
-    of: StartOf,
+    of: SignalStart,
 ) -> Result<BatchStart, EstimateError> {
-    let Samples { ref fresh, interval_s, .. } = *samples;
+    let SampleSelection { ref fresh, interval_s, .. } = *samples;
     let first = first_rows((of.cycle_s, interval_s), of.states.1);
     let mut why = NoBatchStart::NotFitted;
     let mut until = fresh.start;
@@ -89,7 +90,7 @@ fn sought(
 
 impl NoBatchStart {
     /// In words, after this time in s.
-    fn told(&self, of: StartOf, lasting_s: f64) -> String {
+    fn told(&self, of: SignalStart, lasting_s: f64) -> String {
         let (states, own) = of.states;
         let behind = of.basics.readout.iter().map(ReadoutState::name);
         let states: Vec<StateName> = states.iter().copied().chain(behind).collect();
@@ -129,7 +130,7 @@ impl NoBatchStart {
 impl StartSearch {
     /// What is known of a motion of one displacement or angle and its rate, the first two states, at this rate in rad/s, with other states
     /// and parameters behind them.
-    pub fn of_oscillation(prior: Vec<Prior>, rate: f64) -> Self {
+    pub fn of_oscillation(prior: Vec<StatePrior>, rate: f64) -> Self {
         let states = prior.len();
         let only = |place: usize, value: f64| {
             (0..states).map(|i| if i == place { value } else { 0.0 }).collect::<Vec<f64>>()
@@ -142,33 +143,34 @@ impl StartSearch {
 
 impl FilterBasics {
     /// What is known before the first sample of its states behind those of the motion: of parameters, and of the readout.
-    pub fn priors(&self) -> impl Iterator<Item = Prior> + '_ {
-        let parameters = self.parameters().iter().map(|tracked| Prior { mean: 0.0, sd: Some(tracked.sd) });
+    pub fn priors(&self) -> impl Iterator<Item = StatePrior> + '_ {
+        let parameters =
+            self.parameters().iter().map(|tracked| StatePrior { mean: 0.0, sd: Some(tracked.sd) });
         parameters.chain(self.readout.iter().map(ReadoutState::prior))
     }
 }
 
 /// Goes on from a start, where one was found and no other part has been before.
-pub fn begun(left: Option<Known>, start: Option<&BatchStart>) -> Option<Known> {
+pub fn begun(left: Option<MeanAndCovariance>, start: Option<&BatchStart>) -> Option<MeanAndCovariance> {
     left.or_else(|| start.map(|start| start.first.clone()))
 }
 
 /// A course whose first samples have told the start of the filter: they do not correct it a second time, and behind them it is at what they
 /// say, noise of the motion included.
-pub struct Started<C> {
+pub struct StartedCourse<C> {
     course: C,
     /// The row from which on samples correct the filter, and what is known there, where that is not what a prediction says.
-    begins: Option<(usize, Option<TakenOverTo>)>,
+    begins: Option<(usize, Option<AnyKnownStateStep>)>,
     /// What stands for the innovations of further signals before.
     none: Vec<[f64; 2]>,
     /// Whether the sample before was not used.
     is_silent: bool,
 }
 
-impl<C: Course> Started<C> {
+impl<C: Course> StartedCourse<C> {
     /// Of this course; nothing of it is changed where there is no start.
     pub fn new(course: C, start: Option<&BatchStart>) -> Self {
-        let started = start.map(|start| (start.row, start.behind.as_ref().map(TakenOverTo::from)));
+        let started = start.map(|start| (start.row, start.behind.as_ref().map(AnyKnownStateStep::from)));
         let none =
             if started.is_some() { vec![[f64::NAN; 2]; course.further_signals().len()] } else { Vec::new() };
         Self { course, begins: started, none, is_silent: false }
@@ -180,7 +182,7 @@ impl<C: Course> Started<C> {
     }
 }
 
-impl<C: Course> Course for Started<C> {
+impl<C: Course> Course for StartedCourse<C> {
     fn time_s(&self) -> &[f64] {
         self.course.time_s()
     }
@@ -197,12 +199,16 @@ impl<C: Course> Course for Started<C> {
         if self.is_silent { &self.none } else { self.course.further_innovations() }
     }
 
-    fn derived(&self) -> Option<Derived> {
+    fn drive(&self, k: usize) -> Option<f64> {
+        self.course.drive(k)
+    }
+
+    fn derived(&self) -> Option<DerivedQuantities> {
         self.course.derived()
     }
 
-    fn foretell(&mut self, filter: &dyn Filtering, k: usize) {
-        self.course.foretell(filter, k);
+    fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
+        self.course.predict_phases(filter, k);
     }
 
     fn conclude(&self, trajectory: &mut Trajectory) {
@@ -213,7 +219,7 @@ impl<C: Course> Course for Started<C> {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         self.course.advance(filter, to, counts)?;
         match &self.begins {
@@ -226,7 +232,7 @@ impl<C: Course> Course for Started<C> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         self.is_silent = self.begins.as_ref().is_some_and(|(row, _)| k < *row);
         if self.is_silent {

@@ -97,7 +97,7 @@ pub enum UpdateLaw {
 
 /// How a filter takes its samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Taking {
+pub struct GateMode {
     /// The largest normalised innovation squared that is believed, where there is a gate.
     pub largest_nis: Option<f64>,
     /// How long the filter has to settle, in s.
@@ -135,7 +135,7 @@ pub type Decisions = Arc<[(f64, usize)]>;
 
 /// A gate of one signal on its way.
 #[derive(Clone, Copy, Debug)]
-struct Gate {
+struct SignalGate {
     /// The share of samples beyond the bound.
     share: f64,
     /// The median of z².
@@ -147,7 +147,7 @@ struct Gate {
     settling: u32,
 }
 
-impl Gate {
+impl SignalGate {
     const NEW: Self = Self { share: 0.0, median: MEDIAN, is_open: false, suspect: 0, settling: 0 };
 
     /// The largest z² that is no outlier.
@@ -177,7 +177,7 @@ impl Gate {
 
 /// Who decides what is rejected.
 #[derive(Clone, Debug, Default)]
-enum Decided {
+enum RejectionSource {
     /// The gate itself.
     #[default]
     Itself,
@@ -189,25 +189,25 @@ enum Decided {
 
 /// How a filter on its way takes its samples.
 #[derive(Clone, Debug)]
-pub struct Watch {
-    taking: Taking,
+pub struct SampleGate {
+    taking: GateMode,
     /// From when on it may reject, in s.
     from_s: f64,
     /// The share of the memory that a sample is.
     forgets: f64,
     /// One for each signal.
-    gates: Vec<Gate>,
+    gates: Vec<SignalGate>,
     events: EventGate,
-    decided: Decided,
+    decided: RejectionSource,
     /// The time of the present sample in s, what was rejected of it, and whether a gate turned.
     now_s: f64,
     rejected: Vec<(usize, f64, f64)>,
     turned: Option<bool>,
 }
 
-impl Watch {
+impl SampleGate {
     /// From a segment's beginning in s on, with samples in this interval in s.
-    pub(super) fn new(taking: Taking, start_s: f64, interval_s: f64) -> Self {
+    pub(super) fn new(taking: GateMode, start_s: f64, interval_s: f64) -> Self {
         // Half an ulp of a decimal time must not decide about a sample.
         let from_s = start_s + taking.after_s * (1.0 - 1e-12);
         let memory = (MEMORY_S / interval_s).max(FEWEST);
@@ -218,7 +218,7 @@ impl Watch {
             forgets: memory.recip(),
             gates,
             events,
-            decided: Decided::Itself,
+            decided: RejectionSource::Itself,
             now_s: f64::NAN,
             rejected,
             turned: None,
@@ -227,32 +227,33 @@ impl Watch {
 
     /// Follows what another run of the filter decided, or decides by itself.
     pub(super) fn follow(&mut self, decided: Option<&Decisions>) {
-        self.decided = decided.map_or(Decided::Itself, |decided| Decided::Before(Arc::clone(decided)));
+        self.decided =
+            decided.map_or(RejectionSource::Itself, |decided| RejectionSource::Before(Arc::clone(decided)));
     }
 
     /// Comes to the present sample of a filter that says what several do, of which this one decides for all.
     pub(super) fn lead(&mut self, led: &Self) {
         self.at(led.now_s);
         self.decided = match &led.decided {
-            Decided::Before(decided) => Decided::Before(Arc::clone(decided)),
-            Decided::Itself | Decided::Beside(_) => Decided::Itself,
+            RejectionSource::Before(decided) => RejectionSource::Before(Arc::clone(decided)),
+            RejectionSource::Itself | RejectionSource::Beside(_) => RejectionSource::Itself,
         };
     }
 
     /// Comes to the present sample of such a filter, and follows what was decided.
-    pub(super) fn follow_beside(&mut self, led: &Self) {
+    pub(super) fn follow_other(&mut self, led: &Self) {
         self.at(led.now_s);
-        if !matches!(self.decided, Decided::Beside(_)) {
-            self.decided = Decided::Beside(Vec::new());
+        if !matches!(self.decided, RejectionSource::Beside(_)) {
+            self.decided = RejectionSource::Beside(Vec::new());
         }
-        if let Decided::Beside(signals) = &mut self.decided {
+        if let RejectionSource::Beside(signals) = &mut self.decided {
             signals.clear();
             signals.extend(led.rejected.iter().map(|(signal, ..)| *signal));
         }
     }
 
     /// Says what the one that decides did with the present sample.
-    pub(super) fn take_over(&mut self, leader: &Self) {
+    pub(super) fn adopt_decisions(&mut self, leader: &Self) {
         self.rejected.clone_from(&leader.rejected);
         self.turned = leader.turned;
     }
@@ -287,7 +288,7 @@ impl Watch {
 
     /// As numbers, for another run to go on from.
     pub(super) fn numbers(&self) -> Vec<f64> {
-        let of_gate = |gate: &Gate| {
+        let of_gate = |gate: &SignalGate| {
             let (open, suspect) = (f64::from(u8::from(gate.is_open)), f64::from(gate.suspect));
             [gate.share, gate.median, open, suspect, f64::from(gate.settling)]
         };
@@ -303,7 +304,7 @@ impl Watch {
         self.events = EventGate { last: *events, next: 0 };
         let of_gate = |numbers: &[f64]| match *numbers {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small counts
-            [share, median, open, suspect, settling] => Some(Gate {
+            [share, median, open, suspect, settling] => Some(SignalGate {
                 share,
                 median,
                 is_open: open != 0.0,
@@ -317,8 +318,8 @@ impl Watch {
 
     /// Whether nothing has to be looked at.
     fn is_off(&self) -> bool {
-        self.taking == Taking { after_s: self.taking.after_s, ..Taking::default() }
-            && matches!(self.decided, Decided::Itself)
+        self.taking == GateMode { after_s: self.taking.after_s, ..GateMode::default() }
+            && matches!(self.decided, RejectionSource::Itself)
     }
 
     /// Takes what an event says. Its size is known by those before it: a filter that is wrong, and to which events tell so, believes them.
@@ -351,7 +352,7 @@ impl Watch {
             return self.take_event((sensor, y, variance), update);
         }
         while self.gates.len() <= signal {
-            self.gates.push(Gate::NEW);
+            self.gates.push(SignalGate::NEW);
         }
         let gate = self.gates[signal];
         let has_settled = self.now_s >= self.from_s;
@@ -363,13 +364,13 @@ impl Watch {
             true => bound,
         };
         let largest = match &self.decided {
-            Decided::Before(decided) => rejects(
+            RejectionSource::Before(decided) => rejects(
                 decided
                     .binary_search_by(|(time_s, of)| time_s.total_cmp(&self.now_s).then(of.cmp(&signal)))
                     .is_ok(),
             ),
-            Decided::Beside(signals) => rejects(signals.contains(&signal)),
-            Decided::Itself => believed,
+            RejectionSource::Beside(signals) => rejects(signals.contains(&signal)),
+            RejectionSource::Itself => believed,
         };
         let law = self.taking.law;
         let mut found = update(sensor, y, variance, largest.min(law.bulk()))?;
@@ -401,7 +402,7 @@ impl Watch {
 const NEVER: f64 = -1.0;
 
 /// How much of a sample is believed.
-struct Weighed {
+struct SampleWeight {
     /// The variance is divided by it.
     weight: f64,
     /// Twice the logarithm by which the density is below its largest: the square of the innovation that is as improbable of normal noise.
@@ -430,18 +431,18 @@ impl UpdateLaw {
     /// Student's t: noise of the variance R/λ with λ of a gamma distribution. The update and the mean of λ are found in turn (variational
     /// Bayes: Agamennoni, Nieto & Nebot, IEEE Trans. Signal Process. 60, 5024, 2012), λ = (ν + 1)/(ν + ⟨e²⟩/R), with ⟨e²⟩ = (r·R′/S′)² + (S − R)·R′/S′
     /// of the residual after the update, R′ = R/λ and S′ = S − R + R′.
-    fn weigh(self, (residual, total): (f64, f64), noise: f64) -> Weighed {
+    fn weigh(self, (residual, total): (f64, f64), noise: f64) -> SampleWeight {
         let spread = (total - noise).max(0.0);
         let square = residual * residual / total;
         match self {
-            Self::Normal => Weighed { weight: 1.0, deviance: square },
+            Self::Normal => SampleWeight { weight: 1.0, deviance: square },
             Self::Huber(bound) => {
                 let left = residual.abs() * noise.sqrt() / bound - spread;
                 if left <= noise {
-                    return Weighed { weight: 1.0, deviance: square };
+                    return SampleWeight { weight: 1.0, deviance: square };
                 }
                 let deviance = bound * (2.0 * residual.abs() / noise.sqrt() - bound * total / noise);
-                Weighed { weight: noise / left, deviance }
+                SampleWeight { weight: noise / left, deviance }
             }
             Self::StudentT(freedom) => {
                 let mut weight = 1.0;
@@ -456,7 +457,7 @@ impl UpdateLaw {
                         break;
                     }
                 }
-                Weighed { weight, deviance: normal_score(square, freedom) }
+                SampleWeight { weight, deviance: normal_score(square, freedom) }
             }
         }
     }

@@ -2,35 +2,35 @@
 
 use super::any_filter::StateFilter;
 use super::engine::Filtering;
-use super::foretell::{Foreteller, OnwardOf, Onwards};
-use super::gate::{Decisions, Watch};
+use super::gate::{Decisions, SampleGate};
+use super::phase_prediction::{PhasePredictor, SizedStatePropagation, StatePropagation};
 use super::transition::{Sensor, Transition};
-use kalmems_core::{FilterError, Gaussian, Innovation, Link};
+use kalmems_core::{FilterError, Gaussian, Innovation, StateTransition};
 
 /// A filter that remembers how its state hangs on the state before a few predictions: what a smoother needs.
-pub(super) struct Linked<const N: usize> {
+pub(super) struct LinkedFilter<const N: usize> {
     filter: Box<dyn StateFilter<N>>,
     /// What it says of the mean, where slices are asked for.
     mean: [f64; N],
-    link: Option<Link<f64, N>>,
-    watch: Watch,
+    link: Option<StateTransition<f64, N>>,
+    watch: SampleGate,
 }
 
-impl<const N: usize> Clone for Linked<N> {
+impl<const N: usize> Clone for LinkedFilter<N> {
     fn clone(&self) -> Self {
         Self { filter: self.filter.copied(), mean: self.mean, link: self.link, watch: self.watch.clone() }
     }
 }
 
-impl<const N: usize> From<&Linked<N>> for Gaussian<f64, N> {
-    fn from(linked: &Linked<N>) -> Self {
+impl<const N: usize> From<&LinkedFilter<N>> for Gaussian<f64, N> {
+    fn from(linked: &LinkedFilter<N>) -> Self {
         linked.gaussian()
     }
 }
 
-impl<const N: usize> Linked<N> {
+impl<const N: usize> LinkedFilter<N> {
     /// Without a prediction yet, and how it takes its samples.
-    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: Watch) -> Self {
+    pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
         Self { mean: filter.known().mean, filter, link: None, watch }
     }
 
@@ -40,7 +40,7 @@ impl<const N: usize> Linked<N> {
     }
 
     /// What it did with the present sample.
-    pub(super) const fn watched(&self) -> &Watch {
+    pub(super) const fn watched(&self) -> &SampleGate {
         &self.watch
     }
 
@@ -55,7 +55,7 @@ impl<const N: usize> Linked<N> {
     }
 
     /// How its state hangs on that when it began to remember.
-    pub(super) fn link(&self) -> Option<Link<f64, N>> {
+    pub(super) fn link(&self) -> Option<StateTransition<f64, N>> {
         self.link
     }
 
@@ -65,7 +65,7 @@ impl<const N: usize> Linked<N> {
     }
 }
 
-impl<const N: usize> Filtering for Linked<N> {
+impl<const N: usize> Filtering for LinkedFilter<N> {
     fn mean(&self) -> &[f64] {
         &self.mean
     }
@@ -80,7 +80,7 @@ impl<const N: usize> Filtering for Linked<N> {
         self.link = Some(match &self.link {
             None => link,
             // x″ = F₂·(F₁·x + w₁) + w₂.
-            Some(first) => Link {
+            Some(first) => StateTransition {
                 transition: link.transition.times(&first.transition),
                 noise: first.noise.transformed(&link.transition).plus(&link.noise),
                 taken: first.taken && link.taken,
@@ -117,14 +117,19 @@ impl<const N: usize> Filtering for Linked<N> {
         innovation
     }
 
-    fn watch(&mut self) -> Option<&mut Watch> {
+    fn watch(&mut self) -> Option<&mut SampleGate> {
         Some(&mut self.watch)
     }
 
-    fn foretell(&self, foreteller: &mut Foreteller, time_s: f64, onwards: Option<&dyn Onwards>) {
+    fn predict_phases(
+        &self,
+        predictor: &mut PhasePredictor,
+        time_s: f64,
+        onwards: Option<&dyn StatePropagation>,
+    ) {
         let Gaussian { mean, covariance } = self.gaussian();
-        let onward = onwards.map(OnwardOf::<N>::new);
+        let onward = onwards.map(SizedStatePropagation::<N>::new);
         let onward = onward.as_ref().map(|onward| onward as _);
-        foreteller.take(time_s, (&mean, &covariance), onward);
+        predictor.take(time_s, (&mean, &covariance), onward);
     }
 }

@@ -74,7 +74,7 @@ impl std::fmt::Display for LockEvent {
 
 /// How fast the motion goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion {
+pub struct MotionRate {
     /// Cycles per second.
     pub frequency_hz: f64,
     /// Whether a steady drive sets it; otherwise it is what the device would do by itself.
@@ -99,7 +99,7 @@ pub fn is_the_only_one(angle: &&str) -> bool {
 /// Each axis is the name of its angle among the states, and how fast it goes. A signal without motion cannot be lost: both
 /// its share and the NIS must be too large over a cycle of the slowest axis. Whether a motion keeps its phase can be told
 /// only where a steady drive sets its frequency.
-pub fn judge_lock(trajectory: &Trajectory, axes: &[(&'static str, Motion)], start_s: f64) -> Lock {
+pub fn judge_lock(trajectory: &Trajectory, axes: &[(&'static str, MotionRate)], start_s: f64) -> Lock {
     LockJudge::default().judge(trajectory, axes, start_s, true)
 }
 
@@ -124,7 +124,7 @@ impl LockJudge {
     pub fn judge(
         &mut self,
         trajectory: &Trajectory,
-        axes: &[(&'static str, Motion)],
+        axes: &[(&'static str, MotionRate)],
         start_s: f64,
         ends: bool,
     ) -> Lock {
@@ -279,7 +279,7 @@ mod tests {
         trajectory.nis = trajectory.innovation.iter().map(|v| (v / 0.014).powi(2)).collect();
         trajectory.signal = trajectory.states[0].mean.iter().map(|a| 30.0 * a * a).collect();
         let axes = [("angle", MOTION_HZ), ("other", MOTION_HZ / 3.0)]
-            .map(|(of, frequency_hz)| (of, Motion { frequency_hz, is_driven: true }));
+            .map(|(of, frequency_hz)| (of, MotionRate { frequency_hz, is_driven: true }));
         let whole = judge_lock(&trajectory, &axes, 1e-3);
         // In parts, whatever their length, the same is found.
         let (mut judge, mut parts) = (LockJudge::default(), Vec::new());
@@ -328,7 +328,7 @@ mod tests {
         let samples = (&time[..], &time[..], &(0..time.len()));
         let mut trajectory = Trajectory::blank(("", ""), TrajectoryKind::Filtered, samples, &states);
         trajectory.states[0].mean = time.iter().map(|t| 0.1 * (TAU * hz * t).sin()).collect();
-        let axes = [("angle", Motion { frequency_hz: found_hz, is_driven: true })];
+        let axes = [("angle", MotionRate { frequency_hz: found_hz, is_driven: true })];
         assert!(judge_lock(&trajectory, &axes, 0.0).held());
         for mean in &mut trajectory.states[0].mean[40_000..] {
             *mean = -*mean;

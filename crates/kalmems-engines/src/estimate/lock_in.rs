@@ -1,6 +1,6 @@
 //! The lock-in: the sinusoidal motion that the lines of a signal show, window by window.
 
-use super::{FilterBasics, FilterPast, Samples, StateName, Trajectory, TrajectoryKind};
+use super::{FilterBasics, FilterPast, SampleSelection, StateName, Trajectory, TrajectoryKind};
 use kalmems_core::Portable;
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
@@ -38,13 +38,13 @@ impl Swing {
 
 /// The samples that a lock-in takes.
 #[derive(Clone, Copy, Debug)]
-pub struct Windows<'a> {
+pub struct LockInWindows<'a> {
     /// When, in s.
     pub time_s: &'a [f64],
     /// The signals, at least one; of the first one the trajectory holds the samples.
     pub signals: &'a [&'a [f64]],
     /// Which samples are new.
-    pub samples: &'a Samples,
+    pub samples: &'a SampleSelection,
     /// The time in s at which the first window began: that of the segment's first sample.
     pub start_s: f64,
     /// The length of a window in s: one cycle of the motion, or as many as separate its lines from others.
@@ -70,7 +70,7 @@ const ENOUGH: usize = 8;
 /// has no numbers. A lock-in has no model of the noise and claims no standard deviations.
 pub fn lock_in(
     (filter, past): (&FilterBasics, &mut FilterPast),
-    windows: &Windows,
+    windows: &LockInWindows,
     states: &[StateName],
     detect: impl Fn(&[f64], &[&[f64]], &[Swing]) -> Option<Vec<Swing>>,
 ) -> Trajectory {
@@ -122,7 +122,7 @@ pub fn lock_in(
     let there = trajectory.signal.iter().filter(|y| y.is_finite()).count();
     trajectory.counts.updates = there;
     trajectory.counts.without_signal = trajectory.signal.len() - there;
-    trajectory.claim_nothing();
+    trajectory.remove_deviations();
     trajectory.seconds_per_step = begun.elapsed().as_secs_f64() / fresh.len().max(1) as f64;
     trajectory
 }
@@ -131,7 +131,7 @@ pub fn lock_in(
 /// deviation. A sample of which it makes none counts as a missing one.
 pub fn inversion<const N: usize>(
     filter: &FilterBasics,
-    (time_s, signal, samples): (&[f64], &[f64], &Samples),
+    (time_s, signal, samples): (&[f64], &[f64], &SampleSelection),
     states: &[StateName; N],
     invert: impl Fn(usize, f64) -> Option<[(f64, f64); N]>,
 ) -> Trajectory {

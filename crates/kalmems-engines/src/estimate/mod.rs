@@ -14,55 +14,57 @@ mod engine;
 mod error;
 mod error_memory;
 mod filter_basics;
-mod foretell;
 mod from_signal;
 mod gate;
+mod known_state;
 mod linked;
 mod lock;
 mod lock_in;
 mod model_alone;
 mod part;
 mod past;
+mod phase_prediction;
 mod readout_states;
 mod segments;
 mod smoothing;
 mod stretches;
-mod taken_over;
 mod tracked;
 mod trajectory;
 mod transition;
 
-pub use answers::{Samples, answers, follow};
-pub use any_filter::{AnyFilter, FilterKind, Known, MOST_STATES, StateFilter, butterworth};
+pub use answers::{SampleSelection, answers, follow};
+pub use any_filter::{AnyFilter, FilterKind, MOST_STATES, MeanAndCovariance, StateFilter, butterworth};
 pub use bank::{MOST_MODELS, answers_of_bank};
-pub use batch_start::{BatchStart, NoBatchStart, Prior, StartSearch, batch_start};
+pub use batch_start::{BatchStart, NoBatchStart, StartSearch, StatePrior, batch_start};
 pub use bridge::{Bridge, MOST_STEPS};
 pub use considered::Contribution;
-pub(crate) use considered::Learnt;
+pub(crate) use considered::DirectionInformation;
 pub use constant_gain::{ConstantGain, GainOf, HeldSamples, Never, kalman_bucy};
-pub use engine::{Compute, Course, Derived, Filtering, StateName, by_signal, by_signals};
+pub use engine::{Compute, Course, DerivedQuantities, Filtering, StateName, by_signal, by_signals};
 pub use error::EstimateError;
 pub use error_memory::ErrorSpan;
 pub use filter_basics::{FilterBasics, process_noise};
-pub use foretell::{Beside, Foreteller, Foretelling, Foretold, ForetoldCounts, Onwards};
-pub use from_signal::{StartOf, Started, begun, rows_for_start, start_from_signal};
+pub use from_signal::{SignalStart, StartedCourse, begun, rows_for_start, start_from_signal};
 pub use gate::{
-    Decisions, EVENTS, FALSE_REJECTIONS, GateTurn, Rejection, Taking, UpdateLaw, Watch, largest_nis,
+    Decisions, EVENTS, FALSE_REJECTIONS, GateMode, GateTurn, Rejection, SampleGate, UpdateLaw, largest_nis,
 };
+pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;
-pub use lock::{Lock, LockEvent, Motion, judge_lock};
-pub use lock_in::{Swing, Windows, amplitude_of_line, current_line, inversion, lock_in};
+pub use lock::{Lock, LockEvent, MotionRate, judge_lock};
+pub use lock_in::{LockInWindows, Swing, amplitude_of_line, current_line, inversion, lock_in};
 pub use model_alone::ModelAlone;
-pub use part::{Around, Part};
-pub(crate) use past::Bits;
-pub use past::{FilterPast, Past, PastState, Slot};
-pub use readout_states::{ReadoutState, WithReadout};
-pub use segments::{Axis, Crossing, Passed, SegmentEstimate, SignalSegment};
-pub use stretches::{LeftOut, StretchJudge, StretchSummary};
-pub use taken_over::{TakenOver, TakenOverTo};
-pub use tracked::{Parameter, Tracked};
-pub use trajectory::{
-    Consistency, Counts, Failure, FurtherSignal, ParameterCorrelation, StateSeries, TrackedPrior, Trajectory,
-    TrajectoryKind,
+pub use part::{RowsAround, SegmentPart};
+pub(crate) use past::NumberBits;
+pub use past::{FilterPast, Past, PastState, TypedSlot};
+pub use phase_prediction::{
+    PhasePrediction, PhasePredictionCounts, PhasePredictor, PredictedPhase, SideOutputs, StatePropagation,
 };
-pub use transition::{Reading, Sensor, Step, Transition};
+pub use readout_states::{ReadoutState, WithReadout};
+pub use segments::{AngleAxis, PassedMark, RecordedPassing, SegmentEstimate, SignalSegment};
+pub use stretches::{SkippedStretch, StretchJudge, StretchSummary};
+pub use tracked::{DeviceParameter, Tracked};
+pub use trajectory::{
+    FilterFailure, FurtherSignal, NisConsistency, ParameterCorrelation, SampleCounts, StateSeries,
+    TrackedPrior, Trajectory, TrajectoryKind,
+};
+pub use transition::{MeasurementSensor, ProcessTransition, Sensor, Transition};

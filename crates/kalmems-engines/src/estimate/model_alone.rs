@@ -2,7 +2,7 @@
 
 use kalmems_core::update::Policy;
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, Innovation, Link, NumericMeasurement, NumericProcess,
+    Covariance, Ekf, Filter, FilterError, Innovation, NumericMeasurement, NumericProcess, StateTransition,
 };
 
 /// The actuator model alone (the published papers' ACM): it predicts, and takes no notice of what is measured.
@@ -34,13 +34,13 @@ impl<const N: usize> Filter<f64, N> for ModelAlone<N> {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<f64, N>, FilterError> {
+    ) -> Result<StateTransition<f64, N>, FilterError> {
         let (next, transition) = process.linearized(&self.mean, u);
         if !next.iter().all(|x| x.is_finite()) {
             return Err(FilterError::NonFiniteState);
         }
         self.mean = next;
-        Ok(Link { transition, noise: Covariance::zero(), taken: true })
+        Ok(StateTransition { transition, noise: Covariance::zero(), taken: true })
     }
 
     fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(

@@ -1,6 +1,6 @@
 //! Parts of a segment.
 
-use crate::recording::{Recording, Segment};
+use crate::recording::{SampledRecording, Segment};
 use std::ops::Range;
 
 /// Rows of a segment that are new, and some of those around them.
@@ -8,9 +8,9 @@ use std::ops::Range;
 /// An estimator takes a segment part by part, in order, and goes on where it was. What it says of a row does not depend on
 /// where the parts end.
 #[derive(Clone, Debug)]
-pub struct Part<'a> {
+pub struct SegmentPart<'a> {
     /// The columns.
-    pub recording: &'a Recording,
+    pub recording: &'a SampledRecording,
     /// The rows that are there, new or not.
     pub segment: &'a Segment,
     /// Which of them are new.
@@ -21,16 +21,16 @@ pub struct Part<'a> {
     pub ends: bool,
 }
 
-impl<'a> Part<'a> {
+impl<'a> SegmentPart<'a> {
     /// All of a segment.
-    pub fn whole(recording: &'a Recording, segment: &'a Segment) -> Self {
+    pub fn whole(recording: &'a SampledRecording, segment: &'a Segment) -> Self {
         Self { recording, segment, fresh: 0..segment.time.len(), begins: true, ends: true }
     }
 }
 
 /// What an estimator needs around the rows that are new, and of a segment's beginning, in rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Around {
+pub struct RowsAround {
     /// The first part has at least so many rows, or all that there are.
     pub head: usize,
     /// Rows before.
@@ -41,7 +41,7 @@ pub struct Around {
     pub smooths: bool,
 }
 
-impl Around {
+impl RowsAround {
     /// The rows of a first part at most, however long a segment's beginning is.
     pub const LONGEST_HEAD: usize = 1 << 18;
 }

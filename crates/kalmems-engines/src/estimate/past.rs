@@ -1,10 +1,10 @@
 //! What is kept of a segment from one part of it to the next.
 
-use super::answers::Run;
+use super::answers::AnswerRun;
 use super::driven::DrivePast;
-use super::gate::{Decisions, Watch};
+use super::gate::{Decisions, SampleGate};
 use super::lock::LockJudge;
-use super::{FilterBasics, Foreteller, Known, Samples, Trajectory};
+use super::{FilterBasics, MeanAndCovariance, PhasePredictor, SampleSelection, Trajectory};
 use crate::signal::{Sine, extremes_of_rate};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
@@ -21,7 +21,7 @@ pub struct Past {
     /// The rate of the motion in rad/s that phases are told by, from the first rows on; where that is asked for.
     pub motion_rate: Option<f64>,
     /// What the rig itself keeps.
-    pub rig: Slot,
+    pub rig: TypedSlot,
     /// What the rig keeps in numbers; they are written, so that another run has them too.
     pub numbers: Vec<f64>,
     filters: Vec<FilterPast>,
@@ -42,11 +42,11 @@ impl Past {
         &mut self.further_drives[further]
     }
 
-    /// What foretells zero phases, where they are asked for, and whether the motion of its filter is mirrored.
-    pub fn foreteller(&mut self) -> Option<(&mut Foreteller, bool)> {
+    /// What predicts zero phases, where they are asked for, and whether the motion of its filter is mirrored.
+    pub fn phase_predictor(&mut self) -> Option<(&mut PhasePredictor, bool)> {
         self.filters.iter_mut().find_map(|filter| {
             let mirrored = filter.is_mirrored() == Some(true);
-            filter.foreteller.as_mut().map(|foreteller| (foreteller, mirrored))
+            filter.predictor.as_mut().map(|predictor| (predictor, mirrored))
         })
     }
 
@@ -65,55 +65,55 @@ impl Past {
 /// begins again.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PastState {
-    start_s: Bits,
+    start_s: NumberBits,
     /// Of the drive's sine: offset, amplitude, frequency, phase and residual.
-    drive: Option<[Bits; 5]>,
+    drive: Option<[NumberBits; 5]>,
     /// The same of other inputs.
     #[serde(default)]
-    further_drives: Vec<Option<[Bits; 5]>>,
+    further_drives: Vec<Option<[NumberBits; 5]>>,
     #[serde(default)]
-    numbers: Vec<Bits>,
+    numbers: Vec<NumberBits>,
     /// The rate of the motion that phases are told by.
     #[serde(default)]
-    motion_rate: Option<Bits>,
+    motion_rate: Option<NumberBits>,
     filters: Vec<FilterState>,
     /// Of the filters beside these that are told what else the device may be.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) varied: Vec<Self>,
     /// What innovations have told of the uncertain device, for each answer by its key.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(crate) learnt: Vec<(String, Vec<Bits>)>,
+    pub(crate) learnt: Vec<(String, Vec<NumberBits>)>,
 }
 
 /// What is written of one filter.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct FilterState {
-    mean: Vec<Bits>,
-    covariance: Vec<Bits>,
+    mean: Vec<NumberBits>,
+    covariance: Vec<NumberBits>,
     #[serde(default)]
-    numbers: Vec<Bits>,
+    numbers: Vec<NumberBits>,
     /// How it took its samples.
     #[serde(default)]
-    watched: Vec<Bits>,
+    watched: Vec<NumberBits>,
     /// Whether each axis of each answer is mirrored.
     mirrored: Vec<Vec<Option<bool>>>,
     /// The times of the zero phases that were told last, in s.
     #[serde(default)]
-    told: [Option<Bits>; 2],
+    told: [Option<NumberBits>; 2],
 }
 
 /// A number by its bits, so that no digit is lost in text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Bits(u64);
+pub struct NumberBits(u64);
 
-impl From<f64> for Bits {
+impl From<f64> for NumberBits {
     fn from(number: f64) -> Self {
         Self(number.to_bits())
     }
 }
 
-impl From<Bits> for f64 {
-    fn from(bits: Bits) -> Self {
+impl From<NumberBits> for f64 {
+    fn from(bits: NumberBits) -> Self {
         Self::from_bits(bits.0)
     }
 }
@@ -121,12 +121,12 @@ impl From<Bits> for f64 {
 impl Past {
     /// What another run needs to go on from here.
     pub fn state(&self) -> PastState {
-        let bits = |values: &[f64]| values.iter().copied().map(Bits::from).collect();
+        let bits = |values: &[f64]| values.iter().copied().map(NumberBits::from).collect();
         let filters = self.filters.iter().map(|filter| {
             let known = filter.left.as_ref();
             let (mean, covariance) = known.map_or((&[][..], &[][..]), |known| (&known.mean, &known.lower));
             let mirrored = filter.answers.iter().map(|answer| answer.mirrored.clone()).collect();
-            let told = filter.told_s().map(|told_s| told_s.map(Bits::from));
+            let told = filter.last_predicted_s().map(|told_s| told_s.map(NumberBits::from));
             FilterState {
                 mean: bits(mean),
                 covariance: bits(covariance),
@@ -141,7 +141,7 @@ impl Past {
             drive: written(&self.drive),
             further_drives: self.further_drives.iter().map(written).collect(),
             numbers: bits(&self.numbers),
-            motion_rate: self.motion_rate.map(Bits::from),
+            motion_rate: self.motion_rate.map(NumberBits::from),
             filters: filters.collect(),
             varied: Vec::new(),
             learnt: Vec::new(),
@@ -150,10 +150,12 @@ impl Past {
 
     /// A past that goes on from a state.
     pub fn resumed(state: &PastState) -> Self {
-        let numbers = |bits: &[Bits]| bits.iter().copied().map(f64::from).collect::<Vec<f64>>();
+        let numbers = |bits: &[NumberBits]| bits.iter().copied().map(f64::from).collect::<Vec<f64>>();
         let filters = state.filters.iter().map(|filter| FilterPast {
-            left: (!filter.mean.is_empty())
-                .then(|| Known { mean: numbers(&filter.mean), lower: numbers(&filter.covariance) }),
+            left: (!filter.mean.is_empty()).then(|| MeanAndCovariance {
+                mean: numbers(&filter.mean),
+                lower: numbers(&filter.covariance),
+            }),
             numbers: numbers(&filter.numbers),
             watched: numbers(&filter.watched),
             answers: (filter.mirrored.iter())
@@ -169,18 +171,21 @@ impl Past {
             numbers: numbers(&state.numbers),
             motion_rate: state.motion_rate.map(f64::from),
             filters: filters.collect(),
-            rig: Slot::default(),
+            rig: TypedSlot::default(),
         }
     }
 }
 
 /// What is written of an input: the sine that it followed, if it did.
-fn written(drive: &DrivePast) -> Option<[Bits; 5]> {
+fn written(drive: &DrivePast) -> Option<[NumberBits; 5]> {
     let sine = drive.known()?;
-    Some([sine.offset, sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.residual_rms].map(Bits::from))
+    Some(
+        [sine.offset, sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.residual_rms]
+            .map(NumberBits::from),
+    )
 }
 
-fn read(written: Option<&[Bits; 5]>) -> DrivePast {
+fn read(written: Option<&[NumberBits; 5]>) -> DrivePast {
     DrivePast::resumed(written.map(|numbers| {
         let [offset, amplitude, frequency_hz, phase_rad, residual_rms] = numbers.map(f64::from);
         Sine { offset, amplitude, frequency_hz, phase_rad, residual_rms }
@@ -189,9 +194,9 @@ fn read(written: Option<&[Bits; 5]>) -> DrivePast {
 
 /// Room for something whose type its owner alone knows.
 #[derive(Default)]
-pub struct Slot(Option<Box<dyn Any + Send>>);
+pub struct TypedSlot(Option<Box<dyn Any + Send>>);
 
-impl Slot {
+impl TypedSlot {
     /// Takes it out; `None` where there is nothing of this type.
     pub fn take<T: Any>(&mut self) -> Option<Box<T>> {
         self.0.take()?.downcast().ok()
@@ -207,17 +212,17 @@ impl Slot {
 #[derive(Default)]
 pub struct FilterPast {
     /// The filter on its way.
-    pub(super) run: Option<Box<dyn Run>>,
+    pub(super) run: Option<Box<dyn AnswerRun>>,
     /// What its way keeps.
-    pub course: Slot,
+    pub course: TypedSlot,
     /// What the rig keeps of it in numbers; they are written, so that another run has them too.
     pub numbers: Vec<f64>,
-    /// What foretells zero phases, where they are asked for.
-    pub foreteller: Option<Foreteller>,
+    /// What predicts zero phases, where they are asked for.
+    pub predictor: Option<PhasePredictor>,
     /// The times of the zero phases that another run told last.
     told_s: [Option<f64>; 2],
     /// What the filter knew where it was left.
-    left: Option<Known>,
+    left: Option<MeanAndCovariance>,
     /// How it took its samples there, as numbers.
     watched: Vec<f64>,
     /// What another run of the filter rejected, where this one is to follow it.
@@ -238,14 +243,18 @@ pub struct AnswerPast {
 
 impl FilterPast {
     /// What the filter knew where it was left; `None` at the beginning of a segment.
-    pub fn left(&self) -> Option<&Known> {
+    pub fn left(&self) -> Option<&MeanAndCovariance> {
         self.left.as_ref()
     }
 
     /// How this filter takes its samples, from these on, of which it has the times in s.
-    pub(super) fn watch(&self, filter: &FilterBasics, (time_s, samples): (&[f64], &Samples)) -> Watch {
+    pub(super) fn watch(
+        &self,
+        filter: &FilterBasics,
+        (time_s, samples): (&[f64], &SampleSelection),
+    ) -> SampleGate {
         let start_s = time_s.get(samples.fresh.start).copied().unwrap_or(f64::NAN);
-        let mut watch = Watch::new(filter.taking, start_s, samples.interval_s);
+        let mut watch = SampleGate::new(filter.taking, start_s, samples.interval_s);
         watch.resume(&self.watched);
         watch
     }
@@ -259,15 +268,15 @@ impl FilterPast {
     }
 
     /// Leaves a filter here, to go on later.
-    pub(super) fn leave(&mut self, run: Box<dyn Run>) {
+    pub(super) fn leave(&mut self, run: Box<dyn AnswerRun>) {
         self.left = Some(run.known());
         self.watched = run.watch_numbers();
         self.run = Some(run);
     }
 
     /// The times in s of the zero phases that were told last, rising and falling as the filter has them.
-    pub fn told_s(&self) -> [Option<f64>; 2] {
-        self.foreteller.as_ref().map_or(self.told_s, Foreteller::told_s)
+    pub fn last_predicted_s(&self) -> [Option<f64>; 2] {
+        self.predictor.as_ref().map_or(self.told_s, PhasePredictor::last_predicted_s)
     }
 
     /// Whether the motion of the first axis is mirrored, once that is known.

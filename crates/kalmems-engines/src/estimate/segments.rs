@@ -1,7 +1,7 @@
 //! Segments on the way to an estimate.
 
-use super::{EstimateError, Motion, Part, Past, Trajectory};
-use crate::recording::{Recording, Segment};
+use super::{EstimateError, MotionRate, Past, SegmentPart, Trajectory};
+use crate::recording::{SampledRecording, Segment};
 use crate::signal::Sine;
 use crate::units::Kind;
 use std::ops::Range;
@@ -22,16 +22,16 @@ pub struct SegmentEstimate {
     /// The drive, where it is a steady sine.
     pub drive: Option<Sine>,
     /// How fast the device moves.
-    pub motion: Motion,
+    pub motion: MotionRate,
     /// The axes beside the one that `drive` and `motion` are of.
-    pub other_axes: Vec<Axis>,
+    pub other_axes: Vec<AngleAxis>,
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
     /// In how many parts of its duration it is judged beside the whole; 1 for the whole alone.
     pub parts: u32,
     /// When an angle was passed or an event happened, as the recording itself shows it of these samples or some before them, in the
     /// order in which that became known; none of a device without a threshold or events.
-    pub crossings: Vec<Crossing>,
+    pub crossings: Vec<RecordedPassing>,
     /// Crossings of which the signal tells hardly more than that there may be one, and which are not among those.
     pub crossings_refused: usize,
     /// Whether the signal is the same for the mirrored motion, so that the experiment states its sign.
@@ -44,9 +44,9 @@ pub struct SegmentEstimate {
 
 /// A time at which the recording shows that an angle was passed, or that an event happened.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Crossing {
+pub struct RecordedPassing {
     /// What it was.
-    pub of: Passed,
+    pub of: PassedMark,
     /// When, in s.
     pub time_s: f64,
     /// The standard deviation of that, in s.
@@ -57,7 +57,7 @@ pub struct Crossing {
 
 /// What happened at a time that the recording shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Passed {
+pub enum PassedMark {
     /// An angle in rad was passed.
     Angle(f64),
     /// An event of the device, by its name.
@@ -66,11 +66,11 @@ pub enum Passed {
 
 /// One axis of several.
 #[derive(Clone, Copy, Debug)]
-pub struct Axis {
+pub struct AngleAxis {
     /// The name of its angle among the states.
     pub angle: &'static str,
     /// How fast it moves.
-    pub motion: Motion,
+    pub motion: MotionRate,
     /// Its part of the drive, where that is a steady sine.
     pub drive: Option<Sine>,
 }
@@ -86,7 +86,7 @@ impl SegmentEstimate {
 #[derive(Clone, Debug)]
 pub struct SignalSegment<'a> {
     /// The recording.
-    pub recording: &'a Recording,
+    pub recording: &'a SampledRecording,
     /// The rows that are there.
     pub segment: &'a Segment,
     /// What messages call it: the file, and the segment's label where it has one.
@@ -119,12 +119,12 @@ impl<'a> SignalSegment<'a> {
     /// A segment of less than two samples is refused, and one without a signal where it begins. What the past keeps of
     /// another segment is dropped.
     pub fn of(
-        part: &Part<'a>,
+        part: &SegmentPart<'a>,
         (column, signal_kind): (&'a str, &'static Kind),
         skip_s: f64,
         past: &mut Past,
     ) -> Result<Self, EstimateError> {
-        let Part { recording, segment, ref fresh, begins, ends } = *part;
+        let SegmentPart { recording, segment, ref fresh, begins, ends } = *part;
         let signal = recording.column_of(column, signal_kind)?;
         let place = match segment.label.as_str() {
             "" => recording.source().file.clone(),
@@ -160,9 +160,9 @@ impl<'a> SignalSegment<'a> {
 
 impl SignalSegment<'_> {
     /// Refuses a segment in which one of these columns is clipped, or is another channel, as far as that is known.
-    pub fn require_sound(&self, columns: &[&str]) -> Result<(), EstimateError> {
+    pub fn require_usable_signals(&self, columns: &[&str]) -> Result<(), EstimateError> {
         let (diagnosis, place) = (self.recording.diagnosis(), self.place.as_str());
-        EstimateError::of_unsound(diagnosis, (place, columns), |label| label == self.segment.label)
+        EstimateError::of_unusable_signal(diagnosis, (place, columns), |label| label == self.segment.label)
     }
 
     /// Refuses a segment that does not last this long after the settling time, in s.
@@ -179,7 +179,7 @@ impl SignalSegment<'_> {
     }
 
     /// What the filters say of it, of a device with one axis and no drive.
-    pub fn estimated(&self, motion: Motion, trajectories: Vec<Trajectory>) -> SegmentEstimate {
+    pub fn estimated(&self, motion: MotionRate, trajectories: Vec<Trajectory>) -> SegmentEstimate {
         SegmentEstimate {
             segment: self.segment.part(&self.fresh),
             start_s: self.start_s,

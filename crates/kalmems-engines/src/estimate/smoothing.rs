@@ -1,13 +1,13 @@
 //! A second answer of a filter: what it would have said of each sample, had it known later ones.
 
-use super::engine::Derived;
+use super::engine::DerivedQuantities;
 use super::gate::Decisions;
-use super::linked::Linked;
-use super::{Counts, Course, Failure, Trajectory, TrajectoryKind};
+use super::linked::LinkedFilter;
+use super::{Course, FilterFailure, SampleCounts, Trajectory, TrajectoryKind};
 use crate::progress::Pace;
 use crate::progress::Progress;
-use kalmems_core::smooth::{self, Backward, IntervalError, Smoothed, smooth_interval};
-use kalmems_core::{FilterError, Link};
+use kalmems_core::smooth::{self, Backward, Smoothed, SmoothingError, smooth_interval};
+use kalmems_core::{FilterError, StateTransition};
 use std::ops::Range;
 
 /// The smoothed answer of a filter on its way.
@@ -17,7 +17,7 @@ use std::ops::Range;
 pub(super) enum Smoother<const N: usize> {
     /// Each state given all samples of the segment (fixed interval); in a segment that comes in parts, given those of its own
     /// part and of the next one.
-    Whole(Whole<N>),
+    Whole(PendingPart<N>),
     /// Each state given so many later samples, fewer at the end (fixed lag). It could be had while samples arrive, that
     /// much late.
     Lagged(Lagged<N>),
@@ -26,7 +26,7 @@ pub(super) enum Smoother<const N: usize> {
 /// New samples and what a filter made of them.
 pub(super) struct FilteredPart<'a, const N: usize> {
     /// The filter at the first of them, not yet corrected by it.
-    pub(super) entry: &'a Linked<N>,
+    pub(super) entry: &'a LinkedFilter<N>,
     /// Which of the course's samples they are.
     pub(super) fresh: &'a Range<usize>,
     /// Whether the segment ends with them.
@@ -67,12 +67,12 @@ impl<const N: usize> Smoother<N> {
 }
 
 /// The sample at which it stopped, and why; no reason where it was stopped from outside.
-type Stopped = (usize, Option<FilterError>);
+type SmoothingStop = (usize, Option<FilterError>);
 
 /// Enters a smoothed state.
 fn keep<const N: usize>(
     answer: &mut Trajectory,
-    derived: Option<&Derived>,
+    derived: Option<&DerivedQuantities>,
     k: usize,
     smoothed: &Smoothed<f64, N>,
 ) {
@@ -81,16 +81,16 @@ fn keep<const N: usize>(
 }
 
 /// Where an answer stopped.
-fn failed(answer: &Trajectory, (sample, why): Stopped) -> Option<Failure> {
-    Some(Failure { time_s: answer.time_s.get(sample).copied().unwrap_or(f64::NAN), why: why? })
+fn failed(answer: &Trajectory, (sample, why): SmoothingStop) -> Option<FilterFailure> {
+    Some(FilterFailure { time_s: answer.time_s.get(sample).copied().unwrap_or(f64::NAN), why: why? })
 }
 
 /// The part before the present one, which waits for what comes after it.
-pub(super) struct Whole<const N: usize> {
-    waiting: Option<(Linked<N>, Trajectory)>,
+pub(super) struct PendingPart<const N: usize> {
+    waiting: Option<(LinkedFilter<N>, Trajectory)>,
 }
 
-impl<const N: usize> Whole<N> {
+impl<const N: usize> PendingPart<N> {
     pub(super) fn new() -> Self {
         Self { waiting: None }
     }
@@ -140,11 +140,11 @@ impl<const N: usize> Whole<N> {
 
 /// Every sample of a window given all of it, in memory that grows with the root of their number.
 fn whole<const N: usize>(
-    start: &Linked<N>,
+    start: &LinkedFilter<N>,
     (course, progress): (&mut dyn Course, &dyn Progress),
     window: &Range<usize>,
     mut keep: impl FnMut(usize, &Smoothed<f64, N>),
-) -> Result<(), Stopped> {
+) -> Result<(), SmoothingStop> {
     let block = window.len().isqrt() + 1;
     let mut checkpoints = vec![start.clone(); block];
     let mut steps = vec![Backward::identity(); block];
@@ -152,25 +152,25 @@ fn whole<const N: usize>(
         keep(k, smoothed);
         Ok(())
     };
-    let mut repeated = Repeated::new(course, window.clone(), progress);
+    let mut repeated = SmoothedCourse::new(course, window.clone(), progress);
     smooth_interval(start, &mut repeated, &mut checkpoints, &mut steps, each).map_err(|e| match e {
-        IntervalError::Course { sample, cause } => (sample, cause),
-        IntervalError::Step { sample, cause } => (sample, Some(cause)),
+        SmoothingError::Course { sample, cause } => (sample, cause),
+        SmoothingError::Step { sample, cause } => (sample, Some(cause)),
         // There are block² > n places.
-        IntervalError::Storage { samples, .. } => (samples, Some(FilterError::NonFiniteState)),
+        SmoothingError::Storage { samples, .. } => (samples, Some(FilterError::NonFiniteState)),
     })
 }
 
 /// The filter once more, the backward steps of the last samples, and the answers that these wait for.
 pub(super) struct Lagged<const N: usize> {
-    filter: Option<Linked<N>>,
-    window: Window<N>,
+    filter: Option<LinkedFilter<N>>,
+    window: LagWindow<N>,
     waiting: Option<Trajectory>,
 }
 
 impl<const N: usize> Lagged<N> {
     pub(super) fn new(lag: usize) -> Self {
-        let window = Window { lag, older: Vec::new(), newer: Vec::new(), product: None };
+        let window = LagWindow { lag, older: Vec::new(), newer: Vec::new(), product: None };
         Self { filter: None, window, waiting: None }
     }
 
@@ -213,24 +213,24 @@ impl<const N: usize> Lagged<N> {
         part: &FilteredPart<N>,
         waited: usize,
         answer: &mut Trajectory,
-    ) -> Result<(), Stopped> {
+    ) -> Result<(), SmoothingStop> {
         let derived = course.derived();
         let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| keep(answer, derived.as_ref(), k, smoothed);
         let begun = self.filter.is_some();
         let filter = self.filter.get_or_insert_with(|| part.entry.clone());
         filter.follow(part.decided);
         let n = part.fresh.len();
-        let mut repeated = Repeated::new(course, part.fresh.clone(), progress);
+        let mut repeated = SmoothedCourse::new(course, part.fresh.clone(), progress);
         for k in 0..n {
             let place = waited + k;
             let at = |why| (place, why);
             let by_filter = |why| (place, Some(why));
             if begun || k > 0 {
                 let before = filter.gaussian();
-                let link = smooth::Course::advance(&mut repeated, filter, k).map_err(at)?;
+                let link = smooth::SmoothingCourse::advance(&mut repeated, filter, k).map_err(at)?;
                 self.window.push(Backward::new(&before, &link, &filter.gaussian().mean).map_err(by_filter)?);
             }
-            smooth::Course::correct(&mut repeated, filter, k).map_err(at)?;
+            smooth::SmoothingCourse::correct(&mut repeated, filter, k).map_err(at)?;
             let last = part.ends && k + 1 == n;
             if place >= self.window.lag || last {
                 let now = Smoothed::newest(&filter.gaussian()).map_err(by_filter)?;
@@ -248,7 +248,7 @@ impl<const N: usize> Lagged<N> {
 
 /// The last `lag` backward steps, so divided that a sample costs two products whatever the lag is: steps taken
 /// together are again a step (van Herk, Pattern Recognition Letters 13, 517, 1992, for maxima).
-struct Window<const N: usize> {
+struct LagWindow<const N: usize> {
     lag: usize,
     /// From a step to the end of the older part; the oldest step last.
     older: Vec<Backward<f64, N>>,
@@ -258,7 +258,7 @@ struct Window<const N: usize> {
     product: Option<Backward<f64, N>>,
 }
 
-impl<const N: usize> Window<N> {
+impl<const N: usize> LagWindow<N> {
     fn push(&mut self, step: Backward<f64, N>) {
         self.product = Some(self.product.map_or(step, |product| after(&product, &step)));
         self.newer.push(step);
@@ -312,23 +312,23 @@ fn after<const N: usize>(step: &Backward<f64, N>, later: &Backward<f64, N>) -> B
 }
 
 /// Some samples of a course as the smoothers of the core take them.
-struct Repeated<'a> {
+struct SmoothedCourse<'a> {
     course: &'a mut dyn Course,
     window: Range<usize>,
     progress: &'a dyn Progress,
     pace: Pace,
     /// Steps that were taken.
-    counts: Counts,
+    counts: SampleCounts,
     steps: usize,
 }
 
-impl<'a> Repeated<'a> {
+impl<'a> SmoothedCourse<'a> {
     fn new(course: &'a mut dyn Course, window: Range<usize>, progress: &'a dyn Progress) -> Self {
-        Self { course, window, progress, pace: Pace::default(), counts: Counts::default(), steps: 0 }
+        Self { course, window, progress, pace: Pace::default(), counts: SampleCounts::default(), steps: 0 }
     }
 }
 
-impl<const N: usize> smooth::Course<f64, Linked<N>, N> for Repeated<'_> {
+impl<const N: usize> smooth::SmoothingCourse<f64, LinkedFilter<N>, N> for SmoothedCourse<'_> {
     /// Nothing where the work was stopped from outside.
     type Error = Option<FilterError>;
 
@@ -336,7 +336,11 @@ impl<const N: usize> smooth::Course<f64, Linked<N>, N> for Repeated<'_> {
         self.window.len()
     }
 
-    fn advance(&mut self, filter: &mut Linked<N>, sample: usize) -> Result<Link<f64, N>, Self::Error> {
+    fn advance(
+        &mut self,
+        filter: &mut LinkedFilter<N>,
+        sample: usize,
+    ) -> Result<StateTransition<f64, N>, Self::Error> {
         self.steps += 1;
         let steps = self.steps.saturating_add(self.counts.bridged);
         if self.pace.stops(steps, self.progress, self.window.len() as u64) {
@@ -347,7 +351,7 @@ impl<const N: usize> smooth::Course<f64, Linked<N>, N> for Repeated<'_> {
         filter.link().ok_or(Some(FilterError::NonFiniteState))
     }
 
-    fn correct(&mut self, filter: &mut Linked<N>, sample: usize) -> Result<(), Self::Error> {
+    fn correct(&mut self, filter: &mut LinkedFilter<N>, sample: usize) -> Result<(), Self::Error> {
         let k = self.window.start + sample;
         filter.at(self.course.time_s().get(k).copied().unwrap_or(f64::NAN));
         self.course.correct(filter, k, &mut self.counts)?;

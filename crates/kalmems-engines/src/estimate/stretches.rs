@@ -1,6 +1,6 @@
 //! Stretches of a record, of which not every one has to be estimated.
 
-use super::{EstimateError, Part};
+use super::{EstimateError, SegmentPart};
 use crate::recording::Segment;
 use serde::Serialize;
 
@@ -12,12 +12,12 @@ pub struct StretchSummary {
     /// How many stretches of cut records were not estimated.
     pub left_out: usize,
     /// The first of them.
-    pub first_left_out: Vec<LeftOut>,
+    pub first_left_out: Vec<SkippedStretch>,
 }
 
 /// A stretch that was not estimated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LeftOut {
+pub struct SkippedStretch {
     /// The label of its record.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub label: String,
@@ -49,7 +49,7 @@ pub struct StretchJudge {
     /// What was left out first, and why.
     first: Option<EstimateError>,
     /// The first stretch of a record that could not be estimated, while it is not known whether others follow.
-    pending: Option<(String, LeftOut, EstimateError)>,
+    pending: Option<(String, SkippedStretch, EstimateError)>,
     /// Whether the present stretch is left out.
     leaving_out: bool,
     estimated: bool,
@@ -58,7 +58,7 @@ pub struct StretchJudge {
 impl StretchJudge {
     /// Whether a part belongs to a stretch that is left out; it comes before the estimator is asked. An error is that of a
     /// record in one piece before it.
-    pub fn leaves_out(&mut self, part: &Part) -> Result<bool, EstimateError> {
+    pub fn leaves_out(&mut self, part: &SegmentPart) -> Result<bool, EstimateError> {
         if part.begins {
             self.leaving_out = false;
             self.begin(part.segment)?;
@@ -82,7 +82,7 @@ impl StretchJudge {
     /// Takes what an estimator says of a part: `None` where its stretch is left out.
     pub fn judge<T>(
         &mut self,
-        part: &Part,
+        part: &SegmentPart,
         answer: Result<T, EstimateError>,
     ) -> Result<Option<T>, EstimateError> {
         let error = match answer {
@@ -94,7 +94,7 @@ impl StretchJudge {
             Err(error) => return Err(error),
         };
         let Segment { label, stretch, time, .. } = part.segment;
-        let left_out = LeftOut {
+        let left_out = SkippedStretch {
             label: label.clone(),
             stretch: stretch.number,
             start_s: time.at(part.fresh.start),
@@ -112,7 +112,7 @@ impl StretchJudge {
         Ok(None)
     }
 
-    fn leave_out(&mut self, left_out: LeftOut, error: EstimateError) {
+    fn leave_out(&mut self, left_out: SkippedStretch, error: EstimateError) {
         self.summary.left_out += 1;
         if self.summary.first_left_out.len() < NAMED {
             self.summary.first_left_out.push(left_out);

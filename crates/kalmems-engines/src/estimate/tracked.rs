@@ -1,7 +1,7 @@
 //! Parameters of a device that are states of a filter.
 
 use super::TrackedPrior;
-use crate::config::{ConfigError, Experiment, Fault, Filter, Key, Sign, TrackedState};
+use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, Key, Sign, TrackedState};
 use crate::units::{Kind, kind};
 use kalmems_core::Parameters;
 use kalmems_core::augmentation::{AddedState, Drift};
@@ -10,7 +10,7 @@ use kalmems_core::augmentation::{AddedState, Drift};
 #[derive(Clone, Copy, Debug)]
 pub struct Tracked {
     /// Which.
-    pub parameter: &'static Parameter,
+    pub parameter: &'static DeviceParameter,
     /// Its scale and drift.
     pub added: AddedState<f64>,
     /// Its first standard deviation.
@@ -32,7 +32,7 @@ impl Tracked {
 /// A parameter of the device that can be a state. As one it is the deviation from what the device table says: of a
 /// factor relative to it, of an offset in V.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Parameter {
+pub struct DeviceParameter {
     /// Its name in the experiment file and in trajectories.
     pub name: &'static str,
     /// Its name in the model of the motion, if it is there.
@@ -53,7 +53,7 @@ pub struct Parameter {
     pub written: &'static [(&'static str, i32)],
 }
 
-impl Parameter {
+impl DeviceParameter {
     /// A factor, relative to what the device table says.
     pub const fn factor(name: &'static str) -> Self {
         Self::new(name, (&kind::RATIO, "1", &kind::RATIO_DRIFT))
@@ -121,13 +121,13 @@ impl Parameter {
 pub(super) fn tracked(
     experiment: &Experiment,
     at: &Key,
-    filter: &Filter,
-    (parameters, scales): (&'static [Parameter], &[f64]),
+    filter: &FilterTable,
+    (parameters, scales): (&'static [DeviceParameter], &[f64]),
 ) -> Result<Vec<Tracked>, ConfigError> {
     let at = at.clone().child("states");
     let known = || parameters.iter().map(|parameter| parameter.name);
     if let Some(name) = filter.states.keys().find(|name| known().all(|known| known != name.as_str())) {
-        return Err(experiment.error(at.child(name), Fault::unknown_key(name, known())));
+        return Err(experiment.error(at.child(name), ConfigFault::unknown_key(name, known())));
     }
     let mut all = Vec::new();
     for (parameter, &scale) in parameters.iter().zip(scales) {
@@ -145,7 +145,7 @@ pub(super) fn tracked(
             let why = format!(
                 "the device's {name} is 0, of which no other {name} is a multiple; give the device one above 0"
             );
-            return Err(experiment.error(key, Fault::Value { why }));
+            return Err(experiment.error(key, ConfigFault::Value { why }));
         }
         let added = AddedState { scale, drift: Drift::RandomWalk { density } };
         all.push(Tracked { parameter, added, sd });

@@ -34,7 +34,7 @@ pub struct Trajectory {
     /// every filter, told of them or not; 0 where there are none.
     pub crossings_log_likelihood: f64,
     /// How many updates there were, and what stood in their way.
-    pub counts: Counts,
+    pub counts: SampleCounts,
     /// The samples that the filter's gate rejected, in the order of time: they have no innovation above, corrected nothing, and have in
     /// `log_likelihood` what the most improbable sample has that is taken.
     pub rejected: Vec<Rejection>,
@@ -42,7 +42,7 @@ pub struct Trajectory {
     pub gate_nis: Option<f64>,
     /// When the gate began to accept what is beyond its bound, since too much of it was, and when it ended to.
     pub gate_turns: Vec<GateTurn>,
-    /// The innovations of further signals, where the filter takes several one after the other: each is foretold by the past and the
+    /// The innovations of further signals, where the filter takes several one after the other: each is predicted by the past and the
     /// signals before it.
     pub further: Vec<FurtherSignal>,
     /// How long its errors last, by the filter's own account, part by part of the way; none of what makes no claim.
@@ -61,7 +61,7 @@ pub struct Trajectory {
     /// Whether the answer was mirrored, θ → −θ, to have the sign that the experiment states.
     pub mirrored: bool,
     /// Where the filter stopped, if it did; from there on there are no numbers.
-    pub failure: Option<Failure>,
+    pub failure: Option<FilterFailure>,
     /// How long a step took, prediction, update and recording together; a measurement, not a result.
     pub seconds_per_step: f64,
 }
@@ -136,7 +136,7 @@ pub struct ParameterCorrelation {
 
 /// What happened to the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Counts {
+pub struct SampleCounts {
     /// Samples in the segment.
     pub samples: usize,
     /// Samples that corrected the state.
@@ -164,7 +164,7 @@ pub struct Counts {
     pub crossings_refused: usize,
 }
 
-impl Counts {
+impl SampleCounts {
     /// Adds those of a later part.
     pub fn add(&mut self, later: &Self) {
         self.samples += later.samples;
@@ -187,7 +187,7 @@ fn is_zero(count: &usize) -> bool {
 
 /// Where and why a filter stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Failure {
+pub struct FilterFailure {
     /// The time of the sample, in s.
     pub time_s: f64,
     /// Why.
@@ -196,7 +196,7 @@ pub struct Failure {
 
 /// The mean NIS and where it would lie for a filter that is right.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Consistency {
+pub struct NisConsistency {
     /// The mean of the normalised innovation squared; 1 on average for a scalar signal and a filter that is
     /// right.
     pub mean_nis: f64,
@@ -210,7 +210,7 @@ pub struct Consistency {
     pub log_likelihood: f64,
 }
 
-impl Consistency {
+impl NisConsistency {
     /// From the sums over so many updates; `None` where there is none.
     fn of(sum_nis: f64, updates: usize, log_likelihood: f64) -> Option<Self> {
         let n = updates as f64;
@@ -263,11 +263,11 @@ impl Trajectory {
     /// Says that it is the model alone, which claims nothing.
     pub fn mark_model_alone(&mut self) {
         self.kind = TrajectoryKind::ModelAlone;
-        self.claim_nothing();
+        self.remove_deviations();
     }
 
     /// Takes its standard deviations away: zeros would look like a claim.
-    pub fn claim_nothing(&mut self) {
+    pub fn remove_deviations(&mut self) {
         self.states.iter_mut().for_each(|state| state.sd.clear());
     }
 
@@ -285,12 +285,12 @@ impl Trajectory {
 
     /// The mean NIS over the updates in a range of samples, with its 95 % interval: n·NIS is χ² with n degrees
     /// of freedom if innovations are white and of the stated variance. `None` where there was no update.
-    pub fn consistency(&self, range: Range<usize>) -> Option<Consistency> {
+    pub fn consistency(&self, range: Range<usize>) -> Option<NisConsistency> {
         let nis = self.nis.get(range.clone())?;
         let finite = nis.iter().filter(|v| v.is_finite());
         let (updates, sum) = finite.fold((0_usize, 0.0), |(n, s), v| (n + 1, s + v));
         let log_likelihood = self.log_likelihood.get(range)?.iter().filter(|v| v.is_finite()).sum();
-        Consistency::of(sum, updates, log_likelihood)
+        NisConsistency::of(sum, updates, log_likelihood)
     }
 }
 

@@ -37,19 +37,19 @@ pub trait Sensor {
 }
 
 /// A process of the core with its input as a [`Transition`].
-pub struct Step<'a, P: Process<f64, N>, const N: usize> {
+pub struct ProcessTransition<'a, P: Process<f64, N>, const N: usize> {
     process: &'a P,
     input: &'a P::Input,
 }
 
-impl<'a, P: Process<f64, N>, const N: usize> Step<'a, P, N> {
+impl<'a, P: Process<f64, N>, const N: usize> ProcessTransition<'a, P, N> {
     /// Over one interval, under this input.
     pub fn new(process: &'a P, input: &'a P::Input) -> Self {
         Self { process, input }
     }
 }
 
-impl<P: Process<f64, N>, const N: usize> Transition for Step<'_, P, N> {
+impl<P: Process<f64, N>, const N: usize> Transition for ProcessTransition<'_, P, N> {
     #[inline(never)]
     fn advance(&self, x: &[f64], to: &mut [f64]) {
         to.copy_from_slice(&self.process.step(&sized(x), self.input));
@@ -74,9 +74,9 @@ fn write_noise<const N: usize>(noise: &ProcessNoise<f64, N>, covariance: &mut [f
 }
 
 /// A measurement of the core as a [`Sensor`].
-pub struct Reading<'a, H, const N: usize>(pub &'a H);
+pub struct MeasurementSensor<'a, H, const N: usize>(pub &'a H);
 
-impl<H: Measurement<f64, N, 1>, const N: usize> Sensor for Reading<'_, H, N> {
+impl<H: Measurement<f64, N, 1>, const N: usize> Sensor for MeasurementSensor<'_, H, N> {
     #[inline(never)]
     fn read(&self, x: &[f64]) -> f64 {
         let [y] = self.0.predict(&sized::<N>(x));
@@ -99,13 +99,13 @@ fn sized<const N: usize>(x: &[f64]) -> [f64; N] {
 }
 
 /// A transition as the filters of the core take it.
-pub(super) struct Numbers<'a, const N: usize> {
+pub(super) struct TransitionProcess<'a, const N: usize> {
     transition: &'a dyn Transition,
     noise: ProcessNoise<f64, N>,
     moving: usize,
 }
 
-impl<'a, const N: usize> Numbers<'a, N> {
+impl<'a, const N: usize> TransitionProcess<'a, N> {
     pub(super) fn of(transition: &'a dyn Transition) -> Self {
         let (mut covariance, mut root) = (Mat::<f64, N, N>::zero(), Mat::<f64, N, N>::zero());
         transition.noise(covariance.0.as_flattened_mut(), root.0.as_flattened_mut());
@@ -113,7 +113,7 @@ impl<'a, const N: usize> Numbers<'a, N> {
     }
 }
 
-impl<const N: usize> NumericProcess<f64, N> for Numbers<'_, N> {
+impl<const N: usize> NumericProcess<f64, N> for TransitionProcess<'_, N> {
     type Input = ();
 
     fn moved(&self, x: &[f64; N], (): &()) -> [f64; N] {
@@ -162,9 +162,9 @@ impl<const N: usize> NumericProcess<f64, N> for Numbers<'_, N> {
 }
 
 /// A sensor as the filters of the core take it.
-pub(super) struct Seen<'a>(pub &'a dyn Sensor);
+pub(super) struct SensorMeasurement<'a>(pub &'a dyn Sensor);
 
-impl<const N: usize> NumericMeasurement<f64, N, 1> for Seen<'_> {
+impl<const N: usize> NumericMeasurement<f64, N, 1> for SensorMeasurement<'_> {
     fn expected(&self, x: &[f64; N]) -> [f64; 1] {
         [self.0.read(x)]
     }

@@ -1,6 +1,6 @@
 //! Errors of an angle that oscillates: in the angle, in its phase against the drive, in its amplitude.
 
-use super::{Claim, PartErrors, Reference, ReferenceLag};
+use super::{Claim, PartErrors, ReferenceLag, ReferenceMotion};
 use crate::estimate::{Trajectory, is_the_only_one};
 use crate::progress::Interruption;
 use crate::signal::{
@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 
 /// What is compared: from when on, and how fast the motion goes.
 #[derive(Clone, Copy, Debug)]
-pub struct Extent<'a> {
+pub struct ComparisonExtent<'a> {
     /// The end of the settling time in s; what comes before is not scored.
     pub from_s: f64,
     /// The frequency of the motion in Hz.
@@ -113,8 +113,8 @@ pub struct PhasePoint {
 /// Compares a trajectory with the reference. `None` where not one sample can be compared, and where the work is stopped.
 pub fn evaluate_motion(
     trajectory: &Trajectory,
-    reference: &Reference,
-    extent: Extent,
+    reference: &ReferenceMotion,
+    extent: ComparisonExtent,
     stop: &Interruption,
 ) -> Option<MotionErrors> {
     if trajectory.time_s.is_empty() {
@@ -181,7 +181,11 @@ fn angle_errors(error: &[f64], truth: &[f64], claim: Option<Claim>) -> Option<An
 }
 
 /// The turning points of both, found in the same way: by the rates where the reference has one, else by angles.
-fn extremes(trajectory: &Trajectory, reference: &Reference, extent: Extent) -> (Vec<Extreme>, Vec<Extreme>) {
+fn extremes(
+    trajectory: &Trajectory,
+    reference: &ReferenceMotion,
+    extent: ComparisonExtent,
+) -> (Vec<Extreme>, Vec<Extreme>) {
     let [angle, rate] = reference.states.map(|name| trajectory.state(name));
     let both = angle.zip(rate).map(|(angle, rate)| {
         reference.rate.as_ref().map_or_else(
@@ -231,7 +235,7 @@ fn phase_errors(ours: &[Extreme], theirs: &[Extreme], motion_hz: f64) -> Vec<Pha
 
 /// The mean of the phase from the drive peak before each angle peak, in degrees of the motion's cycle, averaged
 /// on the circle of the drive's cycle.
-fn mean_shift(extremes: &[Extreme], extent: Extent) -> Option<f64> {
+fn mean_shift(extremes: &[Extreme], extent: ComparisonExtent) -> Option<f64> {
     let drive = extent.drive?;
     let (mut c, mut s) = (0.0, 0.0);
     for extreme in extremes.iter().filter(|e| e.time_s >= extent.from_s) {
@@ -288,7 +292,7 @@ fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
 mod tests {
     use super::super::Accuracy;
     use super::*;
-    use crate::estimate::{Counts, Lock, StateSeries, TrajectoryKind};
+    use crate::estimate::{Lock, SampleCounts, StateSeries, TrajectoryKind};
     use crate::units::kind;
     use approx::assert_abs_diff_eq;
 
@@ -330,7 +334,7 @@ mod tests {
             parameters: Vec::new(),
             parameter_correlations: Vec::new(),
             considered: Vec::new(),
-            counts: Counts::default(),
+            counts: SampleCounts::default(),
             lock: Lock::default(),
             mirrored: false,
             failure: None,
@@ -352,10 +356,10 @@ mod tests {
     #[test]
     fn a_known_lag_and_amplitude_are_found() {
         let drive = drive();
-        let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: Some(&drive) };
+        let extent = ComparisonExtent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: Some(&drive) };
         for with_rate in [true, false] {
             let (time_s, angle, rate) = motion(6000, 0.15, 0.0, 0.0);
-            let reference = Reference {
+            let reference = ReferenceMotion {
                 states: ANGLE,
                 time_s,
                 angle,
@@ -385,12 +389,18 @@ mod tests {
 
     #[test]
     fn a_reference_between_the_samples_and_late_is_met_by_a_cubic() {
-        let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: None };
+        let extent = ComparisonExtent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: None };
         let (time_s, angle, rate) = motion(5000, 0.15, 0.0, 0.37e-6);
         let time_s = time_s.iter().map(|t| t + 0.37e-6).collect();
         let errors = evaluate_motion(
             &trajectory(0.15, 0.0),
-            &Reference { states: ANGLE, time_s, angle, rate: Some(rate), accuracy: Accuracy::default() },
+            &ReferenceMotion {
+                states: ANGLE,
+                time_s,
+                angle,
+                rate: Some(rate),
+                accuracy: Accuracy::default(),
+            },
             extent,
             &Interruption::never(),
         )
@@ -403,11 +413,17 @@ mod tests {
 
     #[test]
     fn the_wrong_sign_is_told() {
-        let extent = Extent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: None };
+        let extent = ComparisonExtent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: None };
         let (time_s, angle, rate) = motion(6000, 0.15, 180.0, 0.0);
         let errors = evaluate_motion(
             &trajectory(0.15, 0.0),
-            &Reference { states: ANGLE, time_s, angle, rate: Some(rate), accuracy: Accuracy::default() },
+            &ReferenceMotion {
+                states: ANGLE,
+                time_s,
+                angle,
+                rate: Some(rate),
+                accuracy: Accuracy::default(),
+            },
             extent,
             &Interruption::never(),
         )
@@ -418,12 +434,12 @@ mod tests {
 
     #[test]
     fn nothing_to_compare_is_none() {
-        let extent = Extent { from_s: 1.0, motion_hz: MOTION_HZ, drive: None };
+        let extent = ComparisonExtent { from_s: 1.0, motion_hz: MOTION_HZ, drive: None };
         let (time_s, angle, _) = motion(6000, 0.15, 0.0, 0.0);
         assert!(
             evaluate_motion(
                 &trajectory(0.15, 0.0),
-                &Reference { states: ANGLE, time_s, angle, rate: None, accuracy: Accuracy::default() },
+                &ReferenceMotion { states: ANGLE, time_s, angle, rate: None, accuracy: Accuracy::default() },
                 extent,
                 &Interruption::never(),
             )

@@ -33,18 +33,18 @@ pub struct Claim {
     own: f64,
     /// The shares of the variance that are common to all samples.
     #[serde(skip)]
-    common: Common,
+    common: CommonErrorShares,
     /// How probable so large errors are for a filter that is right.
     #[serde(serialize_with = "super::three_digits")]
     pub p_value: f64,
     /// What of them an offset, a factor and a delay explain.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub explained: Option<Explained>,
+    pub explained: Option<ErrorDecomposition>,
 }
 
 /// How an estimate differs from its reference: e = bias + scale·x + delay·ẋ.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Explained {
+pub struct ErrorDecomposition {
     /// By how much the estimate is larger everywhere, in SI.
     pub bias: f64,
     /// By which part it is large.
@@ -57,14 +57,14 @@ pub struct Explained {
 
 /// Shares of a variance that are common to all samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Common {
+struct CommonErrorShares {
     /// Their sum.
     all: f64,
     /// The sum of their squares.
     squares: f64,
 }
 
-impl Common {
+impl CommonErrorShares {
     fn of(shares: &[f64]) -> Self {
         Self { all: shares.iter().sum(), squares: shares.iter().map(|share| share * share).sum() }
     }
@@ -97,7 +97,7 @@ impl Claim {
         let most = (count as f64).max(1.0);
         let independent = lasting_s.map_or(most, |lasting_s| ((last - first) / lasting_s).clamp(1.0, most));
         let own = independent;
-        let common = Common::of(&trajectory.common_shares(state, *first, *last));
+        let common = CommonErrorShares::of(&trajectory.common_shares(state, *first, *last));
         let independent = common.worth(own).max(1.0);
         let late_s = accuracy.likely_delay_s((series, truth), independent / most, &variance, stop);
         let (mut samples, mut within, mut sum) = (0_usize, 0_usize, 0.0);
@@ -115,7 +115,7 @@ impl Claim {
             }
         }
         let n = samples as f64;
-        let explained = Explained::of(series, truth, stop);
+        let explained = ErrorDecomposition::of(series, truth, stop);
         let (within, mean_square) = (within as f64 / n, sum / n);
         (samples > 0).then(|| {
             let p_value = f64::NAN;
@@ -138,7 +138,7 @@ impl Claim {
         let (own, others) = (self.samples as f64, later.samples as f64);
         let mean = |a: f64, b: f64| (a * own + b * others) / (own + others);
         // What is common to all samples is common to both parts.
-        let common = Common {
+        let common = CommonErrorShares {
             all: mean(self.common.all, later.common.all),
             squares: mean(self.common.squares, later.common.squares),
         };
@@ -202,7 +202,7 @@ fn rate(series: &ErrorSeries, truth: &[f64], k: usize) -> Option<f64> {
     rate.is_finite().then_some(rate)
 }
 
-impl Explained {
+impl ErrorDecomposition {
     /// The nearest in least squares; `None` of too few errors, and where the reference does not move.
     pub fn of(series: &ErrorSeries, truth: &[f64], stop: &Interruption) -> Option<Self> {
         let places: Vec<f64> = (0..series.error.len()).map(|k| k as f64).collect();

@@ -1,6 +1,6 @@
 //! Whether a reference is late by more than is stated.
 
-use super::Reference;
+use super::ReferenceMotion;
 use crate::estimate::Trajectory;
 use crate::progress::Interruption;
 use serde::Serialize;
@@ -28,7 +28,7 @@ impl ReferenceLag {
     /// follows its signal it is the reference that is blamed.
     pub fn of(
         trajectory: &Trajectory,
-        reference: &Reference,
+        reference: &ReferenceMotion,
         (from_s, motion_hz): (f64, f64),
         stop: &Interruption,
     ) -> Option<Self> {
@@ -38,7 +38,7 @@ impl ReferenceLag {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // at least 1, and small
         let picked: Vec<usize> = (first..reference.time_s.len()).step_by(step as usize).collect();
         let mean_square = |lag_s: f64| {
-            let shifted = Reference {
+            let shifted = ReferenceMotion {
                 states: reference.states,
                 time_s: picked.iter().map(|k| reference.time_s[*k] - lag_s).collect(),
                 angle: Vec::new(),

@@ -20,22 +20,22 @@ mod reference_parts;
 mod rejections;
 mod value;
 
-pub use angle::{AngleErrors, ErrorSeries, Extent, MotionErrors, PhasePoint, evaluate_motion};
+pub use angle::{AngleErrors, ComparisonExtent, ErrorSeries, MotionErrors, PhasePoint, evaluate_motion};
 pub use beam::BeamPosition;
 pub use budget::{DeviceUncertainty, UncertaintyBudget};
 pub use channels::{Instruments, ReferenceChannels};
-pub use claim::{Accuracy, Claim, Explained};
+pub use claim::{Accuracy, Claim, ErrorDecomposition};
 pub use edge::EdgeVelocity;
 pub use grade::Grade;
 pub use innovations::{
-    CycleEvidence, Histogram, InnovationEvidence, InnovationRecord, InnovationTest, Place as TestPlace,
-    SpectrumGroup, TestResult, WRONG, nis,
+    CycleEvidence, InnovationEvidence, InnovationHistogram, InnovationRecord, InnovationTest, SpectrumGroup,
+    TestPlace, TestResult, WRONG, nis,
 };
 pub use judge::{Judgement, SegmentJudge};
 pub use lag::ReferenceLag;
 pub use parameter::{ParameterAnswer, ParameterFault};
 pub use parts::PartErrors;
-pub use reference::{ONE_ANGLE, Reference, ReferenceError, ReferenceRecording};
+pub use reference::{ONE_ANGLE, ReferenceError, ReferenceMotion, ReferenceRecording};
 pub use reference_parts::ReferenceParts;
 pub use rejections::{OpenGate, Outlier, RejectionFault, Rejections};
 pub use value::{ErrorsByState, ValueErrors, ValueReference, ValueState, evaluate_values};

@@ -3,17 +3,17 @@
 use super::{
     Accuracy, BeamPosition, EdgeVelocity, Instruments, ReferenceChannels, ValueReference, ValueState,
 };
-use crate::config::{ConfigError, Experiment, Fault, Key, Sign};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, Sign};
 use crate::estimate::Trajectory;
 use crate::progress::Interruption;
-use crate::recording::{Instant, Layout, ReadError, Recording, Restarts, Segment};
+use crate::recording::{Instant, ReadError, RecordingLayout, Restarts, SampledRecording, Segment};
 use crate::signal::{GAP, hermite, usual_interval};
 use crate::units::{Kind, kind};
 use std::ops::ControlFlow;
 
 /// An angle measured, or known, independently of the signal; a position of a device that moves along a line.
 #[derive(Clone, Debug)]
-pub struct Reference {
+pub struct ReferenceMotion {
     /// The states of an estimate that it is compared with: the angle's name, and the rate's.
     pub states: [&'static str; 2],
     /// When the instrument said so, less its delay, in s.
@@ -29,7 +29,7 @@ pub struct Reference {
 /// The recording of a reference, with the columns that are meant.
 #[derive(Clone, Debug)]
 pub struct ReferenceRecording {
-    recording: Recording,
+    recording: SampledRecording,
     columns: ReferenceColumns,
 }
 
@@ -99,7 +99,7 @@ impl ReferenceRecording {
         let Some(reference) = &described.reference else { return Ok(None) };
         let file = experiment.resolve(reference.file(described));
         Self::read_by(experiment, (index, origin), known, |layout| {
-            Recording::read_with(&file, layout, progress)
+            SampledRecording::read_with(&file, layout, progress)
         })
     }
 
@@ -108,12 +108,12 @@ impl ReferenceRecording {
         experiment: &Experiment,
         (index, origin): (usize, Instant),
         known: &ReferenceChannels,
-        read: impl FnOnce(&Layout) -> Result<Recording, ReadError>,
+        read: impl FnOnce(&RecordingLayout) -> Result<SampledRecording, ReadError>,
     ) -> Result<Option<Self>, ReferenceError> {
         let Some((layout, columns)) = ReferenceColumns::of(experiment, index, known)? else {
             return Ok(None);
         };
-        let layout = Layout { origin: Some(origin), ..layout };
+        let layout = RecordingLayout { origin: Some(origin), ..layout };
         Ok(Some(Self { recording: read(&layout)?, columns }))
     }
 }
@@ -124,7 +124,7 @@ impl ReferenceColumns {
         experiment: &Experiment,
         index: usize,
         known: &ReferenceChannels,
-    ) -> Result<Option<(Layout, Self)>, ReferenceError> {
+    ) -> Result<Option<(RecordingLayout, Self)>, ReferenceError> {
         let described = experiment.recording(index)?;
         let Some(reference) = &described.reference else { return Ok(None) };
         let key = || Key::from("recording").index(index).child("reference").child("channels");
@@ -144,13 +144,13 @@ impl ReferenceColumns {
                 names.split_last().map_or(("", &[][..]), |(last, first)| (last.as_str(), first));
             let names = format!("{} and {last}", first.join(", "));
             let why = format!("`{other}` is not a channel of this reference; known are {names}");
-            return Err(experiment.error(key().child(other), Fault::Value { why }).into());
+            return Err(experiment.error(key().child(other), ConfigFault::Value { why }).into());
         }
         let at = || Key::from("recording").index(index).child("reference").child("sd");
         let all = angles.iter().map(|states| states[0]).chain(values.iter().map(|value| value.name));
         if let Some(name) = reference.sd.keys().find(|name| !all.clone().any(|known| known == name.as_str()))
         {
-            return Err(experiment.error(at().child(name), Fault::unknown_key(name, all)).into());
+            return Err(experiment.error(at().child(name), ConfigFault::unknown_key(name, all)).into());
         }
         let sd = |name: &str, kind: &'static Kind| match reference.sd.get(name) {
             Some(sd) => experiment.value(at().child(name), sd, kind, Sign::NotNegative),
@@ -166,7 +166,7 @@ impl ReferenceColumns {
             let angle = angle.ok_or_else(|| {
                 let name = states[0];
                 let remedy = format!("name its column, such as `{name} = \"{name}_rad\"`");
-                experiment.error(key().child(name), Fault::MissingKey { remedy })
+                experiment.error(key().child(name), ConfigFault::MissingKey { remedy })
             })?;
             Ok(AngleColumns { states, angle, rate, sd: sd(states[0], kinds(states)[0])?, beam })
         });
@@ -183,7 +183,7 @@ impl ReferenceColumns {
             let column = column.ok_or_else(|| {
                 let name = state.name;
                 let remedy = format!("name its column, such as `{name} = \"true_{name}\"`");
-                experiment.error(key().child(name), Fault::MissingKey { remedy })
+                experiment.error(key().child(name), ConfigFault::MissingKey { remedy })
             });
             let of_column =
                 |column| Ok(ValueColumn { state, column, sd: sd(state.name, state.kind)?, edge: of_edge });
@@ -195,7 +195,7 @@ impl ReferenceColumns {
             of_angles.chain(values.iter().map(|value| &value.column)).map(String::as_str).collect();
         let same_rows = reference.is_in_recording() && reference.clock(described) == &described.clock;
         let restarts = same_rows.then_some(Restarts::WHERE_THE_CLOCK_GOES_BACK);
-        let layout = Layout { restarts, ..described.reference_layout(reference, &columns) };
+        let layout = RecordingLayout { restarts, ..described.reference_layout(reference, &columns) };
         Ok(Some((
             layout,
             Self {
@@ -222,23 +222,23 @@ impl ReferenceColumns {
 
 impl ReferenceRecording {
     /// Rows of a reference with these columns.
-    pub(super) const fn new(recording: Recording, columns: ReferenceColumns) -> Self {
+    pub(super) const fn new(recording: SampledRecording, columns: ReferenceColumns) -> Self {
         Self { recording, columns }
     }
 
     /// The recording as read.
-    pub fn recording(&self) -> &Recording {
+    pub fn recording(&self) -> &SampledRecording {
         &self.recording
     }
 
     /// The angles of the segment with this label, the first of several, its delay taken off its times. None where there is no
     /// such segment.
-    pub fn segment(&self, label: &str) -> Result<Vec<Reference>, ReadError> {
+    pub fn segment(&self, label: &str) -> Result<Vec<ReferenceMotion>, ReadError> {
         self.angles(self.recording.segments().iter().find(|segment| segment.label == label))
     }
 
     /// The angles that belong to a segment of the recording.
-    pub fn angles_of(&self, segment: &Segment) -> Result<Vec<Reference>, ReadError> {
+    pub fn angles_of(&self, segment: &Segment) -> Result<Vec<ReferenceMotion>, ReadError> {
         self.angles(self.like(segment))
     }
 
@@ -248,14 +248,14 @@ impl ReferenceRecording {
         self.recording.segments().iter().find(|segment| self.columns.go_together(of, segment))
     }
 
-    fn angles(&self, segment: Option<&Segment>) -> Result<Vec<Reference>, ReadError> {
+    fn angles(&self, segment: Option<&Segment>) -> Result<Vec<ReferenceMotion>, ReadError> {
         let one = |columns: &AngleColumns| {
             let [of_angle, of_rate] = kinds(columns.states);
             let of_angle = if columns.beam.is_some() { &kind::VOLTAGE } else { of_angle };
             let angle = self.recording.column_of(&columns.angle, of_angle)?;
             let rate = columns.rate.as_ref().map(|name| self.recording.column_of(name, of_rate));
             let rate = rate.transpose()?;
-            Ok(segment.map(|segment| Reference {
+            Ok(segment.map(|segment| ReferenceMotion {
                 states: columns.states,
                 time_s: segment.time.to_vec().iter().map(|t| t - self.columns.delay_s).collect(),
                 angle: match columns.beam {
@@ -311,7 +311,7 @@ fn kinds(states: [&str; 2]) -> [&'static Kind; 2] {
     }
 }
 
-impl Reference {
+impl ReferenceMotion {
     /// The estimated angle and its standard deviation at each of the reference's times.
     ///
     /// Where the reference was not sampled with the signal, the estimate between two samples is the cubic
@@ -324,8 +324,8 @@ impl Reference {
         let times = &trajectory.time_s;
         let usual = usual_interval(times);
         let at = |time: f64| match (place(times, usual, time), rate) {
-            (Place::At(k), _) => (angle.mean[k], angle.sd.get(k).copied()),
-            (Place::Before { next, spacing, share }, Some(rate)) => {
+            (TimePlace::At(k), _) => (angle.mean[k], angle.sd.get(k).copied()),
+            (TimePlace::Before { next, spacing, share }, Some(rate)) => {
                 let k = next - 1;
                 let ends = ((angle.mean[k], rate.mean[k]), (angle.mean[next], rate.mean[next]));
                 let mean = hermite(ends.0, ends.1, spacing, share);
@@ -347,7 +347,7 @@ impl Reference {
 }
 
 /// Where a time lies among those of an estimate.
-pub(super) enum Place {
+pub(super) enum TimePlace {
     /// At a sample.
     At(usize),
     /// Before the sample `next`, so many s after the one before it, at this share of the interval between them.
@@ -357,7 +357,7 @@ pub(super) enum Place {
 }
 
 /// Finds a time among `times` of this usual interval.
-pub(super) fn place(times: &[f64], usual: f64, time: f64) -> Place {
+pub(super) fn place(times: &[f64], usual: f64, time: f64) -> TimePlace {
     let next = times.partition_point(|t| *t < time);
     // A time written with another number of digits is the same time.
     let nearest = if next > 0 && (next == times.len() || time - times[next - 1] < times[next] - time) {
@@ -367,13 +367,13 @@ pub(super) fn place(times: &[f64], usual: f64, time: f64) -> Place {
     };
     let same = times.get(nearest).is_some_and(|t| *t == time || (t - time).abs() <= 1e-6 * usual);
     if same {
-        return Place::At(nearest);
+        return TimePlace::At(nearest);
     }
     let before = next.wrapping_sub(1);
     match times.get(next).zip(times.get(before)).map(|(a, b)| a - b) {
         Some(spacing) if spacing <= GAP * usual => {
-            Place::Before { next, spacing, share: (time - times[before]) / spacing }
+            TimePlace::Before { next, spacing, share: (time - times[before]) / spacing }
         }
-        _ => Place::Nowhere,
+        _ => TimePlace::Nowhere,
     }
 }

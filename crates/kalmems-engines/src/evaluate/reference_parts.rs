@@ -3,7 +3,10 @@
 use super::reference::ReferenceColumns;
 use super::{ReferenceChannels, ReferenceError, ReferenceRecording};
 use crate::config::Experiment;
-use crate::recording::{Around, Finding, Instant, Layout, ReadError, Recording, Segment, Source, Stretches};
+use crate::recording::{
+    Finding, Instant, ReadError, RecordingLayout, RecordingSource, SampledRecording, Segment, StretchSize,
+    Stretches,
+};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -17,7 +20,7 @@ pub struct ReferenceParts {
     stretches: Stretches,
     columns: ReferenceColumns,
     /// The rows that are held, of one segment, and whether that has ended.
-    held: Option<(Recording, bool)>,
+    held: Option<(SampledRecording, bool)>,
 }
 
 impl ReferenceParts {
@@ -30,10 +33,10 @@ impl ReferenceParts {
         let Some((layout, columns)) = ReferenceColumns::of(experiment, index, known)? else {
             return Ok(None);
         };
-        let layout = Layout { origin: Some(origin), ..layout };
+        let layout = RecordingLayout { origin: Some(origin), ..layout };
         let described = experiment.recording(index)?;
         let file = described.reference.as_ref().map_or(Path::new(""), |reference| reference.file(described));
-        let rows = Around { rows: ROWS, first: ROWS, before: 0, after: 0 };
+        let rows = StretchSize { rows: ROWS, first: ROWS, before: 0, after: 0 };
         let stretches = Stretches::open(&experiment.resolve(file), &layout, rows)?;
         Ok(Some(Self { stretches, columns, held: None }))
     }
@@ -77,7 +80,7 @@ impl ReferenceParts {
     }
 
     /// The file, and what was found in it as far as it was read.
-    pub fn finish(self) -> (Source, Vec<Finding>) {
+    pub fn finish(self) -> (RecordingSource, Vec<Finding>) {
         self.stretches.finish()
     }
 }

@@ -163,7 +163,7 @@ impl std::fmt::Display for RejectionFault {
 /// What a gate rejected, part by part.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RejectionRecord {
-    motions: Vec<Cycle>,
+    motions: Vec<RejectionCycle>,
     samples: usize,
     count: usize,
     largest: f64,
@@ -176,7 +176,7 @@ pub(super) struct RejectionRecord {
 
 /// When in the cycle of a motion something happens.
 #[derive(Clone, Debug)]
-struct Cycle {
+struct RejectionCycle {
     frequency_hz: f64,
     last_s: f64,
     events: f64,
@@ -184,7 +184,7 @@ struct Cycle {
     sums: [[f64; 2]; HARMONICS],
 }
 
-impl Cycle {
+impl RejectionCycle {
     fn take(&mut self, time_s: f64) {
         let before_s = std::mem::replace(&mut self.last_s, time_s);
         if time_s - before_s < ONE_EVENT / self.frequency_hz {
@@ -209,7 +209,7 @@ impl Cycle {
 impl RejectionRecord {
     /// Of motions with these frequencies in Hz.
     pub(super) fn new(motions_hz: impl IntoIterator<Item = f64>) -> Self {
-        let cycle = |frequency_hz| Cycle {
+        let cycle = |frequency_hz| RejectionCycle {
             frequency_hz,
             last_s: f64::NEG_INFINITY,
             events: 0.0,
@@ -257,7 +257,7 @@ impl RejectionRecord {
     pub(super) fn rejections(&self) -> Rejections {
         let expected = self.samples as f64 * self.by_chance;
         let looks = self.motions.len() as f64;
-        let of_cycle = self.motions.iter().filter_map(Cycle::p_value).reduce(f64::min);
+        let of_cycle = self.motions.iter().filter_map(RejectionCycle::p_value).reduce(f64::min);
         Rejections {
             count: self.count,
             share: self.count as f64 / self.samples.max(1) as f64,

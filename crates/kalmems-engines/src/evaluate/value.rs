@@ -1,6 +1,6 @@
 //! Errors of a quantity that is no angle: an acceleration, a position.
 
-use super::reference::{Place, place};
+use super::reference::{TimePlace, place};
 use super::{Accuracy, Claim, ErrorSeries};
 use crate::estimate::{StateSeries, Trajectory};
 use crate::progress::Interruption;
@@ -98,8 +98,8 @@ fn errors(
     // Between two samples the cubic by the rates, or that through the four samples around where there are none: a straight
     // line would take 3 · 10⁻⁵ off a sine that is sampled 370 times per cycle.
     let mean = |time| match place(times, usual, time) {
-        Place::At(k) => state.mean[k],
-        Place::Before { next, spacing, share } => {
+        TimePlace::At(k) => state.mean[k],
+        TimePlace::Before { next, spacing, share } => {
             let (from, to) = ends(&state.mean, next).unwrap_or((f64::NAN, f64::NAN));
             match rate.and_then(|rate| ends(&rate.mean, next)) {
                 Some(rates) => hermite((from, rates.0), (to, rates.1), spacing, share),
@@ -110,12 +110,12 @@ fn errors(
                 None => f64::NAN,
             }
         }
-        Place::Nowhere => f64::NAN,
+        TimePlace::Nowhere => f64::NAN,
     };
     let deviation = |time| match place(times, usual, time) {
-        Place::At(k) => state.sd.get(k).copied().unwrap_or(f64::NAN),
-        Place::Before { next, .. } => ends(&state.sd, next).map_or(f64::NAN, |(a, b)| a.max(b)),
-        Place::Nowhere => f64::NAN,
+        TimePlace::At(k) => state.sd.get(k).copied().unwrap_or(f64::NAN),
+        TimePlace::Before { next, .. } => ends(&state.sd, next).map_or(f64::NAN, |(a, b)| a.max(b)),
+        TimePlace::Nowhere => f64::NAN,
     };
     let mut series = ErrorSeries::default();
     let mut truth = Vec::new();

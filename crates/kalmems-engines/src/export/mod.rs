@@ -22,7 +22,7 @@ use std::num::NonZeroU32;
 
 /// The language of the source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
+pub enum SourceLanguage {
     /// C99 without any library.
     C,
     /// Rust with `kalmems-core` and `kalmems-models`, without `std`.
@@ -31,9 +31,9 @@ pub enum Target {
 
 /// What is wanted of an experiment.
 #[derive(Clone, Debug)]
-pub struct Request {
+pub struct ExportRequest {
     /// The language.
-    pub target: Target,
+    pub target: SourceLanguage,
     /// The filter's name or key.
     pub filter: String,
     /// The sampling interval in s; that of the experiment's first recording if `None`.
@@ -45,12 +45,12 @@ pub struct Request {
     /// Parameters that the program may change while it runs, of a device of one's own.
     pub adjustable: Vec<String>,
     /// How many digits the source computes with, of a device of one's own.
-    pub digits: Digits,
+    pub digits: SourceDigits,
 }
 
 /// How many digits a source computes with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Digits {
+pub enum SourceDigits {
     /// Numbers of 32 bits, and of 64 where a rehearsal over the recording needs them to come within 10⁻⁵ of the library's filter.
     #[default]
     AsNeeded,
@@ -62,7 +62,7 @@ pub enum Digits {
 
 /// A filter that can be exported.
 #[derive(Clone, Debug)]
-pub enum Filter {
+pub enum ExportableFilter {
     /// That of a shared-electrode scanner.
     Scanner(ScannerFilter),
     /// That of a threshold-sensing scanner.

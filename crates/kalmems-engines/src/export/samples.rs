@@ -1,11 +1,11 @@
 //! Samples of a recording as tables in source code.
 
-use super::Target;
+use super::SourceLanguage;
 use std::fmt::Write as _;
 
 /// Drive and signal, from the first sample on.
 #[derive(Clone, Debug, Default)]
-pub struct Samples {
+pub struct ExportSamples {
     /// The drive in V at each sample.
     pub drive: Vec<f64>,
     /// The drive in V in the middle of the interval that ends at each sample; at the first the drive itself.
@@ -13,21 +13,21 @@ pub struct Samples {
     /// The signal in V at each sample.
     pub signal: Vec<f64>,
     /// What the library's filter makes of them, for a test of the source; `None` where the source has a test of its own.
-    pub expected: Option<Expected>,
+    pub expected: Option<ExpectedAnswer>,
 }
 
 /// The answer of the library's filter.
 #[derive(Clone, Debug)]
-pub struct Expected {
+pub struct ExpectedAnswer {
     /// The angle in rad after each sample.
     pub angle: Vec<f64>,
     /// How the tables are used, in lines of a comment.
     pub use_of_tables: Vec<String>,
 }
 
-impl Samples {
+impl ExportSamples {
     /// A file with the tables, in f32.
-    pub fn to_source(&self, target: Target, heading: &[String]) -> String {
+    pub fn to_source(&self, target: SourceLanguage, heading: &[String]) -> String {
         let mut tables = vec![
             ("DRIVE_V", "The drive in V at each sample.", &self.drive),
             (
@@ -46,29 +46,29 @@ impl Samples {
         }
         let count = self.signal.len();
         let mut text = match target {
-            Target::Rust => "//! Samples of a recording, to try a filter with.\n\n".to_owned(),
-            Target::C => "/*\n".to_owned(),
+            SourceLanguage::Rust => "//! Samples of a recording, to try a filter with.\n\n".to_owned(),
+            SourceLanguage::C => "/*\n".to_owned(),
         };
         for line in heading.iter().chain(self.expected.iter().flat_map(|expected| &expected.use_of_tables)) {
             let _ = match target {
-                Target::Rust => writeln!(text, "// {line}"),
-                Target::C => writeln!(text, " * {}", line.replace("*/", "* /")),
+                SourceLanguage::Rust => writeln!(text, "// {line}"),
+                SourceLanguage::C => writeln!(text, " * {}", line.replace("*/", "* /")),
             };
         }
         text += match target {
-            Target::Rust => "",
-            Target::C => " */\n",
+            SourceLanguage::Rust => "",
+            SourceLanguage::C => " */\n",
         };
         for (name, what, values) in tables {
             let (open, suffix, close) = match target {
-                Target::Rust => (
+                SourceLanguage::Rust => (
                     format!(
                         "\n/// {what}\n#[cfg_attr(target_os = \"none\", unsafe(link_section = \".table\"))]\npub static {name}: [f32; {count}] = [\n"
                     ),
                     "",
                     "];\n",
                 ),
-                Target::C => {
+                SourceLanguage::C => {
                     (format!("\n/* {what} */\nstatic const float {name}[{count}] = {{\n"), "F", "};\n")
                 }
             };

@@ -1,6 +1,6 @@
 //! The filter of a shared-electrode scanner in units of its own.
 
-use super::samples::Samples;
+use super::samples::ExportSamples;
 use super::{fill, number};
 use kalmems_core::update::Decimation;
 use kalmems_core::{Covariance, Ekf, Euler, Filter, Nodes, NoiseDensity, Process, Rk4};
@@ -37,7 +37,7 @@ pub enum Integration {
 }
 
 /// The numbers of a [`ScannerFilter`] in units of θ₀, of the interval T and of the noise's standard deviation σ.
-pub struct Scaled {
+pub struct ScaledScannerFilter {
     /// θ₀ in rad.
     pub angle_unit: f64,
     /// θ₀/T in rad/s.
@@ -66,7 +66,7 @@ pub struct Scaled {
 
 impl ScannerFilter {
     /// For an interval in s.
-    pub fn scaled(&self, interval_s: f64) -> Scaled {
+    pub fn scaled(&self, interval_s: f64) -> ScaledScannerFilter {
         let comb = self.scanner.comb;
         let resonator = self.scanner.resonator;
         let (width, sd) = (comb.angular_width, self.noise_variance.sqrt());
@@ -76,7 +76,7 @@ impl ScannerFilter {
         let step = Rk4::new(self.scanner, interval_s, &density, (&[0.0; 2], &0.0));
         let noise = step.noise().covariance();
         let square = interval_s * interval_s;
-        Scaled {
+        ScaledScannerFilter {
             angle_unit: units[0],
             rate_unit: units[1],
             per_volt: 1.0 / sd,
@@ -96,7 +96,12 @@ impl ScannerFilter {
 impl ScannerFilter {
     /// The angle in rad after each sample by the library's filter, corrected by one sample in `update_every`; not a number where it
     /// refuses a sample.
-    pub(super) fn angles(&self, samples: &Samples, interval_s: f64, update_every: NonZeroU32) -> Vec<f64> {
+    pub(super) fn angles(
+        &self,
+        samples: &ExportSamples,
+        interval_s: f64,
+        update_every: NonZeroU32,
+    ) -> Vec<f64> {
         let density = NoiseDensity::none().on::<1>(self.acceleration_density);
         let runge_kutta = Rk4::new(self.scanner, interval_s, &density, (&[0.0; 2], &0.0));
         let euler = Euler::new(self.scanner, interval_s, *runge_kutta.noise().covariance());
@@ -120,7 +125,7 @@ impl ScannerFilter {
     }
 }
 
-impl Scaled {
+impl ScaledScannerFilter {
     /// The module behind its heading, for Rust.
     pub fn to_rust(&self, integration: Integration, update_every: u32) -> String {
         let (process, make, input, what) = match integration {

@@ -1,9 +1,9 @@
 //! From an experiment to the files of an export.
 
-use super::samples::{Expected, Samples};
-use super::{Digits, ExportError, Filter, Request, Target, c, rust};
-use crate::config::{ConfigError, Experiment, Fault, Update};
-use crate::recording::{Layout, ReadError, Recording};
+use super::samples::{ExpectedAnswer, ExportSamples};
+use super::{ExportError, ExportRequest, ExportableFilter, SourceDigits, SourceLanguage, c, rust};
+use crate::config::{ConfigError, ConfigFault, Experiment, Update};
+use crate::recording::{ReadError, RecordingLayout, SampledRecording};
 use crate::signal::cubic_between;
 use crate::units::kind;
 use kalmems_store::{Output, RUN_FILE};
@@ -27,10 +27,10 @@ pub struct Exported {
 }
 
 /// The place of the filter that is asked for among those of the experiment.
-pub fn place_of_filter(experiment: &Experiment, request: &Request) -> Result<usize, ExportError> {
+pub fn place_of_filter(experiment: &Experiment, request: &ExportRequest) -> Result<usize, ExportError> {
     let filters =
         experiment.estimate.as_ref().map(|estimate| estimate.filters.as_slice()).unwrap_or_default();
-    let wanted = |filter: &crate::config::Filter| {
+    let wanted = |filter: &crate::config::FilterTable| {
         filter.name.to_string() == request.filter || filter.name.key() == request.filter
     };
     let place = filters.iter().position(wanted).ok_or_else(|| {
@@ -51,10 +51,10 @@ pub fn place_of_filter(experiment: &Experiment, request: &Request) -> Result<usi
 /// `columns` are those of drive and signal in the first recording, which `recording` names with how it is read: the
 /// sampling interval and the samples come from there where the request does not say them.
 pub fn export(
-    (experiment, request): (&Experiment, &Request),
-    (filter, name): (&Filter, String),
+    (experiment, request): (&Experiment, &ExportRequest),
+    (filter, name): (&ExportableFilter, String),
     columns: &[String; 2],
-    recording: impl FnOnce() -> Result<Option<(PathBuf, Layout)>, ConfigError>,
+    recording: impl FnOnce() -> Result<Option<(PathBuf, RecordingLayout)>, ConfigError>,
 ) -> Result<Exported, ExportError> {
     let refuse = |why: &str| Err(ExportError::Filter { filter: name.clone(), why: why.to_owned() });
     let (interval_s, mut samples) = sampled(experiment, request, columns, recording)?;
@@ -64,44 +64,44 @@ pub fn export(
             "its parameters are constants of the source; leave `--adjustable` out, or expand the experiment to equations",
         );
     }
-    if request.digits == Digits::Double {
+    if request.digits == SourceDigits::Double {
         return refuse(
             "its source has numbers of 32 bits; leave `--digits` out, or expand the experiment to equations",
         );
     }
     let heading = heading(experiment, request, &name, interval_s);
     let mut files = match (filter, request.target) {
-        (Filter::Scanner(filter), Target::Rust) => {
+        (ExportableFilter::Scanner(filter), SourceLanguage::Rust) => {
             let body = filter.scaled(interval_s).to_rust(filter.integration, every);
             let what = "The filter of a shared-electrode scanner, for a microcontroller.";
             vec![("filter.rs".to_owned(), rust::module(what, &heading, &body))]
         }
-        (Filter::Scanner(filter), Target::C) => {
+        (ExportableFilter::Scanner(filter), SourceLanguage::C) => {
             let scaled = filter.scaled(interval_s);
             let name = c_name(&experiment.name.to_string());
-            samples.expected = Some(Expected {
+            samples.expected = Some(ExpectedAnswer {
                 angle: filter.angles(&samples, interval_s, request.update_every),
                 use_of_tables: c::use_of_samples(&name, filter.integration),
             });
             let files = c::scanner((&scaled, filter.integration), (interval_s, every), &name, &heading);
             c_files(&name, files)
         }
-        (Filter::Threshold(_), _) if every > 1 => {
+        (ExportableFilter::Threshold(_), _) if every > 1 => {
             return refuse("its detector needs every sample; leave `--update-every` out");
         }
-        (Filter::Threshold(filter), Target::Rust) => {
+        (ExportableFilter::Threshold(filter), SourceLanguage::Rust) => {
             let what = "The filter of a threshold-sensing scanner and its detector, for a microcontroller.";
             vec![("filter.rs".to_owned(), rust::module(what, &heading, &filter.scaled(interval_s).to_rust()))]
         }
-        (Filter::Threshold(filter), Target::C) => {
+        (ExportableFilter::Threshold(filter), SourceLanguage::C) => {
             let name = c_name(&experiment.name.to_string());
             c_files(&name, c::threshold(&filter.scaled(interval_s), interval_s, &name, &heading)?)
         }
     };
     if request.samples > 0 {
         let name = match request.target {
-            Target::Rust => "samples.rs",
-            Target::C => "samples.h",
+            SourceLanguage::Rust => "samples.rs",
+            SourceLanguage::C => "samples.h",
         };
         files.push((name.to_owned(), samples.to_source(request.target, &heading)));
     }
@@ -109,7 +109,12 @@ pub fn export(
 }
 
 /// Lines for the head of each file: the experiment with its digest, the filter, and its interval in s.
-pub fn heading(experiment: &Experiment, request: &Request, filter: &str, interval_s: f64) -> Vec<String> {
+pub fn heading(
+    experiment: &Experiment,
+    request: &ExportRequest,
+    filter: &str,
+    interval_s: f64,
+) -> Vec<String> {
     let corrected = match request.update_every.get() {
         1 => "every sample".to_owned(),
         every => format!("one sample in {every}"),
@@ -125,11 +130,11 @@ impl Exported {
     /// The files of a filter at its interval in s.
     pub fn of(
         experiment: &Experiment,
-        request: &Request,
+        request: &ExportRequest,
         (filter, interval_s): (String, f64),
         files: Vec<(String, String)>,
     ) -> Self {
-        let Request { target, samples, update_every, adjustable, digits, .. } = request;
+        let ExportRequest { target, samples, update_every, adjustable, digits, .. } = request;
         let digest = digest(experiment);
         let adjustable = if adjustable.is_empty() {
             String::new()
@@ -137,9 +142,9 @@ impl Exported {
             format!(", {} adjustable", adjustable.join(" "))
         };
         let digits = match digits {
-            Digits::AsNeeded => "",
-            Digits::Single => ", in 32 bits",
-            Digits::Double => ", in 64 bits",
+            SourceDigits::AsNeeded => "",
+            SourceDigits::Single => ", in 32 bits",
+            SourceDigits::Double => ", in 64 bits",
         };
         let input_id = format!(
             "{}: export {} to {target:?}, {filter}, {interval_s:e} s, one in {update_every}, {samples} samples{adjustable}{digits}",
@@ -155,7 +160,7 @@ pub fn write_export(exported: &Exported, output: &Output) -> Result<(), ExportEr
     for (name, content) in &exported.files {
         output.write(name, |w| w.write_all(content.as_bytes()))?;
     }
-    let run = Run {
+    let run = ExportManifest {
         version: env!("CARGO_PKG_VERSION"),
         command: "export",
         input_id: &exported.input_id,
@@ -168,7 +173,7 @@ pub fn write_export(exported: &Exported, output: &Output) -> Result<(), ExportEr
 
 /// What the folder says of itself: nothing that changes from run to run.
 #[derive(Serialize)]
-struct Run<'a> {
+struct ExportManifest<'a> {
     version: &'static str,
     command: &'static str,
     input_id: &'a str,
@@ -179,21 +184,21 @@ struct Run<'a> {
 /// The sampling interval, and the samples that are asked for.
 fn sampled(
     experiment: &Experiment,
-    request: &Request,
+    request: &ExportRequest,
     [drive, signal]: &[String; 2],
-    recording: impl FnOnce() -> Result<Option<(PathBuf, Layout)>, ConfigError>,
-) -> Result<(f64, Samples), ExportError> {
+    recording: impl FnOnce() -> Result<Option<(PathBuf, RecordingLayout)>, ConfigError>,
+) -> Result<(f64, ExportSamples), ExportError> {
     if let Some(interval_s) = request.interval_s {
         if request.samples > 0 {
             return Err(ExportError::SamplesOfAnotherRate);
         }
-        return Ok((interval_s, Samples::default()));
+        return Ok((interval_s, ExportSamples::default()));
     }
     let Some((file, layout)) = recording()? else {
         let why = "there is no recording to take the sampling interval from; give `--rate`".to_owned();
-        return Err(experiment.error("recording", Fault::Value { why }).into());
+        return Err(experiment.error("recording", ConfigFault::Value { why }).into());
     };
-    let recording = Recording::read(&file, &layout)?;
+    let recording = SampledRecording::read(&file, &layout)?;
     let shown = || recording.source().file.clone();
     let segment = recording.segments().first();
     let Some((segment, interval_s)) = segment.and_then(|s| Some((s, s.time.interval_s()?))) else {
@@ -212,7 +217,7 @@ fn sampled(
         0 => drive[0],
         _ => cubic_between(&time_s, |i| drive[i], to, time_s[to - 1].midpoint(time_s[to])),
     };
-    let samples = Samples {
+    let samples = ExportSamples {
         drive: drive[..asked].to_vec(),
         middle: (0..asked).map(middle).collect(),
         signal: signal[..asked].to_vec(),

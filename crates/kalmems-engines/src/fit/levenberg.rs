@@ -5,14 +5,14 @@ use super::{Fit, FitError, Regression};
 
 /// An interval that a parameter may not leave.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
+pub struct ParameterBounds {
     /// Its lower end.
     pub low: f64,
     /// Its upper end.
     pub high: f64,
 }
 
-impl Bounds {
+impl ParameterBounds {
     /// All numbers.
     pub const FREE: Self = Self { low: f64::NEG_INFINITY, high: f64::INFINITY };
 }
@@ -25,7 +25,7 @@ pub struct FitSettings<const P: usize> {
     /// Which parameters are fitted; the others stay where they start.
     pub free: [bool; P],
     /// Where each parameter has to stay.
-    pub bounds: [Bounds; P],
+    pub bounds: [ParameterBounds; P],
     /// The relative change of the sum of squares and of the parameters that counts as none.
     pub tolerance: f64,
     /// The most Jacobians that are computed.
@@ -35,7 +35,13 @@ pub struct FitSettings<const P: usize> {
 impl<const P: usize> FitSettings<P> {
     /// All parameters free and without bounds.
     pub const fn from_start(start: [f64; P]) -> Self {
-        Self { start, free: [true; P], bounds: [Bounds::FREE; P], tolerance: 1e-14, iterations: 1000 }
+        Self {
+            start,
+            free: [true; P],
+            bounds: [ParameterBounds::FREE; P],
+            tolerance: 1e-14,
+            iterations: 1000,
+        }
     }
 }
 
@@ -43,7 +49,7 @@ impl<const P: usize> FitSettings<P> {
 ///
 /// Moré's trust-region form of the Levenberg–Marquardt method (Lecture Notes in Mathematics 630, 105, 1978): each
 /// step solves min |J·d + r| within |D·d| ≤ Δ, where D scales each parameter by the largest length its column of
-/// J has had and Δ follows how well the linear model foretold the last step. A parameter at a bound that its
+/// J has had and Δ follows how well the linear model predicted the last step. A parameter at a bound that its
 /// gradient pushes against is held for the step; a step that would leave the bounds stops at them.
 ///
 /// The minimum that is found is the one that the start leads to.
@@ -87,9 +93,9 @@ pub fn fit<R: Regression<P>, const P: usize>(
             let cost = cost(regression, &next);
             let linear = triangle.square_of(&step);
             let gradient_part: f64 = (0..P).map(|i| gradient[i] * step[i]).sum();
-            let foretold = -(2.0 * gradient_part + linear);
+            let predicted = -(2.0 * gradient_part + linear);
             let gained = at.cost - cost;
-            let ratio = if foretold > 0.0 { gained / foretold } else { 0.0 };
+            let ratio = if predicted > 0.0 { gained / predicted } else { 0.0 };
 
             if ratio <= 0.25 {
                 // Where along the step a parabola through both ends has its minimum.
@@ -110,7 +116,7 @@ pub fn fit<R: Regression<P>, const P: usize>(
                 x = next;
                 at = linearize(regression, &x, settings)?;
             }
-            let still = foretold <= settings.tolerance * at.cost
+            let still = predicted <= settings.tolerance * at.cost
                 && gained.abs() <= settings.tolerance * at.cost
                 && ratio <= 2.0;
             let tiny = delta <= settings.tolerance * size;

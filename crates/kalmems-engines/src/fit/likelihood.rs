@@ -24,7 +24,7 @@ impl Innovations {
 
 /// What innovations say of one parameter to first order.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Score {
+pub struct InnovationScore {
     /// The slope of Σ ln p by the parameter.
     pub gradient: f64,
     /// What they tell of it, Σ ν'ν'/S + S'S'/2S²: the inverse of the variance with which they determine it alone.
@@ -33,8 +33,8 @@ pub struct Score {
 
 impl Innovations {
     /// By the innovations of the same samples with the parameter changed by a step. What is no update in one of both does not count.
-    pub fn score(&self, there: &Self, step: f64) -> Score {
-        let mut score = Score { gradient: 0.0, information: 0.0 };
+    pub fn score(&self, there: &Self, step: f64) -> InnovationScore {
+        let mut score = InnovationScore { gradient: 0.0, information: 0.0 };
         let own = self.value.iter().zip(&self.variance);
         for ((value, variance), (value_there, variance_there)) in
             own.zip(there.value.iter().zip(&there.variance))

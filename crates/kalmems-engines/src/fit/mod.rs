@@ -13,10 +13,10 @@ mod tests;
 mod triangle;
 
 pub use error::FitError;
-pub use levenberg::{Bounds, FitSettings, fit};
-pub use likelihood::{Innovations, MostLikely, Score, most_likely};
-pub use outcome::{Derived, Direction, Fit};
-pub use outliers::{outliers, outliers_beside};
+pub use levenberg::{FitSettings, ParameterBounds, fit};
+pub use likelihood::{InnovationScore, Innovations, MostLikely, most_likely};
+pub use outcome::{DerivedNumber, Fit, ParameterDirection};
+pub use outliers::{outliers, outliers_of_stated};
 pub use profile::profile;
-pub use regression::{ByDual, Law, Regression};
+pub use regression::{ByDual, Regression, ResidualLaw};
 pub use shooting::{Shooting, ShootingError, Unknown};

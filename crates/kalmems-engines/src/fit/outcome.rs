@@ -17,9 +17,9 @@ pub struct Fit<const P: usize> {
     /// Residuals less free parameters.
     pub degrees_of_freedom: usize,
     /// Combinations of parameters that the data say nothing of.
-    pub undetermined: Vec<Direction<P>>,
+    pub undetermined: Vec<ParameterDirection<P>>,
     /// The combination that the data say least of, of those they say something of.
-    pub weakest: Option<Direction<P>>,
+    pub weakest: Option<ParameterDirection<P>>,
     /// Parameters that stand at a bound: their minimum lies beyond it.
     pub at_bound: [bool; P],
     /// Jacobians computed.
@@ -28,7 +28,7 @@ pub struct Fit<const P: usize> {
 
 /// A direction in the space of parameters, each scaled by the length of its column of J.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Direction<const P: usize> {
+pub struct ParameterDirection<const P: usize> {
     /// Its part along each parameter: the squares sum to one.
     pub parts: [f64; P],
     /// Its singular value relative to the largest; 1/this is how much worse it is known than the best direction.
@@ -37,7 +37,7 @@ pub struct Direction<const P: usize> {
 
 /// A number computed from the parameters, with its standard deviation to first order.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Derived {
+pub struct DerivedNumber {
     /// The number.
     pub value: f64,
     /// Its standard deviation.
@@ -55,7 +55,7 @@ impl<const P: usize> Fit<P> {
 
         let norms = at.triangle.column_norms().map(|norm| if norm == 0.0 { 1.0 } else { norm });
         let svd = Svd::of(&Mat::<f64, P, P>::from_fn(|i, j| at.triangle.r[i][j] / norms[j]));
-        let direction = |k: usize| Direction {
+        let direction = |k: usize| ParameterDirection {
             parts: std::array::from_fn(|i| svd.right.0[i][k]),
             relative: svd.values[k] / svd.values[0].max(f64::MIN_POSITIVE),
         };
@@ -94,12 +94,12 @@ impl<const P: usize> Fit<P> {
     }
 
     /// One parameter.
-    pub fn parameter(&self, index: usize) -> Derived {
-        Derived { value: self.parameters[index], deviation: self.covariance.standard_deviation(index) }
+    pub fn parameter(&self, index: usize) -> DerivedNumber {
+        DerivedNumber { value: self.parameters[index], deviation: self.covariance.standard_deviation(index) }
     }
 
     /// A function of the parameters, its standard deviation propagated to first order.
-    pub fn derived(&self, f: impl FnOnce(&[Dual<f64, P>; P]) -> Dual<f64, P>) -> Derived {
+    pub fn derived(&self, f: impl FnOnce(&[Dual<f64, P>; P]) -> Dual<f64, P>) -> DerivedNumber {
         let y = f(&Dual::variables(&self.parameters));
         let gradient = y.gradient();
         let mut variance = 0.0;
@@ -111,7 +111,7 @@ impl<const P: usize> Fit<P> {
                 }
             }
         }
-        Derived {
+        DerivedNumber {
             value: y.value(),
             deviation: if variance.is_nan() { f64::INFINITY } else { variance.sqrt() },
         }

@@ -12,11 +12,11 @@ const MOST: f64 = 0.1;
 /// Which residuals, each over the standard deviation that is stated for it, are outliers: more than 5.33 standard deviations off, by what is
 /// stated or by their median, where that is larger. What is not a number is none. `None` where there are too many of them.
 pub fn outliers(residuals: &[f64]) -> Option<Vec<bool>> {
-    outliers_beside(residuals, 1.0)
+    outliers_of_stated(residuals, 1.0)
 }
 
 /// The same where this standard deviation is stated for all residuals; where none is, 0.
-pub fn outliers_beside(residuals: &[f64], stated: f64) -> Option<Vec<bool>> {
+pub fn outliers_of_stated(residuals: &[f64], stated: f64) -> Option<Vec<bool>> {
     let mut sizes: Vec<f64> = residuals.iter().filter(|r| r.is_finite()).map(|r| r.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     let median = sizes.get(sizes.len() / 2)?;

@@ -34,11 +34,11 @@ pub trait Regression<const P: usize> {
 /// Residuals written once for any number, so that their derivatives follow.
 ///
 /// ```
-/// use kalmems_engines::fit::{ByDual, FitSettings, Law, fit};
+/// use kalmems_engines::fit::{ByDual, FitSettings, ResidualLaw, fit};
 /// use kalmems_core::Over;
 /// /// y = a·exp(−b·t), seen without noise.
 /// struct Decay;
-/// impl Law<2> for Decay {
+/// impl ResidualLaw<2> for Decay {
 ///     fn residuals<S: Over<f64>>(&self, p: &[S; 2], each: &mut impl FnMut(S)) {
 ///         for k in 0..20 {
 ///             let t = 0.1 * f64::from(k);
@@ -50,16 +50,16 @@ pub trait Regression<const P: usize> {
 /// assert!((found.parameters[0] - 3.0).abs() < 1e-10 && (found.parameters[1] - 0.7).abs() < 1e-10);
 /// # Ok::<(), kalmems_engines::fit::FitError>(())
 /// ```
-pub trait Law<const P: usize> {
+pub trait ResidualLaw<const P: usize> {
     /// Every residual at these parameters, in an order that is always the same.
     fn residuals<S: Over<f64>>(&self, parameters: &[S; P], each: &mut impl FnMut(S));
 }
 
-/// A [`Law`] as a [`Regression`], differentiated by dual numbers.
+/// A [`ResidualLaw`] as a [`Regression`], differentiated by dual numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct ByDual<L>(pub L);
 
-impl<L: Law<P>, const P: usize> Regression<P> for ByDual<L> {
+impl<L: ResidualLaw<P>, const P: usize> Regression<P> for ByDual<L> {
     fn residuals(&self, parameters: &[f64; P], each: &mut impl FnMut(f64)) {
         self.0.residuals(parameters, each);
     }

@@ -1,6 +1,6 @@
 //! Parameters of a differential equation from what was recorded of it.
 
-use super::Law;
+use super::ResidualLaw;
 use kalmems_core::augmentation::{ParametricMeasurement, ParametricProcess};
 use kalmems_core::{Over, Parameters};
 
@@ -122,7 +122,7 @@ pub struct Shooting<'a, P, H, F, const N: usize, const M: usize, const K: usize>
     process: P,
     measurement: H,
     start: [f64; N],
-    places: [Place; K],
+    places: [UnknownPlace; K],
     steps: usize,
     input: F,
     samples: &'a [[f64; M]],
@@ -131,13 +131,13 @@ pub struct Shooting<'a, P, H, F, const N: usize, const M: usize, const K: usize>
 
 /// Where an unknown enters: indices of parameters and of a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Place {
+struct UnknownPlace {
     process: Option<usize>,
     measurement: Option<usize>,
     start: Option<usize>,
 }
 
-impl Place {
+impl UnknownPlace {
     fn of<P: Parameters<f64>, H: Parameters<f64>>(
         unknown: &Unknown,
         states: usize,
@@ -191,9 +191,9 @@ where
         if let Some(output) = deviations.iter().position(|d| !(*d > 0.0 && d.is_finite())) {
             return Err(ShootingError::Deviation { output });
         }
-        let mut places = [Place { process: None, measurement: None, start: None }; K];
+        let mut places = [UnknownPlace { process: None, measurement: None, start: None }; K];
         for (second, unknown) in unknowns.iter().enumerate() {
-            let place = Place::of::<P::Model, H>(unknown, N)?;
+            let place = UnknownPlace::of::<P::Model, H>(unknown, N)?;
             if let Some(first) = places[..second].iter().position(|earlier| earlier.meets(&place)) {
                 return Err(ShootingError::Twice { first, second });
             }
@@ -206,9 +206,9 @@ where
     pub fn nominal(&self) -> [f64; K] {
         self.places.map(|place| {
             match place {
-                Place { process: Some(index), .. } => self.process.model().value(index),
-                Place { measurement: Some(index), .. } => self.measurement.value(index),
-                Place { start: Some(state), .. } => Some(self.start[state]),
+                UnknownPlace { process: Some(index), .. } => self.process.model().value(index),
+                UnknownPlace { measurement: Some(index), .. } => self.measurement.value(index),
+                UnknownPlace { start: Some(state), .. } => Some(self.start[state]),
                 _ => None,
             }
             .unwrap_or(f64::NAN)
@@ -219,7 +219,7 @@ where
     ///
     /// For as many samples as are asked for, with the input there.
     pub fn run<S: Over<f64>>(&self, unknowns: &[S; K], count: usize, mut each: impl FnMut(usize, [S; M])) {
-        let unknown_at = |at: &dyn Fn(&Place) -> bool| {
+        let unknown_at = |at: &dyn Fn(&UnknownPlace) -> bool| {
             self.places.iter().position(at).and_then(|index| unknowns.get(index).copied())
         };
         let model = self.process.model().map(|index, nominal| {
@@ -242,7 +242,8 @@ where
     }
 }
 
-impl<P, H, F, const N: usize, const M: usize, const K: usize> Law<K> for Shooting<'_, P, H, F, N, M, K>
+impl<P, H, F, const N: usize, const M: usize, const K: usize> ResidualLaw<K>
+    for Shooting<'_, P, H, F, N, M, K>
 where
     P: ParametricProcess<f64, N>,
     H: ParametricMeasurement<f64, N, M>,

@@ -3,11 +3,11 @@ use approx::assert_relative_eq;
 use kalmems_core::{Over, Scalar};
 
 /// y = a·e^{−b·t} + c, where a product a·d stands for a if asked.
-struct Decay {
+struct ExponentialDecay {
     y: Vec<f64>,
 }
 
-impl Decay {
+impl ExponentialDecay {
     fn new(noise: f64) -> Self {
         // A fixed wave instead of random numbers: what matters is that it is no decay.
         let y = (0..60)
@@ -20,7 +20,7 @@ impl Decay {
     }
 }
 
-impl Law<3> for Decay {
+impl ResidualLaw<3> for ExponentialDecay {
     fn residuals<S: Over<f64>>(&self, p: &[S; 3], each: &mut impl FnMut(S)) {
         for (k, y) in self.y.iter().enumerate() {
             each(p[0] * (-(p[1] * (0.1 * k as f64))).exp() + p[2] - *y);
@@ -29,9 +29,9 @@ impl Law<3> for Decay {
 }
 
 /// The same with an amplitude that is a product: one of the two cannot be known.
-struct Product(Decay);
+struct Product(ExponentialDecay);
 
-impl Law<4> for Product {
+impl ResidualLaw<4> for Product {
     fn residuals<S: Over<f64>>(&self, p: &[S; 4], each: &mut impl FnMut(S)) {
         self.0.residuals(&[p[0] * p[3], p[1], p[2]], each);
     }
@@ -42,7 +42,7 @@ const TRUTH: [f64; 3] = [2.0, 0.8, 0.5];
 #[test]
 fn a_held_parameter_stays_and_has_no_deviation() {
     let settings = FitSettings { free: [true, false, true], ..FitSettings::from_start([1.0, 0.8, 0.0]) };
-    let found = fit(&ByDual(Decay::new(0.0)), &settings).unwrap();
+    let found = fit(&ByDual(ExponentialDecay::new(0.0)), &settings).unwrap();
     for (ours, truth) in found.parameters.iter().zip(TRUTH) {
         assert_relative_eq!(*ours, truth, max_relative = 1e-12);
     }
@@ -53,25 +53,25 @@ fn a_held_parameter_stays_and_has_no_deviation() {
 #[test]
 fn a_bound_stops_a_parameter_and_the_others_go_on() {
     let mut settings = FitSettings::from_start([1.0, 0.3, 0.0]);
-    settings.bounds[1] = Bounds { low: 0.0, high: 0.6 };
-    let found = fit(&ByDual(Decay::new(0.0)), &settings).unwrap();
+    settings.bounds[1] = ParameterBounds { low: 0.0, high: 0.6 };
+    let found = fit(&ByDual(ExponentialDecay::new(0.0)), &settings).unwrap();
     assert_eq!(found.parameters[1], 0.6);
     assert_eq!(found.at_bound, [false, true, false]);
     // The best of the rest is that of a fit with the parameter held there.
     let held = FitSettings { free: [true, false, true], ..FitSettings::from_start([1.0, 0.6, 0.0]) };
-    let there = fit(&ByDual(Decay::new(0.0)), &held).unwrap();
+    let there = fit(&ByDual(ExponentialDecay::new(0.0)), &held).unwrap();
     assert_relative_eq!(found.parameters[0], there.parameters[0], max_relative = 1e-9);
     assert_relative_eq!(found.parameters[2], there.parameters[2], max_relative = 1e-9);
     // A bound that does not bind changes nothing.
     settings.bounds[1].high = 2.0;
-    let inside = fit(&ByDual(Decay::new(0.0)), &settings).unwrap();
+    let inside = fit(&ByDual(ExponentialDecay::new(0.0)), &settings).unwrap();
     assert_relative_eq!(inside.parameters[1], 0.8, max_relative = 1e-10);
     assert_eq!(inside.at_bound, [false; 3]);
 }
 
 #[test]
 fn what_is_not_determined_is_named() {
-    let law = ByDual(Product(Decay::new(0.01)));
+    let law = ByDual(Product(ExponentialDecay::new(0.01)));
     let found = fit(&law, &FitSettings::from_start([1.0, 1.0, 0.0, 1.5])).unwrap();
     assert_eq!(found.undetermined.len(), 1);
     // The two columns are proportional: the direction takes one up and the other down by as much.
@@ -82,7 +82,7 @@ fn what_is_not_determined_is_named() {
     assert_eq!(found.parameter(0).deviation, f64::INFINITY);
     assert_eq!(found.parameter(3).deviation, f64::INFINITY);
     // What is determined is known as well as without the double parameter.
-    let plain = fit(&ByDual(Decay::new(0.01)), &FitSettings::from_start([1.0, 1.0, 0.0])).unwrap();
+    let plain = fit(&ByDual(ExponentialDecay::new(0.01)), &FitSettings::from_start([1.0, 1.0, 0.0])).unwrap();
     let ratio = plain.degrees_of_freedom as f64 / found.degrees_of_freedom as f64;
     assert_relative_eq!(
         found.parameter(1).deviation,
@@ -94,7 +94,7 @@ fn what_is_not_determined_is_named() {
 
 #[test]
 fn a_derived_number_carries_the_correlation() {
-    let found = fit(&ByDual(Decay::new(0.05)), &FitSettings::from_start([1.0, 1.0, 0.0])).unwrap();
+    let found = fit(&ByDual(ExponentialDecay::new(0.05)), &FitSettings::from_start([1.0, 1.0, 0.0])).unwrap();
     let sum = found.derived(|p| p[0] + p[2].twice());
     let c = &found.covariance;
     assert_relative_eq!(
@@ -107,7 +107,7 @@ fn a_derived_number_carries_the_correlation() {
 #[test]
 fn a_profile_of_a_linear_parameter_is_its_deviation() {
     // c enters linearly and a does with b held: there the sum of squares is a parabola.
-    let law = ByDual(Decay::new(0.05));
+    let law = ByDual(ExponentialDecay::new(0.05));
     let settings = FitSettings { free: [true, false, true], ..FitSettings::from_start([1.0, 0.8, 0.0]) };
     let found = fit(&law, &settings).unwrap();
     for deviations in [1.0, 2.0] {
@@ -122,7 +122,7 @@ fn a_profile_of_a_linear_parameter_is_its_deviation() {
     let [low, high] = profile(&law, &all, &found, 1, 2.0).unwrap().map(Option::unwrap);
     assert!(high - found.parameters[1] > 1.01 * (found.parameters[1] - low));
     // What the data do not determine has no end.
-    let product = ByDual(Product(Decay::new(0.05)));
+    let product = ByDual(Product(ExponentialDecay::new(0.05)));
     let all = FitSettings::from_start([1.0, 1.0, 0.0, 1.5]);
     let found = fit(&product, &all).unwrap();
     assert_eq!(profile(&product, &all, &found, 3, 1.0).unwrap()[1], None);
@@ -130,17 +130,17 @@ fn a_profile_of_a_linear_parameter_is_its_deviation() {
 
 #[test]
 fn what_cannot_be_fitted_is_refused() {
-    let law = ByDual(Decay { y: vec![1.0, 2.0] });
+    let law = ByDual(ExponentialDecay { y: vec![1.0, 2.0] });
     let from = FitSettings::from_start;
     assert_eq!(fit(&law, &from([1.0; 3])), Err(FitError::TooFew { residuals: 2, parameters: 3 }));
     let mut y = vec![1.0; 10];
     y[4] = f64::NAN;
-    let refused = fit(&ByDual(Decay { y }), &from([1.0; 3])).unwrap_err();
+    let refused = fit(&ByDual(ExponentialDecay { y }), &from([1.0; 3])).unwrap_err();
     assert_eq!(refused, FitError::NotFiniteAtStart { index: 4, start: vec![1.0; 3] });
     let mut settings = from([1.0; 3]);
-    settings.bounds[2] = Bounds { low: 2.0, high: 3.0 };
-    let refused = fit(&ByDual(Decay::new(0.0)), &settings).unwrap_err();
+    settings.bounds[2] = ParameterBounds { low: 2.0, high: 3.0 };
+    let refused = fit(&ByDual(ExponentialDecay::new(0.0)), &settings).unwrap_err();
     assert_eq!(refused, FitError::OutsideBounds { index: 2, start: 1.0, low: 2.0, high: 3.0 });
     let hurried = FitSettings { iterations: 1, ..from([20.0, 5.0, 9.0]) };
-    assert!(matches!(fit(&ByDual(Decay::new(0.0)), &hurried), Err(FitError::NotConverged { .. })));
+    assert!(matches!(fit(&ByDual(ExponentialDecay::new(0.0)), &hurried), Err(FitError::NotConverged { .. })));
 }

@@ -1,7 +1,7 @@
 //! A line through points whose noise may have a memory.
 
 use super::Whiteness;
-use crate::fit::Derived;
+use crate::fit::DerivedNumber;
 use kalmems_core::Portable;
 use kalmems_core::{Covariance, Mat};
 
@@ -25,15 +25,15 @@ pub struct AffineFit {
 
 impl AffineFit {
     /// The slope with its standard deviation.
-    pub fn slope(&self) -> Derived {
-        Derived { value: self.slope, deviation: self.covariance.standard_deviation(0) }
+    pub fn slope(&self) -> DerivedNumber {
+        DerivedNumber { value: self.slope, deviation: self.covariance.standard_deviation(0) }
     }
 
     /// The value of the line at `x` with its standard deviation.
-    pub fn at(&self, x: f64) -> Derived {
+    pub fn at(&self, x: f64) -> DerivedNumber {
         let c = &self.covariance;
         let variance = x * x * c.get(0, 0) + 2.0 * x * c.get(0, 1) + c.get(1, 1);
-        Derived { value: self.slope * x + self.intercept, deviation: variance.sqrt() }
+        DerivedNumber { value: self.slope * x + self.intercept, deviation: variance.sqrt() }
     }
 }
 

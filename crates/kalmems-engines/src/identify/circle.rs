@@ -1,6 +1,6 @@
 //! Circles through points of a plane: resonances in a Nyquist plot.
 
-use crate::fit::{ByDual, Fit, FitError, FitSettings, Law, fit};
+use crate::fit::{ByDual, Fit, FitError, FitSettings, ResidualLaw, fit};
 use kalmems_core::{Covariance, Ldl, Mat, Over};
 
 /// A circle with how well it is known.
@@ -29,7 +29,7 @@ impl Circle {
 pub fn fit_circle(points: &[[f64; 2]]) -> Result<Circle, FitError> {
     let too_few = || FitError::TooFew { residuals: points.len(), parameters: 3 };
     let start = kasa(points).ok_or_else(too_few)?;
-    fit(&ByDual(Distances(points)), &FitSettings::from_start(start)).map(|fit| Circle { fit })
+    fit(&ByDual(CircleDistances(points)), &FitSettings::from_start(start)).map(|fit| Circle { fit })
 }
 
 /// The algebraic circle: x² + y² = 2·a·x + 2·b·y + c in the sense of linear least squares.
@@ -55,9 +55,9 @@ fn kasa(points: &[[f64; 2]]) -> Option<[f64; 3]> {
     (ldl.positive && radius.is_finite()).then_some([x0 + a / 2.0, y0 + b / 2.0, radius])
 }
 
-struct Distances<'a>(&'a [[f64; 2]]);
+struct CircleDistances<'a>(&'a [[f64; 2]]);
 
-impl Law<3> for Distances<'_> {
+impl ResidualLaw<3> for CircleDistances<'_> {
     fn residuals<S: Over<f64>>(&self, p: &[S; 3], each: &mut impl FnMut(S)) {
         for [x, y] in self.0 {
             let (dx, dy) = (S::lift(*x) - p[0], S::lift(*y) - p[1]);

@@ -2,8 +2,8 @@
 
 use super::IdentifyError;
 use crate::config::kinds::KindOf;
-use crate::config::{Experiment, Fault, Key, Quantity, SignOf};
-use crate::fit::Derived;
+use crate::config::{ConfigFault, Experiment, Key, Quantity, SignOf};
+use crate::fit::DerivedNumber;
 
 /// Numbers of the device's table that were identified, and how their errors hang together.
 #[derive(Clone, Debug, Default)]
@@ -19,7 +19,7 @@ impl Entries {
         &mut self,
         experiment: &Experiment,
         (name, place): (&str, &mut Quantity<K, S>),
-        found: Derived,
+        found: DerivedNumber,
         unit: &str,
     ) -> Result<(), IdentifyError> {
         if !found.deviation.is_finite() {
@@ -27,7 +27,7 @@ impl Entries {
         }
         let key = || Key::from("device").child(experiment.device_name()).child(name);
         *place = Quantity::of_uncertain(found.value, found.deviation, unit)
-            .map_err(|why| experiment.error(key(), Fault::Value { why }))?;
+            .map_err(|why| experiment.error(key(), ConfigFault::Value { why }))?;
         if found.deviation > 0.0 && !self.names.iter().any(|own| own == name) {
             self.correlation.iter_mut().for_each(|row| row.push(0.0));
             self.names.push(name.to_owned());
@@ -65,6 +65,6 @@ impl Entries {
 }
 
 /// A number that is put into its place without an error of its own: a variance of noise, or what belongs to another number.
-pub const fn exact(value: f64) -> Derived {
-    Derived { value, deviation: 0.0 }
+pub const fn exact(value: f64) -> DerivedNumber {
+    DerivedNumber { value, deviation: 0.0 }
 }

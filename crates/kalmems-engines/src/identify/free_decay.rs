@@ -1,6 +1,6 @@
 //! A free decay as a damped sine.
 
-use crate::fit::{ByDual, Derived, Fit, FitError, FitSettings, Law, fit};
+use crate::fit::{ByDual, DerivedNumber, Fit, FitError, FitSettings, ResidualLaw, fit};
 use crate::signal::largest_line;
 use kalmems_core::Portable;
 use kalmems_core::{Covariance, Dual, Ldl, Mat, Over, Scalar};
@@ -18,40 +18,40 @@ pub struct FreeDecay {
     pub fit: Fit<5>,
 }
 
-type Number = Dual<f64, 5>;
+type DecayDual = Dual<f64, 5>;
 
 impl FreeDecay {
     /// α in 1/s.
-    pub fn decay_rate(&self) -> Derived {
+    pub fn decay_rate(&self) -> DerivedNumber {
         self.fit.derived(|p| p[3])
     }
 
     /// The frequency that is seen, ω_d/2π in Hz.
-    pub fn damped_frequency_hz(&self) -> Derived {
+    pub fn damped_frequency_hz(&self) -> DerivedNumber {
         self.fit.derived(|p| p[4] * (1.0 / TAU))
     }
 
     /// The natural frequency √(ω_d² + α²)/2π in Hz.
-    pub fn natural_frequency_hz(&self) -> Derived {
+    pub fn natural_frequency_hz(&self) -> DerivedNumber {
         self.fit.derived(|p| Self::natural_rate(p) * (1.0 / TAU))
     }
 
     /// The damping ratio α/ω₀.
-    pub fn damping_ratio(&self) -> Derived {
+    pub fn damping_ratio(&self) -> DerivedNumber {
         self.fit.derived(|p| p[3] / Self::natural_rate(p))
     }
 
     /// The quality factor ω₀/(2α).
-    pub fn quality(&self) -> Derived {
+    pub fn quality(&self) -> DerivedNumber {
         self.fit.derived(|p| Self::natural_rate(p) / p[3].twice())
     }
 
     /// The amplitude at t₀, in the unit of y.
-    pub fn amplitude(&self) -> Derived {
+    pub fn amplitude(&self) -> DerivedNumber {
         self.fit.derived(|p| (p[1].sq() + p[2].sq()).sqrt())
     }
 
-    fn natural_rate(p: &[Number; 5]) -> Number {
+    fn natural_rate(p: &[DecayDual; 5]) -> DecayDual {
         (p[3].sq() + p[4].sq()).sqrt()
     }
 }
@@ -131,7 +131,7 @@ impl DampedSine<'_> {
     }
 }
 
-impl Law<5> for DampedSine<'_> {
+impl ResidualLaw<5> for DampedSine<'_> {
     fn residuals<S: Over<f64>>(&self, p: &[S; 5], each: &mut impl FnMut(S)) {
         for (t, y) in self.time_s.iter().zip(self.y).filter(|(_, y)| y.is_finite()) {
             let t = t - self.start_s;

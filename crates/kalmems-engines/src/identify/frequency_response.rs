@@ -1,6 +1,6 @@
 //! A resonance in a measured frequency response.
 
-use crate::fit::{ByDual, Derived, Fit, FitError, FitSettings, Law, fit};
+use crate::fit::{ByDual, DerivedNumber, Fit, FitError, FitSettings, ResidualLaw, fit};
 use kalmems_core::Portable;
 use kalmems_core::{Over, Scalar};
 use std::f64::consts::TAU;
@@ -37,23 +37,23 @@ pub struct ResonantResponse {
 
 impl ResonantResponse {
     /// g: the static response of the mode.
-    pub fn gain(&self) -> Derived {
+    pub fn gain(&self) -> DerivedNumber {
         self.fit.derived(|p| p[0])
     }
     /// f₀ in Hz.
-    pub fn natural_frequency_hz(&self) -> Derived {
+    pub fn natural_frequency_hz(&self) -> DerivedNumber {
         self.fit.derived(|p| p[1])
     }
     /// ζ.
-    pub fn damping_ratio(&self) -> Derived {
+    pub fn damping_ratio(&self) -> DerivedNumber {
         self.fit.derived(|p| p[2])
     }
     /// Q = 1/(2ζ).
-    pub fn quality(&self) -> Derived {
+    pub fn quality(&self) -> DerivedNumber {
         self.fit.derived(|p| p[2].twice().recip())
     }
     /// τ in s; positive where the output is late.
-    pub fn delay_s(&self) -> Derived {
+    pub fn delay_s(&self) -> DerivedNumber {
         self.fit.derived(|p| p[3])
     }
 }
@@ -70,7 +70,7 @@ pub fn fit_response(points: &[ResponsePoint], model: ResponseModel) -> Result<Re
         free: [true, true, true, true, residual_modes, residual_modes],
         ..FitSettings::from_start(start)
     };
-    fit(&ByDual(Response { points, middle_hz }), &settings).map(|fit| ResonantResponse { fit })
+    fit(&ByDual(ResponseResiduals { points, middle_hz }), &settings).map(|fit| ResonantResponse { fit })
 }
 
 fn start(points: &[ResponsePoint]) -> Option<[f64; 6]> {
@@ -89,12 +89,12 @@ fn start(points: &[ResponsePoint]) -> Option<[f64; 6]> {
     Some([gain * if peak.im > 0.0 { -1.0 } else { 1.0 }, peak.frequency_hz, damping, 0.0, 0.0, 0.0])
 }
 
-struct Response<'a> {
+struct ResponseResiduals<'a> {
     points: &'a [ResponsePoint],
     middle_hz: f64,
 }
 
-impl Law<6> for Response<'_> {
+impl ResidualLaw<6> for ResponseResiduals<'_> {
     fn residuals<S: Over<f64>>(&self, p: &[S; 6], each: &mut impl FnMut(S)) {
         let [gain, natural, damping, delay, compliance, inertia] = *p;
         for point in self.points {

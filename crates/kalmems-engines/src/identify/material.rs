@@ -1,12 +1,12 @@
 //! A recording as an identification takes it.
 
-use super::still::STRETCH;
-use super::{IdentifyError, Still, StillRecord};
-use crate::config::{self, Experiment, Fault, Key, Role};
+use super::rest_noise::STRETCH;
+use super::{IdentifyError, StillNoise, StillRecord};
+use crate::config::{self, ConfigFault, Experiment, Key, RecordingRole};
 use crate::estimate::EstimateError;
-use crate::evaluate::{Reference, ReferenceChannels, ReferenceRecording};
+use crate::evaluate::{ReferenceChannels, ReferenceMotion, ReferenceRecording};
 use crate::progress::Progress;
-use crate::recording::{Around, Finding, Recording, Segment, Source, Stretches};
+use crate::recording::{Finding, RecordingSource, SampledRecording, Segment, StretchSize, Stretches};
 use crate::units::Kind;
 
 /// One channel of one recording with its times, and the reference where there is one.
@@ -15,7 +15,7 @@ pub struct Material {
     /// The recording's name in the experiment, or that of its file.
     pub name: String,
     /// What it was taken for.
-    pub role: Role,
+    pub role: RecordingRole,
     /// When, in s.
     pub time_s: Vec<f64>,
     /// The usual interval in s.
@@ -25,14 +25,18 @@ pub struct Material {
     /// The angle of the reference at the same times; not a number where it has none. Empty without a reference.
     pub angle: Vec<f64>,
     /// The files it comes from.
-    pub sources: Vec<Source>,
+    pub sources: Vec<RecordingSource>,
     /// What was found in the recording that does not keep it from being used.
     pub diagnosis: Vec<Finding>,
 }
 
 /// Refuses a recording one of whose signals is clipped or another channel: what is fitted to it would be wrong and look sure.
-pub fn require_sound(diagnosis: &[Finding], name: &str, columns: &[&str]) -> Result<(), IdentifyError> {
-    EstimateError::of_unsound(diagnosis, (name, columns), |_| true)
+pub fn require_usable_signals(
+    diagnosis: &[Finding],
+    name: &str,
+    columns: &[&str],
+) -> Result<(), IdentifyError> {
+    EstimateError::of_unusable_signal(diagnosis, (name, columns), |_| true)
         .map_err(|why| IdentifyError::Unfit { recording: name.to_owned(), why: without_place(&why, name) })
 }
 
@@ -50,16 +54,16 @@ impl Material {
     /// It must hold one record, sampled evenly: fits by shooting and spectra need that.
     pub fn of_role(
         experiment: &Experiment,
-        role: Role,
+        role: RecordingRole,
         (channel, kind): (&str, &Kind),
         also: &[&str],
         known: &ReferenceChannels,
         progress: &dyn Progress,
     ) -> Result<Option<Self>, IdentifyError> {
-        let Some(chosen) = Chosen::of_role(experiment, role, channel, also)? else { return Ok(None) };
-        let Chosen { index, described, column } = chosen;
+        let Some(chosen) = RoleColumn::of_role(experiment, role, channel, also)? else { return Ok(None) };
+        let RoleColumn { index, described, column } = chosen;
         let mut started = false;
-        let recording = Recording::read_with(
+        let recording = SampledRecording::read_with(
             &experiment.resolve(&described.file),
             &described.layout(&[column]),
             &mut |done, total| {
@@ -88,7 +92,7 @@ impl Material {
         };
         let signal = recording.column_of(column, kind)?.of(segment).to_vec();
         let diagnosis = recording.diagnosis().to_vec();
-        require_sound(&diagnosis, &name, &[column])?;
+        require_usable_signals(&diagnosis, &name, &[column])?;
         Ok(Some(Self { name, role, time_s, interval_s, signal, angle, sources, diagnosis }))
     }
 
@@ -97,14 +101,14 @@ impl Material {
     /// is read. There is no noise where [`StillRecord::finish`] finds none.
     pub fn still_of_role(
         experiment: &Experiment,
-        role: Role,
+        role: RecordingRole,
         (channel, kind): (&str, &Kind),
         also: &[&str],
         progress: &dyn Progress,
-    ) -> Result<Option<(Self, Option<Still>)>, IdentifyError> {
-        let Some(chosen) = Chosen::of_role(experiment, role, channel, also)? else { return Ok(None) };
-        let Chosen { described, column, .. } = chosen;
-        let around = Around { rows: STRETCH, first: STRETCH, before: 0, after: 0 };
+    ) -> Result<Option<(Self, Option<StillNoise>)>, IdentifyError> {
+        let Some(chosen) = RoleColumn::of_role(experiment, role, channel, also)? else { return Ok(None) };
+        let RoleColumn { described, column, .. } = chosen;
+        let around = StretchSize { rows: STRETCH, first: STRETCH, before: 0, after: 0 };
         let path = experiment.resolve(&described.file);
         let mut stretches = Stretches::open(&path, &described.layout(&[column]), around)?;
         let mut started = false;
@@ -150,16 +154,16 @@ impl Material {
 }
 
 /// The recording of a role and its column.
-struct Chosen<'a> {
+struct RoleColumn<'a> {
     index: usize,
     described: &'a config::Recording,
     column: &'a str,
 }
 
-impl<'a> Chosen<'a> {
+impl<'a> RoleColumn<'a> {
     fn of_role(
         experiment: &'a Experiment,
-        role: Role,
+        role: RecordingRole,
         channel: &str,
         also: &[&str],
     ) -> Result<Option<Self>, IdentifyError> {
@@ -172,7 +176,7 @@ impl<'a> Chosen<'a> {
                  the role `test`, or put it into another experiment",
                 key(index)
             );
-            return Err(experiment.error(key(second).child("role"), Fault::Value { why }).into());
+            return Err(experiment.error(key(second).child("role"), ConfigFault::Value { why }).into());
         }
         let described = experiment.recording(index)?;
         let channels = key(index).child("channels");
@@ -180,16 +184,16 @@ impl<'a> Chosen<'a> {
             described.channels.iter().find(|(name, _)| *name != channel && !also.contains(name))
         {
             let why = format!("unknown channel `{found}`; this recording needs `{channel}`");
-            return Err(experiment.error(channels.child(found), Fault::Value { why }).into());
+            return Err(experiment.error(channels.child(found), ConfigFault::Value { why }).into());
         }
         let column = described.channels.column(channel).ok_or_else(|| {
             let remedy = format!("name the column, such as `{channel} = \"{channel}_V\"`");
-            experiment.error(channels.child(channel), Fault::MissingKey { remedy })
+            experiment.error(channels.child(channel), ConfigFault::MissingKey { remedy })
         })?;
         Ok(Some(Self { index, described, column }))
     }
 
-    fn name(&self, source: &Source) -> String {
+    fn name(&self, source: &RecordingSource) -> String {
         self.described.name.as_ref().map_or_else(|| source.file.clone(), ToString::to_string)
     }
 }
@@ -213,7 +217,7 @@ fn angle_at(
     segment: &Segment,
     reference: &ReferenceRecording,
 ) -> Result<Vec<f64>, IdentifyError> {
-    let Some(Reference { time_s: times, angle, .. }) = reference.segment(&segment.label)?.pop() else {
+    let Some(ReferenceMotion { time_s: times, angle, .. }) = reference.segment(&segment.label)?.pop() else {
         return Ok(vec![f64::NAN; time_s.len()]);
     };
     Ok(time_s

@@ -24,7 +24,12 @@ pub struct Identified {
 
 impl Identified {
     /// A parameter whose error is Gaussian.
-    pub fn gaussian(name: &str, found: crate::fit::Derived, unit: &'static str, recording: &str) -> Self {
+    pub fn gaussian(
+        name: &str,
+        found: crate::fit::DerivedNumber,
+        unit: &'static str,
+        recording: &str,
+    ) -> Self {
         let half = TWO_SIDED * found.deviation;
         Self {
             name: name.to_owned(),

@@ -1,31 +1,31 @@
 //! A channel whose values come in stretches.
 
-use super::spectrum::{self, Periodogram, Spectrum};
-use super::statistics::Moments;
-use super::{Channel, SegmentSummary, quantity};
-use crate::recording::{Column, Stretch};
+use super::spectrum::{self, Periodogram, SegmentLines};
+use super::statistics::ValueMoments;
+use super::{InspectedChannel, SegmentSummary, quantity};
+use crate::recording::{RecordingColumn, Stretch};
 
 /// What is known of a channel so far.
 pub(super) struct ChannelDraft {
     column: String,
     unit: String,
     si_unit: String,
-    moments: Moments,
+    moments: ValueMoments,
     /// Whether the present segment is complete so far, and its spectrum where it is longer than a stretch.
     complete: bool,
     present: Periodogram,
     /// Whether there was a uniform segment, and the longest of them that is complete: its rows and its spectrum.
     uniform: bool,
-    longest: Option<(usize, Option<Spectrum>)>,
+    longest: Option<(usize, Option<SegmentLines>)>,
 }
 
 impl ChannelDraft {
-    pub(super) fn new(column: &Column) -> Self {
+    pub(super) fn new(column: &RecordingColumn) -> Self {
         Self {
             column: column.header.column.clone(),
             unit: column.header.unit_text.clone(),
             si_unit: quantity::si_unit(&column.header),
-            moments: Moments::default(),
+            moments: ValueMoments::default(),
             complete: true,
             present: Periodogram::default(),
             uniform: false,
@@ -34,7 +34,7 @@ impl ChannelDraft {
     }
 
     /// Takes the new rows of a stretch; `segment` is the segment up to their end.
-    pub(super) fn take(&mut self, stretch: &Stretch, column: &Column, segment: &SegmentSummary) {
+    pub(super) fn take(&mut self, stretch: &Stretch, column: &RecordingColumn, segment: &SegmentSummary) {
         let values = column.values.get(stretch.fresh.clone()).unwrap_or_default();
         self.moments.add(values);
         if stretch.begins {
@@ -63,14 +63,14 @@ impl ChannelDraft {
         }
     }
 
-    pub(super) fn finish(self) -> Channel {
+    pub(super) fn finish(self) -> InspectedChannel {
         let reason = match &self.longest {
             _ if !self.uniform => Some("no segment has a uniform time"),
             None => Some("values are missing in every uniform segment"),
             Some((_, None)) => Some("the segments are too short"),
             Some((_, Some(_))) => None,
         };
-        Channel {
+        InspectedChannel {
             column: self.column,
             unit: self.unit,
             si_unit: self.si_unit,

@@ -1,7 +1,7 @@
 //! What a channel seems to show, in the words of a laboratory.
 
 use super::quantity::quantity;
-use super::{Channel, Inspection};
+use super::{InspectedChannel, Inspection};
 
 /// What a channel seems to show.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,13 +17,13 @@ pub enum Character {
         /// Its amplitude over the whole segment, in SI.
         amplitude: f64,
         /// What becomes of the swing.
-        course: Course,
+        course: SwingCourse,
     },
 }
 
 /// What becomes of a swing from the beginning of a segment to its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Course {
+pub enum SwingCourse {
     /// It stays as large as it is.
     Steady,
     /// It becomes smaller, to this part of its size.
@@ -41,7 +41,7 @@ const CHANGES: f64 = 1.5;
 
 impl Inspection {
     /// What a channel seems to show, by the longest segment; `None` where it has no values.
-    pub fn character(&self, channel: &Channel) -> Option<Character> {
+    pub fn character(&self, channel: &InspectedChannel) -> Option<Character> {
         let figures = &channel.statistics;
         let (low, high) = (figures.minimum?, figures.maximum?);
         if low.total_cmp(&high).is_eq() {
@@ -50,11 +50,11 @@ impl Inspection {
         let Some(line) = channel.spectrum.as_ref().and_then(|spectrum| spectrum.lines.first()) else {
             return Some(Character::Noise(figures.standard_deviation?));
         };
-        let course = self.course(channel).unwrap_or(Course::Steady);
+        let course = self.course(channel).unwrap_or(SwingCourse::Steady);
         Some(Character::Swing { frequency: line.frequency, amplitude: line.amplitude, course })
     }
 
-    fn course(&self, channel: &Channel) -> Option<Course> {
+    fn course(&self, channel: &InspectedChannel) -> Option<SwingCourse> {
         let rows = self.longest_segment()?.rows;
         let series = self.series(&channel.column, 0..rows, PARTS)?;
         let sizes: Vec<f64> =
@@ -67,9 +67,9 @@ impl Inspection {
         let first = middle(sizes.get(..AT_AN_END)?)?;
         let last = middle(sizes.get(sizes.len().checked_sub(AT_AN_END)?..)?)?;
         Some(match last / first {
-            factor if factor > CHANGES => Course::Grows(factor),
-            factor if factor < 1.0 / CHANGES => Course::Decays(factor),
-            _ => Course::Steady,
+            factor if factor > CHANGES => SwingCourse::Grows(factor),
+            factor if factor < 1.0 / CHANGES => SwingCourse::Decays(factor),
+            _ => SwingCourse::Steady,
         })
     }
 }
@@ -87,9 +87,11 @@ impl Character {
             }
             Self::Swing { frequency, amplitude, course } => {
                 let course = match course {
-                    Course::Steady => "of a steady size".to_owned(),
-                    Course::Decays(factor) => format!("that decays to {:.0} % of its size", 100.0 * factor),
-                    Course::Grows(factor) => format!("that grows to {factor:.1} times its size"),
+                    SwingCourse::Steady => "of a steady size".to_owned(),
+                    SwingCourse::Decays(factor) => {
+                        format!("that decays to {:.0} % of its size", 100.0 * factor)
+                    }
+                    SwingCourse::Grows(factor) => format!("that grows to {factor:.1} times its size"),
                 };
                 let (frequency, amplitude) = (quantity(frequency, frequency_unit), quantity(amplitude, unit));
                 format!("a swing {course}, its strongest line {amplitude} at {frequency}")

@@ -6,10 +6,10 @@
 mod channel;
 mod character;
 mod envelope;
-mod longest;
 mod pipe;
 mod plot;
 mod quantity;
+mod reduced_segment;
 mod spectrum;
 mod statistics;
 mod survey;
@@ -17,20 +17,21 @@ mod survey;
 mod tests;
 mod text;
 
-pub use character::{Character, Course};
+pub use character::{Character, SwingCourse};
 pub use envelope::{Envelope, EnvelopePoint, envelope};
 pub use quantity::{fitting_unit, quantity};
 pub use spectrum::magnitudes as spectrum_magnitudes;
-pub use spectrum::{Line, MOST_LINES, Spectrum, WINDOW};
+pub use spectrum::{MOST_LINES, SegmentLines, SignalLine, WINDOW};
 pub use statistics::Statistics;
 
-use crate::recording::request::{Request, Wanted};
+use crate::recording::request::{ColumnSelection, ReadRequest};
 use crate::recording::{
-    Around, Clock, Finding, Origin, ReadError, Restarts, Severity, Source, Stretch, Stretches,
+    Finding, ReadError, RecordingSource, Restarts, Severity, Stretch, StretchSize, Stretches, TimeOrigin,
+    TimeSource,
 };
 use channel::ChannelDraft;
 use kalmems_formats::Hints;
-use longest::Kept;
+use reduced_segment::ReducedSegment;
 use serde::Serialize;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -39,7 +40,7 @@ use std::path::Path;
 #[derive(Clone, Debug, Serialize)]
 pub struct Inspection {
     /// The file.
-    pub source: Source,
+    pub source: RecordingSource,
     /// The number of rows.
     pub rows: usize,
     /// What was recognised, and why, in sentences.
@@ -51,7 +52,7 @@ pub struct Inspection {
     /// The records.
     pub segments: Vec<SegmentSummary>,
     /// The channels.
-    pub channels: Vec<Channel>,
+    pub channels: Vec<InspectedChannel>,
     /// The window of the spectra.
     pub window: &'static str,
     /// The unit of the frequencies: `Hz`, or `1/sample` where there is no time column.
@@ -60,7 +61,7 @@ pub struct Inspection {
     pub diagnosis: Vec<Finding>,
     /// The longest segment, the first of several, and its interval.
     #[serde(skip)]
-    longest: Option<(usize, Kept, Option<f64>)>,
+    longest: Option<(usize, ReducedSegment, Option<f64>)>,
 }
 
 /// Rows of a stretch where there are few columns, and the numbers that it holds at most: a segment that fits in it is
@@ -93,7 +94,7 @@ pub struct SegmentSummary {
 
 /// A channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Channel {
+pub struct InspectedChannel {
     /// Its name in the file.
     pub column: String,
     /// Its unit in the file; empty where its name ends with none.
@@ -104,14 +105,14 @@ pub struct Channel {
     #[serde(flatten)]
     pub statistics: Statistics,
     /// The main lines of the longest segment that is uniform and without gaps.
-    pub spectrum: Option<Spectrum>,
+    pub spectrum: Option<SegmentLines>,
     /// Why there is no spectrum, where there is none.
     pub no_spectrum: Option<String>,
 }
 
 /// A channel in few points, for a figure: a point spans from its time to the next one's.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Series {
+pub struct ChannelSeries {
     /// The times where the points begin, in seconds, or row numbers where there is no time column.
     pub start: Vec<f64>,
     /// The lowest value of each, in SI.
@@ -146,14 +147,14 @@ pub fn inspect_with(
     let (survey, table) =
         pipe::survey(path, &hints, &mut |done, total| progress(done, total.saturating_mul(2)))?;
     let clock = match &survey.time {
-        Some(name) => Clock::Column(name.clone()),
+        Some(name) => TimeSource::Column(name.clone()),
         // A row is a sample.
-        None => Clock::Rate { rate_hz: 1.0, start_s: 0.0 },
+        None => TimeSource::Rate { rate_hz: 1.0, start_s: 0.0 },
     };
-    let request = Request {
+    let request = ReadRequest {
         clock: &clock,
         segment_column: survey.segment.as_deref(),
-        columns: Wanted::AllBut(&survey.text),
+        columns: ColumnSelection::AllBut(&survey.text),
         declared: &[],
         hints: &hints,
         nominal_rate_hz: None,
@@ -161,14 +162,14 @@ pub fn inspect_with(
         restarts: Some(Restarts::WHERE_THE_CLOCK_GOES_BACK),
     };
     let rows = (NUMBERS / table.description().columns.len().max(1)).clamp(4096, ROWS);
-    let around = Around { rows, first: rows, before: 1, after: 0 };
+    let around = StretchSize { rows, first: rows, before: 1, after: 0 };
     let line = usize::try_from(table.header_line()).unwrap_or(usize::MAX);
     let mut stretches = Stretches::of_table(table, path, &request, around)?;
     // It may be a file that was not meant: what it holds is not shown.
     if !survey.holds_numbers {
         return Err(ReadError::without_numbers(path, line));
     }
-    let mut draft = Draft { timed: survey.time.is_some(), rows, ..Draft::default() };
+    let mut draft = RunningInspection { timed: survey.time.is_some(), rows, ..RunningInspection::default() };
     while let Some(stretch) = stretches.next_of_any(false, &mut |done, total| {
         progress(total.saturating_add(done), total.saturating_mul(2))
     })? {
@@ -183,7 +184,7 @@ pub fn inspect_with(
     let timed = survey.time.is_some();
     let mut recognised = vec![format!("{}.", source.format)];
     recognised.extend(survey.sentences);
-    recognised.extend(source.origin.as_ref().map(Origin::sentence));
+    recognised.extend(source.origin.as_ref().map(TimeOrigin::sentence));
     Ok(Inspection {
         source,
         rows,
@@ -201,17 +202,17 @@ pub fn inspect_with(
 
 /// An inspection that goes on.
 #[derive(Default)]
-struct Draft {
+struct RunningInspection {
     timed: bool,
     /// Rows of a stretch.
     rows: usize,
     segments: Vec<SegmentSummary>,
     channels: Vec<ChannelDraft>,
-    present: Option<Kept>,
-    longest: Option<(usize, Kept, Option<f64>)>,
+    present: Option<ReducedSegment>,
+    longest: Option<(usize, ReducedSegment, Option<f64>)>,
 }
 
-impl Draft {
+impl RunningInspection {
     fn take(&mut self, stretch: &Stretch) {
         let Some(segment) = stretch.recording.segments().first() else { return };
         let time = &segment.time;
@@ -226,7 +227,7 @@ impl Draft {
                 rate_hz: time.interval_s().map(f64::recip).and_then(finite),
                 uniform: true,
             });
-            self.present = Some(Kept::begin(stretch));
+            self.present = Some(ReducedSegment::begin(stretch));
         } else if let Some(present) = &mut self.present {
             present.add(stretch, self.rows);
         }
@@ -268,7 +269,8 @@ impl Inspection {
     /// that they cannot be told apart in a plot of all.
     pub fn close_up(&self) -> Option<Range<usize>> {
         let (_, kept, interval) = self.longest.as_ref()?;
-        let main = |channel: &Channel| channel.spectrum.as_ref()?.lines.first().map(|line| line.frequency);
+        let main =
+            |channel: &InspectedChannel| channel.spectrum.as_ref()?.lines.first().map(|line| line.frequency);
         let slowest = self.channels.iter().filter_map(main).fold(f64::INFINITY, f64::min);
         let interval = if self.time.is_some() { (*interval)? } else { 1.0 };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of rows, saturating
@@ -279,11 +281,11 @@ impl Inspection {
 
     /// A channel over the longest segment, or over its [`close_up`](Self::close_up), in at most `points` points from which no
     /// extreme value is missing. `None` where there is no such channel.
-    pub fn series(&self, column: &str, rows: Range<usize>, points: usize) -> Option<Series> {
+    pub fn series(&self, column: &str, rows: Range<usize>, points: usize) -> Option<ChannelSeries> {
         let (_, kept, _) = self.longest.as_ref()?;
         let start = rows.start;
         let Envelope { points, missing } = self.envelope(column, rows, points)?;
-        Some(Series {
+        Some(ChannelSeries {
             start: points.iter().map(|point| kept.time(start + point.first)).collect(),
             minimum: points.iter().map(|point| point.minimum).collect(),
             maximum: points.iter().map(|point| point.maximum).collect(),

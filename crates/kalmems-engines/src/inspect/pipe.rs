@@ -1,8 +1,8 @@
 //! What is told of a file before it is read, and of a pipe from its beginning.
 
-use super::survey::{Survey, survey as survey_table};
+use super::survey::{ColumnSurvey, survey as survey_table};
 use crate::recording::ReadError;
-use crate::recording::read::Progress;
+use crate::recording::read::ReadProgress;
 use kalmems_formats::{Hints, Table};
 use std::fs::File;
 use std::io::{Cursor, Read};
@@ -15,8 +15,8 @@ const BEGINNING: u64 = 1 << 22;
 pub(super) fn survey(
     path: &Path,
     hints: &Hints,
-    progress: Progress,
-) -> Result<(Survey, Box<dyn Table>), ReadError> {
+    progress: ReadProgress,
+) -> Result<(ColumnSurvey, Box<dyn Table>), ReadError> {
     let failed = |source| ReadError::of_format(path, source);
     let file = |source| ReadError::Io { file: path.display().to_string(), source };
     let open = || kalmems_formats::open(path, hints).map_err(failed);

@@ -1,6 +1,6 @@
 //! Quantities as people read them: five digits, and a prefix before the unit.
 
-use crate::units::{Header, Unit};
+use crate::units::{ColumnHeader, Unit};
 
 /// Units to choose from where a column is not in SI.
 const SI_UNITS: &[&str] = &[
@@ -47,7 +47,7 @@ const PREFIXES: &[(i32, &str)] = &[
 ];
 
 /// The SI unit of a column's values; empty where it has none.
-pub(super) fn si_unit(header: &Header) -> String {
+pub(super) fn si_unit(header: &ColumnHeader) -> String {
     let Some(unit) = header.unit else { return String::new() };
     if header.unit_text == "1" {
         return String::new();
@@ -150,7 +150,7 @@ mod tests {
             ("wavenumber_per_cm", "1/m"),
             ("record", ""),
         ] {
-            assert_eq!(si_unit(&Header::parse(column)), unit, "{column}");
+            assert_eq!(si_unit(&ColumnHeader::parse(column)), unit, "{column}");
         }
     }
 

@@ -38,7 +38,7 @@ const BELOW_STRONGEST: f64 = 1e-4;
 
 /// A line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Line {
+pub struct SignalLine {
     /// Its frequency, in Hz or in cycles per sample.
     pub frequency: f64,
     /// Its amplitude (half of peak to peak), in SI.
@@ -47,7 +47,7 @@ pub struct Line {
 
 /// The lines of a segment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Spectrum {
+pub struct SegmentLines {
     /// The label of the segment.
     pub segment: String,
     /// The distance between two bins: one cycle over the whole segment, or over a stretch of it where it is long.
@@ -55,12 +55,12 @@ pub struct Spectrum {
     /// The median amplitude of all bins, in SI.
     pub floor: f64,
     /// The strongest lines that stand out of the floor, the strongest first.
-    pub lines: Vec<Line>,
+    pub lines: Vec<SignalLine>,
 }
 
 /// The spectrum of evenly spaced numbers, `rate` of them per unit of time; `None` where they are too few or not
 /// finite.
-pub(super) fn spectrum(values: &[f64], rate: f64, segment: &str) -> Option<Spectrum> {
+pub(super) fn spectrum(values: &[f64], rate: f64, segment: &str) -> Option<SegmentLines> {
     of_bins(&magnitudes(values)?.0, values.len(), rate, segment)
 }
 
@@ -86,24 +86,24 @@ impl Periodogram {
         self.stretches += 1;
     }
 
-    pub(super) fn spectrum(&self, rate: f64, segment: &str) -> Option<Spectrum> {
+    pub(super) fn spectrum(&self, rate: f64, segment: &str) -> Option<SegmentLines> {
         let bins: Vec<f64> = self.power.iter().map(|power| (power / self.stretches as f64).sqrt()).collect();
         of_bins(&bins, self.length, rate, segment)
     }
 }
 
-fn of_bins(bins: &[f64], length: usize, rate: f64, segment: &str) -> Option<Spectrum> {
+fn of_bins(bins: &[f64], length: usize, rate: f64, segment: &str) -> Option<SegmentLines> {
     let length = length as f64;
     let floor = median(bins)?;
     let strongest = bins.iter().skip(FIRST_BIN).copied().fold(0.0, f64::max);
     let least = (ABOVE_FLOOR * floor).max(BELOW_STRONGEST * strongest);
     let last = bins.len().saturating_sub(FIRST_BIN);
-    let mut lines: Vec<Line> = (FIRST_BIN..last)
+    let mut lines: Vec<SignalLine> = (FIRST_BIN..last)
         .filter(|bin| is_peak(bins, *bin, least))
         .filter_map(|bin| {
             let [before, here, after] = *bins.get(bin - 1..=bin + 1)? else { return None };
             let offset = offset(before, after);
-            Some(Line {
+            Some(SignalLine {
                 frequency: (bin as f64 + offset) * rate / length,
                 amplitude: 2.0 * here / (length * lobe(offset)),
             })
@@ -111,7 +111,7 @@ fn of_bins(bins: &[f64], length: usize, rate: f64, segment: &str) -> Option<Spec
         .collect();
     lines.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
     lines.truncate(MOST_LINES);
-    Some(Spectrum {
+    Some(SegmentLines {
         segment: segment.to_owned(),
         resolution: rate / length,
         floor: 2.0 * floor / (length * lobe(0.0)),

@@ -21,7 +21,7 @@ pub struct Statistics {
 
 /// The figures of values that come in stretches.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Moments {
+pub(super) struct ValueMoments {
     count: usize,
     missing: usize,
     minimum: Option<f64>,
@@ -31,7 +31,7 @@ pub(super) struct Moments {
     squares: f64,
 }
 
-impl Moments {
+impl ValueMoments {
     fn of(values: &[f64]) -> Self {
         let numbers = || values.iter().copied().filter(|v| v.is_finite());
         let count = numbers().count();
@@ -86,7 +86,7 @@ mod tests {
 
     /// The figures of values in stretches of so many.
     fn figures(values: &[f64], stretch: usize) -> Statistics {
-        let mut moments = Moments::default();
+        let mut moments = ValueMoments::default();
         values.chunks(stretch).for_each(|part| moments.add(part));
         moments.statistics()
     }

@@ -3,11 +3,11 @@
 use crate::recording::ReadError;
 use crate::recording::blocks::Blocks;
 use crate::recording::clock_unit::ClockUnit;
-use crate::recording::label::Label;
-use crate::recording::read::Progress;
-use crate::recording::scale::Scale;
-use crate::units::Header;
-use kalmems_formats::{Block, Column, Evidence, Fault, Table, TimeKind, Wanted};
+use crate::recording::label::SegmentLabel;
+use crate::recording::read::ReadProgress;
+use crate::recording::scale::ColumnScale;
+use crate::units::ColumnHeader;
+use kalmems_formats::{Block, CellFinding, Column, Table, TableEvidence, TimeKind, WantedColumn};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -19,7 +19,7 @@ const MOST_RECORDS: usize = 10_000;
 
 /// What was recognised.
 #[derive(Default)]
-pub(super) struct Survey {
+pub(super) struct ColumnSurvey {
     pub(super) time: Option<String>,
     pub(super) segment: Option<String>,
     /// Columns that are left out: they hold text and do not tell records apart, or have another number of rows.
@@ -30,10 +30,15 @@ pub(super) struct Survey {
 }
 
 /// Reads a table once and keeps nothing but counts.
-pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> Result<Survey, ReadError> {
-    let names: Vec<Header> = table.description().columns.iter().map(|c| Header::parse(&c.name)).collect();
+pub(super) fn survey(
+    table: Box<dyn Table>,
+    path: &Path,
+    progress: ReadProgress,
+) -> Result<ColumnSurvey, ReadError> {
+    let names: Vec<ColumnHeader> =
+        table.description().columns.iter().map(|c| ColumnHeader::parse(&c.name)).collect();
     if names.is_empty() {
-        return Ok(Survey::default());
+        return Ok(ColumnSurvey::default());
     }
     let (columns, evidence) = (&table.description().columns, table.description().evidence);
     let main = main_length(columns);
@@ -48,22 +53,22 @@ pub(super) fn survey(table: Box<dyn Table>, path: &Path, progress: Progress) -> 
         others.map(|(column, name)| (name.column.clone(), columns[column].rows)).collect();
     let wanted = numbers.iter().map(|column| match time {
         Some(Time { column: clock, unit, .. }) if clock == *column => {
-            Wanted::Time { column: *column, unit: unit.unit, origin: None }
+            WantedColumn::Time { column: *column, unit: unit.unit, origin: None }
         }
-        _ => Wanted::Number { column: *column, power: 0 },
+        _ => WantedColumn::Number { column: *column, power: 0 },
     });
-    let mut wanted: Vec<Wanted> = wanted.collect();
-    wanted.extend(texts.iter().map(|column| Wanted::Label { column: *column }));
+    let mut wanted: Vec<WantedColumn> = wanted.collect();
+    wanted.extend(texts.iter().map(|column| WantedColumn::Label { column: *column }));
     let mut blocks = Blocks::start(table, path, &wanted)?;
-    let mut scan = Scan { numbers, texts, ..Scan::new(names, time) };
+    let mut scan = SurveyScan { numbers, texts, ..SurveyScan::new(names, time) };
     while let Some(block) = blocks.next(progress)? {
         scan.take(&block);
         blocks.reuse(block);
         blocks.report(progress)?;
     }
     let holds_numbers =
-        matches!(evidence, Evidence::Format | Evidence::Arrays) || scan.has_numbers_below(evidence);
-    let mut survey = Survey { holds_numbers, ..scan.conclude() };
+        matches!(evidence, TableEvidence::Format | TableEvidence::Arrays) || scan.has_numbers_below(evidence);
+    let mut survey = ColumnSurvey { holds_numbers, ..scan.conclude() };
     for (name, rows) in others {
         let rows = rows.map_or_else(String::new, |rows| format!(" has {rows} rows and"));
         survey
@@ -85,24 +90,24 @@ fn main_length(columns: &[Column]) -> Option<u64> {
 
 /// What is counted of a column.
 #[derive(Default)]
-struct Counts {
+struct ColumnCounts {
     name: String,
     has_unit: bool,
     numbers: usize,
     texts: usize,
     /// Rows without anything that could be a label.
     empty: usize,
-    previous: Option<Label>,
+    previous: Option<SegmentLabel>,
     changes: usize,
     /// Changes where the time goes on, and new starts of the time where nothing changes.
     unmatched: usize,
-    seen: BTreeSet<Label>,
+    seen: BTreeSet<SegmentLabel>,
     returns: bool,
 }
 
 #[derive(Default)]
-struct Scan {
-    columns: Vec<Counts>,
+struct SurveyScan {
+    columns: Vec<ColumnCounts>,
     /// Which columns the numbers of a block are, and which the labels.
     numbers: Vec<usize>,
     texts: Vec<usize>,
@@ -114,13 +119,17 @@ struct Scan {
     restarted: Vec<bool>,
 }
 
-impl Scan {
-    fn new(names: Vec<Header>, time: Option<Time>) -> Self {
+impl SurveyScan {
+    fn new(names: Vec<ColumnHeader>, time: Option<Time>) -> Self {
         Self {
             time,
             columns: names
                 .into_iter()
-                .map(|h| Counts { has_unit: h.unit.is_some(), name: h.column, ..Counts::default() })
+                .map(|h| ColumnCounts {
+                    has_unit: h.unit.is_some(),
+                    name: h.column,
+                    ..ColumnCounts::default()
+                })
                 .collect(),
             previous_time: f64::NEG_INFINITY,
             ..Self::default()
@@ -148,10 +157,10 @@ impl Scan {
         for (index, labels) in self.texts.iter().zip(&block.labels) {
             let Some(column) = self.columns.get_mut(*index) else { continue };
             let mut runs = labels.iter().peekable();
-            let mut label = Label::Text(Vec::new());
+            let mut label = SegmentLabel::Text(Vec::new());
             for (row, restarted) in self.restarted.iter().enumerate() {
                 if let Some((_, text)) = runs.next_if(|(start, _)| *start == row) {
-                    label = Label::Text(text.clone());
+                    label = SegmentLabel::Text(text.clone());
                 }
                 column.texts += 1;
                 column.take(&label, *restarted);
@@ -162,15 +171,16 @@ impl Scan {
 
     /// Whether a text has a column of numbers below a name. A number is no name, but where rows of the text show that a program
     /// has numbered its columns.
-    fn has_numbers_below(&self, evidence: Evidence) -> bool {
-        let is_name = |name: &str| evidence == Evidence::Rows || fast_float2::parse::<f64, _>(name).is_err();
+    fn has_numbers_below(&self, evidence: TableEvidence) -> bool {
+        let is_name =
+            |name: &str| evidence == TableEvidence::Rows || fast_float2::parse::<f64, _>(name).is_err();
         self.columns.iter().any(|column| column.numbers > 0 && !column.is_text() && is_name(&column.name))
     }
 
-    fn conclude(self) -> Survey {
+    fn conclude(self) -> ColumnSurvey {
         let time = self.time.map(|time| time.column);
         let name = |index: usize| self.columns.get(index).map(|column| column.name.clone());
-        let mut survey = Survey { time: time.and_then(name), ..Survey::default() };
+        let mut survey = ColumnSurvey { time: time.and_then(name), ..ColumnSurvey::default() };
         survey.sentences.push(match (&survey.time, self.time) {
             (Some(name), Some(time)) => format!("`{name}` is the time, as {}.", time.reason),
             _ => "No column is the time, as no name begins with `time` and ends with a unit of time: a row is a \
@@ -217,7 +227,8 @@ impl Scan {
                 Some(*index) != time && labelled && !column.returns && column.changes <= MOST_RECORDS
             })
         };
-        let long = |column: &Counts| column.changes.saturating_add(1).saturating_mul(LONG_RUN) <= self.rows;
+        let long =
+            |column: &ColumnCounts| column.changes.saturating_add(1).saturating_mul(LONG_RUN) <= self.rows;
         let matching = |text: bool| {
             candidates()
                 .find(|(_, c)| self.restarts > 0 && c.unmatched == 0 && c.is_text() == text)
@@ -230,35 +241,35 @@ impl Scan {
                 Some((index, "is text that stays the same over long runs of rows"))
             })
             .or_else(|| {
-                let number = |c: &Counts| !c.is_text() && !c.has_unit && c.changes > 0 && long(c);
+                let number = |c: &ColumnCounts| !c.is_text() && !c.has_unit && c.changes > 0 && long(c);
                 let (index, _) = candidates().find(|(_, c)| time.is_none() && number(c))?;
                 Some((index, "has no unit and stays the same over long runs of rows"))
             })
     }
 }
 
-impl Counts {
-    fn take_number(&mut self, number: f64, fault: Option<&Fault>, restarted: bool) {
+impl ColumnCounts {
+    fn take_number(&mut self, number: f64, fault: Option<&CellFinding>, restarted: bool) {
         let label = match fault {
             None => {
                 self.numbers += 1;
-                Label::of_number(number)
+                SegmentLabel::of_number(number)
             }
-            Some(Fault::Text(text)) => {
+            Some(CellFinding::Text(text)) => {
                 self.texts += 1;
-                Label::Text(text.clone().into_bytes())
+                SegmentLabel::Text(text.clone().into_bytes())
             }
-            Some(Fault::Nan(text) | Fault::Infinite(text)) => {
+            Some(CellFinding::Nan(text) | CellFinding::Infinite(text)) => {
                 self.numbers += 1;
-                Label::Text(text.clone().into_bytes())
+                SegmentLabel::Text(text.clone().into_bytes())
             }
-            Some(_) => Label::Text(Vec::new()),
+            Some(_) => SegmentLabel::Text(Vec::new()),
         };
         self.take(&label, restarted);
     }
 
-    fn take(&mut self, label: &Label, restarted: bool) {
-        self.empty += usize::from(matches!(label, Label::Text(text) if text.trim_ascii().is_empty()));
+    fn take(&mut self, label: &SegmentLabel, restarted: bool) {
+        self.empty += usize::from(matches!(label, SegmentLabel::Text(text) if text.trim_ascii().is_empty()));
         let first = self.previous.is_none();
         let other = self.previous.as_ref() != Some(label);
         let changed = !first && other;
@@ -288,11 +299,11 @@ struct Time {
 }
 
 impl Time {
-    fn of(names: &[Header], kind: impl Fn(usize) -> Option<TimeKind>) -> Option<Self> {
+    fn of(names: &[ColumnHeader], kind: impl Fn(usize) -> Option<TimeKind>) -> Option<Self> {
         let clocks = || {
             let all = names.iter().enumerate();
             all.filter_map(|(column, header)| {
-                let scale = Scale::of(header.unit);
+                let scale = ColumnScale::of(header.unit);
                 Some((column, header, ClockUnit::of(header, scale, kind(column))?))
             })
         };

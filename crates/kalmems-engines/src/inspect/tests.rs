@@ -107,7 +107,7 @@ fn a_series_for_a_figure() {
     let inspection = inspected("time_ms,x_mV\n0,1\n1,5\n2,\n3,2\n").unwrap();
     let segment = inspection.longest_segment().unwrap();
     let series = inspection.series("x_mV", 0..segment.rows, 2).unwrap();
-    let expected = Series {
+    let expected = ChannelSeries {
         start: vec![0.0, 0.002],
         minimum: vec![0.001, 0.002],
         maximum: vec![0.005, 0.002],
@@ -131,7 +131,7 @@ fn reference(file: &str) -> Inspection {
     inspect(&Path::new(&folder).join(file)).unwrap()
 }
 
-fn strongest(inspection: &Inspection, column: &str) -> Line {
+fn strongest(inspection: &Inspection, column: &str) -> SignalLine {
     let channel = inspection.channels.iter().find(|c| c.column == column).unwrap();
     channel.spectrum.as_ref().unwrap().lines[0]
 }

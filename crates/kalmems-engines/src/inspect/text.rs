@@ -2,7 +2,7 @@
 
 use super::plot::plot;
 use super::quantity::quantity;
-use super::{Channel, Inspection, WINDOW};
+use super::{InspectedChannel, Inspection, WINDOW};
 use crate::recording::Severity;
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -148,7 +148,7 @@ fn plots(text: &mut String, inspection: &Inspection) {
 fn one_plot(
     text: &mut String,
     inspection: &Inspection,
-    channel: &Channel,
+    channel: &InspectedChannel,
     (rows, height): (&Range<usize>, usize),
     title: &str,
 ) {

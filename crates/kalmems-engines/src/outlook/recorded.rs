@@ -1,7 +1,7 @@
 //! What the beginning of an experiment's recording shows, where the experiment itself does not say it.
 
 use crate::config::{Clock, Experiment, Quantity};
-use crate::recording::{Around, Stretches};
+use crate::recording::{StretchSize, Stretches};
 use crate::signal::fit_sine;
 use crate::simulate::Drive;
 use crate::units::kind;
@@ -45,7 +45,7 @@ impl Recorded {
         // A pipe would be without its beginning afterwards.
         let beginning = experiment.can_be_read(&described.file).then(|| {
             let columns: Vec<&str> = drive_column.into_iter().collect();
-            let around = Around { rows: ROWS, first: ROWS, before: 0, after: 0 };
+            let around = StretchSize { rows: ROWS, first: ROWS, before: 0, after: 0 };
             let mut stretches = Stretches::open(&path, &described.layout(&columns), around).ok()?;
             stretches.next(&mut |_, _| ControlFlow::Continue(())).ok()?
         });

@@ -7,7 +7,7 @@ mod threads;
 
 pub use interruption::Interruption;
 pub use pace::Pace;
-pub use reader::Reader;
+pub use reader::ReaderProgress;
 pub use threads::{HAS_THREADS, each_on_threads, map_on_threads, processors};
 
 use std::ops::ControlFlow;

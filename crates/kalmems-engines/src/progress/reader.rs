@@ -4,13 +4,13 @@ use super::Progress;
 use std::ops::ControlFlow;
 
 /// Passes on what a reader of a file says: that it begins, once it knows how much there is, and how far it has come.
-pub struct Reader<'a> {
+pub struct ReaderProgress<'a> {
     progress: &'a dyn Progress,
     what: &'static str,
     begun: bool,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> ReaderProgress<'a> {
     /// Of a reader that does this, such as `reading`.
     pub fn new(progress: &'a dyn Progress, what: &'static str) -> Self {
         Self { progress, what, begun: false }

@@ -32,14 +32,14 @@ pub fn map_on_threads<T: Send>(
     progress.begin(what, units * count as u64);
     let take = |index: usize, result| {
         results[index] = Some(result);
-        Ok::<(), NeverFails>(())
+        Ok::<(), NoError>(())
     };
     let whole = each_on_threads(progress, threads, (count, units), point, take);
     matches!(whole, Ok(true)).then(|| results.into_iter().collect()).flatten()
 }
 
 /// The error of taking a result where there is none.
-enum NeverFails {}
+enum NoError {}
 
 /// Has `point` make something of 0 to `count` − 1 on threads, and gives each result to `take` on this thread as soon as it is
 /// there, in any order; whether the work came to its end.
@@ -74,7 +74,7 @@ fn side_by_side<T: Send, E>(
         for _ in 0..threads.clamp(1, count.max(1)) {
             let (send, next, stopped, point) = (send.clone(), &next, &stopped, &point);
             scope.spawn(move || {
-                let watch = Watch { stopped };
+                let watch = StopWatcher { stopped };
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let sent = (index < count && !stopped.load(Ordering::Relaxed))
@@ -116,7 +116,7 @@ fn in_turn<T, E>(
 ) -> Result<bool, E> {
     let mut whole = true;
     for index in 0..count {
-        let within = Within { progress, done: units * index as u64 };
+        let within = SerialProgress { progress, done: units * index as u64 };
         match point(index, &within) {
             Some(result) => take(index, result)?,
             None => whole = false,
@@ -129,11 +129,11 @@ fn in_turn<T, E>(
 }
 
 /// Tells a point that the work was stopped.
-struct Watch<'a> {
+struct StopWatcher<'a> {
     stopped: &'a AtomicBool,
 }
 
-impl Progress for Watch<'_> {
+impl Progress for StopWatcher<'_> {
     fn begin(&self, _: &str, _: u64) {}
 
     fn reached(&self, _: u64) -> ControlFlow<()> {
@@ -142,12 +142,12 @@ impl Progress for Watch<'_> {
 }
 
 /// Tells a point the same where nothing else runs meanwhile.
-struct Within<'a> {
+struct SerialProgress<'a> {
     progress: &'a dyn Progress,
     done: u64,
 }
 
-impl Progress for Within<'_> {
+impl Progress for SerialProgress<'_> {
     fn begin(&self, _: &str, _: u64) {}
 
     fn reached(&self, _: u64) -> ControlFlow<()> {

@@ -2,9 +2,9 @@
 //! threads, when they are asked for.
 
 use super::ReadError;
-use super::read::Progress;
+use super::read::ReadProgress;
 use crate::progress::HAS_THREADS;
-use kalmems_formats::{Block, Digest, FormatError, Table, Wanted};
+use kalmems_formats::{Block, Digest, FormatError, Table, WantedColumn};
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
 use std::fs::File;
@@ -24,11 +24,11 @@ const NUMBERS: usize = 1 << 20;
 /// How long the caller is not asked whether to go on, whether blocks come or not.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-type Extent = (u64, u64);
+type BytesRead = (u64, u64);
 
-enum Message {
-    Block(Block, Extent),
-    End(Digest, Extent),
+enum ReaderMessage {
+    Block(Block, BytesRead),
+    End(Digest, BytesRead),
     Failed(FormatError),
 }
 
@@ -36,11 +36,11 @@ enum Message {
 pub(crate) struct Blocks {
     path: PathBuf,
     /// `None` after the end.
-    reader: Option<Reader>,
+    reader: Option<BlockReader>,
     /// Rows of a block.
     capacity: usize,
     /// What has been read of how much, when it was last heard.
-    extent: Extent,
+    extent: BytesRead,
     /// When the caller was asked last.
     asked: Instant,
     digest: Option<Digest>,
@@ -48,23 +48,27 @@ pub(crate) struct Blocks {
 
 impl Blocks {
     /// Begins to read the wanted columns of a table that was opened at `path`.
-    pub(crate) fn start(table: Box<dyn Table>, path: &Path, wanted: &[Wanted]) -> Result<Self, ReadError> {
+    pub(crate) fn start(
+        table: Box<dyn Table>,
+        path: &Path,
+        wanted: &[WantedColumn],
+    ) -> Result<Self, ReadError> {
         Self::start_on(table, path, wanted, HAS_THREADS)
     }
 
     fn start_on(
         mut table: Box<dyn Table>,
         path: &Path,
-        wanted: &[Wanted],
+        wanted: &[WantedColumn],
         thread: bool,
     ) -> Result<Self, ReadError> {
         table.want(wanted).map_err(|source| ReadError::of_format(path, source))?;
         let capacity = (NUMBERS / wanted.len().max(1)).clamp(64, ROWS);
         let reader = if thread {
-            Reader::on_thread(table, path, capacity)
+            BlockReader::on_thread(table, path, capacity)
                 .map_err(|source| ReadError::Io { file: path.display().to_string(), source })?
         } else {
-            Reader::Here { table, free: None }
+            BlockReader::Here { table, free: None }
         };
         Ok(Self {
             path: path.to_owned(),
@@ -77,7 +81,7 @@ impl Blocks {
     }
 
     /// The next block; `None` after the last.
-    pub(crate) fn next(&mut self, progress: Progress) -> Result<Option<Block>, ReadError> {
+    pub(crate) fn next(&mut self, progress: ReadProgress) -> Result<Option<Block>, ReadError> {
         loop {
             if self.asked.elapsed() >= PATIENCE {
                 self.asked = Instant::now();
@@ -85,29 +89,29 @@ impl Blocks {
             }
             let message = match &mut self.reader {
                 None => return Ok(None),
-                Some(Reader::Thread { filled, .. }) => match filled.recv_timeout(PATIENCE) {
+                Some(BlockReader::Thread { filled, .. }) => match filled.recv_timeout(PATIENCE) {
                     Ok(message) => message,
                     Err(RecvTimeoutError::Timeout) => continue,
                     // The thread always says how it ended.
                     Err(RecvTimeoutError::Disconnected) => return Ok(None),
                 },
-                Some(Reader::Here { table, free }) => {
+                Some(BlockReader::Here { table, free }) => {
                     let block = free.take().unwrap_or_else(|| Block::with_capacity(self.capacity));
                     read(table.as_mut(), &self.path, block)
                 }
             };
             match message {
-                Message::Block(block, extent) => {
+                ReaderMessage::Block(block, extent) => {
                     self.extent = extent;
                     return Ok(Some(block));
                 }
-                Message::End(digest, extent) => {
+                ReaderMessage::End(digest, extent) => {
                     self.extent = extent;
                     self.digest = Some(digest);
                     self.close();
                     return Ok(None);
                 }
-                Message::Failed(source) => return Err(ReadError::of_format(&self.path, source)),
+                ReaderMessage::Failed(source) => return Err(ReadError::of_format(&self.path, source)),
             }
         }
     }
@@ -116,8 +120,8 @@ impl Blocks {
     pub(crate) fn reuse(&mut self, block: Block) {
         match &mut self.reader {
             // Where the thread has ended it needs none.
-            Some(Reader::Thread { emptied, .. }) => drop(emptied.send(block)),
-            Some(Reader::Here { free, .. }) => *free = Some(block),
+            Some(BlockReader::Thread { emptied, .. }) => drop(emptied.send(block)),
+            Some(BlockReader::Here { free, .. }) => *free = Some(block),
             None => {}
         }
     }
@@ -125,7 +129,7 @@ impl Blocks {
     /// Ends the thread, which hears of it when it has read its block. One that waits for a pipe ends when the pipe does: it is
     /// not waited for.
     fn close(&mut self) {
-        let Some(Reader::Thread { filled, thread, .. }) = self.reader.take() else { return };
+        let Some(BlockReader::Thread { filled, thread, .. }) = self.reader.take() else { return };
         drop(filled);
         let file = std::fs::metadata(&self.path).is_ok_and(|metadata| metadata.is_file());
         if file || thread.is_finished() {
@@ -135,7 +139,7 @@ impl Blocks {
     }
 
     /// Tells how far the reading is, and asks whether to go on.
-    pub(crate) fn report(&self, progress: Progress) -> Result<(), ReadError> {
+    pub(crate) fn report(&self, progress: ReadProgress) -> Result<(), ReadError> {
         let (done, total) = self.extent;
         if progress(done, total).is_break() {
             return Err(ReadError::Interrupted { file: self.path.display().to_string() });
@@ -150,14 +154,14 @@ impl Blocks {
 }
 
 /// Where the table is read.
-enum Reader {
+enum BlockReader {
     /// On a thread of its own, some blocks ahead.
-    Thread { filled: Receiver<Message>, emptied: Sender<Block>, thread: JoinHandle<()> },
+    Thread { filled: Receiver<ReaderMessage>, emptied: Sender<Block>, thread: JoinHandle<()> },
     /// Where the blocks are taken, when they are.
     Here { table: Box<dyn Table>, free: Option<Block> },
 }
 
-impl Reader {
+impl BlockReader {
     fn on_thread(mut table: Box<dyn Table>, path: &Path, capacity: usize) -> std::io::Result<Self> {
         let (filled_in, filled) = sync_channel(AHEAD);
         let (emptied, emptied_in) = channel();
@@ -180,10 +184,10 @@ impl Drop for Blocks {
 }
 
 /// Reads until the end or until nobody listens.
-fn work(table: &mut dyn Table, path: &Path, filled: &SyncSender<Message>, emptied: &Receiver<Block>) {
+fn work(table: &mut dyn Table, path: &Path, filled: &SyncSender<ReaderMessage>, emptied: &Receiver<Block>) {
     while let Ok(block) = emptied.recv() {
         let message = read(table, path, block);
-        let last = !matches!(message, Message::Block(..));
+        let last = !matches!(message, ReaderMessage::Block(..));
         if filled.send(message).is_err() || last {
             return;
         }
@@ -191,14 +195,14 @@ fn work(table: &mut dyn Table, path: &Path, filled: &SyncSender<Message>, emptie
 }
 
 /// Fills a block, or says how the table ended.
-fn read(table: &mut dyn Table, path: &Path, mut block: Block) -> Message {
+fn read(table: &mut dyn Table, path: &Path, mut block: Block) -> ReaderMessage {
     match table.read(&mut block) {
-        Err(error) => Message::Failed(error),
+        Err(error) => ReaderMessage::Failed(error),
         Ok(()) if block.is_end() => match table.digest().map_or_else(|| digest(path), Ok) {
-            Ok(digest) => Message::End(digest, table.progress()),
-            Err(error) => Message::Failed(error.into()),
+            Ok(digest) => ReaderMessage::End(digest, table.progress()),
+            Err(error) => ReaderMessage::Failed(error.into()),
         },
-        Ok(()) => Message::Block(block, table.progress()),
+        Ok(()) => ReaderMessage::Block(block, table.progress()),
     }
 }
 

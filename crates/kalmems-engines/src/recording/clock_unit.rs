@@ -1,7 +1,7 @@
 //! What the numbers of a clock's column count.
 
-use super::scale::Scale;
-use crate::units::{Header, kind};
+use super::scale::ColumnScale;
+use crate::units::{ColumnHeader, kind};
 use kalmems_formats::{LABVIEW_ZERO_S, SPREADSHEET_ZERO_S, TimeKind, TimeUnit};
 
 /// What the numbers of a clock's column count, and whether that is the calendar.
@@ -22,7 +22,7 @@ const DAYS: [&str; 3] = ["d", "day", "days"];
 impl ClockUnit {
     /// What the format says, or else the name: its unit, and a word such as `unix` in it. `None` where neither says a unit of
     /// time. `scale` is what makes SI of the numbers, with what the settings say of them.
-    pub(crate) fn of(header: &Header, scale: Scale, kind: Option<TimeKind>) -> Option<Self> {
+    pub(crate) fn of(header: &ColumnHeader, scale: ColumnScale, kind: Option<TimeKind>) -> Option<Self> {
         if let Some(kind) = kind {
             return Some(Self { unit: TimeUnit::SECOND, calendar: kind == TimeKind::Calendar });
         }
@@ -46,14 +46,14 @@ impl ClockUnit {
 
 /// Powers of ten and whole numbers of seconds, which all units of time have, and decimal numbers of few digits, such as the
 /// 25·10⁻⁹ s of a counter.
-fn of_scale(scale: Scale) -> Option<TimeUnit> {
+fn of_scale(scale: ColumnScale) -> Option<TimeUnit> {
     match scale {
-        Scale::Decimal(power) => Some(TimeUnit::decimal(power)),
+        ColumnScale::Decimal(power) => Some(TimeUnit::decimal(power)),
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the bounds
-        Scale::Factor(factor) if factor.fract() == 0.0 && (1.0..1e9).contains(&factor) => {
+        ColumnScale::Factor(factor) if factor.fract() == 0.0 && (1.0..1e9).contains(&factor) => {
             Some(TimeUnit::seconds(factor as u32))
         }
-        Scale::Factor(factor) => {
+        ColumnScale::Factor(factor) => {
             let text = format!("{factor:e}");
             let (digits, power) = text.split_once('e')?;
             let decimals = digits.split_once('.').map_or(0, |(_, decimals)| decimals.len());
@@ -62,7 +62,7 @@ fn of_scale(scale: Scale) -> Option<TimeUnit> {
             (factor < 1_000_000).then_some(TimeUnit { factor, ..TimeUnit::decimal(power) })
         }
         // A count has its own zero and goes forward.
-        Scale::Affine { .. } => None,
+        ColumnScale::Affine { .. } => None,
     }
 }
 
@@ -71,19 +71,19 @@ mod tests {
     use super::*;
 
     fn of(name: &str) -> Option<(u32, i32, i64, bool)> {
-        let header = Header::parse(name);
-        let ClockUnit { unit, calendar } = ClockUnit::of(&header, Scale::of(header.unit), None)?;
+        let header = ColumnHeader::parse(name);
+        let ClockUnit { unit, calendar } = ClockUnit::of(&header, ColumnScale::of(header.unit), None)?;
         Some((unit.factor, unit.power, unit.zero_s, calendar))
     }
 
     #[test]
     fn a_counter_of_few_digits_is_exact() {
-        let of = |factor: f64| of_scale(Scale::Factor(factor)).map(|unit| (unit.factor, unit.power));
+        let of = |factor: f64| of_scale(ColumnScale::Factor(factor)).map(|unit| (unit.factor, unit.power));
         assert_eq!(of(2.5e-8), Some((25, -9)));
         assert_eq!(of(60.0), Some((60, 0)));
         assert_eq!(of(1.0 / 3.0), None);
         assert_eq!(of(-60.0), None);
-        assert_eq!(of_scale(Scale::Affine { power: 0, factor: 1.0, offset: 1.0 }), None);
+        assert_eq!(of_scale(ColumnScale::Affine { power: 0, factor: 1.0, offset: 1.0 }), None);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Columns of an estimated motion that say by how much what is uncertain of the device moves it.
 
-use crate::units::Header;
+use crate::units::ColumnHeader;
 
 /// What stands between a state and what moves it.
 const BY: &str = "_by_";
@@ -12,7 +12,7 @@ pub fn contribution_column(state: &str, unit: &str, by: &str) -> String {
 
 /// What moves a column of a motion, `rate_rad_per_s`, by the name of the column that says by how much; `None` of another column.
 pub fn moved_by<'a>(column: &str, name: &'a str) -> Option<&'a str> {
-    let header = Header::parse(column);
+    let header = ColumnHeader::parse(column);
     let unit = format!("_{}", header.unit_text);
     name.strip_prefix(column.strip_suffix(unit.as_str())?)?.strip_prefix(BY)?.strip_suffix(unit.as_str())
 }

@@ -4,17 +4,17 @@ use super::{Finding, FindingKind, Purpose, Severity};
 use std::collections::BTreeMap;
 
 /// Kind, the column's position in the header, the segment's position.
-type Key = (FindingKind, Option<usize>, Option<usize>);
+type FindingKey = (FindingKind, Option<usize>, Option<usize>);
 
 /// Where something is found.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct FindingPlace {
     pub(super) column: Option<usize>,
     pub(super) segment: Option<usize>,
     pub(super) line: usize,
 }
 
-struct Entry {
+struct FindingCount {
     first_line: usize,
     count: usize,
     detail: String,
@@ -22,7 +22,7 @@ struct Entry {
 
 #[derive(Default)]
 pub(super) struct Findings {
-    entries: BTreeMap<Key, Entry>,
+    entries: BTreeMap<FindingKey, FindingCount>,
     /// Those about columns that the header does not have.
     absent: Vec<Finding>,
     /// Whether they are of arrays, which have samples and no lines.
@@ -36,7 +36,7 @@ impl Findings {
     }
 
     /// Counts one; `detail` is asked for at the first only.
-    pub(super) fn add(&mut self, kind: FindingKind, place: Place, detail: impl FnOnce() -> String) {
+    pub(super) fn add(&mut self, kind: FindingKind, place: FindingPlace, detail: impl FnOnce() -> String) {
         self.add_many(kind, place, 1, detail);
     }
 
@@ -44,7 +44,7 @@ impl Findings {
     pub(super) fn add_many(
         &mut self,
         kind: FindingKind,
-        place: Place,
+        place: FindingPlace,
         count: usize,
         detail: impl FnOnce() -> String,
     ) {
@@ -54,15 +54,15 @@ impl Findings {
         self.entries
             .entry((kind, place.column, place.segment))
             .and_modify(|entry| entry.count += count)
-            .or_insert_with(|| Entry { first_line: place.line, count, detail: detail() });
+            .or_insert_with(|| FindingCount { first_line: place.line, count, detail: detail() });
     }
 
     /// Makes all of one kind another kind, with the first of them told in other words.
     pub(super) fn raise(&mut self, of: FindingKind, kind: FindingKind, words: impl Fn(&str) -> String) {
-        let found: Vec<Key> = self.entries.keys().filter(|(own, ..)| *own == of).copied().collect();
+        let found: Vec<FindingKey> = self.entries.keys().filter(|(own, ..)| *own == of).copied().collect();
         for key in found {
             if let Some(entry) = self.entries.remove(&key) {
-                let entry = Entry { detail: words(&entry.detail), ..entry };
+                let entry = FindingCount { detail: words(&entry.detail), ..entry };
                 self.entries.insert((kind, key.1, key.2), entry);
             }
         }
@@ -83,7 +83,7 @@ impl Findings {
 
     /// Whether one of them makes the recording unusable.
     pub(super) fn is_fatal(&self) -> bool {
-        let fatal = |(kind, ..): &Key| kind.severity() == Severity::Fatal;
+        let fatal = |(kind, ..): &FindingKey| kind.severity() == Severity::Fatal;
         !self.absent.is_empty() || self.entries.keys().any(fatal)
     }
 

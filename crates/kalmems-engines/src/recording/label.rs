@@ -2,12 +2,12 @@
 
 /// Labels that are the same number are the same label: `1711` and `1711.0`.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Label {
+pub(crate) enum SegmentLabel {
     Number(u64),
     Text(Vec<u8>),
 }
 
-impl Label {
+impl SegmentLabel {
     pub(crate) fn of(bytes: &[u8]) -> Self {
         match fast_float2::parse::<f64, _>(bytes) {
             Ok(number) if number.is_finite() => Self::of_number(number),

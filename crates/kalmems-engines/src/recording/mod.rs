@@ -3,13 +3,13 @@
 //! A recording is a table of numbers in any format of `kalmems_formats`, with columns named `name_unit`. Numbers become SI as
 //! they are read, on a thread of their own. What is wrong with the file is found over its whole length and counted;
 //! nothing is repaired or interpolated. Findings that make it unusable are an error with all of them; the others are
-//! kept as [`Recording::diagnosis`]. Times are read exactly and count from the first, or from zero where that is near
-//! ([`Recording::origin`]). [`Stretches`] gives the same of a file of any length, a part at a time.
+//! kept as [`SampledRecording::diagnosis`]. Times are read exactly and count from the first, or from zero where that is near
+//! ([`SampledRecording::origin`]). [`Stretches`] gives the same of a file of any length, a part at a time.
 //!
 //! ```no_run
-//! use kalmems_engines::recording::{Clock, Layout, Recording};
-//! let layout = Layout {
-//!     clock: Clock::Column("time_s".to_owned()),
+//! use kalmems_engines::recording::{TimeSource, RecordingLayout, SampledRecording};
+//! let layout = RecordingLayout {
+//!     clock: TimeSource::Column("time_s".to_owned()),
 //!     segment_column: None,
 //!     columns: Some(vec!["cap_V".to_owned()]),
 //!     declared: Vec::new(),
@@ -18,7 +18,7 @@
 //!     origin: None,
 //!     restarts: None,
 //! };
-//! let recording = Recording::read("recording.csv".as_ref(), &layout)?;
+//! let recording = SampledRecording::read("recording.csv".as_ref(), &layout)?;
 //! let readout = recording.column("cap_V")?;
 //! for segment in recording.segments() {
 //!     println!("{} rows from {} s on", readout.of(segment).len(), segment.time.start_s());
@@ -28,6 +28,7 @@
 
 pub(crate) mod blocks;
 pub(crate) mod clock_unit;
+mod computed_rows;
 mod contribution;
 mod error;
 mod finding;
@@ -44,39 +45,38 @@ pub(crate) mod request;
 mod restart;
 pub(crate) mod scale;
 mod segment;
-mod sound;
+mod signal_check;
 mod stamps;
 mod stretches;
 mod stuck;
 #[cfg(test)]
 mod tests;
 mod time;
-mod unwritten;
 mod window;
 
+pub use computed_rows::RecordingFromRows;
 pub use contribution::{contribution_column, moved_by};
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Purpose, Severity};
-pub use origin::Origin;
+pub use origin::TimeOrigin;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
 pub use restart::StretchPlace;
 pub use segment::{Segment, TimeBase};
-pub use sound::unsound;
-pub use stretches::{Around, Stretch, Stretches};
+pub use signal_check::unusable_signal;
+pub use stretches::{Stretch, StretchSize, Stretches};
 pub use stuck::STUCK_RUN;
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
-pub use unwritten::UnwrittenRecording;
 
-use crate::units::{Header, Kind, Unit};
-pub use kalmems_config::layout::{Clock, DeclaredColumn, Layout, Reading, Restarts};
+use crate::units::{ColumnHeader, Kind, Unit};
+pub use kalmems_config::layout::{ColumnReading, DeclaredColumn, RecordingLayout, Restarts, TimeSource};
 pub use kalmems_formats::{Array, ArrayType, Arrays, Hints, Instant, TimeUnit, panic_is_caught};
-use request::{Request, Wanted};
+use request::{ColumnSelection, ReadRequest};
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Whether a file has more rows than `most`, without reading them; see [`kalmems_formats::has_more_rows`].
-pub fn has_more_rows(path: &Path, layout: &Layout, most: u64) -> Result<bool, ReadError> {
+pub fn has_more_rows(path: &Path, layout: &RecordingLayout, most: u64) -> Result<bool, ReadError> {
     kalmems_formats::has_more_rows(path, &layout.hints, most)
         .map_err(|source| ReadError::of_format(path, source))
 }
@@ -84,14 +84,14 @@ pub fn has_more_rows(path: &Path, layout: &Layout, most: u64) -> Result<bool, Re
 /// Whether the name of a column says what a clock in it counts, as `time_s` and `time_unix_ns` do.
 pub fn names_a_time(column: &str) -> bool {
     {
-        let header = Header::parse(column);
-        clock_unit::ClockUnit::of(&header, scale::Scale::of(header.unit), None).is_some()
+        let header = ColumnHeader::parse(column);
+        clock_unit::ClockUnit::of(&header, scale::ColumnScale::of(header.unit), None).is_some()
     }
 }
 
 /// The file that a recording was read from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Source {
+pub struct RecordingSource {
     /// Its name without folders.
     pub file: String,
     /// SHA-256 of its bytes, in hexadecimal.
@@ -102,19 +102,19 @@ pub struct Source {
     pub format: String,
     /// Where its times count from, where that is not zero.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub origin: Option<Origin>,
+    pub origin: Option<TimeOrigin>,
 }
 
 /// A channel of a recording.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Column {
+pub struct RecordingColumn {
     /// Its name and its unit in the file.
-    pub header: Header,
+    pub header: ColumnHeader,
     /// Its values in SI, one per row; NaN where the file has no finite number.
     pub values: Vec<f64>,
 }
 
-impl Column {
+impl RecordingColumn {
     /// The values of a segment.
     pub fn of(&self, segment: &Segment) -> &[f64] {
         self.values.get(segment.rows.clone()).unwrap_or_default()
@@ -123,18 +123,18 @@ impl Column {
 
 /// Sampled channels on one time base.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Recording {
-    source: Source,
-    columns: Vec<Column>,
+pub struct SampledRecording {
+    source: RecordingSource,
+    columns: Vec<RecordingColumn>,
     segments: Vec<Segment>,
     diagnosis: Vec<Finding>,
     rows: usize,
     origin: Instant,
 }
 
-impl Recording {
+impl SampledRecording {
     /// Reads a file.
-    pub fn read(path: &Path, layout: &Layout) -> Result<Self, ReadError> {
+    pub fn read(path: &Path, layout: &RecordingLayout) -> Result<Self, ReadError> {
         Self::read_with(path, layout, &mut |_, _| ControlFlow::Continue(()))
     }
 
@@ -142,13 +142,13 @@ impl Recording {
     /// all; where it breaks, the reading ends with [`ReadError::Interrupted`].
     pub fn read_with(
         path: &Path,
-        layout: &Layout,
+        layout: &RecordingLayout,
         progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
     ) -> Result<Self, ReadError> {
-        let request = Request {
+        let request = ReadRequest {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
-            columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            columns: layout.columns.as_deref().map_or(ColumnSelection::AllBut(&[]), ColumnSelection::Named),
             declared: &layout.declared,
             hints: &layout.hints,
             nominal_rate_hz: layout.nominal_rate_hz,
@@ -167,7 +167,7 @@ impl Recording {
     }
 
     /// The file it comes from.
-    pub const fn source(&self) -> &Source {
+    pub const fn source(&self) -> &RecordingSource {
         &self.source
     }
 
@@ -187,12 +187,12 @@ impl Recording {
     }
 
     /// The columns that were read, in the order in which they were asked for, else in that of the file.
-    pub fn columns(&self) -> &[Column] {
+    pub fn columns(&self) -> &[RecordingColumn] {
         &self.columns
     }
 
     /// A column by its whole name.
-    pub fn column(&self, name: &str) -> Result<&Column, ReadError> {
+    pub fn column(&self, name: &str) -> Result<&RecordingColumn, ReadError> {
         self.columns.iter().find(|column| column.header.column == name).ok_or_else(|| ReadError::NoColumn {
             file: self.source.file.clone(),
             column: name.to_owned(),
@@ -201,7 +201,7 @@ impl Recording {
     }
 
     /// A column by its whole name, if it is of this kind.
-    pub fn column_of(&self, name: &str, kind: &Kind) -> Result<&Column, ReadError> {
+    pub fn column_of(&self, name: &str, kind: &Kind) -> Result<&RecordingColumn, ReadError> {
         let column = self.column(name)?;
         let unit = column.header.unit.unwrap_or(Unit::ONE);
         if kind.accepts(unit.dimension()) {

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// Where the times of a recording count from, where that is not zero of its clock.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Origin {
+pub struct TimeOrigin {
     /// What the clock of the file shows there, in s, exactly: `1763834400.123456`. Since 1970 where it is of the calendar.
     pub seconds: String,
     /// The same as a date of UTC, where the clock is one of the calendar.
@@ -13,7 +13,7 @@ pub struct Origin {
     pub utc: Option<String>,
 }
 
-impl Origin {
+impl TimeOrigin {
     /// `None` for zero.
     pub(super) fn of(origin: Instant, calendar: bool) -> Option<Self> {
         (origin != Instant::ZERO).then(|| Self {

@@ -1,23 +1,26 @@
 //! One pass over the rows: numbers into columns, rows into segments, and what is wrong into findings.
 
-use super::findings::{Findings, Place, short};
-use super::label::Label;
-use super::plan::Plan;
-use super::rails::{LONG_RUN, Part, Rails};
+use super::findings::{FindingPlace, Findings, short};
+use super::label::SegmentLabel;
+use super::plan::ReadingPlan;
+use super::rails::{LONG_RUN, RailPart, Rails};
 use super::repeats::Repeats;
-use super::request::Request;
+use super::request::ReadRequest;
 use super::restart::{RestartCounts, TOO_SLOW, UNSORTED, first_cut};
-use super::scale::Scale;
-use super::segment::{Lines, Segment, TimeBase, Times};
-use super::time::{Tally, TimeCheck};
-use super::{Clock, Column, Finding, FindingKind as Kind, Origin, Recording, Restarts, Source, StretchPlace};
+use super::scale::ColumnScale;
+use super::segment::{LineNumbers, Segment, SegmentTimes, TimeBase};
+use super::time::{TimeCheck, TimingTally};
+use super::{
+    Finding, FindingKind as Kind, RecordingColumn, RecordingSource, Restarts, SampledRecording, StretchPlace,
+    TimeOrigin, TimeSource,
+};
 use kalmems_figures::number;
-use kalmems_formats::{Block, CellFault, Fault, Instant, TimeReader, TimeUnit};
+use kalmems_formats::{Block, CellFault, CellFinding, Instant, TimeReader, TimeUnit};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
 /// A segment: its first row, its times and, once it has ended, the row after its last and its times' verdict.
-struct Draft {
+struct OpenSegment {
     /// Its record, by the place of its label.
     record: usize,
     stretch: StretchPlace,
@@ -28,29 +31,29 @@ struct Draft {
     end: Option<(usize, (Option<f64>, bool))>,
 }
 
-impl Draft {
+impl OpenSegment {
     fn first_interval(&self) -> usize {
         usize::try_from(self.intervals).unwrap_or(usize::MAX / 2)
     }
 }
 
 pub(super) struct Pass {
-    plan: Plan,
-    clock: Clock,
+    plan: ReadingPlan,
+    clock: TimeSource,
     /// Rows of a segment over which its usual interval is found.
     head: usize,
     findings: Findings,
-    lines: Lines,
+    lines: LineNumbers,
     /// When a record is cut into stretches, how often that was done, and where first by each reason.
     restarts: Option<Restarts>,
     cuts: RestartCounts,
     /// The segments from the one of this number on.
-    drafts: VecDeque<Draft>,
+    drafts: VecDeque<OpenSegment>,
     first_draft: usize,
     labels: Vec<String>,
     /// The present label as it stands in the file, and the line where each label began.
     label: Vec<u8>,
-    begun: BTreeMap<Label, usize>,
+    begun: BTreeMap<SegmentLabel, usize>,
     /// Rows that do not go on from those before them, and how many are missing between.
     breaks: VecDeque<(usize, u64)>,
     /// One for each target; none for the labels of the segments, which are constant in each by their nature.
@@ -69,16 +72,16 @@ pub(super) struct Pass {
 
 impl Pass {
     /// `head`: rows of a segment over which its usual interval is found.
-    pub(super) fn new(plan: Plan, findings: Findings, request: &Request, head: usize) -> Self {
+    pub(super) fn new(plan: ReadingPlan, findings: Findings, request: &ReadRequest, head: usize) -> Self {
         // A start far from zero is an origin like a first time.
         let mut times = TimeReader::new(TimeUnit::SECOND, request.origin);
         let clock = match request.clock {
-            Clock::Rate { rate_hz, start_s } => {
-                Clock::Rate { rate_hz: *rate_hz, start_s: times.float(*start_s) }
+            TimeSource::Rate { rate_hz, start_s } => {
+                TimeSource::Rate { rate_hz: *rate_hz, start_s: times.float(*start_s) }
             }
-            Clock::Column(name) => Clock::Column(name.clone()),
+            TimeSource::Column(name) => TimeSource::Column(name.clone()),
         };
-        let rails = |target: &super::plan::Target| {
+        let rails = |target: &super::plan::TargetColumn| {
             (plan.segment_column != Some(target.index)).then(|| Rails::new(target.index))
         };
         let looked_at: Vec<bool> =
@@ -95,7 +98,7 @@ impl Pass {
             origin: times.origin().unwrap_or_default(),
             resolution_s: 0.0,
             findings,
-            lines: Lines::default(),
+            lines: LineNumbers::default(),
             drafts: VecDeque::new(),
             first_draft: 0,
             labels: Vec::new(),
@@ -145,7 +148,7 @@ impl Pass {
         }
         for target in &mut self.plan.targets {
             append(&mut target.values, numbers(target.slot), target.scale, |row, number| {
-                let place = Place {
+                let place = FindingPlace {
                     column: Some(target.index),
                     segment: self.labels.len().checked_sub(1),
                     line: self.lines.of(begin + row),
@@ -159,20 +162,20 @@ impl Pass {
     fn note(&mut self, fault: &CellFault) {
         let line = usize::try_from(fault.line).unwrap_or(usize::MAX);
         let count = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
-        let place = Place { column: fault.column, segment: self.labels.len().checked_sub(1), line };
-        let of_row = Place { column: None, segment: None, line };
+        let place = FindingPlace { column: fault.column, segment: self.labels.len().checked_sub(1), line };
+        let of_row = FindingPlace { column: None, segment: None, line };
         match &fault.fault {
-            Fault::CellCount { found, expected, rows } => {
+            CellFinding::CellCount { found, expected, rows } => {
                 self.findings.add_many(Kind::WrongColumnCount, of_row, count(*rows), || {
                     format!("{} where the header has {expected}", plural(*found, "cell"))
                 });
             }
-            Fault::BlankLines { count: lines } => {
+            CellFinding::BlankLines { count: lines } => {
                 self.findings.add_many(Kind::BlankLine, of_row, count(*lines), || {
                     "nothing between the rows".to_owned()
                 });
             }
-            Fault::NoLineEnd => {
+            CellFinding::NoLineEnd => {
                 self.findings.add(Kind::NoLineEnd, of_row, || "the last line has no line end".to_owned());
             }
             cell => {
@@ -181,7 +184,7 @@ impl Pass {
                 };
                 if self.plan.clock.as_ref().is_some_and(|clock| Some(clock.index) == fault.column) {
                     self.findings.add(Kind::NoTime, place, || match cell {
-                        Fault::Nan(text) | Fault::Infinite(text) | Fault::Text(text) => {
+                        CellFinding::Nan(text) | CellFinding::Infinite(text) | CellFinding::Text(text) => {
                             format!("{} is no time", quoted(text))
                         }
                         _ => "the cell is empty".to_owned(),
@@ -189,11 +192,15 @@ impl Pass {
                 }
                 if self.plan.targets.iter().any(|target| Some(target.index) == fault.column) {
                     let (kind, detail) = match cell {
-                        Fault::Nan(text) => {
+                        CellFinding::Nan(text) => {
                             (Kind::Nan, format!("{} is no number by its own word", quoted(text)))
                         }
-                        Fault::Infinite(text) => (Kind::Infinite, format!("{} is not finite", quoted(text))),
-                        Fault::Text(text) => (Kind::NonNumeric, format!("{} is no number", quoted(text))),
+                        CellFinding::Infinite(text) => {
+                            (Kind::Infinite, format!("{} is not finite", quoted(text)))
+                        }
+                        CellFinding::Text(text) => {
+                            (Kind::NonNumeric, format!("{} is no number", quoted(text)))
+                        }
                         _ => (Kind::Missing, "the cell is empty".to_owned()),
                     };
                     self.findings.add(kind, place, || detail);
@@ -206,7 +213,7 @@ impl Pass {
     fn enter_segment(&mut self, label: &[u8], row: usize, rows: usize) {
         let label = label.trim_ascii();
         let line = self.lines.of(row);
-        let place = Place { column: self.plan.segment_column, segment: None, line };
+        let place = FindingPlace { column: self.plan.segment_column, segment: None, line };
         let unlabelled = self.plan.segment_column.is_some() && label.is_empty();
         if unlabelled {
             self.findings.add_many(Kind::NoLabel, place, rows, || "the cell is empty".to_owned());
@@ -215,8 +222,8 @@ impl Pass {
         if !self.drafts.is_empty() && (unlabelled || label == self.label) {
             return;
         }
-        let key = Label::of(label);
-        let same = !self.drafts.is_empty() && key == Label::of(&self.label);
+        let key = SegmentLabel::of(label);
+        let same = !self.drafts.is_empty() && key == SegmentLabel::of(&self.label);
         label.clone_into(&mut self.label);
         if same {
             return;
@@ -227,7 +234,7 @@ impl Pass {
         self.labels.push(String::from_utf8_lossy(label).into_owned());
         self.begin_segment(record, StretchPlace::FIRST, row, 0);
         if let Some(begun) = self.begun.get(&key) {
-            self.findings.add(Kind::SegmentReturns, Place { segment, ..place }, || {
+            self.findings.add(Kind::SegmentReturns, FindingPlace { segment, ..place }, || {
                 format!("the segment of line {begun} comes again")
             });
         } else {
@@ -238,10 +245,10 @@ impl Pass {
     fn begin_segment(&mut self, record: usize, stretch: StretchPlace, start: usize, intervals: u64) {
         let tally = match self.drafts.back_mut() {
             Some(before) if before.record == record => before.check.take_tally(),
-            _ => Tally::default(),
+            _ => TimingTally::default(),
         };
         let check = TimeCheck::new(self.head, self.nominal_s, tally);
-        self.drafts.push_back(Draft { record, stretch, start, intervals, check, end: None });
+        self.drafts.push_back(OpenSegment { record, stretch, start, intervals, check, end: None });
     }
 
     /// Checks some rows of the present record, and cuts it into stretches where its times ask for that.
@@ -272,13 +279,13 @@ impl Pass {
     fn restart(&mut self, row: usize, why: Kind) {
         let Some(draft) = self.drafts.back() else { return };
         let (record, stretch) = (draft.record, draft.stretch);
-        if let Clock::Rate { rate_hz, start_s } = self.clock {
+        if let TimeSource::Rate { rate_hz, start_s } = self.clock {
             let missing = self.breaks.pop_front().map_or(0, |(_, missing)| missing);
             let rows = row.saturating_sub(draft.start) as u64;
             if rows == 0 {
                 return;
             }
-            let place = Place { column: None, segment: Some(record), line: self.lines.of(row) };
+            let place = FindingPlace { column: None, segment: Some(record), line: self.lines.of(row) };
             let before_s = start_s + (draft.intervals + rows - 1) as f64 / rate_hz;
             let intervals = draft.intervals.saturating_add(rows).saturating_add(missing);
             self.findings.add(why, place, || {
@@ -295,7 +302,7 @@ impl Pass {
         let (before_s, after_s) = (time(row.wrapping_sub(1)), time(row));
         let longest_s = self.restarts.map_or(f64::INFINITY, |restarts| restarts.longest_gap_s);
         let column = self.plan.clock.as_ref().map(|clock| clock.index);
-        let place = Place { column, segment: Some(record), line: self.lines.of(row) };
+        let place = FindingPlace { column, segment: Some(record), line: self.lines.of(row) };
         self.findings.add(why, place, || match why {
             Kind::LongGap => format!(
                 "nothing for {} s after {} s, longer than the {} s that are predicted over",
@@ -338,7 +345,7 @@ impl Pass {
         if column.is_some() {
             let lines = &self.lines;
             let start = draft.start;
-            let place = |i: usize| Place { column, segment: Some(segment), line: lines.of(start + i) };
+            let place = |i: usize| FindingPlace { column, segment: Some(segment), line: lines.of(start + i) };
             let times = self.times.get(start.max(self.base) - self.base..rows.end - self.base);
             draft.check.hear_resolution(self.resolution_s);
             draft.check.take(times.unwrap_or_default(), rows.len(), place, &mut self.findings);
@@ -347,7 +354,7 @@ impl Pass {
             let Some(rails) = rails else { continue };
             let from = draft.start.max(self.base) - self.base;
             let values = target.values.get(from..rows.end - self.base).unwrap_or_default();
-            rails.take(&Part { values, fresh: rows.len(), end: rows.end, segment }, &self.lines);
+            rails.take(&RailPart { values, fresh: rows.len(), end: rows.end, segment }, &self.lines);
         }
     }
 
@@ -357,11 +364,12 @@ impl Pass {
         let segment = draft.record;
         let from = draft.start.max(self.base) - self.base;
         let verdict = match self.clock {
-            Clock::Rate { rate_hz, .. } => (Some(rate_hz.recip()), true),
-            Clock::Column(_) => {
+            TimeSource::Rate { rate_hz, .. } => (Some(rate_hz.recip()), true),
+            TimeSource::Column(_) => {
                 let column = self.plan.clock.as_ref().map(|clock| clock.index);
                 let (lines, start) = (&self.lines, draft.start);
-                let place = |i: usize| Place { column, segment: Some(segment), line: lines.of(start + i) };
+                let place =
+                    |i: usize| FindingPlace { column, segment: Some(segment), line: lines.of(start + i) };
                 let times = self.times.get(from..end - self.base).unwrap_or_default();
                 draft.check.finish(times, place, &mut self.findings)
             }
@@ -373,7 +381,7 @@ impl Pass {
         for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
             let values = target.values.get(from..end - self.base).unwrap_or_default();
             if let Some(rails) = rails {
-                let part = Part { values, fresh: 0, end, segment };
+                let part = RailPart { values, fresh: 0, end, segment };
                 rails.end_stretch(&part);
                 if record_ends {
                     rails.end_record();
@@ -385,7 +393,7 @@ impl Pass {
     /// The end of the rows.
     pub(super) fn end(&mut self) {
         if self.drafts.is_empty() {
-            let place = Place { column: None, segment: None, line: self.plan.line };
+            let place = FindingPlace { column: None, segment: None, line: self.plan.line };
             self.findings.add(Kind::HeaderOnly, place, || "there are names and no row of numbers".to_owned());
         }
         self.refuse_many(self.lines.rows(), true);
@@ -421,7 +429,7 @@ impl Pass {
         for (target, rails) in self.plan.targets.iter().zip(&mut self.rails) {
             if let Some(rails) = rails {
                 let values = target.values.get(from..).unwrap_or_default();
-                rails.forget(&Part { values, fresh: 0, end, segment });
+                rails.forget(&RailPart { values, fresh: 0, end, segment });
             }
         }
         for target in &mut self.plan.targets {
@@ -435,8 +443,8 @@ impl Pass {
     }
 
     /// Where the times count from, as far as it is known.
-    pub(super) fn origin(&self) -> Option<Origin> {
-        Origin::of(self.origin, self.plan.clock_unit.calendar)
+    pub(super) fn origin(&self) -> Option<TimeOrigin> {
+        TimeOrigin::of(self.origin, self.plan.clock_unit.calendar)
     }
 
     /// The number of rows so far.
@@ -449,7 +457,7 @@ impl Pass {
         self.findings.is_fatal()
     }
 
-    fn draft(&self, index: usize) -> Option<&Draft> {
+    fn draft(&self, index: usize) -> Option<&OpenSegment> {
         self.drafts.get(index.checked_sub(self.first_draft)?)
     }
 
@@ -462,8 +470,8 @@ impl Pass {
     pub(super) fn interval_s(&self, index: usize) -> Option<f64> {
         let draft = self.draft(index)?;
         match self.clock {
-            Clock::Rate { rate_hz, .. } => Some(rate_hz.recip()),
-            Clock::Column(_) => draft.check.interval_s(),
+            TimeSource::Rate { rate_hz, .. } => Some(rate_hz.recip()),
+            TimeSource::Column(_) => draft.check.interval_s(),
         }
     }
 
@@ -472,9 +480,9 @@ impl Pass {
         &self,
         segment: usize,
         rows: Range<usize>,
-        source: &Source,
+        source: &RecordingSource,
         spare: &mut Vec<Vec<f64>>,
-    ) -> Option<Recording> {
+    ) -> Option<SampledRecording> {
         let draft = self.draft(segment)?;
         let range = rows.start.checked_sub(self.base)?..rows.end.checked_sub(self.base)?;
         let mut copy = |values: &[f64]| {
@@ -484,20 +492,22 @@ impl Pass {
             copy
         };
         let time = match self.clock {
-            Clock::Rate { rate_hz, start_s } => {
+            TimeSource::Rate { rate_hz, start_s } => {
                 rate_times(rate_hz, start_s, draft.first_interval() + rows.start - draft.start, rows.len())
             }
-            Clock::Column(_) => {
+            TimeSource::Column(_) => {
                 let times = copy(&self.times);
                 let interval_s = draft.check.interval_s();
                 let uniform = super::time::are_uniform(&times, interval_s);
-                TimeBase { times: Times::Column(times), interval_s, uniform }
+                TimeBase { times: SegmentTimes::Column(times), interval_s, uniform }
             }
         };
         let columns = self.plan.targets.iter();
-        Some(Recording {
+        Some(SampledRecording {
             source: source.clone(),
-            columns: columns.map(|t| Column { header: t.header.clone(), values: copy(&t.values) }).collect(),
+            columns: columns
+                .map(|t| RecordingColumn { header: t.header.clone(), values: copy(&t.values) })
+                .collect(),
             segments: vec![Segment {
                 label: self.labels.get(draft.record).cloned().unwrap_or_default(),
                 rows: 0..rows.len(),
@@ -517,7 +527,7 @@ impl Pass {
     }
 
     /// The whole recording, of which no row was let go of.
-    pub(super) fn finish(mut self, source: Source) -> Recording {
+    pub(super) fn finish(mut self, source: RecordingSource) -> SampledRecording {
         self.end();
         let (rows, diagnosis) = (self.rows(), self.findings());
         let mut segments = Vec::with_capacity(self.drafts.len());
@@ -525,16 +535,16 @@ impl Pass {
         for draft in self.drafts.into_iter().rev() {
             let (end, (interval_s, uniform)) = draft.end.unwrap_or((rows, (None, false)));
             let time = match self.clock {
-                Clock::Rate { rate_hz, start_s } => {
+                TimeSource::Rate { rate_hz, start_s } => {
                     rate_times(rate_hz, start_s, draft.first_interval(), end - draft.start)
                 }
-                Clock::Column(_) => {
+                TimeSource::Column(_) => {
                     let of = if draft.start == 0 {
                         std::mem::take(&mut times)
                     } else {
                         times.split_off(draft.start.min(times.len()))
                     };
-                    TimeBase { times: Times::Column(of), interval_s, uniform }
+                    TimeBase { times: SegmentTimes::Column(of), interval_s, uniform }
                 }
             };
             let label = self.labels.get(draft.record).cloned().unwrap_or_default();
@@ -542,9 +552,9 @@ impl Pass {
         }
         segments.reverse();
         let columns = self.plan.targets.into_iter();
-        Recording {
+        SampledRecording {
             source,
-            columns: columns.map(|t| Column { header: t.header, values: t.values }).collect(),
+            columns: columns.map(|t| RecordingColumn { header: t.header, values: t.values }).collect(),
             diagnosis,
             segments,
             rows,
@@ -556,19 +566,19 @@ impl Pass {
 /// The times of a clock that the file does not hold, from a row of a segment on.
 fn rate_times(rate_hz: f64, start_s: f64, first: usize, len: usize) -> TimeBase {
     TimeBase {
-        times: Times::Rate { rate_hz, start_s, first, len },
+        times: SegmentTimes::Rate { rate_hz, start_s, first, len },
         interval_s: Some(rate_hz.recip()),
         uniform: true,
     }
 }
 
 /// Appends numbers in SI; one that is beyond f64 there becomes NaN, and its row and what it was are told.
-fn append(values: &mut Vec<f64>, numbers: &[f64], scale: Scale, mut beyond: impl FnMut(usize, f64)) {
+fn append(values: &mut Vec<f64>, numbers: &[f64], scale: ColumnScale, mut beyond: impl FnMut(usize, f64)) {
     let (factor, offset) = match scale {
-        Scale::Decimal(_) => return values.extend_from_slice(numbers),
+        ColumnScale::Decimal(_) => return values.extend_from_slice(numbers),
         // Nothing is added to it, not even to the sign of a zero.
-        Scale::Factor(factor) => (factor, -0.0),
-        Scale::Affine { factor, offset, .. } => (factor, offset),
+        ColumnScale::Factor(factor) => (factor, -0.0),
+        ColumnScale::Affine { factor, offset, .. } => (factor, offset),
     };
     values.extend(numbers.iter().enumerate().map(|(row, number)| {
         let si = number * factor + offset;

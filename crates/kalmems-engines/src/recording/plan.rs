@@ -2,30 +2,30 @@
 
 use super::clock_unit::ClockUnit;
 use super::error::hint;
-use super::findings::{Findings, Place};
-use super::request::{Request, Wanted};
-use super::scale::Scale;
-use super::{Clock, DeclaredColumn, Finding, FindingKind as Kind, reading};
-use crate::units::{Header, Unit, UnitError};
-use kalmems_formats::{self as formats, Description, Evidence, Instant, TimeKind, TimeUnit};
+use super::findings::{FindingPlace, Findings};
+use super::request::{ColumnSelection, ReadRequest};
+use super::scale::ColumnScale;
+use super::{DeclaredColumn, Finding, FindingKind as Kind, TimeSource, reading};
+use crate::units::{ColumnHeader, Unit, UnitError};
+use kalmems_formats::{self as formats, Instant, TableDescription, TableEvidence, TimeKind, TimeUnit};
 use std::collections::BTreeMap;
 
 /// A column that is being read.
-pub(super) struct Target {
+pub(super) struct TargetColumn {
     /// Its position in the header.
     pub(super) index: usize,
-    pub(super) header: Header,
-    pub(super) scale: Scale,
+    pub(super) header: ColumnHeader,
+    pub(super) scale: ColumnScale,
     /// Which of the columns of numbers in a block it is.
     pub(super) slot: usize,
     /// Its values in SI, as far as they are kept.
     pub(super) values: Vec<f64>,
 }
 
-impl Target {
+impl TargetColumn {
     fn new(index: usize, name: &str) -> Self {
-        let header = Header::parse(name);
-        Self { index, scale: Scale::of(header.unit), header, slot: 0, values: Vec::new() }
+        let header = ColumnHeader::parse(name);
+        Self { index, scale: ColumnScale::of(header.unit), header, slot: 0, values: Vec::new() }
     }
 
     /// A column as the settings say, which is called `in_file` in the file.
@@ -38,7 +38,7 @@ impl Target {
     ) -> Self {
         let mut target = Self::new(index, in_file);
         let Some(reading) = &declared.reading else { return target };
-        let place = Place { column: Some(index), segment: None, line };
+        let place = FindingPlace { column: Some(index), segment: None, line };
         findings.add(Kind::Stated, place, || reading::words(reading, &target.header));
         if let Some((text, stated)) = &reading.unit
             && target.header.unit.is_some_and(|unit| unit != *stated)
@@ -57,28 +57,28 @@ impl Target {
 }
 
 /// What the header tells.
-pub(super) struct Plan {
+pub(super) struct ReadingPlan {
     /// The line of the header.
     pub(super) line: usize,
     pub(super) names: Vec<String>,
     /// Whether messages may show cells: not those of a text that may have been meant for something else.
     pub(super) shows_cells: bool,
-    pub(super) clock: Option<Target>,
+    pub(super) clock: Option<TargetColumn>,
     /// What the clock counts, and where its times are to count from, where that is not for the file to say.
     pub(super) clock_unit: ClockUnit,
     pub(super) origin: Option<Instant>,
     pub(super) segment_column: Option<usize>,
-    pub(super) targets: Vec<Target>,
+    pub(super) targets: Vec<TargetColumn>,
 }
 
-impl Plan {
+impl ReadingPlan {
     /// Finds the columns in the header. What cannot be found is a finding, and the rest is read all the same;
     /// an error is a header whose columns cannot even be told.
     pub(super) fn of(
-        file: &Description,
+        file: &TableDescription,
         time_kind: &dyn Fn(usize) -> Option<TimeKind>,
         line: usize,
-        request: &Request,
+        request: &ReadRequest,
         findings: &mut Findings,
     ) -> Result<Self, Vec<Finding>> {
         let names: Vec<String> = file.columns.iter().map(|column| column.name.trim().to_owned()).collect();
@@ -99,7 +99,7 @@ impl Plan {
         };
         let find = |name: &str, by_name: bool, findings: &mut Findings| {
             let found = find(name, by_name, &names);
-            let place = |column| Place { column, segment: None, line };
+            let place = |column| FindingPlace { column, segment: None, line };
             match found.as_slice() {
                 [] => findings.add_absent(
                     name,
@@ -116,18 +116,20 @@ impl Plan {
         let target = |name: &str, is_clock: bool, findings: &mut Findings| match declared(name, is_clock) {
             Some(known) => {
                 let index = find(name, known.reading.is_some(), findings)?;
-                Some(Target::declared(index, names.get(index)?, known, line, findings))
+                Some(TargetColumn::declared(index, names.get(index)?, known, line, findings))
             }
-            None => Some(Target::new(find(name, false, findings)?, name)),
+            None => Some(TargetColumn::new(find(name, false, findings)?, name)),
         };
         let clock = match request.clock {
-            Clock::Column(name) => target(name, true, findings),
-            Clock::Rate { .. } => None,
+            TimeSource::Column(name) => target(name, true, findings),
+            TimeSource::Rate { .. } => None,
         };
         let segment_column = request.segment_column.and_then(|name| find(name, false, findings));
-        let targets: Vec<Target> = match request.columns {
-            Wanted::Named(wanted) => wanted.iter().filter_map(|name| target(name, false, findings)).collect(),
-            Wanted::AllBut(unwanted) => {
+        let targets: Vec<TargetColumn> = match request.columns {
+            ColumnSelection::Named(wanted) => {
+                wanted.iter().filter_map(|name| target(name, false, findings)).collect()
+            }
+            ColumnSelection::AllBut(unwanted) => {
                 let taken =
                     |i: usize| clock.as_ref().is_some_and(|c| c.index == i) || segment_column == Some(i);
                 let rest =
@@ -138,13 +140,13 @@ impl Plan {
                     if first(i, name) {
                         find(name, false, findings);
                     }
-                    Target::new(i, name)
+                    TargetColumn::new(i, name)
                 })
                 .collect()
             }
         };
-        let named = matches!(request.columns, Wanted::Named(_));
-        let place = |target: &Target| Place { column: Some(target.index), segment: None, line };
+        let named = matches!(request.columns, ColumnSelection::Named(_));
+        let place = |target: &TargetColumn| FindingPlace { column: Some(target.index), segment: None, line };
         for target in targets.iter().filter(|target| target.header.unit.is_none()) {
             let known = declared(&target.header.column, false);
             let needed = named && known.is_none_or(|known| known.usual_unit.is_some());
@@ -163,7 +165,7 @@ impl Plan {
             }
         }
         let origin = request.origin;
-        let shows_cells = file.evidence != Evidence::Nothing;
+        let shows_cells = file.evidence != TableEvidence::Nothing;
         let mut plan = Self { line, names, shows_cells, clock, clock_unit, origin, segment_column, targets };
         plan.number();
         Ok(plan)
@@ -179,19 +181,22 @@ impl Plan {
     }
 
     /// What is to be read.
-    pub(super) fn wanted(&self) -> Vec<formats::Wanted> {
+    pub(super) fn wanted(&self) -> Vec<formats::WantedColumn> {
         let mut wanted = Vec::new();
-        wanted.extend(self.clock.iter().map(|clock| formats::Wanted::Time {
+        wanted.extend(self.clock.iter().map(|clock| formats::WantedColumn::Time {
             column: clock.index,
             unit: self.clock_unit.unit,
             origin: self.origin,
         }));
         for target in &self.targets {
             if target.slot == wanted.len() {
-                wanted.push(formats::Wanted::Number { column: target.index, power: target.scale.power() });
+                wanted.push(formats::WantedColumn::Number {
+                    column: target.index,
+                    power: target.scale.power(),
+                });
             }
         }
-        wanted.extend(self.segment_column.map(|column| formats::Wanted::Label { column }));
+        wanted.extend(self.segment_column.map(|column| formats::WantedColumn::Label { column }));
         wanted
     }
 }
@@ -205,13 +210,13 @@ fn find(wanted: &str, by_name: bool, names: &[String]) -> Vec<usize> {
 
 /// A name without the unit that it ends with, where it does.
 fn without_unit(name: &str) -> Option<&str> {
-    let Header { unit_text, .. } = Header::parse(name);
+    let ColumnHeader { unit_text, .. } = ColumnHeader::parse(name);
     let ending = Some(unit_text.as_str()).filter(|unit| !unit.is_empty())?;
     name.strip_suffix(ending)?.strip_suffix('_')
 }
 
 /// Why a file does not have a column, and what there is instead.
-fn why_absent(wanted: &str, names: &[String], file: &Description) -> String {
+fn why_absent(wanted: &str, names: &[String], file: &TableDescription) -> String {
     // Formats that keep units apart leave them out of the name here.
     let is_it = |name: &str| {
         let name = name.rsplit('/').next().unwrap_or(name);
@@ -221,9 +226,9 @@ fn why_absent(wanted: &str, names: &[String], file: &Description) -> String {
         return format!(": `{}` of the file is left out ({})", left_out.name, left_out.why);
     }
     let tells_names = match file.evidence {
-        Evidence::Format | Evidence::Arrays => true,
-        Evidence::Rows => names.len() > 1,
-        Evidence::Nothing => false,
+        TableEvidence::Format | TableEvidence::Arrays => true,
+        TableEvidence::Rows => names.len() > 1,
+        TableEvidence::Nothing => false,
     };
     if tells_names {
         return format!(" ({})", hint(wanted, names.iter().map(String::as_str)));
@@ -237,7 +242,7 @@ fn why_absent(wanted: &str, names: &[String], file: &Description) -> String {
 /// The findings of a file whose columns cannot even be told.
 pub(super) fn unreadable(kind: Kind, line: usize, detail: String) -> Vec<Finding> {
     let mut findings = Findings::default();
-    findings.add(kind, Place { column: None, segment: None, line }, || detail);
+    findings.add(kind, FindingPlace { column: None, segment: None, line }, || detail);
     findings.list(&[], &[])
 }
 

@@ -18,9 +18,9 @@
 //! either side.
 
 use super::FindingKind as Kind;
-use super::findings::{Findings, Place, short};
-use super::segment::Lines;
-use super::stuck::Stuck;
+use super::findings::{FindingPlace, Findings, short};
+use super::segment::LineNumbers;
+use super::stuck::StuckValues;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -52,7 +52,7 @@ pub(super) struct Rails {
     segment: SegmentExtremes,
     /// Segments whose values are all the same: position, line and value.
     constant: Vec<(usize, usize, f64)>,
-    stuck: Stuck,
+    stuck: StuckValues,
 }
 
 /// What is known of the present segment.
@@ -65,7 +65,7 @@ struct SegmentExtremes {
 }
 
 /// Where values stand.
-pub(super) struct Part<'a> {
+pub(super) struct RailPart<'a> {
     /// The values of the segment up to now: all, or at least three times [`LONG_RUN`] of them and the fresh ones.
     pub(super) values: &'a [f64],
     /// How many of them, at the end, were not there before.
@@ -76,7 +76,7 @@ pub(super) struct Part<'a> {
     pub(super) segment: usize,
 }
 
-impl Part<'_> {
+impl RailPart<'_> {
     /// The values of some rows of the recording, as far as they are there.
     fn of(&self, rows: Range<usize>) -> &[f64] {
         let first = self.end - self.values.len();
@@ -94,12 +94,12 @@ impl Rails {
             numbers: 0,
             segment: SegmentExtremes::default(),
             constant: Vec::new(),
-            stuck: Stuck::default(),
+            stuck: StuckValues::default(),
         }
     }
 
     /// Takes the fresh values of a part.
-    pub(super) fn take(&mut self, part: &Part, lines: &Lines) {
+    pub(super) fn take(&mut self, part: &RailPart, lines: &LineNumbers) {
         let begin = part.end - part.fresh;
         let fresh = part.of(begin..part.end);
         if begin == 0 {
@@ -135,21 +135,21 @@ impl Rails {
         self.meet(part, lines);
     }
 
-    fn meet(&mut self, part: &Part, lines: &Lines) {
+    fn meet(&mut self, part: &RailPart, lines: &LineNumbers) {
         for rail in self.sides.iter_mut().flatten() {
             rail.take(part, lines);
         }
     }
 
     /// The rows before one are about to be let go of.
-    pub(super) fn forget(&mut self, part: &Part) {
+    pub(super) fn forget(&mut self, part: &RailPart) {
         for rail in self.sides.iter_mut().flatten() {
             rail.freeze(part);
         }
     }
 
     /// The end of a stretch of a segment, with its last part: what comes after it does not follow it.
-    pub(super) fn end_stretch(&mut self, part: &Part) {
+    pub(super) fn end_stretch(&mut self, part: &RailPart) {
         self.stuck.interrupt();
         for rail in self.sides.iter_mut().flatten() {
             rail.end_segment(part);
@@ -169,7 +169,7 @@ impl Rails {
 
     /// The end of the recording.
     pub(super) fn finish(self, segments: usize, findings: &mut Findings) {
-        let place = |segment, line| Place { column: Some(self.column), segment, line };
+        let place = |segment, line| FindingPlace { column: Some(self.column), segment, line };
         let Some([low, high]) = self.sides else { return };
         if low.level.to_bits() == high.level.to_bits() {
             if self.numbers > 1 {
@@ -191,7 +191,7 @@ impl Rails {
                 format!("stays at {} for {} rows, between rows that differ", short(run.value), run.rows)
             });
         }
-        let mut found: BTreeMap<usize, [Tally; 2]> = BTreeMap::new();
+        let mut found: BTreeMap<usize, [RailTally; 2]> = BTreeMap::new();
         let levels = [high.level, low.level];
         for (side, rail) in [high, low].into_iter().enumerate() {
             for (segment, tally) in rail.tallies() {
@@ -228,30 +228,30 @@ struct Rail {
     level: f64,
     step: f64,
     /// The run that is going on.
-    open: Option<Run>,
+    open: Option<RailRun>,
     /// Runs whose rows after them are not all there.
-    waiting: Vec<Run>,
+    waiting: Vec<RailRun>,
     /// What is sure, by segment.
-    sure: BTreeMap<usize, Tally>,
+    sure: BTreeMap<usize, RailTally>,
     /// What depends on the step, by what the runs leave their value by (the bits of a number that is not negative are in its
     /// order) and by segment.
-    undecided: BTreeMap<(u64, usize), Tally>,
+    undecided: BTreeMap<(u64, usize), RailTally>,
 }
 
 /// A run of rows at an extreme value.
 #[derive(Clone)]
-struct Run {
+struct RailRun {
     start: usize,
     rows: usize,
     /// The line of its first row.
     line: usize,
     /// What is before it, where its rows are let go of.
-    before: Option<Side>,
+    before: Option<SignalSide>,
 }
 
 /// The signal on one side of a run.
 #[derive(Clone, Copy)]
-struct Side {
+struct SignalSide {
     /// How far it leaves the level by where it runs into it; 0 where it creeps.
     departure: f64,
     /// Whether there are as many rows as the run has.
@@ -260,13 +260,13 @@ struct Side {
 
 /// Runs together: where the first begins (row and line), how long the longest is and how many rows there are.
 #[derive(Clone, Copy, Default)]
-struct Tally {
+struct RailTally {
     first: (usize, usize),
     longest: usize,
     samples: usize,
 }
 
-impl Tally {
+impl RailTally {
     fn add(&mut self, other: Self) {
         self.first = if self.samples == 0 { other.first } else { self.first.min(other.first) };
         self.longest = self.longest.max(other.longest);
@@ -291,7 +291,7 @@ impl Rail {
         Self { step: (before - level).abs(), ..Self::new(level) }
     }
 
-    fn take(&mut self, part: &Part, lines: &Lines) {
+    fn take(&mut self, part: &RailPart, lines: &LineNumbers) {
         let begin = part.end - part.fresh;
         let mut row = begin;
         // Exactly equal is what is meant: a clipped signal repeats the value of its rail.
@@ -300,7 +300,7 @@ impl Rail {
             if self.open.is_none() {
                 let Some(next) = rest.iter().position(|v| *v == self.level) else { break };
                 row += next;
-                self.open = Some(Run { start: row, rows: 0, line: 0, before: None });
+                self.open = Some(RailRun { start: row, rows: 0, line: 0, before: None });
             }
             let rest = part.of(row..part.end);
             let more = rest.iter().position(|v| *v != self.level).unwrap_or(rest.len());
@@ -323,7 +323,7 @@ impl Rail {
     }
 
     /// Judges the runs that have all their rows after them, at the end of a segment all.
-    fn judge(&mut self, part: &Part, last: bool) {
+    fn judge(&mut self, part: &RailPart, last: bool) {
         if self.waiting.is_empty() {
             return;
         }
@@ -344,7 +344,7 @@ impl Rail {
                 (false, true) => after.departure,
                 (false, false) => before.departure.max(after.departure),
             };
-            let tally = Tally { first: (run.start, run.line), longest: run.rows, samples: run.rows };
+            let tally = RailTally { first: (run.start, run.line), longest: run.rows, samples: run.rows };
             if departure > SATURATION_STEPS * self.step {
                 self.sure.entry(part.segment).or_default().add(tally);
             } else if departure > 0.0 {
@@ -360,14 +360,14 @@ impl Rail {
     }
 
     /// What is before a run.
-    fn before(&self, run: &Run, part: &Part, rows: usize) -> Side {
+    fn before(&self, run: &RailRun, part: &RailPart, rows: usize) -> SignalSide {
         let before = part.of(run.start.saturating_sub(rows)..run.start);
         self.side(before, before.split_at(before.len() - nearest(before)).1, rows)
     }
 
-    fn side(&self, side: &[f64], near: &[f64], rows: usize) -> Side {
+    fn side(&self, side: &[f64], near: &[f64], rows: usize) -> SignalSide {
         let (far, near) = (self.departure(side), self.departure(near));
-        Side {
+        SignalSide {
             departure: if far <= SATURATION_CREEP * near { far } else { 0.0 },
             complete: side.len() == rows,
         }
@@ -379,7 +379,7 @@ impl Rail {
     }
 
     /// Keeps what is known of long runs before their rows are let go of.
-    fn freeze(&mut self, part: &Part) {
+    fn freeze(&mut self, part: &RailPart) {
         let level = Self::new(self.level);
         for run in self.open.iter_mut().chain(&mut self.waiting) {
             if run.rows >= LONG_RUN && run.before.is_none() {
@@ -388,7 +388,7 @@ impl Rail {
         }
     }
 
-    fn end_segment(&mut self, part: &Part) {
+    fn end_segment(&mut self, part: &RailPart) {
         self.close();
         self.judge(part, true);
     }
@@ -402,7 +402,7 @@ impl Rail {
     }
 
     /// All runs that the step leaves, by segment.
-    fn tallies(mut self) -> BTreeMap<usize, Tally> {
+    fn tallies(mut self) -> BTreeMap<usize, RailTally> {
         self.decide();
         self.sure
     }

@@ -3,10 +3,10 @@
 use super::blocks::Blocks;
 use super::findings::Findings;
 use super::pass::Pass;
-use super::plan::Plan;
-use super::request::Request;
-use super::{Clock, ReadError, Recording, Source};
-use kalmems_formats::{Digest, Evidence, Table};
+use super::plan::ReadingPlan;
+use super::request::ReadRequest;
+use super::{ReadError, RecordingSource, SampledRecording, TimeSource};
+use kalmems_formats::{Digest, Table, TableEvidence};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -14,20 +14,20 @@ use std::path::Path;
 const ROWS_PER_REPORT: usize = 1 << 16;
 
 /// Called with the bytes read and the bytes in all.
-pub(crate) type Progress<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
+pub(crate) type ReadProgress<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
 
 /// A file that is being read: its blocks, and the pass that takes them.
-pub(super) struct Reading {
+pub(super) struct RecordingReader {
     pub(super) pass: Pass,
     blocks: Blocks,
-    source: Source,
+    source: RecordingSource,
 }
 
-impl Reading {
+impl RecordingReader {
     /// Opens a file and begins to read it. `head`: rows of a segment over which its usual interval is found.
-    pub(super) fn open(path: &Path, request: &Request, head: usize) -> Result<Self, ReadError> {
+    pub(super) fn open(path: &Path, request: &ReadRequest, head: usize) -> Result<Self, ReadError> {
         let file = || path.display().to_string();
-        if let Clock::Rate { rate_hz, start_s } = *request.clock
+        if let TimeSource::Rate { rate_hz, start_s } = *request.clock
             && !(rate_hz > 0.0 && rate_hz.is_finite() && start_s.is_finite())
         {
             return Err(ReadError::Clock { file: file(), rate_hz, start_s });
@@ -41,17 +41,17 @@ impl Reading {
     pub(super) fn of(
         table: Box<dyn Table>,
         path: &Path,
-        request: &Request,
+        request: &ReadRequest,
         head: usize,
     ) -> Result<Self, ReadError> {
         let file = || path.display().to_string();
         let description = table.description();
         let format = format!("{}: {}", description.format, description.recognised);
         let line = usize::try_from(table.header_line()).unwrap_or(usize::MAX);
-        let in_arrays = description.evidence == Evidence::Arrays;
+        let in_arrays = description.evidence == TableEvidence::Arrays;
         let mut findings = if in_arrays { Findings::of_arrays() } else { Findings::default() };
         let kind = |column: usize| table.time_kind(column);
-        let plan = Plan::of(description, &kind, line, request, &mut findings)
+        let plan = ReadingPlan::of(description, &kind, line, request, &mut findings)
             .map_err(|findings| ReadError::Unusable { file: file(), findings })?;
         let blocks = Blocks::start(table, path, &plan.wanted())?;
         let name =
@@ -59,12 +59,12 @@ impl Reading {
         Ok(Self {
             pass: Pass::new(plan, findings, request, head),
             blocks,
-            source: Source { file: name, sha256: String::new(), bytes: 0, format, origin: None },
+            source: RecordingSource { file: name, sha256: String::new(), bytes: 0, format, origin: None },
         })
     }
 
     /// Takes one block; `false` after the last, when the pass is at its end.
-    pub(super) fn step(&mut self, progress: Progress) -> Result<bool, ReadError> {
+    pub(super) fn step(&mut self, progress: ReadProgress) -> Result<bool, ReadError> {
         let before = self.pass.rows();
         if let Some(block) = self.blocks.next(progress)? {
             self.pass.take(&block);
@@ -84,14 +84,18 @@ impl Reading {
     }
 
     /// The file; its digest and its length are there when it is read.
-    pub(super) const fn source(&self) -> &Source {
+    pub(super) const fn source(&self) -> &RecordingSource {
         &self.source
     }
 }
 
 /// Reads the whole file; the recording is there even where a finding is fatal, for it to be looked at.
-pub(crate) fn read(path: &Path, request: &Request, progress: Progress) -> Result<Recording, ReadError> {
-    let mut reading = Reading::open(path, request, usize::MAX)?;
+pub(crate) fn read(
+    path: &Path,
+    request: &ReadRequest,
+    progress: ReadProgress,
+) -> Result<SampledRecording, ReadError> {
+    let mut reading = RecordingReader::open(path, request, usize::MAX)?;
     while reading.step(progress)? {}
     Ok(reading.pass.finish(reading.source))
 }

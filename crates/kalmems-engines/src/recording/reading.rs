@@ -1,8 +1,8 @@
 //! What the settings say of a column, applied to its numbers.
 
-use super::scale::Scale;
-use super::{DeclaredColumn, Reading};
-use crate::units::{Header, Unit};
+use super::scale::ColumnScale;
+use super::{ColumnReading, DeclaredColumn};
+use crate::units::{ColumnHeader, Unit};
 
 /// What to write in the settings for a column whose unit is needed and not known.
 pub(super) fn way_out(declared: &DeclaredColumn) -> Option<String> {
@@ -12,7 +12,10 @@ pub(super) fn way_out(declared: &DeclaredColumn) -> Option<String> {
 }
 
 /// The unit of the values, where one is known, and how the numbers become SI; in words what does not fit.
-pub(super) fn apply(reading: &Reading, file: &Header) -> Result<(Header, Scale), String> {
+pub(super) fn apply(
+    reading: &ColumnReading,
+    file: &ColumnHeader,
+) -> Result<(ColumnHeader, ColumnScale), String> {
     let known = reading.unit.as_ref().map(|(_, unit)| *unit).or(file.unit);
     let numbers = known.unwrap_or(Unit::ONE);
     let (unit, factor) = match &reading.scale {
@@ -37,17 +40,17 @@ pub(super) fn apply(reading: &Reading, file: &Header) -> Result<(Header, Scale),
         _ => file.unit_text.clone(),
     };
     let scaled = reading.scale.as_ref().is_some_and(|scale| scale.unit() != Unit::ONE);
-    let header = Header {
+    let header = ColumnHeader {
         column: file.column.clone(),
         unit: (known.is_some() || scaled).then_some(unit),
         unit_text,
         is_stated: true,
     };
-    Ok((header, Scale::of_factor_and_offset(factor, offset)))
+    Ok((header, ColumnScale::of_factor_and_offset(factor, offset)))
 }
 
 /// In words, for the diagnosis.
-pub(super) fn words(reading: &Reading, file: &Header) -> String {
+pub(super) fn words(reading: &ColumnReading, file: &ColumnHeader) -> String {
     let mut words = match &reading.unit {
         Some((text, _)) => format!("its numbers are in `{text}`"),
         None if file.unit_text.is_empty() => "its numbers have no unit".to_owned(),
@@ -67,9 +70,9 @@ mod tests {
     use super::*;
     use crate::units::Value;
 
-    fn reading(unit: &str, scale: &str, offset: &str) -> Reading {
+    fn reading(unit: &str, scale: &str, offset: &str) -> ColumnReading {
         let value = |text: &str| (!text.is_empty()).then(|| Value::parse(text).unwrap());
-        Reading {
+        ColumnReading {
             unit: (!unit.is_empty()).then(|| (unit.to_owned(), Unit::parse(unit).unwrap())),
             scale: value(scale),
             offset: value(offset),
@@ -79,20 +82,20 @@ mod tests {
     #[test]
     fn powers_of_ten_move_the_exponent_and_others_multiply() {
         for (unit, scale, offset, expected, si) in [
-            ("V", "", "", Scale::Decimal(0), "V"),
-            ("mV", "", "", Scale::Decimal(-3), "V"),
-            ("mV", "10", "", Scale::Decimal(-2), "V"),
-            ("V", "10 mV/V", "", Scale::Decimal(-2), "V"),
-            ("V", "2.5", "", Scale::Factor(2.5), "V"),
+            ("V", "", "", ColumnScale::Decimal(0), "V"),
+            ("mV", "", "", ColumnScale::Decimal(-3), "V"),
+            ("mV", "10", "", ColumnScale::Decimal(-2), "V"),
+            ("V", "10 mV/V", "", ColumnScale::Decimal(-2), "V"),
+            ("V", "2.5", "", ColumnScale::Factor(2.5), "V"),
             // 2.5 mV, rounded once.
-            ("mV", "2.5", "", Scale::Factor(2.5e-3), "V"),
-            ("V", "-1", "", Scale::Affine { power: 0, factor: -1.0, offset: 0.0 }, "V"),
-            ("mV", "", "0.1 V", Scale::Affine { power: -3, factor: 1.0, offset: 0.1 }, "V"),
-            ("V", "2.5", "100 mV", Scale::Affine { power: 0, factor: 2.5, offset: 0.1 }, "V"),
-            ("V", "0.5 gn/V", "", Scale::Factor(0.5 * 9.806_65), "m/s^2"),
-            ("1", "2.5", "0.25", Scale::Affine { power: 0, factor: 2.5, offset: 0.25 }, "1"),
+            ("mV", "2.5", "", ColumnScale::Factor(2.5e-3), "V"),
+            ("V", "-1", "", ColumnScale::Affine { power: 0, factor: -1.0, offset: 0.0 }, "V"),
+            ("mV", "", "0.1 V", ColumnScale::Affine { power: -3, factor: 1.0, offset: 0.1 }, "V"),
+            ("V", "2.5", "100 mV", ColumnScale::Affine { power: 0, factor: 2.5, offset: 0.1 }, "V"),
+            ("V", "0.5 gn/V", "", ColumnScale::Factor(0.5 * 9.806_65), "m/s^2"),
+            ("1", "2.5", "0.25", ColumnScale::Affine { power: 0, factor: 2.5, offset: 0.25 }, "1"),
         ] {
-            let (header, found) = apply(&reading(unit, scale, offset), &Header::parse("u")).unwrap();
+            let (header, found) = apply(&reading(unit, scale, offset), &ColumnHeader::parse("u")).unwrap();
             assert_eq!(found, expected, "{unit} {scale} {offset}");
             let si = Unit::parse(si).unwrap().dimension();
             assert_eq!(header.unit.unwrap().dimension(), si, "{unit} {scale} {offset}");
@@ -101,15 +104,15 @@ mod tests {
 
     #[test]
     fn the_unit_of_the_name_counts_where_none_is_stated() {
-        let (header, scale) = apply(&reading("", "10", ""), &Header::parse("u_mV")).unwrap();
-        assert_eq!((header.unit_text.as_str(), scale), ("mV", Scale::Decimal(-2)));
-        let (header, scale) = apply(&reading("", "10", ""), &Header::parse("u")).unwrap();
-        assert_eq!((header.unit, scale), (None, Scale::Decimal(1)));
+        let (header, scale) = apply(&reading("", "10", ""), &ColumnHeader::parse("u_mV")).unwrap();
+        assert_eq!((header.unit_text.as_str(), scale), ("mV", ColumnScale::Decimal(-2)));
+        let (header, scale) = apply(&reading("", "10", ""), &ColumnHeader::parse("u")).unwrap();
+        assert_eq!((header.unit, scale), (None, ColumnScale::Decimal(1)));
     }
 
     #[test]
     fn an_offset_of_another_dimension_is_refused() {
-        let error = apply(&reading("V", "0.5 gn/V", "1 V"), &Header::parse("u")).unwrap_err();
+        let error = apply(&reading("V", "0.5 gn/V", "1 V"), &ColumnHeader::parse("u")).unwrap_err();
         insta::assert_snapshot!(error, @"the offset `1 V` has the dimension V and the values have m s^-2");
     }
 }

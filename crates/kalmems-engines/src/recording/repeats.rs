@@ -1,14 +1,14 @@
 //! Columns that repeat another one: two names of one channel, or one that was wired twice.
 
 use super::FindingKind as Kind;
-use super::findings::{Findings, Place};
-use super::plan::Target;
+use super::findings::{FindingPlace, Findings};
+use super::plan::TargetColumn;
 
 /// Rows that tell it, at least.
 const LEAST: usize = 16;
 
 /// Two columns that have been the same until now.
-struct Pair {
+struct EqualColumns {
     /// Their places among the targets, the later one first.
     places: [usize; 2],
     /// Whether each value of one is that of the other, and whether it is that with the other sign.
@@ -18,7 +18,7 @@ struct Pair {
 
 /// All pairs of columns that are the same as far as they are known.
 pub(super) struct Repeats {
-    pairs: Vec<Pair>,
+    pairs: Vec<EqualColumns>,
     /// Of each column its first value, and whether there has been another.
     seen: Vec<(f64, bool)>,
     line: usize,
@@ -30,7 +30,7 @@ impl Repeats {
     pub(super) fn new(looked_at: &[bool]) -> Self {
         let is = |place: &usize| looked_at.get(*place).copied().unwrap_or(false);
         let places = || (0..looked_at.len()).filter(is);
-        let pair = |places| Pair { places, is_same: true, is_negative: true };
+        let pair = |places| EqualColumns { places, is_same: true, is_negative: true };
         Self {
             pairs: places()
                 .flat_map(|a| places().filter(move |b| *b < a).map(move |b| pair([a, b])))
@@ -42,7 +42,7 @@ impl Repeats {
     }
 
     /// Takes the values of so many new rows of all columns, the last ones that they have; the first of them stands on this line.
-    pub(super) fn take(&mut self, targets: &[Target], rows: usize, line: usize) {
+    pub(super) fn take(&mut self, targets: &[TargetColumn], rows: usize, line: usize) {
         if self.pairs.is_empty() || rows == 0 {
             return;
         }
@@ -76,11 +76,11 @@ impl Repeats {
     }
 
     /// The end of the recording.
-    pub(super) fn finish(self, targets: &[Target], names: &[String], findings: &mut Findings) {
+    pub(super) fn finish(self, targets: &[TargetColumn], names: &[String], findings: &mut Findings) {
         if self.rows < LEAST {
             return;
         }
-        for Pair { places: [later, earlier], is_same, .. } in self.pairs {
+        for EqualColumns { places: [later, earlier], is_same, .. } in self.pairs {
             let (Some(one), Some(other)) = (targets.get(later), targets.get(earlier)) else { continue };
             if !self.seen.get(later).is_some_and(|(_, varies)| *varies) {
                 continue;
@@ -89,7 +89,7 @@ impl Repeats {
             // Of both it is told: which one is right is not known.
             for [of, as_in] in [[one, other], [other, one]] {
                 let name = names.get(as_in.index).map_or("", String::as_str);
-                let place = Place { column: Some(of.index), segment: None, line: self.line };
+                let place = FindingPlace { column: Some(of.index), segment: None, line: self.line };
                 findings.add(Kind::Repeats, place, || format!("repeats column `{name}`{sign} in every row"));
             }
         }

@@ -1,13 +1,13 @@
 //! What is asked of a file.
 
-use super::{Clock, DeclaredColumn, Restarts};
+use super::{DeclaredColumn, Restarts, TimeSource};
 use kalmems_formats::{Hints, Instant};
 
 /// What to take from a file.
-pub(crate) struct Request<'a> {
-    pub(crate) clock: &'a Clock,
+pub(crate) struct ReadRequest<'a> {
+    pub(crate) clock: &'a TimeSource,
     pub(crate) segment_column: Option<&'a str>,
-    pub(crate) columns: Wanted<'a>,
+    pub(crate) columns: ColumnSelection<'a>,
     /// What the settings say of columns beyond their names.
     pub(crate) declared: &'a [DeclaredColumn],
     pub(crate) hints: &'a Hints,
@@ -19,7 +19,7 @@ pub(crate) struct Request<'a> {
 }
 
 /// The columns to take.
-pub(crate) enum Wanted<'a> {
+pub(crate) enum ColumnSelection<'a> {
     /// These; each must be there, and have a unit where that is needed.
     Named(&'a [String]),
     /// All but these, the time and the segments' labels.

@@ -5,7 +5,7 @@ use kalmems_core::Portable;
 
 /// How the numbers of a column become SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Scale {
+pub(crate) enum ColumnScale {
     /// A power of ten, 0 where they are SI already or have no unit: the exponent is changed in the text, so that `5.71` in pF
     /// is the number 5.71e-12.
     Decimal(i32),
@@ -22,7 +22,7 @@ pub(crate) enum Scale {
     },
 }
 
-impl Scale {
+impl ColumnScale {
     pub(crate) fn of(unit: Option<Unit>) -> Self {
         Self::of_factor(unit.map_or(1.0, |u| u.factor()))
     }

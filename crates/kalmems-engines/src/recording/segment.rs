@@ -32,13 +32,13 @@ impl Segment {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TimeBase {
     #[serde(skip)]
-    pub(super) times: Times,
+    pub(super) times: SegmentTimes,
     pub(super) interval_s: Option<f64>,
     pub(super) uniform: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Times {
+pub(super) enum SegmentTimes {
     /// As the file has them.
     Column(Vec<f64>),
     /// From a clock that the file does not hold.
@@ -51,7 +51,7 @@ pub(super) enum Times {
     },
 }
 
-impl Times {
+impl SegmentTimes {
     /// Those of some rows.
     fn part(&self, rows: &Range<usize>) -> Self {
         match self {
@@ -76,11 +76,11 @@ impl TimeBase {
     /// together again. NaN past the end.
     pub fn at(&self, i: usize) -> f64 {
         match &self.times {
-            Times::Column(times) => times.get(i).copied().unwrap_or(f64::NAN),
-            Times::Rate { rate_hz, start_s, first, len } if i < *len => {
+            SegmentTimes::Column(times) => times.get(i).copied().unwrap_or(f64::NAN),
+            SegmentTimes::Rate { rate_hz, start_s, first, len } if i < *len => {
                 start_s + (first + i) as f64 / rate_hz
             }
-            Times::Rate { .. } => f64::NAN,
+            SegmentTimes::Rate { .. } => f64::NAN,
         }
     }
 
@@ -103,8 +103,8 @@ impl TimeBase {
     /// The number of rows.
     pub fn len(&self) -> usize {
         match &self.times {
-            Times::Column(times) => times.len(),
-            Times::Rate { len, .. } => *len,
+            SegmentTimes::Column(times) => times.len(),
+            SegmentTimes::Rate { len, .. } => *len,
         }
     }
 
@@ -116,12 +116,12 @@ impl TimeBase {
 
 /// Which line of the file a row stands on: one entry per break in the numbering.
 #[derive(Debug, Default)]
-pub(super) struct Lines {
+pub(super) struct LineNumbers {
     breaks: Vec<(usize, usize)>,
     rows: usize,
 }
 
-impl Lines {
+impl LineNumbers {
     pub(super) fn of(&self, row: usize) -> usize {
         self.known(row).unwrap_or(0)
     }

@@ -23,14 +23,14 @@ pub(super) fn mean_of_rounded(intervals: &[f64], median: f64, resolution_s: f64)
 /// How rows arrive that come in bursts, however long each is: most of them right behind the one before, so that the usual interval
 /// says nothing of their rate.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Arrivals {
+pub(super) struct ArrivalPattern {
     /// The mean interval.
     pub(super) mean_s: f64,
     /// What is usually waited for the next burst.
     pub(super) wait_s: f64,
 }
 
-impl Arrivals {
+impl ArrivalPattern {
     /// From one row to the next so much has to pass, by the usual wait, until samples count as missing: bursts are as late as the
     /// way of the samples makes them.
     const FAR: f64 = 10.0;
@@ -82,7 +82,7 @@ pub(super) fn rounded(interval_s: f64, resolution_s: f64) -> Option<String> {
 }
 
 /// Times that come in bursts.
-pub(super) struct Bursts {
+pub(super) struct BurstTimes {
     /// The step after which the first one ends.
     pub(super) first: usize,
     /// How many there are.
@@ -93,7 +93,7 @@ pub(super) struct Bursts {
 
 /// Finds bursts in the steps from row to row: runs of short steps, about as long as one another, with a long step between
 /// them, in which at least half of the time passes.
-pub(super) fn bursts(times: &[f64]) -> Option<Bursts> {
+pub(super) fn bursts(times: &[f64]) -> Option<BurstTimes> {
     let steps = || times.iter().zip(times.iter().skip(1)).map(|(before, after)| after - before);
     let count = times.len().saturating_sub(1);
     let (first, last) = (times.first()?, times.last()?);
@@ -126,7 +126,7 @@ pub(super) fn bursts(times: &[f64]) -> Option<Bursts> {
     let ((begin, _), (end, long_s)) = (long.first()?, long.last()?);
     let rate_hz = (end - begin) as f64 / (times.get(end + 1)? - times.get(begin + 1)?);
     let usual = if median > 0.0 { format!("{} s", short(median)) } else { "nothing".to_owned() };
-    Some(Bursts {
+    Some(BurstTimes {
         first: begin + 1,
         count: long.len(),
         detail: format!(

@@ -1,16 +1,16 @@
 //! Recordings of any length, a stretch at a time, in bounded memory.
 
-use super::read::{Progress, Reading};
-use super::request::{Request, Wanted};
-use super::segment::Times;
-use super::{Finding, Layout, ReadError, Recording, Restarts, Source};
+use super::read::{ReadProgress, RecordingReader};
+use super::request::{ColumnSelection, ReadRequest};
+use super::segment::SegmentTimes;
+use super::{Finding, ReadError, RecordingLayout, RecordingSource, Restarts, SampledRecording};
 use kalmems_formats::Table;
 use std::ops::Range;
 use std::path::Path;
 
 /// How much of a segment is given at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Around {
+pub struct StretchSize {
     /// New rows of a stretch, at least 1.
     pub rows: usize,
     /// New rows of a segment's first stretch, over which its usual interval is found; at least 1.
@@ -27,7 +27,7 @@ pub struct Around {
 pub struct Stretch {
     /// The rows as one segment with its label and its usual interval. Its source has neither digest nor length, which
     /// are not known before the end.
-    pub recording: Recording,
+    pub recording: SampledRecording,
     /// Which of its rows are new.
     pub fresh: Range<usize>,
     /// Whether the first new row is the first of the segment.
@@ -39,7 +39,7 @@ pub struct Stretch {
 /// The stretches of a file, in the order of their rows.
 ///
 /// The file is read once, from front to back, on a thread of its own; so it can be a pipe. The new rows of all stretches
-/// together are the rows of [`Recording::read`], bit for bit, and so are the findings, with these differences, which
+/// together are the rows of [`SampledRecording::read`], bit for bit, and so are the findings, with these differences, which
 /// only a segment longer than its first stretch has:
 ///
 /// - The usual interval, by which gaps and irregular intervals are judged, is the median over the first stretch.
@@ -50,10 +50,10 @@ pub struct Stretch {
 /// error.
 ///
 /// ```no_run
-/// use kalmems_engines::recording::{Around, Clock, Layout, Stretches};
+/// use kalmems_engines::recording::{StretchSize, TimeSource, RecordingLayout, Stretches};
 /// # use std::ops::ControlFlow;
-/// let layout = Layout { clock: Clock::Column("time_s".to_owned()), segment_column: None, columns: None, declared: Vec::new(), hints: Default::default(), restarts: None, nominal_rate_hz: None, origin: None };
-/// let around = Around { rows: 65_536, first: 65_536, before: 0, after: 0 };
+/// let layout = RecordingLayout { clock: TimeSource::Column("time_s".to_owned()), segment_column: None, columns: None, declared: Vec::new(), hints: Default::default(), restarts: None, nominal_rate_hz: None, origin: None };
+/// let around = StretchSize { rows: 65_536, first: 65_536, before: 0, after: 0 };
 /// let mut stretches = Stretches::open("recording.csv".as_ref(), &layout, around)?;
 /// let mut sum = 0.0;
 /// while let Some(stretch) = stretches.next(&mut |_, _| ControlFlow::Continue(()))? {
@@ -64,8 +64,8 @@ pub struct Stretch {
 /// # Ok::<(), kalmems_engines::recording::ReadError>(())
 /// ```
 pub struct Stretches {
-    reading: Reading,
-    around: Around,
+    reading: RecordingReader,
+    around: StretchSize,
     file: String,
     /// The segment that comes next and its next row.
     segment: usize,
@@ -79,18 +79,18 @@ pub struct Stretches {
 
 impl Stretches {
     /// Opens a file. Columns that are not there are an error of the first stretch.
-    pub fn open(path: &Path, layout: &Layout, around: Around) -> Result<Self, ReadError> {
-        let request = Request {
+    pub fn open(path: &Path, layout: &RecordingLayout, around: StretchSize) -> Result<Self, ReadError> {
+        let request = ReadRequest {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
-            columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            columns: layout.columns.as_deref().map_or(ColumnSelection::AllBut(&[]), ColumnSelection::Named),
             declared: &layout.declared,
             hints: &layout.hints,
             nominal_rate_hz: layout.nominal_rate_hz,
             origin: layout.origin,
             restarts: layout.restarts,
         };
-        let reading = Reading::open(path, &request, around.first.max(1))?;
+        let reading = RecordingReader::open(path, &request, around.first.max(1))?;
         Ok(Self::of_reading(reading, path, around, false))
     }
 
@@ -98,10 +98,10 @@ impl Stretches {
     pub(crate) fn of_table(
         table: Box<dyn Table>,
         path: &Path,
-        request: &Request,
-        around: Around,
+        request: &ReadRequest,
+        around: StretchSize,
     ) -> Result<Self, ReadError> {
-        let reading = Reading::of(table, path, request, around.first.max(1))?;
+        let reading = RecordingReader::of(table, path, request, around.first.max(1))?;
         Ok(Self::of_reading(reading, path, around, false))
     }
 
@@ -109,13 +109,13 @@ impl Stretches {
     pub fn of_arriving(
         table: Box<dyn Table>,
         path: &Path,
-        layout: &Layout,
-        around: Around,
+        layout: &RecordingLayout,
+        around: StretchSize,
     ) -> Result<Self, ReadError> {
-        let request = Request {
+        let request = ReadRequest {
             clock: &layout.clock,
             segment_column: layout.segment_column.as_deref(),
-            columns: layout.columns.as_deref().map_or(Wanted::AllBut(&[]), Wanted::Named),
+            columns: layout.columns.as_deref().map_or(ColumnSelection::AllBut(&[]), ColumnSelection::Named),
             declared: &layout.declared,
             hints: &layout.hints,
             nominal_rate_hz: layout.nominal_rate_hz,
@@ -123,12 +123,12 @@ impl Stretches {
             // What arrives cannot be sorted: it is taken as it comes.
             restarts: layout.restarts.map(|restarts| Restarts { at_any_rate: true, ..restarts }),
         };
-        let reading = Reading::of(table, path, &request, around.first.max(1))?;
+        let reading = RecordingReader::of(table, path, &request, around.first.max(1))?;
         Ok(Self::of_reading(reading, path, around, true))
     }
 
-    fn of_reading(reading: Reading, path: &Path, around: Around, arriving: bool) -> Self {
-        let around = Around { rows: around.rows.max(1), first: around.first.max(1), ..around };
+    fn of_reading(reading: RecordingReader, path: &Path, around: StretchSize, arriving: bool) -> Self {
+        let around = StretchSize { rows: around.rows.max(1), first: around.first.max(1), ..around };
         let file = path.display().to_string();
         Self { reading, around, file, segment: 0, next: 0, arriving, ended: false, spare: Vec::new() }
     }
@@ -148,7 +148,7 @@ impl Stretches {
 
     /// The usual interval in s of a segment whose first stretch comes next, once it is known; `None` within a segment, after
     /// the last one, and where no row follows another in time.
-    pub fn beginning(&mut self, progress: Progress) -> Result<Option<f64>, ReadError> {
+    pub fn beginning(&mut self, progress: ReadProgress) -> Result<Option<f64>, ReadError> {
         loop {
             if let Some((start, end)) = self.reading.pass.segment(self.segment) {
                 let interval = self.reading.pass.interval_s(self.segment);
@@ -164,13 +164,13 @@ impl Stretches {
     }
 
     /// How much of a segment is given at a time from the next stretch on, which begins one.
-    pub fn give(&mut self, around: Around) {
-        self.around = Around { rows: around.rows.max(1), first: around.first.max(1), ..around };
+    pub fn give(&mut self, around: StretchSize) {
+        self.around = StretchSize { rows: around.rows.max(1), first: around.first.max(1), ..around };
     }
 
     /// The next stretch; `None` after the last. `progress` is called now and then with the bytes read and the bytes in all
     /// (0 of a pipe); where it breaks, the reading ends with [`ReadError::Interrupted`].
-    pub fn next(&mut self, progress: Progress) -> Result<Option<Stretch>, ReadError> {
+    pub fn next(&mut self, progress: ReadProgress) -> Result<Option<Stretch>, ReadError> {
         self.next_of_any(true, progress)
     }
 
@@ -178,7 +178,7 @@ impl Stretches {
     pub(crate) fn next_of_any(
         &mut self,
         usable: bool,
-        progress: Progress,
+        progress: ReadProgress,
     ) -> Result<Option<Stretch>, ReadError> {
         loop {
             if usable && self.reading.pass.is_fatal() {
@@ -197,7 +197,7 @@ impl Stretches {
     /// Gives a stretch back, for its memory to be used again.
     pub fn reuse(&mut self, stretch: Stretch) {
         for segment in stretch.recording.segments {
-            if let Times::Column(times) = segment.time.times {
+            if let SegmentTimes::Column(times) = segment.time.times {
                 self.spare.push(times);
             }
         }
@@ -206,7 +206,7 @@ impl Stretches {
     }
 
     /// The file and all that was found, once the last stretch is read.
-    pub fn finish(self) -> (Source, Vec<Finding>) {
+    pub fn finish(self) -> (RecordingSource, Vec<Finding>) {
         (self.reading.source().clone(), self.reading.pass.findings())
     }
 
@@ -216,7 +216,7 @@ impl Stretches {
     }
 
     /// Reads a block, or the end.
-    fn read(&mut self, progress: Progress) -> Result<(), ReadError> {
+    fn read(&mut self, progress: ReadProgress) -> Result<(), ReadError> {
         if !self.reading.step(progress)? {
             self.ended = true;
             self.reading.pass.end();
@@ -263,7 +263,7 @@ impl Stretches {
     }
 
     /// Reads the rest for the diagnosis alone.
-    fn unusable(&mut self, progress: Progress) -> Result<ReadError, ReadError> {
+    fn unusable(&mut self, progress: ReadProgress) -> Result<ReadError, ReadError> {
         while !self.ended {
             self.reading.pass.forget(self.rows());
             self.read(progress)?;

@@ -16,7 +16,7 @@ const KEPT: usize = 1 << 10;
 
 /// A run of equal rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Run {
+pub(super) struct EqualRows {
     /// Its first row, and how many it has.
     pub(super) start: usize,
     pub(super) rows: usize,
@@ -28,7 +28,7 @@ pub(super) struct Run {
 
 /// Looks for such runs in one column, row by row.
 #[derive(Default)]
-pub(super) struct Stuck {
+pub(super) struct StuckValues {
     last: Option<f64>,
     /// The differences of consecutive rows before the present run.
     before: VecDeque<f64>,
@@ -36,11 +36,11 @@ pub(super) struct Stuck {
     /// Where the present run began, its line, and its rows.
     present: Option<(usize, usize, usize)>,
     /// A run whose rows after it are not all there.
-    waiting: Option<(Run, Vec<f64>)>,
-    found: Vec<Run>,
+    waiting: Option<(EqualRows, Vec<f64>)>,
+    found: Vec<EqualRows>,
 }
 
-impl Stuck {
+impl StuckValues {
     /// The next value, of this row; `line` is asked for where a run begins to count.
     pub(super) fn take(&mut self, value: f64, (row, segment): (usize, usize), line: impl Fn(usize) -> usize) {
         let Some(last) = self.last.replace(value).filter(|last| last.is_finite() && value.is_finite()) else {
@@ -70,7 +70,7 @@ impl Stuck {
         let run = self.present.take();
         if let Some((start, line, rows)) = run.filter(|(_, _, rows)| *rows >= STUCK_RUN) {
             if self.before.len() == STUCK_RUN && is_moving(self.before.iter().copied(), self.step) {
-                let run = Run { start, rows, value: last, segment, line };
+                let run = EqualRows { start, rows, value: last, segment, line };
                 self.waiting = Some((run, vec![difference]));
             }
             self.before.clear();
@@ -105,7 +105,7 @@ impl Stuck {
 
     /// The runs at neither the lowest nor the highest value, which may be those of a rail, nor at 0, which is what a generator shows that is
     /// switched off.
-    pub(super) fn finish(self, [low, high]: [f64; 2]) -> Vec<Run> {
+    pub(super) fn finish(self, [low, high]: [f64; 2]) -> Vec<EqualRows> {
         self.found.into_iter().filter(|run| run.value > low && run.value < high && run.value != 0.0).collect()
     }
 }
@@ -121,9 +121,9 @@ mod tests {
     use super::*;
 
     /// Nearly normal numbers of variance 1: sums of twelve that are uniform, by a linear congruence.
-    struct Chance(u64);
+    struct NearlyNormal(u64);
 
-    impl Chance {
+    impl NearlyNormal {
         fn sample(&mut self) -> f64 {
             let mut uniform = || {
                 self.0 =
@@ -135,7 +135,7 @@ mod tests {
     }
 
     fn found(values: &[f64]) -> Vec<(usize, usize)> {
-        let mut stuck = Stuck::default();
+        let mut stuck = StuckValues::default();
         for (row, value) in values.iter().enumerate() {
             stuck.take(*value, (row, 0), |row| row + 2);
         }
@@ -148,7 +148,7 @@ mod tests {
 
     /// A sine with noise, rounded to steps of 1.
     fn rounded(amplitude: f64, noise: f64) -> Vec<f64> {
-        let mut chance = Chance(3);
+        let mut chance = NearlyNormal(3);
         (0..20_000)
             .map(|k| (amplitude * (0.01 * f64::from(k)).sin() + noise * chance.sample()).round())
             .collect()

@@ -6,12 +6,12 @@ use proptest::prelude::*;
 use std::fmt::Write as _;
 use std::ops::Range;
 
-fn layout(clock: &str, segments: &str, columns: &[&str]) -> Layout {
-    Layout {
+fn layout(clock: &str, segments: &str, columns: &[&str]) -> RecordingLayout {
+    RecordingLayout {
         clock: if clock.is_empty() {
-            Clock::Rate { rate_hz: 1000.0, start_s: 0.5 }
+            TimeSource::Rate { rate_hz: 1000.0, start_s: 0.5 }
         } else {
-            Clock::Column(clock.to_owned())
+            TimeSource::Column(clock.to_owned())
         },
         segment_column: (!segments.is_empty()).then(|| segments.to_owned()),
         columns: (!columns.is_empty()).then(|| columns.iter().map(|&c| c.to_owned()).collect()),
@@ -23,15 +23,15 @@ fn layout(clock: &str, segments: &str, columns: &[&str]) -> Layout {
     }
 }
 
-fn read(bytes: &[u8], layout: &Layout) -> Result<Recording, ReadError> {
+fn read(bytes: &[u8], layout: &RecordingLayout) -> Result<SampledRecording, ReadError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.csv");
     std::fs::write(&path, bytes).unwrap();
-    Recording::read(&path, layout)
+    SampledRecording::read(&path, layout)
 }
 
 /// The diagnosis as text, whether or not the recording can be used.
-fn diagnosis(text: &str, layout: &Layout) -> String {
+fn diagnosis(text: &str, layout: &RecordingLayout) -> String {
     let (verdict, findings) = match read(text.as_bytes(), layout) {
         Ok(recording) => ("usable", recording.diagnosis),
         Err(ReadError::Unusable { findings, .. }) => ("unusable", findings),
@@ -57,7 +57,7 @@ fn sine(rows: usize, period: f64, amplitude: f64, phase: f64, clip: f64) -> Stri
 }
 
 /// Files with each kind of finding: name, text and layout.
-fn files() -> Vec<(&'static str, String, Layout)> {
+fn files() -> Vec<(&'static str, String, RecordingLayout)> {
     let time = layout("time_s", "", &["cap_V"]);
     let rows = "time_s,cap_V\n0,1\n1,2\n";
     let clipped = sine(600, 200.0, 100.0, 0.0, 80.0);
@@ -106,7 +106,7 @@ fn files() -> Vec<(&'static str, String, Layout)> {
             layout("time_s", "record", &["cap_V", "drive_V"]),
         ),
     ];
-    files.map(|(name, text, layout): (_, &str, Layout)| (name, text.to_owned(), layout)).to_vec()
+    files.map(|(name, text, layout): (_, &str, RecordingLayout)| (name, text.to_owned(), layout)).to_vec()
 }
 
 #[test]
@@ -188,7 +188,8 @@ fn a_rate_is_a_clock() {
     let segments = recording.segments();
     assert_eq!((segments[0].time.at(1), segments[1].time.start_s()), (0.501, 0.5));
     assert_eq!(segments[1].time.interval_s(), Some(0.001));
-    let bad = Layout { clock: Clock::Rate { rate_hz: 0.0, start_s: 0.0 }, ..layout("", "", &[]) };
+    let bad =
+        RecordingLayout { clock: TimeSource::Rate { rate_hz: 0.0, start_s: 0.0 }, ..layout("", "", &[]) };
     assert!(matches!(read(b"x_V\n1\n", &bad), Err(ReadError::Clock { .. })));
 }
 
@@ -273,7 +274,7 @@ fn reading_reports_progress_and_can_be_stopped() {
     }
     std::fs::write(&path, &text).unwrap();
     let mut reports = Vec::new();
-    let recording = Recording::read_with(&path, &layout("", "", &[]), &mut |done, total| {
+    let recording = SampledRecording::read_with(&path, &layout("", "", &[]), &mut |done, total| {
         reports.push((done, total));
         ControlFlow::Continue(())
     })
@@ -285,7 +286,7 @@ fn reading_reports_progress_and_can_be_stopped() {
     assert_eq!(reports.last(), Some(&(length, length)));
 
     let mut calls = 0;
-    let stopped = Recording::read_with(&path, &layout("", "", &[]), &mut |_, _| {
+    let stopped = SampledRecording::read_with(&path, &layout("", "", &[]), &mut |_, _| {
         calls += 1;
         ControlFlow::Break(())
     });
@@ -295,7 +296,7 @@ fn reading_reports_progress_and_can_be_stopped() {
 
 #[test]
 fn a_file_that_is_not_there() {
-    let error = Recording::read("nowhere/a.csv".as_ref(), &layout("", "", &[])).unwrap_err();
+    let error = SampledRecording::read("nowhere/a.csv".as_ref(), &layout("", "", &[])).unwrap_err();
     assert!(error.to_string().starts_with("cannot read `nowhere/a.csv`: "), "{error}");
 }
 
@@ -340,24 +341,24 @@ fn a_signal_that_settles_is_not_saturated() {
 
 /// What a reading gives, bit for bit: columns, segments with their times, and findings.
 #[derive(Debug, PartialEq)]
-struct Whole {
+struct ReadingBits {
     columns: Vec<Vec<u64>>,
-    segments: Vec<Piece>,
+    segments: Vec<SegmentBits>,
     findings: String,
 }
 
 /// Label, rows, times and usual interval of a segment.
-type Piece = (String, Range<usize>, Vec<u64>, Option<f64>);
+type SegmentBits = (String, Range<usize>, Vec<u64>, Option<f64>);
 
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|v| v.to_bits()).collect()
 }
 
-fn whole(path: &Path, layout: &Layout) -> Result<Whole, String> {
-    let recording = Recording::read(path, layout).map_err(|error| error.to_string())?;
+fn whole(path: &Path, layout: &RecordingLayout) -> Result<ReadingBits, String> {
+    let recording = SampledRecording::read(path, layout).map_err(|error| error.to_string())?;
     let segment =
         |s: &Segment| (s.label.clone(), s.rows.clone(), bits(&s.time.to_vec()), s.time.interval_s());
-    Ok(Whole {
+    Ok(ReadingBits {
         columns: recording.columns().iter().map(|c| bits(&c.values)).collect(),
         segments: recording.segments().iter().map(segment).collect(),
         findings: format!("{:?}", recording.diagnosis()),
@@ -365,10 +366,10 @@ fn whole(path: &Path, layout: &Layout) -> Result<Whole, String> {
 }
 
 /// The same put together from stretches, each of which is checked to hold what is promised around it.
-fn put_together(path: &Path, layout: &Layout, around: Around) -> Result<Whole, String> {
+fn put_together(path: &Path, layout: &RecordingLayout, around: StretchSize) -> Result<ReadingBits, String> {
     let go_on = &mut |_, _| ControlFlow::Continue(());
     let mut stretches = Stretches::open(path, layout, around).map_err(|error| error.to_string())?;
-    let mut whole = Whole { columns: Vec::new(), segments: Vec::new(), findings: String::new() };
+    let mut whole = ReadingBits { columns: Vec::new(), segments: Vec::new(), findings: String::new() };
     while let Some(stretch) = stretches.next(go_on).map_err(|error| error.to_string())? {
         let Stretch { recording, fresh, begins, ends } = &stretch;
         let [own] = recording.segments() else { panic!() };
@@ -421,7 +422,7 @@ fn stretches_put_together_are_the_recording() {
         let expected = whole(&path, &layout);
         for (rows, before, after) in [(1, 0, 0), (1, 3, 2), (2, 1, 1), (7, 0, 5), (1000, 10, 10)] {
             // The usual interval is that of the first stretch.
-            let around = Around { rows, first: 1000, before, after };
+            let around = StretchSize { rows, first: 1000, before, after };
             let found = put_together(&path, &layout, around);
             assert!(found == expected, "{name} {around:?}: {found:?} for {expected:?}");
         }
@@ -441,7 +442,7 @@ fn a_record_is_given_as_its_interval_asks() {
     }
     std::fs::write(&path, text).unwrap();
     let mut go_on = |_: u64, _: u64| ControlFlow::Continue(());
-    let around = Around { rows: 10, first: 5, before: 0, after: 1 };
+    let around = StretchSize { rows: 10, first: 5, before: 0, after: 1 };
     let mut stretches = Stretches::open(&path, &layout("time_s", "r", &[]), around).unwrap();
     let (mut intervals, mut given) = (Vec::new(), Vec::new());
     loop {
@@ -449,7 +450,7 @@ fn a_record_is_given_as_its_interval_asks() {
             intervals.push(interval_s);
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 1 and 3
             let more = interval_s as usize;
-            stretches.give(Around { rows: 10, first: 5 + more, before: more, after: 2 * more });
+            stretches.give(StretchSize { rows: 10, first: 5 + more, before: more, after: 2 * more });
         }
         let Some(stretch) = stretches.next(&mut go_on).unwrap() else { break };
         given.push((stretch.fresh.clone(), stretch.recording.rows(), stretch.ends));
@@ -491,9 +492,9 @@ fn long_recordings_in_stretches_have_the_findings_of_the_whole() {
         let expected = whole(&path, &layout).unwrap();
         assert!(expected.findings.matches("Finding {").count() >= kinds, "{}", expected.findings);
         for around in [
-            Around { rows: 1000, first: 1000, before: 0, after: 0 },
-            Around { rows: 777, first: 20_000, before: 300, after: 50 },
-            Around { rows: 65_536, first: 65_536, before: 10_000, after: 10_000 },
+            StretchSize { rows: 1000, first: 1000, before: 0, after: 0 },
+            StretchSize { rows: 777, first: 20_000, before: 300, after: 50 },
+            StretchSize { rows: 65_536, first: 65_536, before: 10_000, after: 10_000 },
         ] {
             let found = put_together(&path, &layout, around).unwrap();
             assert_eq!(found.findings, expected.findings, "{around:?}");
@@ -516,7 +517,7 @@ fn jumping() -> String {
 #[test]
 fn a_record_is_cut_behind_long_gaps_and_where_its_clock_goes_back() {
     let restarts = Some(Restarts::beyond(50.0));
-    let layout = Layout { restarts, ..layout("time_s", "", &["x_V"]) };
+    let layout = RecordingLayout { restarts, ..layout("time_s", "", &["x_V"]) };
     let mut text = jumping();
     // More rows, so that two of them that go back are few.
     for k in 0..300 {
@@ -542,7 +543,7 @@ fn a_record_is_cut_behind_long_gaps_and_where_its_clock_goes_back() {
     line 122, column `time_s`: 100.5 s after 219 s (the first of 2 times); the times are kept as they stand: a new stretch begins, and the estimate begins anew
     ");
     // Without a policy the same file is refused, and shortly.
-    let text = diagnosis(&text, &Layout { restarts: None, ..layout });
+    let text = diagnosis(&text, &RecordingLayout { restarts: None, ..layout });
     assert!(
         text.starts_with("unusable\nFatal DecreasingTime: line 122, column `time_s`: 100.5 s after 219 s"),
         "{text}"
@@ -564,16 +565,16 @@ fn a_record_that_is_cut_is_the_same_in_stretches() {
     }
     std::fs::write(&path, &text).unwrap();
     let restarts = Some(Restarts::beyond(50.0));
-    let layout = Layout { restarts, ..layout("time_s", "r", &["x_V"]) };
+    let layout = RecordingLayout { restarts, ..layout("time_s", "r", &["x_V"]) };
     let expected = whole(&path, &layout).unwrap();
     assert_eq!(expected.segments.len(), 6, "{:?}", expected.findings);
     for kind in ["LongGap", "ClockBack", "kind: Gap"] {
         assert_eq!(expected.findings.matches(kind).count(), 2, "{}", expected.findings);
     }
     for around in [
-        Around { rows: 100, first: 100, before: 0, after: 0 },
-        Around { rows: 77, first: 900, before: 300, after: 50 },
-        Around { rows: 5000, first: 5000, before: 10, after: 10 },
+        StretchSize { rows: 100, first: 100, before: 0, after: 0 },
+        StretchSize { rows: 77, first: 900, before: 300, after: 50 },
+        StretchSize { rows: 5000, first: 5000, before: 10, after: 10 },
     ] {
         let found = put_together(&path, &layout, around).unwrap();
         assert!(found == expected, "{around:?}: {} for {}", found.findings, expected.findings);
@@ -582,7 +583,7 @@ fn a_record_that_is_cut_is_the_same_in_stretches() {
 
 #[test]
 fn rows_in_no_order_and_rows_between_gaps_alone_are_refused_with_what_to_do() {
-    let layout = Layout { restarts: Some(Restarts::beyond(5.0)), ..layout("time_s", "", &["x_V"]) };
+    let layout = RecordingLayout { restarts: Some(Restarts::beyond(5.0)), ..layout("time_s", "", &["x_V"]) };
     // Two records with one clock each, row by row.
     let mut mixed = "time_s,x_V\n".to_owned();
     for k in 0..30_000 {
@@ -602,7 +603,7 @@ fn rows_in_no_order_and_rows_between_gaps_alone_are_refused_with_what_to_do() {
     let path = folder.path().join("a.csv");
     std::fs::write(&path, &slow).unwrap();
     let table = kalmems_formats::open(&path, &layout.hints).unwrap();
-    let around = Around { rows: 10, first: 10, before: 0, after: 1 };
+    let around = StretchSize { rows: 10, first: 10, before: 0, after: 1 };
     let mut stretches = Stretches::of_arriving(table, &path, &layout, around).unwrap();
     let mut count = 0;
     while let Some(stretch) = stretches.next(&mut |_, _| ControlFlow::Continue(())).unwrap() {
@@ -721,7 +722,7 @@ fn reference_recordings_are_usable() {
         ("threshold-nominal/truth.csv", "time_s", "", &["angle_rad", "rate_rad_per_s"], 40_000, 1, "[]"),
     ] {
         let path = Path::new(&folder).join("recordings").join(file);
-        let recording = Recording::read(&path, &layout(clock, segment, columns)).unwrap();
+        let recording = SampledRecording::read(&path, &layout(clock, segment, columns)).unwrap();
         assert_eq!((recording.rows(), recording.segments().len()), (rows, segments), "{file}");
         let found: Vec<_> = recording.diagnosis.iter().map(|f| f.kind).collect();
         assert_eq!(format!("{found:?}"), notes, "{file}: {:?}", recording.diagnosis);
@@ -741,12 +742,12 @@ fn declared(column: &str, key: &str, [unit, scale, offset]: [&str; 3]) -> Declar
         column: column.to_owned(),
         key: key.to_owned(),
         usual_unit: Some(if key == DeclaredColumn::CLOCK { "s" } else { "V" }),
-        reading: said.then_some(Reading { unit, scale, offset }),
+        reading: said.then_some(ColumnReading { unit, scale, offset }),
     }
 }
 
-fn with(layout: Layout, declared: &[DeclaredColumn]) -> Layout {
-    Layout { declared: declared.to_vec(), ..layout }
+fn with(layout: RecordingLayout, declared: &[DeclaredColumn]) -> RecordingLayout {
+    RecordingLayout { declared: declared.to_vec(), ..layout }
 }
 
 #[test]
@@ -803,7 +804,8 @@ fn at_times(times: impl Iterator<Item = f64>) -> String {
 
 #[test]
 fn intervals_are_judged_by_the_nominal_rate_unless_all_contradict_it() {
-    let nominal = |rate_hz: f64| Layout { nominal_rate_hz: Some(rate_hz), ..layout("time_s", "", &["x_V"]) };
+    let nominal =
+        |rate_hz: f64| RecordingLayout { nominal_rate_hz: Some(rate_hz), ..layout("time_s", "", &["x_V"]) };
     let late = |k: u32| f64::from(k * 7919 % 13) * 1e-6;
     // A clock of 996 µs, two times in hundred of which are late: by the median of the times alone the others are right as well.
     let nearly = at_times((0..400).map(|k| f64::from(k) * 996e-6 + if k % 50 == 9 { 9e-6 } else { 0.0 }));
@@ -829,7 +831,7 @@ fn in_bursts(rows: u32, size: u32) -> impl Iterator<Item = f64> {
 #[test]
 fn in_bursts_samples_are_missing_by_the_mean_interval_or_the_nominal_one() {
     let layout = layout("time_s", "", &["x_V"]);
-    let nominal = Layout { nominal_rate_hz: Some(1000.0), ..layout.clone() };
+    let nominal = RecordingLayout { nominal_rate_hz: Some(1000.0), ..layout.clone() };
     for size in [4, 30, 300] {
         let whole = at_times(in_bursts(9000, size));
         let late = at_times(in_bursts(9000, size).map(|time| if time > 4.0 { time + 60.0 } else { time }));
@@ -843,7 +845,7 @@ fn in_bursts_samples_are_missing_by_the_mean_interval_or_the_nominal_one() {
         }
     }
     // Declared as what is sampled within a burst: the rest is missing.
-    let fast = Layout { nominal_rate_hz: Some(5e5), ..layout };
+    let fast = RecordingLayout { nominal_rate_hz: Some(5e5), ..layout };
     let found = diagnosis(&at_times(in_bursts(9000, 30)), &fast);
     assert!(found.contains("are missing where one is expected every 2e-6 s"), "{found}");
 }
@@ -854,8 +856,10 @@ fn cells_of_a_text_without_numbers_are_not_quoted() {
     let columns = Some(vec!["time_s".to_owned(), "cap_V".to_owned()]);
     let hints = Hints { columns, ..Hints::default() };
     for text in ["swordfish,b\nc,swordfish\n", "time_s,cap_V\nswordfish,b\nc,swordfish\n"] {
-        let found =
-            diagnosis(text, &Layout { hints: hints.clone(), ..layout("time_s", "cap_V", &["cap_V"]) });
+        let found = diagnosis(
+            text,
+            &RecordingLayout { hints: hints.clone(), ..layout("time_s", "cap_V", &["cap_V"]) },
+        );
         assert!(found.contains("the cell is no number") && !found.contains("swordfish"), "{found}");
     }
 }

@@ -1,8 +1,8 @@
 //! The diagnosis of a segment's times, as they come.
 
 use super::FindingKind as Kind;
-use super::findings::{Findings, Place, short};
-use super::stamps::{self, Arrivals};
+use super::findings::{FindingPlace, Findings, short};
+use super::stamps::{self, ArrivalPattern};
 use kalmems_figures::number;
 use std::cmp::Ordering;
 
@@ -25,36 +25,36 @@ pub(super) struct TimeCheck {
     /// contradict it.
     nominal: Option<f64>,
     /// How the rows arrive, where they come in bursts and not by the nominal rate.
-    arrivals: Option<Arrivals>,
+    arrivals: Option<ArrivalPattern>,
     /// To how many s the file rounds the times.
     resolution_s: f64,
     ordered: bool,
     /// Whether all intervals are the usual one.
     regular: bool,
-    tally: Tally,
+    tally: TimingTally,
 }
 
 /// What is not regular in the times of a record, over its stretches until now.
-pub(super) struct Tally {
-    gaps: Found,
+pub(super) struct TimingTally {
+    gaps: FirstAndCount,
     missing: f64,
-    irregular: Found,
+    irregular: FirstAndCount,
     shortest: f64,
     longest: f64,
     /// The interval that the last stretch was judged by, and what it is.
     expected: Option<(f64, &'static str)>,
 }
 
-impl Default for Tally {
+impl Default for TimingTally {
     fn default() -> Self {
-        let (gaps, irregular) = (Found::default(), Found::default());
+        let (gaps, irregular) = (FirstAndCount::default(), FirstAndCount::default());
         Self { gaps, missing: 0.0, irregular, shortest: f64::INFINITY, longest: 0.0, expected: None }
     }
 }
 
 impl TimeCheck {
     /// Of a segment whose record was found so irregular before it.
-    pub(super) const fn new(head: usize, nominal: Option<f64>, tally: Tally) -> Self {
+    pub(super) const fn new(head: usize, nominal: Option<f64>, tally: TimingTally) -> Self {
         Self {
             head,
             rows: 0,
@@ -70,7 +70,7 @@ impl TimeCheck {
     }
 
     /// What is found of the record until now, for its next stretch.
-    pub(super) fn take_tally(&mut self) -> Tally {
+    pub(super) fn take_tally(&mut self) -> TimingTally {
         std::mem::take(&mut self.tally)
     }
 
@@ -95,7 +95,7 @@ impl TimeCheck {
         &mut self,
         times: &[f64],
         fresh: usize,
-        place: impl Fn(usize) -> Place,
+        place: impl Fn(usize) -> FindingPlace,
         findings: &mut Findings,
     ) {
         let first = times.len().saturating_sub(fresh + 1);
@@ -125,7 +125,7 @@ impl TimeCheck {
     }
 
     /// Finds the usual interval and judges all so far by it.
-    fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> Place, findings: &mut Findings) {
+    fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> FindingPlace, findings: &mut Findings) {
         let head = times.get(..self.head.min(times.len())).unwrap_or_default();
         let mut positive: Vec<f64> =
             steps(head, 0).map(|(_, (before, after))| after - before).filter(|i| *i > 0.0).collect();
@@ -139,7 +139,7 @@ impl TimeCheck {
         if let Some(bursts) = stamps::bursts(head) {
             findings.add_many(Kind::BurstTime, place(bursts.first), bursts.count, || bursts.detail);
         }
-        self.arrivals = self.median.and_then(|median| Arrivals::of(head, median));
+        self.arrivals = self.median.and_then(|median| ArrivalPattern::of(head, median));
         self.compare_with_nominal(&positive, &place, findings);
         self.judge(times, 0, 0, place);
     }
@@ -149,7 +149,7 @@ impl TimeCheck {
     fn compare_with_nominal(
         &mut self,
         intervals: &[f64],
-        place: &impl Fn(usize) -> Place,
+        place: &impl Fn(usize) -> FindingPlace,
         findings: &mut Findings,
     ) {
         let (Some(nominal), Some(median)) = (self.nominal, self.median) else { return };
@@ -182,7 +182,7 @@ impl TimeCheck {
     }
 
     /// Judges the intervals from that after `times[first]` on.
-    fn judge(&mut self, times: &[f64], first: usize, base: usize, place: impl Fn(usize) -> Place) {
+    fn judge(&mut self, times: &[f64], first: usize, base: usize, place: impl Fn(usize) -> FindingPlace) {
         let Some(median) = self.interval_s() else { return };
         let expected = self.expected().map_or(median, |(expected, _)| expected);
         for (i, (before, after)) in steps(times, first) {
@@ -213,7 +213,7 @@ impl TimeCheck {
     pub(super) fn finish(
         &mut self,
         times: &[f64],
-        place: impl Fn(usize) -> Place,
+        place: impl Fn(usize) -> FindingPlace,
         findings: &mut Findings,
     ) -> (Option<f64>, bool) {
         if self.is_waiting() {
@@ -227,7 +227,7 @@ impl TimeCheck {
     }
 }
 
-impl Tally {
+impl TimingTally {
     /// The end of the record.
     pub(super) fn tell(&self, findings: &mut Findings) {
         let Some((expected, what)) = self.expected else { return };
@@ -276,13 +276,13 @@ fn steps(times: &[f64], first: usize) -> impl Iterator<Item = (usize, (f64, f64)
 }
 
 #[derive(Default)]
-struct Found {
-    first: Option<Place>,
+struct FirstAndCount {
+    first: Option<FindingPlace>,
     count: usize,
 }
 
-impl Found {
-    fn add(&mut self, place: impl Fn() -> Place) {
+impl FirstAndCount {
+    fn add(&mut self, place: impl Fn() -> FindingPlace) {
         if self.count == 0 {
             self.first = Some(place());
         }

@@ -1,9 +1,9 @@
 //! Recordings of one segment that grow at one end and shrink at the other.
 
-use super::Recording;
-use super::segment::Times;
+use super::SampledRecording;
+use super::segment::SegmentTimes;
 
-impl Recording {
+impl SampledRecording {
     /// What it would be if the numbers of a column were others: `change` is given times and values in SI of one segment after the
     /// other. For questions about a filter; what was found in the file stays as it was.
     #[must_use]
@@ -26,8 +26,8 @@ impl Recording {
         }
         let (Some(segment), Some(more)) = (self.segments.first_mut(), later.segments.first()) else { return };
         match (&mut segment.time.times, &more.time.times) {
-            (Times::Column(times), Times::Column(more)) => times.extend_from_slice(more),
-            (Times::Rate { len, .. }, Times::Rate { len: more, .. }) => *len += more,
+            (SegmentTimes::Column(times), SegmentTimes::Column(more)) => times.extend_from_slice(more),
+            (SegmentTimes::Rate { len, .. }, SegmentTimes::Rate { len: more, .. }) => *len += more,
             // The clock is that of the experiment, for all stretches the same.
             _ => {}
         }
@@ -47,10 +47,10 @@ impl Recording {
             if at(middle) < time_s { gone = middle + 1 } else { end = middle }
         }
         match &mut segment.time.times {
-            Times::Column(times) => {
+            SegmentTimes::Column(times) => {
                 times.drain(..gone);
             }
-            Times::Rate { first, len, .. } => {
+            SegmentTimes::Rate { first, len, .. } => {
                 *first += gone;
                 *len -= gone;
             }

@@ -1,60 +1,61 @@
 //! An estimator beside which others are told what else the device may be.
 
 use super::{Estimator, Rig};
-use crate::config::{Experiment, Varied};
+use crate::config::{Experiment, VariedExperiment};
 use crate::estimate::{
-    Around, Bits, EstimateError, Learnt, Parameter, Part, Past, PastState, SegmentEstimate, Trajectory,
-    TrajectoryKind,
+    DeviceParameter, DirectionInformation, EstimateError, NumberBits, Past, PastState, RowsAround,
+    SegmentEstimate, SegmentPart, Trajectory, TrajectoryKind,
 };
 use crate::recording::Finding;
 use std::sync::Arc;
 
 /// What makes the estimator of an experiment.
-pub(super) type Make<'m, 'a> = dyn Fn(&'a Experiment) -> Result<Box<dyn Estimator + 'a>, EstimateError> + 'm;
+pub(super) type EstimatorMaker<'m, 'a> =
+    dyn Fn(&'a Experiment) -> Result<Box<dyn Estimator + 'a>, EstimateError> + 'm;
 
 /// The estimator of an experiment, and beside it one for each direction of the device's uncertainty, so that what is uncertain and no
 /// state of a filter enters its answers; see [`Trajectory::considered`]. It alone, of a device that is stated as exact.
 pub(super) fn considering<'a>(
     rig: &(impl Rig + ?Sized),
     experiment: &'a Experiment,
-    make: &Make<'_, 'a>,
+    make: &EstimatorMaker<'_, 'a>,
 ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
     let own = make(experiment)?;
     let varied = experiment.varied()?;
     if varied.is_empty() {
         return Ok(own);
     }
-    let beside = |varied: &'a Varied| {
+    let beside = |varied: &'a VariedExperiment| {
         let number = varied.direction.name();
         let made = make(&varied.experiment);
         let estimator =
             made.map_err(|why| EstimateError::Varied { number: number.clone(), why: Box::new(why) })?;
-        Ok(Beside { name: number.into(), varied, estimator })
+        Ok(VariedEstimator { name: number.into(), varied, estimator })
     };
-    let beside = varied.iter().map(beside).collect::<Result<Vec<Beside<'a>>, EstimateError>>()?;
+    let beside = varied.iter().map(beside).collect::<Result<Vec<VariedEstimator<'a>>, EstimateError>>()?;
     let parameters = rig.parameters(experiment);
     Ok(Box::new(Considering { own, beside, parameters, learnt: Vec::new(), told: Vec::new() }))
 }
 
 /// An estimator that is told one standard deviation more in one direction.
-struct Beside<'a> {
+struct VariedEstimator<'a> {
     name: Arc<str>,
-    varied: &'a Varied,
+    varied: &'a VariedExperiment,
     estimator: Box<dyn Estimator + 'a>,
 }
 
 struct Considering<'a> {
     own: Box<dyn Estimator + 'a>,
-    beside: Vec<Beside<'a>>,
+    beside: Vec<VariedEstimator<'a>>,
     /// Those that can be states of a filter.
-    parameters: &'static [Parameter],
+    parameters: &'static [DeviceParameter],
     /// What the innovations of each answer, by its key, have told in this segment.
-    learnt: Vec<(String, Learnt)>,
+    learnt: Vec<(String, DirectionInformation)>,
     /// What was remarked in this segment.
     told: Vec<String>,
 }
 
-impl Beside<'_> {
+impl VariedEstimator<'_> {
     /// Has its filters correct by the samples that those of the device as it is stated take: what one of them alone took would be in the
     /// difference of both.
     fn follow_rejections(&mut self, estimate: &SegmentEstimate) {
@@ -73,7 +74,7 @@ impl Beside<'_> {
     }
 
     /// Whether all numbers that its direction changes are states of this filter.
-    fn is_state_of(&self, trajectory: &Trajectory, parameters: &[Parameter]) -> bool {
+    fn is_state_of(&self, trajectory: &Trajectory, parameters: &[DeviceParameter]) -> bool {
         let tracked = trajectory
             .parameters
             .iter()
@@ -96,9 +97,9 @@ fn is_at(key: &str, pattern: &str) -> bool {
 
 impl Considering<'_> {
     /// What an answer has learnt of these directions so far.
-    fn learnt(&mut self, key: &str) -> &mut Learnt {
+    fn learnt(&mut self, key: &str) -> &mut DirectionInformation {
         let place = self.learnt.iter().position(|(own, _)| own == key).unwrap_or_else(|| {
-            self.learnt.push((key.to_owned(), Learnt::default()));
+            self.learnt.push((key.to_owned(), DirectionInformation::default()));
             self.learnt.len() - 1
         });
         &mut self.learnt[place].1
@@ -150,7 +151,7 @@ impl Estimator for Considering<'_> {
         self.own.wants(label)
     }
 
-    fn around(&self, interval_s: f64) -> Around {
+    fn around(&self, interval_s: f64) -> RowsAround {
         self.own.around(interval_s)
     }
 
@@ -160,7 +161,7 @@ impl Estimator for Considering<'_> {
 
     fn state(&mut self) -> PastState {
         let mut state = self.own.state();
-        let numbers = |learnt: &Learnt| learnt.numbers().map(Bits::from).collect();
+        let numbers = |learnt: &DirectionInformation| learnt.numbers().map(NumberBits::from).collect();
         state.learnt = self.learnt.iter().map(|(key, learnt)| (key.clone(), numbers(learnt))).collect();
         state.varied = self.beside.iter_mut().map(|beside| beside.estimator.state()).collect();
         state
@@ -172,12 +173,15 @@ impl Estimator for Considering<'_> {
             beside.estimator.resume(state);
         }
         let learnt = state.learnt.iter().filter_map(|(key, numbers)| {
-            Some((key.clone(), Learnt::read(&numbers.iter().copied().map(f64::from).collect::<Vec<f64>>())?))
+            Some((
+                key.clone(),
+                DirectionInformation::read(&numbers.iter().copied().map(f64::from).collect::<Vec<f64>>())?,
+            ))
         });
         self.learnt = learnt.collect();
     }
 
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         if part.begins {
             self.learnt.clear();
             self.told.clear();

@@ -2,24 +2,26 @@
 
 use super::{Estimator, Rig};
 use crate::config::{
-    ConfigError, DeviceDescription, DeviceKind, Entry, Estimate, Experiment, Fault, Key, Method, Role, Sign,
-    Simulate, Start, Uses, Values,
+    ConfigError, ConfigFault, DeviceDescription, DeviceKind, DeviceUses, Estimate, ExpectedEntry, Experiment,
+    FilterStart, Key, Method, RecordingRole, Sign, Simulate, Values,
 };
 use crate::estimate::driven::{
-    BLOCK, ByEuler, DrivenCourse, DrivenSegment, Enters, HYBRID_STEPS, ParametricReadout, Plain, Plant,
-    WithParameters, side_by_side,
+    BLOCK, ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, ParameterPlaces, ParametricReadout,
+    PlainModel, Plant, WithParameters, side_by_side,
 };
 use crate::estimate::{
-    AnyFilter, Around, Axis, BatchStart, Course, EstimateError, FilterBasics, FilterPast, Known, Motion,
-    Parameter, Part, Past, Prior, SegmentEstimate, SignalSegment, StartOf, StartSearch, Started, StateName,
-    Trajectory, answers_of_bank, begun, follow, process_noise, rows_for_start, start_from_signal,
+    AngleAxis, AnyFilter, BatchStart, Course, DeviceParameter, EstimateError, FilterBasics, FilterPast,
+    MeanAndCovariance, MotionRate, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
+    SignalStart, StartSearch, StartedCourse, StateName, StatePrior, Trajectory, answers_of_bank, begun,
+    follow, process_noise, rows_for_start, start_from_signal,
 };
-use crate::evaluate::{MotionErrors, Reference, ValueState};
-use crate::outlook::{Outlook, Topic};
+use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
+use crate::outlook::{Outlook, OutlookTopic};
 use crate::progress::{Interruption, Progress};
-use crate::recording::{Finding, Layout, Source};
+use crate::recording::{Finding, RecordingLayout, RecordingSource};
 use crate::simulate::{
-    Channel, Converter, Drive, Sample, SimulateError, Simulation, Simulator, WhiteNoise, drive_of,
+    Converter, Drive, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator, WhiteNoise,
+    drive_of,
 };
 use crate::units::kind;
 use kalmems_core::augmentation::{ParametricDynamics, ParametricMeasurement};
@@ -44,11 +46,11 @@ pub trait DrivenDevice<const M: usize>: Send + Sync + 'static {
     /// What a reference may know of them.
     const VALUES: &'static [ValueState];
     /// The columns of a simulated reference, one for each state.
-    const TRUTH: &'static [Channel];
+    const TRUTH: &'static [SimulatedColumn];
     /// The state whose rate has white noise, and what the density of that is.
-    const NOISE: (usize, Entry);
+    const NOISE: (usize, ExpectedEntry);
     /// Its parameters that can be states.
-    const PARAMETERS: &'static [Parameter] = &[];
+    const PARAMETERS: &'static [DeviceParameter] = &[];
 
     /// Its numbers in SI.
     fn model(&self, table: &Self::Table) -> DrivenModel<Self::Motion, Self::Readout>;
@@ -73,9 +75,9 @@ pub struct DrivenRig<D, const M: usize>(pub D);
 /// The channels of a recording.
 const CHANNELS: [&str; 2] = ["drive", "signal"];
 /// Those of a simulated one.
-const RECORDED: [Channel; 2] = [
-    Channel { meaning: CHANNELS[0], column: "drive_V" },
-    Channel { meaning: CHANNELS[1], column: "signal_V" },
+const RECORDED: [SimulatedColumn; 2] = [
+    SimulatedColumn { meaning: CHANNELS[0], column: "drive_V" },
+    SimulatedColumn { meaning: CHANNELS[1], column: "signal_V" },
 ];
 /// Rows before the new ones that the drive is interpolated through.
 const INTERPOLATED: usize = 4;
@@ -118,20 +120,20 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
         experiment.device::<D::Table>().map(|_| true)
     }
 
-    fn uses(&self, _: &Experiment) -> Uses {
-        Uses { no_methods: &NO_METHODS, ..Uses::default() }
+    fn uses(&self, _: &Experiment) -> DeviceUses {
+        DeviceUses { no_methods: &NO_METHODS, ..DeviceUses::default() }
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        Settings::of(self, experiment)?;
-        let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState])?;
+        DrivenSettings::of(self, experiment)?;
+        let wanted = experiment.to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState])?;
         for index in &wanted {
             columns(experiment, *index)?;
         }
         Ok(wanted)
     }
 
-    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
         let cycle_s = self.model(experiment)?.natural_hz.recip();
         experiment.layout_to_estimate(index, &columns(experiment, index)?, cycle_s)
     }
@@ -144,7 +146,7 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
         D::VALUES
     }
 
-    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         D::PARAMETERS
     }
 
@@ -154,7 +156,8 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        let (settings, columns) = (Settings::<D, M>::of(self, experiment)?, columns(experiment, index)?);
+        let (settings, columns) =
+            (DrivenSettings::<D, M>::of(self, experiment)?, columns(experiment, index)?);
         Ok(Box::new(DrivenEstimator { settings, columns, past: Past::default(), progress }))
     }
 
@@ -164,7 +167,7 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
         Ok(Outlook {
             experiment: experiment.name.to_string(),
             device: self.name(),
-            topics: vec![Topic::new("Device").with("natural_frequency_hz", [hz], text)],
+            topics: vec![OutlookTopic::new("Device").with("natural_frequency_hz", [hz], text)],
             response: None,
             start: None,
             frequencies: Vec::new(),
@@ -176,7 +179,7 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
         let Some(simulate) = &experiment.simulate else {
             let remedy =
                 "add the table `[simulate]` with a drive, such as `[simulate.drive.sine]`".to_owned();
-            return Err(experiment.error("simulate", Fault::MissingKey { remedy }).into());
+            return Err(experiment.error("simulate", ConfigFault::MissingKey { remedy }).into());
         };
         let (drive, source) = drive_of(experiment, simulate)?;
         Ok(Box::new(DrivenSimulation::<D, M> {
@@ -192,7 +195,7 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
-        _: &[Reference],
+        _: &[ReferenceMotion],
         _: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
@@ -205,18 +208,18 @@ fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigErr
 }
 
 /// The states, as tables of values name them.
-fn entries<D: DrivenDevice<M>, const M: usize>(sign: Sign) -> [Entry; M] {
-    D::STATES.map(|(name, _, kind)| Entry { name, kind, sign })
+fn entries<D: DrivenDevice<M>, const M: usize>(sign: Sign) -> [ExpectedEntry; M] {
+    D::STATES.map(|(name, _, kind)| ExpectedEntry { name, kind, sign })
 }
 
 /// What the file says, in SI.
-struct Settings<D: DrivenDevice<M>, const M: usize> {
+struct DrivenSettings<D: DrivenDevice<M>, const M: usize> {
     model: ModelOf<D, M>,
     skip_s: f64,
-    filters: Vec<FilterSettings<M>>,
+    filters: Vec<DrivenFilterSettings<M>>,
 }
 
-struct FilterSettings<const M: usize> {
+struct DrivenFilterSettings<const M: usize> {
     basics: FilterBasics,
     /// `None` where it comes from the signal.
     start: Option<[f64; M]>,
@@ -226,20 +229,20 @@ struct FilterSettings<const M: usize> {
     density: f64,
 }
 
-impl<D: DrivenDevice<M>, const M: usize> Settings<D, M> {
+impl<D: DrivenDevice<M>, const M: usize> DrivenSettings<D, M> {
     fn of(rig: &DrivenRig<D, M>, experiment: &Experiment) -> Result<Self, ConfigError> {
         let Some(estimate) = &experiment.estimate else {
             let remedy = "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`";
-            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+            return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
         };
         let model = rig.model(experiment)?;
-        let of = |index| FilterSettings::of::<D>(experiment, estimate, &model, index);
+        let of = |index| DrivenFilterSettings::of::<D>(experiment, estimate, &model, index);
         let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
         Ok(Self { skip_s: estimate.skip.si(), filters, model })
     }
 }
 
-impl<const M: usize> FilterSettings<M> {
+impl<const M: usize> DrivenFilterSettings<M> {
     fn of<D: DrivenDevice<M>>(
         experiment: &Experiment,
         estimate: &Estimate,
@@ -248,8 +251,9 @@ impl<const M: usize> FilterSettings<M> {
     ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
-        let refuse =
-            |name: &str, why: String| Err(experiment.error(at.clone().child(name), Fault::Value { why }));
+        let refuse = |name: &str, why: String| {
+            Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
+        };
         if filter.demodulator {
             return refuse("demodulator", "this device has none; leave it out".to_owned());
         }
@@ -258,13 +262,13 @@ impl<const M: usize> FilterSettings<M> {
         };
         let claims = filter.method.claims();
         let (noise_key, noise) = process_noise(estimate, &at, filter);
-        let scale = |parameter: &Parameter| parameter.scale(&model.motion, &model.readout);
+        let scale = |parameter: &DeviceParameter| parameter.scale(&model.motion, &model.readout);
         let scales: Vec<f64> = D::PARAMETERS.iter().map(scale).collect();
         let [density] = if claims { experiment.values(noise_key, noise, [D::NOISE.1])? } else { [0.0] };
         Ok(Self {
             start: match &filter.start {
-                Some(Start::Values(start)) => Some(values("start", start, Sign::Any)?),
-                Some(Start::FromSignal) | None => None,
+                Some(FilterStart::Values(start)) => Some(values("start", start, Sign::Any)?),
+                Some(FilterStart::FromSignal) | None => None,
             },
             start_sd: if claims && !filter.start_sd.is_empty() {
                 values("start_sd", &filter.start_sd, Sign::NotNegative)?
@@ -279,14 +283,14 @@ impl<const M: usize> FilterSettings<M> {
 
 /// Estimates recordings, part by part.
 struct DrivenEstimator<'a, D: DrivenDevice<M>, const M: usize> {
-    settings: Settings<D, M>,
+    settings: DrivenSettings<D, M>,
     columns: [&'a str; 2],
     past: Past,
     progress: &'a dyn Progress,
 }
 
 impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M> {
-    fn around(&self, interval_s: f64) -> Around {
+    fn around(&self, interval_s: f64) -> RowsAround {
         let first_s = STARTING_CYCLES / self.settings.model.natural_hz;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let rows = (first_s / interval_s).ceil() as usize;
@@ -296,30 +300,35 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
             from_signal.map(|filter| rows_for_start(motion, filter.basics.states(&D::STATES).len()));
         let rows = for_start.fold(rows, usize::max);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        Around { head: rows.clamp(BLOCK, Around::LONGEST_HEAD), before: INTERPOLATED, after: 1, smooths }
+        RowsAround {
+            head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
+            before: INTERPOLATED,
+            after: 1,
+            smooths,
+        }
     }
 
     fn past(&mut self) -> &mut Past {
         &mut self.past
     }
 
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
-        segment.require_sound(&[signal_column])?;
+        segment.require_usable_signals(&[signal_column])?;
         let data = DrivenSegment::of(&segment, drive_column, past)?;
         let drive = data.drive.first_sine().copied();
         let motion = match &drive {
-            Some(sine) => Motion { frequency_hz: sine.frequency_hz, is_driven: true },
-            None => Motion { frequency_hz: settings.model.natural_hz, is_driven: false },
+            Some(sine) => MotionRate { frequency_hz: sine.frequency_hz, is_driven: true },
+            None => MotionRate { frequency_hz: settings.model.natural_hz, is_driven: false },
         };
         let axes = [(D::STATES[0].0, motion)];
         let start_s = data.scored_from(settings.skip_s);
         let mut all = Vec::new();
         for (index, filter) in settings.filters.iter().enumerate() {
             let past = past.filter(index);
-            let seen = Seen { data: &data, place: &segment.place, progress: self.progress };
+            let seen = FilterInput { data: &data, place: &segment.place, progress: self.progress };
             let mut found = filter.follow::<D>(&settings.model, seen, past)?;
             for (answer, trajectory) in found.iter_mut().enumerate() {
                 let judge = &mut past.answer(answer).judge;
@@ -327,36 +336,36 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
             }
             all.append(&mut found);
         }
-        let axis = Axis { angle: D::STATES[0].0, motion, drive };
+        let axis = AngleAxis { angle: D::STATES[0].0, motion, drive };
         Ok(segment.estimated_under(drive_column, (axis, Vec::new()), all))
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns[1]]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns[1]]), |_| true)
     }
 }
 
 /// What a filter sees, of which segment, and who follows the work.
 #[derive(Clone, Copy)]
-struct Seen<'a> {
+struct FilterInput<'a> {
     data: &'a DrivenSegment<'a>,
     place: &'a str,
     progress: &'a dyn Progress,
 }
 
-impl<const M: usize> FilterSettings<M> {
+impl<const M: usize> DrivenFilterSettings<M> {
     /// One filter over the new samples.
     fn follow<D: DrivenDevice<M>>(
         &self,
         model: &ModelOf<D, M>,
-        seen: Seen,
+        seen: FilterInput,
         past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let mut lower = Mat::<f64, M, M>::zero();
         lower.0[D::NOISE.0][D::NOISE.0] = self.density;
         let noise = NoiseDensity::from_lower(lower);
         let (tracked, sizes) = (&self.basics.tracked, (model.noise_variance, model.natural_hz));
-        let plain = Plain { dynamics: model.motion, readout: model.readout, noise };
+        let plain = PlainModel { dynamics: model.motion, readout: model.readout, noise };
         if self.basics.method == Method::Bank {
             return self.bank::<D>(&plain, sizes, seen, past);
         }
@@ -377,12 +386,12 @@ impl<const M: usize> FilterSettings<M> {
     /// Filters of several models side by side.
     fn bank<D: DrivenDevice<M>>(
         &self,
-        plain: &Plain<D::Motion, D::Readout, M>,
+        plain: &PlainModel<D::Motion, D::Readout, M>,
         (variance, natural_hz): (f64, f64),
-        Seen { data, place, progress }: Seen,
+        FilterInput { data, place, progress }: FilterInput,
         past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let enters: Enters = [|parameter| parameter.in_motion, |parameter| parameter.in_readout];
+        let enters: ParameterPlaces = [|parameter| parameter.in_motion, |parameter| parameter.in_readout];
         let plants = side_by_side(plain, &self.basics.tracked, enters);
         let course =
             |plant| DrivenCourse::new(plant, variance, data).map_err(|why| self.basics.no_model(why));
@@ -393,7 +402,7 @@ impl<const M: usize> FilterSettings<M> {
             let mut course = course(plant)?;
             let start =
                 if is_begun { None } else { self.batch_start::<D>(&mut course, natural_hz, (data, place))? };
-            courses.push(Box::new(Started::new(course, start.as_ref())));
+            courses.push(Box::new(StartedCourse::new(course, start.as_ref())));
             starts.push(start);
         }
         let start = |model: usize| {
@@ -414,25 +423,27 @@ impl<const M: usize> FilterSettings<M> {
         if self.start.is_some() {
             return Ok(None);
         }
-        let motion = self.start_sd.map(|sd| Prior { mean: 0.0, sd: Some(sd).filter(|sd| *sd > 0.0) });
+        let motion = self.start_sd.map(|sd| StatePrior { mean: 0.0, sd: Some(sd).filter(|sd| *sd > 0.0) });
         let prior = motion.into_iter().chain(self.basics.priors()).collect();
         let search = StartSearch::of_oscillation(prior, TAU * natural_hz);
         let (states, cycle_s) = (self.basics.states(&D::STATES), natural_hz.recip());
-        let of = StartOf { place, basics: &self.basics, states: (&states, M), sizes: &[], cycle_s };
+        let of = SignalStart { place, basics: &self.basics, states: (&states, M), sizes: &[], cycle_s };
         start_from_signal(course, &data.samples, &search, of).map(Some)
     }
 
     /// What is known at the first sample.
-    fn known(&self) -> Known {
+    fn known(&self) -> MeanAndCovariance {
         let motion = self.start.unwrap_or([0.0; M]).into_iter().zip(self.start_sd);
-        Known::apart(motion.chain(self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
+        MeanAndCovariance::apart(
+            motion.chain(self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))),
+        )
     }
 
     fn through<D: DrivenDevice<M>, P: Plant>(
         &self,
         plant: &P,
         (variance, natural_hz): (f64, f64),
-        Seen { data, place, progress }: Seen,
+        FilterInput { data, place, progress }: FilterInput,
         past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let course = DrivenCourse::new(plant, variance, data);
@@ -448,14 +459,15 @@ impl<const M: usize> FilterSettings<M> {
             if is_begun { None } else { self.batch_start::<D>(&mut course, natural_hz, (data, place))? };
         // The model alone is corrected by nothing, and an observer forgets its start.
         let corrects = basics.method != Method::Model && basics.gain().is_none();
-        let mut course = Started::new(course, found.as_ref().filter(|_| corrects));
-        let begin = |left: Option<Known>| {
+        let mut course = StartedCourse::new(course, found.as_ref().filter(|_| corrects));
+        let begin = |left: Option<MeanAndCovariance>| {
             let left = begun(left, found.as_ref());
             let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(self.known())) };
             let motion = plant.over(interval_s).map_err(|why| basics.no_model(why))?;
             let nodes = Nodes::held(0.0);
             let (step, sensor) = (plant.under(&motion, &nodes), plant.sensor());
-            let (at_rest, known) = (Known::apart([(0.0, 0.0); M]), left.unwrap_or_else(|| self.known()));
+            let (at_rest, known) =
+                (MeanAndCovariance::apart([(0.0, 0.0); M]), left.unwrap_or_else(|| self.known()));
             let point = (&step as _, &sensor as _, variance);
             AnyFilter::of_constant_gain((gain, interval_s), (&at_rest, &known), point)
                 .map_err(|why| basics.no_gain(&why))
@@ -473,17 +485,17 @@ impl<const M: usize> FilterSettings<M> {
 struct DrivenSimulation<D: DrivenDevice<M>, const M: usize> {
     model: ModelOf<D, M>,
     drive: Drive,
-    sources: Vec<Source>,
+    sources: Vec<RecordingSource>,
     start: [f64; M],
     simulate: Simulate,
 }
 
 impl<D: DrivenDevice<M>, const M: usize> Simulation for DrivenSimulation<D, M> {
-    fn recorded(&self) -> &[Channel] {
+    fn recorded(&self) -> &[SimulatedColumn] {
         &RECORDED
     }
 
-    fn truth(&self) -> &[Channel] {
+    fn truth(&self) -> &[SimulatedColumn] {
         D::TRUTH
     }
 
@@ -491,7 +503,7 @@ impl<D: DrivenDevice<M>, const M: usize> Simulation for DrivenSimulation<D, M> {
         self.simulate.samples()
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &self.sources
     }
 
@@ -499,7 +511,7 @@ impl<D: DrivenDevice<M>, const M: usize> Simulation for DrivenSimulation<D, M> {
         None
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let Simulate { noise, seed, .. } = self.simulate;
         let deviation = if noise { self.model.noise_variance.sqrt() } else { 0.0 };
         let (rate_hz, steps) = (self.simulate.integration_rate.si(), self.simulate.steps_per_sample());
@@ -517,7 +529,7 @@ impl<D: DrivenDevice<M>, const M: usize> Simulation for DrivenSimulation<D, M> {
             let analogue = clean + deviation * noise.sample();
             let signal = converter.map_or(analogue, |converter| converter.round(analogue));
             let recorded = [self.drive.at(time_s), signal];
-            if each(&Sample { time_s, recorded: &recorded, truth: &state }).is_break() {
+            if each(&SimulatedSample { time_s, recorded: &recorded, truth: &state }).is_break() {
                 return Err(SimulateError::Interrupted);
             }
             for _ in 0..steps {

@@ -6,27 +6,28 @@
 mod considering;
 mod driven;
 mod expansion;
-mod left_out;
+mod omitted_number;
 mod template;
 mod workbench;
 
 pub use driven::{DrivenDevice, DrivenModel, DrivenRig};
 pub use expansion::Expansion;
-pub use left_out::{Form, LeftOut};
+pub use omitted_number::{NumberForm, OmittedNumber};
 pub use template::{Template, TemplateChannel};
 pub use workbench::Workbench;
 
 use crate::config::kinds::Length;
-use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Positive, Quantity, Uses};
+use crate::config::{ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Positive, Quantity};
 use crate::estimate::{
-    Around, EstimateError, Parameter, Part, Past, PastState, SegmentEstimate, StretchJudge, StretchSummary,
+    DeviceParameter, EstimateError, Past, PastState, RowsAround, SegmentEstimate, SegmentPart, StretchJudge,
+    StretchSummary,
 };
-use crate::evaluate::{Instruments, MotionErrors, ONE_ANGLE, Reference, ReferenceChannels, ValueState};
-use crate::export::{self, ExportError, Exported, Filter};
+use crate::evaluate::{Instruments, MotionErrors, ONE_ANGLE, ReferenceChannels, ReferenceMotion, ValueState};
+use crate::export::{self, ExportError, ExportableFilter, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress};
-use crate::recording::{Finding, Layout, Recording, Segment};
+use crate::recording::{Finding, RecordingLayout, SampledRecording, Segment};
 use crate::simulate::{SimulateError, Simulation};
 
 /// A device with its drive, its recordings and its way of being estimated.
@@ -47,9 +48,9 @@ pub trait Rig: Send + Sync {
     }
 
     /// What of an experiment file its device has a use for.
-    fn uses(&self, experiment: &Experiment) -> Uses {
+    fn uses(&self, experiment: &Experiment) -> DeviceUses {
         let _ = experiment;
-        Uses::default()
+        DeviceUses::default()
     }
 
     /// What its recorded input is called in figures.
@@ -62,7 +63,7 @@ pub trait Rig: Send + Sync {
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError>;
 
     /// How to read one of them. The reference's columns are not among those asked for.
-    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError>;
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError>;
 
     /// The states that a reference may know, the name of an angle and that of its rate for each axis.
     fn angles(&self) -> &'static [[&'static str; 2]] {
@@ -76,7 +77,7 @@ pub trait Rig: Send + Sync {
     }
 
     /// The parameters of the device that a filter may hold as uncertain, with the keys that stand for them.
-    fn parameters(&self, experiment: &Experiment) -> &'static [Parameter] {
+    fn parameters(&self, experiment: &Experiment) -> &'static [DeviceParameter] {
         let _ = experiment;
         &[]
     }
@@ -101,7 +102,7 @@ pub trait Rig: Send + Sync {
     }
 
     /// Which channels of its recordings are inputs and which are signals, by their meanings: what may be wrong of each.
-    fn channels(&self, experiment: &Experiment) -> Channels {
+    fn channels(&self, experiment: &Experiment) -> RecordingChannels {
         let named = experiment.recordings.first().into_iter().flat_map(|recording| recording.channels.iter());
         let (mut inputs, mut signals) = (Vec::new(), Vec::new());
         for (meaning, _) in named {
@@ -111,11 +112,11 @@ pub trait Rig: Send + Sync {
                 signals.push(meaning.to_owned());
             }
         }
-        Channels { inputs, signals }
+        RecordingChannels { inputs, signals }
     }
 
     /// Numbers that the device table may leave out, or have as zero, and that may be what is wrong.
-    fn left_out(&self, experiment: &Experiment) -> Vec<LeftOut> {
+    fn left_out(&self, experiment: &Experiment) -> Vec<OmittedNumber> {
         let _ = experiment;
         Vec::new()
     }
@@ -123,7 +124,7 @@ pub trait Rig: Send + Sync {
     /// Its device as differential equations, for a reader to change.
     fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
         let why = format!("`{}` is not written as equations", self.name());
-        Err(experiment.error(Key::from("device").child(self.device().name), Fault::Value { why }))
+        Err(experiment.error(Key::from("device").child(self.device().name), ConfigFault::Value { why }))
     }
 
     /// What estimates one of them, part by part, with the device exactly as its table has it.
@@ -158,7 +159,7 @@ pub trait Rig: Send + Sync {
         });
         if let Some(key) = wanted {
             let why = format!("nothing is built that would say this of `{}`; leave it out", self.name());
-            return Err(experiment.error(Key::from("stream").child(key), Fault::Value { why }).into());
+            return Err(experiment.error(Key::from("stream").child(key), ConfigFault::Value { why }).into());
         }
         self.estimator(experiment, index, progress)
     }
@@ -178,7 +179,7 @@ pub trait Rig: Send + Sync {
         &self,
         experiment: &Experiment,
         index: usize,
-        recording: &Recording,
+        recording: &SampledRecording,
         progress: &dyn Progress,
     ) -> Result<Vec<SegmentEstimate>, EstimateError> {
         Ok(self.estimate_stretches(experiment, index, recording, progress)?.0)
@@ -189,7 +190,7 @@ pub trait Rig: Send + Sync {
         &self,
         experiment: &Experiment,
         index: usize,
-        recording: &Recording,
+        recording: &SampledRecording,
         progress: &dyn Progress,
     ) -> Result<(Vec<SegmentEstimate>, StretchSummary), EstimateError> {
         let mut estimator = self.considering(experiment, index, progress)?;
@@ -197,7 +198,7 @@ pub trait Rig: Send + Sync {
         let wanted: Vec<&Segment> = wanted.collect();
         let (mut judge, mut estimates) = (StretchJudge::default(), Vec::new());
         for segment in wanted {
-            let part = Part::whole(recording, segment);
+            let part = SegmentPart::whole(recording, segment);
             if !judge.leaves_out(&part)? {
                 estimates.extend(judge.judge(&part, estimator.take(&part))?);
             }
@@ -216,7 +217,7 @@ pub trait Rig: Send + Sync {
         &self,
         experiment: &Experiment,
         index: usize,
-        recording: &Recording,
+        recording: &SampledRecording,
     ) -> Result<Vec<f64>, EstimateError> {
         let _ = (experiment, index, recording);
         Ok(Vec::new())
@@ -233,7 +234,7 @@ pub trait Rig: Send + Sync {
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
-        references: &[Reference],
+        references: &[ReferenceMotion],
         stop: &Interruption,
     ) -> Vec<Option<MotionErrors>>;
 
@@ -245,17 +246,25 @@ pub trait Rig: Send + Sync {
     ) -> Result<Identification, IdentifyError> {
         let _ = progress;
         let why = format!("no identification is built for `{}` yet", self.name());
-        Err(experiment.error("device", Fault::Value { why }).into())
+        Err(experiment.error("device", ConfigFault::Value { why }).into())
     }
 
     /// The filter at this place of the file as it can be exported, and the columns of drive and signal.
-    fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
+    fn exported(
+        &self,
+        experiment: &Experiment,
+        place: usize,
+    ) -> Result<(ExportableFilter, [String; 2]), ExportError> {
         let _ = (experiment, place);
         Err(ExportError::Device { device: self.name() })
     }
 
     /// The source code of a filter of the experiment for a microcontroller.
-    fn export(&self, experiment: &Experiment, request: &export::Request) -> Result<Exported, ExportError> {
+    fn export(
+        &self,
+        experiment: &Experiment,
+        request: &export::ExportRequest,
+    ) -> Result<Exported, ExportError> {
         let place = export::place_of_filter(experiment, request)?;
         let name = experiment.estimate.iter().flat_map(|estimate| &estimate.filters).nth(place);
         let name = name.map(|filter| filter.name.to_string()).unwrap_or_default();
@@ -271,7 +280,7 @@ pub trait Rig: Send + Sync {
 
 /// Channels of a recording by their meanings.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Channels {
+pub struct RecordingChannels {
     /// What drives the device.
     pub inputs: Vec<String>,
     /// What is measured of it; the first is that of a filter's first innovations.
@@ -296,7 +305,7 @@ pub trait Estimator {
     }
 
     /// What it needs of the rows around those that are new, in a recording of this interval in s between samples.
-    fn around(&self, interval_s: f64) -> Around;
+    fn around(&self, interval_s: f64) -> RowsAround;
 
     /// What is kept of the segment that is being estimated.
     fn past(&mut self) -> &mut Past;
@@ -312,7 +321,7 @@ pub trait Estimator {
     }
 
     /// What the filters say of the new rows of a part: the first of a segment, or that which follows the last one.
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError>;
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError>;
 
     /// Refuses a recording that was taken in parts, with what was found in it, where only all of it shows that its estimate is
     /// no good; `place` is what messages call it.

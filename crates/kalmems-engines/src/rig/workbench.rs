@@ -2,7 +2,7 @@
 
 use super::Rig;
 use crate::config::{
-    ArraysByFile, ConfigError, DeviceKind, Experiment, Fault, Key, Place, experiment_schema,
+    ArraysByFile, ConfigError, ConfigFault, ConfigPlace, DeviceKind, Experiment, Key, experiment_schema,
 };
 use std::fmt;
 use std::path::Path;
@@ -66,8 +66,8 @@ impl Workbench {
     /// is no text that would have lines.
     pub fn read_table(&self, table: &toml::Table, name: &Path) -> Result<Experiment, ConfigError> {
         let read = toml::to_string(table).map_err(|e| {
-            let place = Place { file: name.to_owned(), position: None, key: Key::default() };
-            ConfigError { place: Box::new(place), fault: Fault::Value { why: e.to_string() } }
+            let place = ConfigPlace { file: name.to_owned(), position: None, key: Key::default() };
+            ConfigError { place: Box::new(place), fault: ConfigFault::Value { why: e.to_string() } }
         });
         read.and_then(|text| self.parse(&text, name)).map_err(|mut error| {
             error.place.position = None;
@@ -88,10 +88,10 @@ impl Workbench {
         if error.place.key == Key::from("device") {
             let devices = self.devices();
             match &mut error.fault {
-                Fault::OneOf { known, .. } => {
+                ConfigFault::OneOf { known, .. } => {
                     *known = devices.iter().map(|device| device.name.to_owned()).collect();
                 }
-                Fault::MissingKey { remedy } | Fault::Type { remedy, .. } => {
+                ConfigFault::MissingKey { remedy } | ConfigFault::Type { remedy, .. } => {
                     let tables = devices.iter().map(|device| format!("`[device.{}]`", device.name));
                     let tables: Vec<String> = tables.collect();
                     *remedy = format!("add one of the tables {}", tables.join(", "));
@@ -109,7 +109,9 @@ impl Workbench {
         if claimants.peek().is_none() {
             let devices = self.devices();
             let known = devices.iter().map(|device| device.name);
-            return Err(experiment.error(Key::from("device").child(name), Fault::unknown_key(name, known)));
+            return Err(
+                experiment.error(Key::from("device").child(name), ConfigFault::unknown_key(name, known))
+            );
         }
         for rig in claimants {
             if rig.claims(experiment)? {
@@ -119,7 +121,7 @@ impl Workbench {
         }
         let why =
             "this device can be described, and none of the rigs that read its table is for it".to_owned();
-        Err(experiment.error(Key::from("device").child(name), Fault::Value { why }))
+        Err(experiment.error(Key::from("device").child(name), ConfigFault::Value { why }))
     }
 
     /// The JSON schema of an experiment file with one of these devices.

@@ -22,7 +22,7 @@ pub enum Deviation {
 
 /// A deviation at one averaging time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Averaged {
+pub struct AllanDeviation {
     /// m: how many intervals are averaged over.
     pub factor: usize,
     /// τ = m·τ₀ in s.
@@ -41,16 +41,16 @@ impl Deviation {
     /// x_k = τ₀·Σ(rate − its mean), N of them: second differences over m intervals for Allan's, (7) to (16), third
     /// differences for Hadamard's, (17) to (19), and the doubly mirrored record for the total one, (23).
     /// The mean changes none of these differences; without it their digits last.
-    pub fn of(self, rate: &[f64], interval_s: f64, factors: &[usize]) -> Vec<Averaged> {
+    pub fn of(self, rate: &[f64], interval_s: f64, factors: &[usize]) -> Vec<AllanDeviation> {
         self.of_phase(&phase(rate, interval_s), interval_s, factors)
     }
 
     /// The same from the phase, the rate's integral at the ends of the intervals: one value more than intervals.
-    pub fn of_phase(self, phase: &[f64], interval_s: f64, factors: &[usize]) -> Vec<Averaged> {
+    pub fn of_phase(self, phase: &[f64], interval_s: f64, factors: &[usize]) -> Vec<AllanDeviation> {
         factors.iter().filter_map(|factor| self.at(phase, interval_s, *factor)).collect()
     }
 
-    fn at(self, phase: &[f64], interval_s: f64, factor: usize) -> Option<Averaged> {
+    fn at(self, phase: &[f64], interval_s: f64, factor: usize) -> Option<AllanDeviation> {
         let (m, count) = (factor, phase.len());
         if m == 0 {
             return None;
@@ -58,7 +58,7 @@ impl Deviation {
         let time_s = m as f64 * interval_s;
         let averaged = |terms: usize, squares: f64, norm: f64| {
             let deviation = (squares / (norm * terms as f64)).sqrt() / time_s;
-            (terms > 0).then_some(Averaged { factor, time_s, deviation, terms })
+            (terms > 0).then_some(AllanDeviation { factor, time_s, deviation, terms })
         };
         let second = |i: usize| phase[i + 2 * m] - 2.0 * phase[i + m] + phase[i];
         let third = |i: usize| phase[i + 3 * m] - phase[i] - 3.0 * (phase[i + 2 * m] - phase[i + m]);
@@ -88,7 +88,7 @@ impl Deviation {
                 let terms = (count + 1).saturating_sub(3 * m);
                 averaged(terms, modified(m, terms, second), 2.0 * (m as f64).powi(2))
             }
-            Self::Time => Self::Modified.at(phase, interval_s, factor).map(|averaged| Averaged {
+            Self::Time => Self::Modified.at(phase, interval_s, factor).map(|averaged| AllanDeviation {
                 deviation: averaged.deviation * time_s / 3.0_f64.sqrt(),
                 ..averaged
             }),

@@ -1,6 +1,6 @@
 //! How well an Allan deviation is known.
 
-use super::{Averaged, Deviation};
+use super::{AllanDeviation, Deviation};
 use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -8,7 +8,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Confident {
     /// The deviation.
-    pub averaged: Averaged,
+    pub averaged: AllanDeviation,
     /// α: the power of the frequency in the density of the rate's noise: 2 and 1 phase noise, white and flicker; 0 white,
     /// −1 flicker, −2 random walk of the rate.
     pub exponent: i32,
@@ -80,13 +80,13 @@ impl Deviation {
     }
 
     /// The deviation over several phases: the root of the mean square of all their differences.
-    fn of_phases(self, phases: &[&[f64]], interval_s: f64, factor: usize) -> Option<Averaged> {
+    fn of_phases(self, phases: &[&[f64]], interval_s: f64, factor: usize) -> Option<AllanDeviation> {
         let each = phases.iter().flat_map(|phase| self.of_phase(phase, interval_s, &[factor]));
         each.reduce(|all, one| {
-            let square = |of: &Averaged| of.terms as f64 * of.deviation.powi(2);
+            let square = |of: &AllanDeviation| of.terms as f64 * of.deviation.powi(2);
             let terms = all.terms + one.terms;
             let deviation = ((square(&all) + square(&one)) / terms as f64).sqrt();
-            Averaged { deviation, terms, ..all }
+            AllanDeviation { deviation, terms, ..all }
         })
     }
 

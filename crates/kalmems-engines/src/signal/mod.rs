@@ -10,7 +10,7 @@ mod extremes;
 mod interval;
 mod sine;
 
-pub use allan::{Averaged, Deviation, octaves};
+pub use allan::{AllanDeviation, Deviation, octaves};
 pub use band_limited::band_limited;
 pub use confidence::Confident;
 pub use cubic::{cubic_between, hermite, polynomial_between};

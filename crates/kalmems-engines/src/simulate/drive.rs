@@ -1,6 +1,6 @@
 //! What drives a device, at any time.
 
-use crate::config::{CutOff, Quantity};
+use crate::config::{PowerCut, Quantity};
 use crate::signal::cubic_between;
 use kalmems_core::Portable;
 use kalmems_core::{Nodes, Scalar};
@@ -108,8 +108,8 @@ pub struct Interruptions {
     pub transient_s: f64,
 }
 
-impl From<&CutOff> for Interruptions {
-    fn from(cut_off: &CutOff) -> Self {
+impl From<&PowerCut> for Interruptions {
+    fn from(cut_off: &PowerCut) -> Self {
         Self {
             first_s: cut_off.at.as_ref().map_or(0.0, Quantity::si),
             lasting_s: cut_off.lasting.as_ref().map_or(f64::INFINITY, Quantity::si),

@@ -3,9 +3,9 @@
 use super::source::read;
 use super::{Drive, Interruptions, SimulateError, Tone};
 use crate::config::{
-    AnyValue, ConfigError, CutOff, Experiment, Fault, InputSource, Key, Quantity, Sign, Simulate,
+    AnyValue, ConfigError, ConfigFault, Experiment, InputSource, Key, PowerCut, Quantity, Sign, Simulate,
 };
-use crate::recording::Source;
+use crate::recording::RecordingSource;
 use crate::units::Kind;
 
 /// One input, ready to drive a device.
@@ -14,7 +14,7 @@ pub struct SimulatedInput {
     /// Its course, in SI.
     pub drive: Drive,
     /// The file that it comes from, if it comes from one.
-    pub source: Option<Source>,
+    pub source: Option<RecordingSource>,
     /// For how long before the recording it moves the device, in s.
     pub before_s: f64,
 }
@@ -26,7 +26,7 @@ pub fn input_of(
     (name, kind): (&str, &'static Kind),
     source: &InputSource,
 ) -> Result<SimulatedInput, SimulateError> {
-    let place = Place { experiment, key: Key::from("simulate.drive.inputs").child(name), kind };
+    let place = InputPlace { experiment, key: Key::from("simulate.drive.inputs").child(name), kind };
     let mut before_s = 0.0;
     let drive = match source {
         // A loop is closed by whoever simulates the device.
@@ -96,7 +96,9 @@ pub fn input_of(
                 if times.last().is_some_and(|(before_s, _)| *before_s >= step.at.si()) {
                     let why =
                         format!("`{}` is not behind the jump before it; write them in order", step.at.text());
-                    return Err(experiment.error(key(place_of).child("at"), Fault::Value { why }).into());
+                    return Err(experiment
+                        .error(key(place_of).child("at"), ConfigFault::Value { why })
+                        .into());
                 }
                 times.push((step.at.si(), value));
             }
@@ -123,20 +125,20 @@ pub fn input_of(
 }
 
 /// Where in the file an input stands, and what its values are.
-struct Place<'a> {
+struct InputPlace<'a> {
     experiment: &'a Experiment,
     key: Key,
     kind: &'static Kind,
 }
 
-impl Place<'_> {
+impl InputPlace<'_> {
     /// A key below it, from names joined by dots.
     fn key(&self, names: &str) -> Key {
         names.split('.').fold(self.key.clone(), Key::child)
     }
 
     fn refused(&self, names: &str, why: String) -> ConfigError {
-        self.experiment.error(self.key(names), Fault::Value { why })
+        self.experiment.error(self.key(names), ConfigFault::Value { why })
     }
 
     fn value(&self, names: &str, value: &AnyValue, sign: Sign) -> Result<f64, ConfigError> {
@@ -147,7 +149,7 @@ impl Place<'_> {
         value.map_or(Ok(0.0), |value| self.value(names, value, Sign::Any))
     }
 
-    fn cut_off(&self, names: &str, drive: Drive, cut_off: Option<&CutOff>) -> Result<Drive, ConfigError> {
+    fn cut_off(&self, names: &str, drive: Drive, cut_off: Option<&PowerCut>) -> Result<Drive, ConfigError> {
         let Some(cut_off) = cut_off else { return Ok(drive) };
         if let Err((name, why)) = cut_off.check() {
             return Err(self.refused(&format!("{names}.{name}"), why));

@@ -7,6 +7,7 @@
 //! `[simulate]` table a [`Simulation`], which runs sample by sample.
 
 mod balance;
+mod computed_recording;
 mod converter;
 mod drive;
 mod floquet;
@@ -19,24 +20,23 @@ mod slow_flow;
 mod source;
 mod stability;
 mod stability_map;
-mod unwritten;
 mod waveform;
 
 pub use balance::{Balance, SteadyMotion};
+pub use computed_recording::ComputedRecording;
+pub use computed_recording::{RECORDING, REFERENCE, described};
 pub use converter::Converter;
 pub use drive::{Drive, Interruptions, Tone, parts_of_all};
 pub use floquet::{floquet_exponent, monodromy};
 pub use input::{SimulatedInput, input_of};
 pub use noise::WhiteNoise;
-pub use recording::{Channel, Paper, Papers, Sample, SimulateError, Simulation};
+pub use recording::{Papers, RunFile, SimulateError, SimulatedColumn, SimulatedSample, Simulation};
 pub use response::{
-    Hold, StartUp, SweepPoint, SweepSettings, Sweeps, start_up, stepped_sweep, sweeps_both_ways,
+    SweepHold, SweepPoint, SweepSettings, SweepStartUp, Sweeps, start_up, stepped_sweep, sweeps_both_ways,
 };
 pub use simulator::Simulator;
 pub use slow_flow::{LoopMargins, RegulatedMotion};
 pub use source::drive_of;
 pub use stability::{Stability, starting_factor};
 pub use stability_map::{SideBySide, StabilityMap};
-pub use unwritten::Unwritten;
-pub use unwritten::{RECORDING, REFERENCE, described};
 pub use waveform::PeriodStep;

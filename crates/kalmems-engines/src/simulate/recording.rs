@@ -1,13 +1,13 @@
 //! A recording that is computed.
 
-use crate::config::{ConfigError, Role};
-use crate::recording::{ReadError, Source};
+use crate::config::{ConfigError, RecordingRole};
+use crate::recording::{ReadError, RecordingSource};
 use kalmems_figures::number;
 use std::ops::ControlFlow;
 
 /// A column of a simulated recording: what it means to the rig, and its name in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Channel {
+pub struct SimulatedColumn {
     /// Its meaning, such as `signal`.
     pub meaning: &'static str,
     /// Its name with its unit, such as `cap_V`.
@@ -16,7 +16,7 @@ pub struct Channel {
 
 /// One sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample<'a> {
+pub struct SimulatedSample<'a> {
     /// When.
     pub time_s: f64,
     /// What is recorded, in the order of [`Simulation::recorded`].
@@ -29,14 +29,14 @@ pub struct Sample<'a> {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Papers {
     /// Files beside the recording.
-    pub files: Vec<Paper>,
+    pub files: Vec<RunFile>,
     /// What to say, a line each.
     pub lines: Vec<String>,
 }
 
 /// A file of a run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Paper {
+pub struct RunFile {
     /// Its name.
     pub name: &'static str,
     /// What it holds.
@@ -46,27 +46,27 @@ pub struct Paper {
 /// A simulation of one device, ready to run.
 pub trait Simulation {
     /// The channels of the recording beside the time.
-    fn recorded(&self) -> &[Channel];
+    fn recorded(&self) -> &[SimulatedColumn];
 
     /// The channels of the reference beside the time.
-    fn truth(&self) -> &[Channel];
+    fn truth(&self) -> &[SimulatedColumn];
 
     /// What the recording would have been taken for.
-    fn role(&self) -> Role {
-        Role::Test
+    fn role(&self) -> RecordingRole {
+        RecordingRole::Test
     }
 
     /// How many samples there will be.
     fn samples(&self) -> u64;
 
     /// Files that it is made from.
-    fn sources(&self) -> &[Source];
+    fn sources(&self) -> &[RecordingSource];
 
     /// What can be said of the device under this drive before it moves, in words.
     fn outlook(&self) -> Option<String>;
 
     /// Runs it from its start, sample by sample. Every run gives the same.
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError>;
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError>;
 
     /// What a run tells beside its samples; nothing before it has run.
     fn papers(&self) -> Papers {

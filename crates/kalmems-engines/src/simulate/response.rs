@@ -40,7 +40,7 @@ pub fn stepped_sweep<D: Dynamics<f64, 2, Input = f64> + Copy>(
     settings: &SweepSettings,
 ) -> Vec<SweepPoint> {
     let SweepSettings { offset, amplitude, periods, steps_per_period, disturbance } = *settings;
-    let hold = Hold { periods, steps_per_period, disturbance };
+    let hold = SweepHold { periods, steps_per_period, disturbance };
     let drives = frequencies_hz
         .into_iter()
         .map(|frequency_hz| (frequency_hz, Drive::Sine { offset, amplitude, frequency_hz, phase_rad: 0.0 }));
@@ -49,7 +49,7 @@ pub fn stepped_sweep<D: Dynamics<f64, 2, Input = f64> + Copy>(
 
 /// How each frequency of [`sweeps_both_ways`] is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hold {
+pub struct SweepHold {
     /// How many periods of the drive; the last tenth is judged.
     pub periods: u32,
     /// Integration steps per period.
@@ -88,7 +88,7 @@ pub fn sweeps_both_ways<D: Dynamics<f64, 2, Input = f64> + Copy + Send + Sync>(
     dynamics: D,
     drive: &Drive,
     frequencies_hz: &[f64],
-    hold: &Hold,
+    hold: &SweepHold,
 ) -> Option<Sweeps> {
     let drives: Option<Vec<(f64, Drive)>> =
         frequencies_hz.iter().map(|hz| Some((*hz, drive.held_at(*hz)?))).collect();
@@ -108,7 +108,7 @@ pub fn sweeps_both_ways<D: Dynamics<f64, 2, Input = f64> + Copy + Send + Sync>(
 fn held_in_turn<D: Dynamics<f64, 2, Input = f64> + Copy>(
     dynamics: D,
     drives: impl Iterator<Item = (f64, Drive)>,
-    hold: &Hold,
+    hold: &SweepHold,
 ) -> Vec<SweepPoint> {
     let steps = hold.periods * hold.steps_per_period;
     let mut state = [hold.disturbance, 0.0];
@@ -132,7 +132,7 @@ fn held_in_turn<D: Dynamics<f64, 2, Input = f64> + Copy>(
 
 /// How a motion started.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StartUp {
+pub struct SweepStartUp {
     /// When the motion first reached nine tenths of its final amplitude.
     pub time_s: f64,
     /// The final amplitude, in the unit of the first state.
@@ -149,7 +149,7 @@ pub fn start_up<D: Dynamics<f64, 2, Input = f64> + Copy>(
     displacement: f64,
     rate_hz: f64,
     limit_s: f64,
-) -> Option<StartUp> {
+) -> Option<SweepStartUp> {
     let run = || Simulator::new(dynamics, drive.clone(), rate_hz, [displacement, 0.0]);
     let mut simulator = run();
     let mut amplitude = 0.0_f64;
@@ -166,5 +166,5 @@ pub fn start_up<D: Dynamics<f64, 2, Input = f64> + Copy>(
     while again.state()[0].abs() < 0.9 * amplitude {
         again.step();
     }
-    Some(StartUp { time_s: again.time_s(), amplitude })
+    Some(SweepStartUp { time_s: again.time_s(), amplitude })
 }

@@ -1,15 +1,15 @@
 //! The drive as the experiment file describes it.
 
 use super::{Drive, SimulateError, Tone};
-use crate::config::{DriveSource, Experiment, Fault, Key, Quantity, RecordedDrive, Simulate};
-use crate::recording::{Recording, Source};
+use crate::config::{ConfigFault, DriveSource, Experiment, Key, Quantity, RecordedDrive, Simulate};
+use crate::recording::{RecordingSource, SampledRecording};
 use crate::units::{Kind, kind};
 
 /// The drive in SI units, and the file that it comes from, if it comes from one. Of a ring-down, the drive before it.
 pub fn drive_of(
     experiment: &Experiment,
     simulate: &Simulate,
-) -> Result<(Drive, Option<Source>), SimulateError> {
+) -> Result<(Drive, Option<RecordingSource>), SimulateError> {
     let drive = match &simulate.drive {
         DriveSource::Constant(constant) => Drive::Constant { level: constant.voltage.si() },
         DriveSource::Sine(sine) => Drive::Sine {
@@ -51,31 +51,31 @@ pub fn drive_of(
             let why =
                 "this device is not caught by a sweep; use another drive, such as `[simulate.drive.sine]`";
             let key = Key::from("simulate").child("drive").child("capture");
-            return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }).into());
         }
         DriveSource::Acceleration(_) => {
             let why = "only an accelerometer is driven by an acceleration; use a voltage, such as `[simulate.drive.sine]`";
             let key = Key::from("simulate").child("drive").child("acceleration");
-            return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }).into());
         }
         DriveSource::Prescribed(_) => {
             let why = "this device is simulated by its drive, not by a motion; write one, such as `constant` or `sine`";
             return Err(experiment
-                .error("simulate.drive.prescribed", Fault::Value { why: why.to_owned() })
+                .error("simulate.drive.prescribed", ConfigFault::Value { why: why.to_owned() })
                 .into());
         }
         DriveSource::Regulated(_) => {
             let why = "only the shared-electrode scanner of one axis is regulated; use another drive, such as \
                        `[simulate.drive.sine]`";
             return Err(experiment
-                .error("simulate.drive.regulated", Fault::Value { why: why.to_owned() })
+                .error("simulate.drive.regulated", ConfigFault::Value { why: why.to_owned() })
                 .into());
         }
         DriveSource::Inputs(_) => {
             let why = "this device has one drive, a voltage; write one, such as `[simulate.drive.sine]`, or write the device as \
                        equations (`kalmems expand`)";
             let key = Key::from("simulate.drive.inputs");
-            return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }).into());
         }
         DriveSource::Recorded(recorded) => {
             let key = Key::from("simulate").child("drive").child("recorded").child("file");
@@ -92,10 +92,11 @@ pub(super) fn read(
     simulate: &Simulate,
     recorded: &RecordedDrive,
     kind: &'static Kind,
-) -> Result<(Drive, Source), SimulateError> {
-    let recording = Recording::read(&experiment.resolve(&recorded.file), &recorded.layout(kind.ending()))?;
+) -> Result<(Drive, RecordingSource), SimulateError> {
+    let recording =
+        SampledRecording::read(&experiment.resolve(&recorded.file), &recorded.layout(kind.ending()))?;
     let column = recording.column_of(recorded.column.name(), kind)?;
-    let refuse = |why: String| Err(experiment.error(key, Fault::Value { why }).into());
+    let refuse = |why: String| Err(experiment.error(key, ConfigFault::Value { why }).into());
     let Some(segment) = recording.segments().first() else {
         return refuse("the file holds no samples".to_owned());
     };

@@ -90,7 +90,7 @@ impl StabilityMap {
         let growth = map_on_threads(work, shares.len(), (shares.len(), 1), |share, _| {
             let points = shares[share];
             let mut growth = vec![0.0; points.len()];
-            Isa::best().run(Grow { device, steps: &steps, points, growth: &mut growth });
+            Isa::best().run(GrowthRates { device, steps: &steps, points, growth: &mut growth });
             Some(growth)
         })?
         .concat();
@@ -100,14 +100,14 @@ impl StabilityMap {
 }
 
 /// Growth rates at points of drive frequency and factor.
-struct Grow<'a, D> {
+struct GrowthRates<'a, D> {
     device: D,
     steps: &'a [PeriodStep],
     points: &'a [[f64; 2]],
     growth: &'a mut [f64],
 }
 
-impl<D: SideBySide> Kernel<f64> for Grow<'_, D> {
+impl<D: SideBySide> Kernel<f64> for GrowthRates<'_, D> {
     type Output = ();
 
     #[inline(always)]

@@ -2,13 +2,13 @@
 
 use kalmems_engines::config::kinds::{Frequency, Ratio};
 use kalmems_engines::config::{
-    ConfigError, DeviceDescription, DeviceKind, Experiment, Fault, Key, NotNegative, Positive, Quantity,
+    ConfigError, ConfigFault, DeviceDescription, DeviceKind, Experiment, Key, NotNegative, Positive, Quantity,
 };
 use kalmems_engines::estimate::{EstimateError, SegmentEstimate};
-use kalmems_engines::evaluate::{MotionErrors, Reference};
+use kalmems_engines::evaluate::{MotionErrors, ReferenceMotion};
 use kalmems_engines::outlook::Outlook;
 use kalmems_engines::progress::{Interruption, Progress};
-use kalmems_engines::recording::Layout;
+use kalmems_engines::recording::RecordingLayout;
 use kalmems_engines::rig::{Estimator, Rig, Workbench};
 use kalmems_engines::simulate::{SimulateError, Simulation};
 use schemars::JsonSchema;
@@ -49,7 +49,8 @@ struct ForkRig {
 
 impl ForkRig {
     fn refused(experiment: &Experiment) -> ConfigError {
-        experiment.error("device", Fault::Value { why: "nothing but its table is read here".to_owned() })
+        experiment
+            .error("device", ConfigFault::Value { why: "nothing but its table is read here".to_owned() })
     }
 }
 
@@ -70,7 +71,7 @@ impl Rig for ForkRig {
         Err(Self::refused(experiment))
     }
 
-    fn layout(&self, experiment: &Experiment, _: usize) -> Result<Layout, ConfigError> {
+    fn layout(&self, experiment: &Experiment, _: usize) -> Result<RecordingLayout, ConfigError> {
         Err(Self::refused(experiment))
     }
 
@@ -91,7 +92,12 @@ impl Rig for ForkRig {
         Err(Self::refused(experiment).into())
     }
 
-    fn evaluate(&self, _: &SegmentEstimate, _: &[Reference], _: &Interruption) -> Vec<Option<MotionErrors>> {
+    fn evaluate(
+        &self,
+        _: &SegmentEstimate,
+        _: &[ReferenceMotion],
+        _: &Interruption,
+    ) -> Vec<Option<MotionErrors>> {
         Vec::new()
     }
 }

@@ -1,11 +1,11 @@
 //! Derivatives within expressions, and formulas that are inserted.
 
-use super::Line;
-use super::names::{Formula, Meaning, Text};
-use super::resolve::{Arguments, Resolved, Resolver, Value};
-use crate::error::Fault;
+use super::DeviceEquation;
+use super::names::{Formula, Meaning, ParsedText};
+use super::resolve::{ArgumentValues, Resolved, ResolvedValue, Resolver};
+use crate::error::EquationFault;
 use crate::graph::{Graph, Variable};
-use crate::quantity::Quantity;
+use crate::quantity::UnitKnowledge;
 use kalmems_units::Dimension;
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,9 +14,9 @@ impl Resolver {
     /// The variable that a derivative is taken by.
     pub(super) fn partial(
         &mut self,
-        text: &Text,
-        arguments: &Arguments,
-        of: Value,
+        text: &ParsedText,
+        arguments: &ArgumentValues,
+        of: ResolvedValue,
         by: &Range<usize>,
     ) -> Resolved {
         let name = text.word(by);
@@ -35,16 +35,16 @@ impl Resolver {
                 _ => "an argument that stands for an expression",
             };
             let expected = "a derivative is taken by a state, an input or a parameter".to_owned();
-            return Err(text.error(by, Fault::Use { name: name.to_owned(), is, expected }));
+            return Err(text.error(by, EquationFault::Use { name: name.to_owned(), is, expected }));
         };
         let by_quantity = self.variable(variable).quantity;
         let node = self.graph.derivative(of.node, variable);
-        let quantity = of.quantity.over(by_quantity).unwrap_or(Quantity::Any);
-        Ok(Value::new(node, quantity))
+        let quantity = of.quantity.over(by_quantity).unwrap_or(UnitKnowledge::Any);
+        Ok(ResolvedValue::new(node, quantity))
     }
 
     /// The total derivative along the motion.
-    pub(super) fn total(&mut self, text: &Text, span: &Range<usize>, of: Value) -> Resolved {
+    pub(super) fn total(&mut self, text: &ParsedText, span: &Range<usize>, of: ResolvedValue) -> Resolved {
         let mut parts = Vec::new();
         for variable in self.graph.variables(of.node) {
             match variable {
@@ -59,28 +59,28 @@ impl Resolver {
                 Variable::Input(index) => {
                     if self.graph.derivative(of.node, variable) != Graph::ZERO {
                         let input = self.names.of_input(index);
-                        return Err(text.error(span, Fault::RateOfInput { input }));
+                        return Err(text.error(span, EquationFault::RateOfInput { input }));
                     }
                 }
             }
         }
-        let second = Quantity::Exact(Dimension::of([0, 0, 1, 0, 0, 0]));
-        let quantity = of.quantity.over(second).unwrap_or(Quantity::Any);
-        Ok(Value::new(self.graph.sum(0.0, &parts), quantity))
+        let second = UnitKnowledge::Exact(Dimension::of([0, 0, 1, 0, 0, 0]));
+        let quantity = of.quantity.over(second).unwrap_or(UnitKnowledge::Any);
+        Ok(ResolvedValue::new(self.graph.sum(0.0, &parts), quantity))
     }
 
     /// A formula with its arguments inserted.
     pub(crate) fn insert(
         &mut self,
-        text: &Text,
+        text: &ParsedText,
         call: (&Range<usize>, &Range<usize>),
         formula: &Arc<Formula>,
-        found: &[Value],
+        found: &[ResolvedValue],
     ) -> Resolved {
         let name = text.word(call.0).to_owned();
         if found.len() != formula.arguments.len() {
             let (found, expected) = (found.len(), formula.arguments.len());
-            return Err(text.error(call.1, Fault::Arguments { function: name, found, expected }));
+            return Err(text.error(call.1, EquationFault::Arguments { function: name, found, expected }));
         }
         self.begin(text, format!("{name}(…)"), self.busy.contains(&format!("{name}(…)")))?;
         let bound = formula.arguments.iter().cloned().zip(found.iter().copied()).collect();
@@ -88,7 +88,7 @@ impl Resolver {
             .evaluate(&formula.text, &bound)
             .map_err(|error| error.met_in(format!("in `{}` of {}", text.word(call.1), text.entry.place)))?;
         self.busy.pop();
-        self.used.insert(formula.text.entry.name.clone(), Line::Text(formula.text.clone()));
+        self.used.insert(formula.text.entry.name.clone(), DeviceEquation::Text(formula.text.clone()));
         Ok(value)
     }
 }

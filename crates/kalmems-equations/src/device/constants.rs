@@ -1,15 +1,15 @@
 //! What is made of numbers and parameters alone: noises and periods.
 
-use super::names::Text;
-use super::read::{Read, SECOND, twice};
-use super::resolve::{Value, unlike};
+use super::names::ParsedText;
+use super::read::{ReadResult, SECOND, twice};
+use super::resolve::{ResolvedValue, unlike};
 use super::{Named, Noise, NoiseKind};
-use crate::error::{EquationError, Fault, nearest};
+use crate::error::{EquationError, EquationFault, nearest};
 use crate::graph::{NodeId, Variable};
-use crate::quantity::Quantity;
+use crate::quantity::UnitKnowledge;
 use kalmems_units::Unit;
 
-impl Read<'_> {
+impl ReadResult<'_> {
     pub(super) fn noise(
         &mut self,
         measures: &[Named],
@@ -17,20 +17,20 @@ impl Read<'_> {
     ) -> Result<Vec<Noise>, EquationError> {
         let mut noise: Vec<Noise> = Vec::new();
         for entry in &self.description.noise {
-            let text = Text::read(entry)?;
+            let text = ParsedText::read(entry)?;
             let whole = 0..entry.text.len();
             let value = self.resolver.value(&text)?;
             self.of_parameters_alone(&text, value, "a noise")?;
             let state = self.states.iter().position(|named| *named.name == entry.name);
             let measure = measures.iter().position(|named| *named.name == entry.name);
-            let square = |unit: Unit| Quantity::Exact(unit.dimension()).to_half_power(4);
-            let per_second = |quantity: Quantity| quantity.over(Quantity::Exact(SECOND));
+            let square = |unit: Unit| UnitKnowledge::Exact(unit.dimension()).to_half_power(4);
+            let per_second = |quantity: UnitKnowledge| quantity.over(UnitKnowledge::Exact(SECOND));
             let event = events.iter().position(|named| *named.name == entry.name);
             let kind = match (state, measure, event) {
                 (Some(state), ..) => {
                     let unit = self.states.get(state).map_or(Unit::ONE, |named| named.unit);
                     // Of the rate: (unit/s)² per Hz.
-                    let wanted = square(unit).and_then(per_second).unwrap_or(Quantity::Any);
+                    let wanted = square(unit).and_then(per_second).unwrap_or(UnitKnowledge::Any);
                     if wanted.plus(value.quantity).is_none() {
                         let because = format!("the power density of the rate of `{}` has", entry.name);
                         let fault = unlike("this", value.quantity, wanted.to_string(), because);
@@ -40,8 +40,8 @@ impl Read<'_> {
                 }
                 (None, Some(measure), _) => {
                     let unit = measures.get(measure).map_or(Unit::ONE, |named| named.unit);
-                    let variance = square(unit).unwrap_or(Quantity::Any);
-                    let density = variance.times(Quantity::Exact(SECOND));
+                    let variance = square(unit).unwrap_or(UnitKnowledge::Any);
+                    let density = variance.times(UnitKnowledge::Exact(SECOND));
                     if variance.plus(value.quantity).is_some() {
                         NoiseKind::Variance { measure }
                     } else if density.plus(value.quantity).is_some() {
@@ -57,8 +57,8 @@ impl Read<'_> {
                 }
                 (None, None, Some(event)) => {
                     let unit = events.get(event).map_or(Unit::ONE, |named| named.unit);
-                    let variance = square(unit).unwrap_or(Quantity::Any);
-                    let of_time = Quantity::Exact(SECOND).to_half_power(4).unwrap_or(Quantity::Any);
+                    let variance = square(unit).unwrap_or(UnitKnowledge::Any);
+                    let of_time = UnitKnowledge::Exact(SECOND).to_half_power(4).unwrap_or(UnitKnowledge::Any);
                     if of_time.plus(value.quantity).is_some() {
                         NoiseKind::EventTime { event }
                     } else if variance.plus(value.quantity).is_some() {
@@ -76,7 +76,7 @@ impl Read<'_> {
                     let known = self.states.iter().chain(measures).chain(events).map(|named| &*named.name);
                     let suggestion = nearest(&entry.name, known);
                     let what = "a state, a measurement or an event, which a noise is of";
-                    let fault = Fault::Unknown { name: entry.name.clone(), what, suggestion };
+                    let fault = EquationFault::Unknown { name: entry.name.clone(), what, suggestion };
                     return Err(EquationError::whole(&entry.place, "", fault));
                 }
             };
@@ -91,11 +91,11 @@ impl Read<'_> {
     pub(super) fn periods(&mut self) -> Result<Vec<(usize, NodeId)>, EquationError> {
         let mut periods = Vec::new();
         for entry in &self.description.cyclic {
-            let text = Text::read(entry)?;
+            let text = ParsedText::read(entry)?;
             let Some(state) = self.states.iter().position(|named| *named.name == entry.name) else {
                 let suggestion = nearest(&entry.name, self.states.iter().map(|named| &*named.name));
                 let what = "a state, which can be cyclic";
-                let fault = Fault::Unknown { name: entry.name.clone(), what, suggestion };
+                let fault = EquationFault::Unknown { name: entry.name.clone(), what, suggestion };
                 return Err(EquationError::whole(&entry.place, "", fault));
             };
             let value = self.resolver.value(&text)?;
@@ -111,12 +111,17 @@ impl Read<'_> {
         Ok(periods)
     }
 
-    fn of_parameters_alone(&mut self, text: &Text, value: Value, what: &str) -> Result<(), EquationError> {
+    fn of_parameters_alone(
+        &mut self,
+        text: &ParsedText,
+        value: ResolvedValue,
+        what: &str,
+    ) -> Result<(), EquationError> {
         let is_parameter = |variable: &Variable| matches!(variable, Variable::Parameter(_));
         if self.resolver.graph.variables(value.node).iter().all(is_parameter) {
             return Ok(());
         }
-        let fault = Fault::Value(format!(
+        let fault = EquationFault::Value(format!(
             "{what} is made of numbers and parameters alone; this depends on a state or an input"
         ));
         Err(text.error(&(0..text.entry.text.len()), fault))

@@ -4,21 +4,18 @@
 //! gain is 1 at every frequency, and its phase is late by ωτ but for (ωτ)³/12 of the first order and (ωτ)⁵/720 of the
 //! second. In the form that is used here no derivative of what is delayed is needed.
 
-use super::names::Text;
-use super::resolve::{Expansion, Resolver, Value, unlike};
-use crate::error::EquationError;
+use super::names::ParsedText;
+use super::resolve::{DelayExpansion, Resolved, ResolvedValue, Resolver, unlike};
 use crate::graph::{NodeId, Variable};
-use crate::quantity::Quantity;
+use crate::quantity::UnitKnowledge;
 use kalmems_units::Dimension;
 use std::sync::Arc;
-
-type Resolved = Result<Value, EquationError>;
 
 const SECOND: Dimension = Dimension::of([0, 0, 1, 0, 0, 0]);
 
 impl Resolver {
     /// (u − x)/τ.
-    pub(crate) fn rate_of_lag(&mut self, state: usize, expansion: &Expansion) -> Resolved {
+    pub(crate) fn rate_of_lag(&mut self, state: usize, expansion: &DelayExpansion) -> Resolved {
         let followed = self.value(&expansion.of)?;
         let time = self.time(&expansion.time)?;
         let own = self.variable(Variable::State(state));
@@ -28,7 +25,7 @@ impl Resolver {
     }
 
     /// Of the first order, v′ = 2·(u − v)/τ. Of the second, v′ = w/τ and w′ = 12·(u − v − w/2)/τ.
-    pub(crate) fn rate_of_delay(&mut self, expansion: &Expansion, which: u8) -> Resolved {
+    pub(crate) fn rate_of_delay(&mut self, expansion: &DelayExpansion, which: u8) -> Resolved {
         let time = self.time(&expansion.time)?;
         let first = self.variable(Variable::State(expansion.state));
         let node = if expansion.order == 1 {
@@ -48,7 +45,7 @@ impl Resolver {
     }
 
     /// 2·v − u of the first order, u − w of the second.
-    pub(crate) fn output_of_delay(&mut self, expansion: &Expansion) -> Resolved {
+    pub(crate) fn output_of_delay(&mut self, expansion: &DelayExpansion) -> Resolved {
         let followed = self.value(&expansion.of)?;
         let node = if expansion.order == 1 {
             let state = self.variable(Variable::State(expansion.state)).node;
@@ -57,13 +54,13 @@ impl Resolver {
             let state = self.variable(Variable::State(expansion.state + 1)).node;
             self.graph.sum(0.0, &[(followed.node, 1.0), (state, -1.0)])
         };
-        Ok(Value::new(node, followed.quantity))
+        Ok(ResolvedValue::new(node, followed.quantity))
     }
 
     /// A time constant, in s.
-    fn time(&mut self, text: &Arc<Text>) -> Resolved {
+    fn time(&mut self, text: &Arc<ParsedText>) -> Resolved {
         let time = self.value(text)?;
-        if time.quantity.plus(Quantity::Exact(SECOND)).is_none() {
+        if time.quantity.plus(UnitKnowledge::Exact(SECOND)).is_none() {
             let because = "a time constant has".to_owned();
             let fault = unlike("this", time.quantity, "s".to_owned(), because);
             return Err(text.error(&(0..text.entry.text.len()), fault));
@@ -73,7 +70,7 @@ impl Resolver {
 }
 
 /// The rate of a state.
-fn per_second(node: NodeId, state: Value) -> Value {
-    let quantity = state.quantity.over(Quantity::Exact(SECOND)).unwrap_or(Quantity::Any);
-    Value::new(node, quantity)
+fn per_second(node: NodeId, state: ResolvedValue) -> ResolvedValue {
+    let quantity = state.quantity.over(UnitKnowledge::Exact(SECOND)).unwrap_or(UnitKnowledge::Any);
+    ResolvedValue::new(node, quantity)
 }

@@ -8,11 +8,11 @@ mod operations;
 mod read;
 mod resolve;
 
-pub(crate) use names::Text;
+pub(crate) use names::ParsedText;
 pub(crate) use resolve::fault_of;
 
 use crate::curve::Curve;
-use crate::error::Notice;
+use crate::error::EquationNotice;
 use crate::graph::{Graph, NodeId};
 use kalmems_units::Unit;
 use std::sync::Arc;
@@ -121,15 +121,15 @@ pub struct Device {
     pub(crate) noise: Vec<Noise>,
     pub(crate) periods: Vec<(usize, NodeId)>,
     pub(crate) energy: Option<NodeId>,
-    pub(crate) notices: Vec<Notice>,
+    pub(crate) notices: Vec<EquationNotice>,
     /// What is on the left of each equation, and what is on its right, for typesetting.
-    pub(crate) equations: Vec<(String, Line)>,
+    pub(crate) equations: Vec<(String, DeviceEquation)>,
 }
 
 /// The right side of an equation.
 #[derive(Clone, Debug)]
-pub(crate) enum Line {
-    Text(Arc<Text>),
+pub(crate) enum DeviceEquation {
+    Text(Arc<ParsedText>),
     /// A law, as a reader knows it.
     Law(&'static str),
 }
@@ -181,7 +181,7 @@ impl Device {
     }
 
     /// What is allowed in its equations and probably not meant.
-    pub fn notices(&self) -> &[Notice] {
+    pub fn notices(&self) -> &[EquationNotice] {
         &self.notices
     }
 

@@ -1,29 +1,29 @@
 //! What the names of a description mean.
 
-use crate::description::{Description, Entry, Place};
-use crate::error::{EquationError, Fault, nearest};
+use crate::description::{Description, NamedText, TextPlace};
+use crate::error::{EquationError, EquationFault, nearest};
 use crate::laws;
 use crate::limits::MOST_NAMES;
-use crate::syntax::{self, Tree, is_first_of_name, is_of_name};
+use crate::syntax::{self, SyntaxTree, is_first_of_name, is_of_name};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A text with its terms.
 #[derive(Debug)]
-pub(crate) struct Text {
-    pub(crate) entry: Entry,
-    pub(crate) tree: Tree,
+pub(crate) struct ParsedText {
+    pub(crate) entry: NamedText,
+    pub(crate) tree: SyntaxTree,
 }
 
-impl Text {
-    pub(crate) fn read(entry: &Entry) -> Result<Arc<Self>, EquationError> {
+impl ParsedText {
+    pub(crate) fn read(entry: &NamedText) -> Result<Arc<Self>, EquationError> {
         match syntax::parse(&entry.text) {
             Ok(tree) => Ok(Arc::new(Self { entry: entry.clone(), tree })),
             Err((span, fault)) => Err(EquationError::new(&entry.place, &entry.text, span, fault)),
         }
     }
 
-    pub(crate) fn error(&self, span: &std::ops::Range<usize>, fault: Fault) -> EquationError {
+    pub(crate) fn error(&self, span: &std::ops::Range<usize>, fault: EquationFault) -> EquationError {
         EquationError::new(&self.entry.place, &self.entry.text, span.clone(), fault)
     }
 
@@ -36,7 +36,7 @@ impl Text {
 #[derive(Debug)]
 pub(crate) struct Formula {
     pub(crate) arguments: Vec<String>,
-    pub(crate) text: Arc<Text>,
+    pub(crate) text: Arc<ParsedText>,
     /// Whether it is the reader's own and not the language's.
     pub(crate) is_own: bool,
 }
@@ -76,27 +76,27 @@ pub(crate) const BUILT_IN: [&str; 15] =
     ["sqrt", "exp", "ln", "sin", "cos", "tan", "tanh", "atanh", "abs", "min", "max", "if", "d", "ddt", "in"];
 
 /// Entries of a table, and what each of them is by its place.
-type Table<'a> = (&'a [Entry], fn(usize) -> Meaning);
+type EntriesAndMeaning<'a> = (&'a [NamedText], fn(usize) -> Meaning);
 
 /// The names of a description.
 #[derive(Debug, Default)]
-pub(crate) struct Names {
+pub(crate) struct DescriptionNames {
     known: BTreeMap<String, Meaning>,
 }
 
-impl Names {
+impl DescriptionNames {
     /// Those of all tables, and the functions of the language that are formulas.
     ///
     /// `states` are those of the description with those that lags and delays add.
-    pub(crate) fn of(description: &Description, states: &[Entry]) -> Result<Self, EquationError> {
+    pub(crate) fn of(description: &Description, states: &[NamedText]) -> Result<Self, EquationError> {
         let mut names = Self::default();
         for (header, formula) in laws::PRELUDE {
-            let entry = Entry::new("the language", header, formula);
+            let entry = NamedText::new("the language", header, formula);
             let (name, arguments) = header_of(&entry)?;
-            let formula = Formula { arguments, text: Text::read(&entry)?, is_own: false };
+            let formula = Formula { arguments, text: ParsedText::read(&entry)?, is_own: false };
             names.known.insert(name, Meaning::Function(Arc::new(formula)));
         }
-        let tables: [Table<'_>; 4] = [
+        let tables: [EntriesAndMeaning<'_>; 4] = [
             (states, Meaning::State),
             (&description.inputs, Meaning::Input),
             (&description.parameters, Meaning::Parameter),
@@ -115,15 +115,16 @@ impl Names {
         }
         for entry in &description.functions {
             let (name, arguments) = header_of(entry)?;
-            let formula = Formula { arguments, text: Text::read(entry)?, is_own: true };
+            let formula = Formula { arguments, text: ParsedText::read(entry)?, is_own: true };
             names.define(&name, &entry.place, Meaning::Function(Arc::new(formula)))?;
         }
         Ok(names)
     }
 
-    fn define(&mut self, name: &str, place: &Place, meaning: Meaning) -> Result<(), EquationError> {
-        let refuse =
-            |why: String| Err(EquationError::whole(place, "", Fault::Name { name: name.to_owned(), why }));
+    fn define(&mut self, name: &str, place: &TextPlace, meaning: Meaning) -> Result<(), EquationError> {
+        let refuse = |why: String| {
+            Err(EquationError::whole(place, "", EquationFault::Name { name: name.to_owned(), why }))
+        };
         if !is_name(name) {
             return refuse("a name is a letter or `_`, and letters, digits and `_` behind it".to_owned());
         }
@@ -139,7 +140,7 @@ impl Names {
             });
         }
         if self.known.len() > MOST_NAMES + laws::PRELUDE.len() {
-            let fault = Fault::TooLarge { what: "names", limit: MOST_NAMES };
+            let fault = EquationFault::TooLarge { what: "names", limit: MOST_NAMES };
             return Err(EquationError::whole(place, "", fault));
         }
         self.known.insert(name.to_owned(), meaning);
@@ -157,7 +158,7 @@ impl Names {
     }
 
     /// What is wrong with a name that is not there.
-    pub(crate) fn unknown(&self, name: &str, functions: bool) -> Fault {
+    pub(crate) fn unknown(&self, name: &str, functions: bool) -> EquationFault {
         let is_function = |meaning: &Meaning| matches!(meaning, Meaning::Function(_) | Meaning::Curve(_));
         let own = self.known.iter().filter(|(_, meaning)| is_function(meaning) == functions);
         let own = own.map(|(name, _)| name.as_str());
@@ -168,7 +169,7 @@ impl Names {
             nearest(name, own.chain(["pi"]))
         };
         let what = if functions { "a function here" } else { "defined" };
-        Fault::Unknown { name: name.to_owned(), what, suggestion }
+        EquationFault::Unknown { name: name.to_owned(), what, suggestion }
     }
 }
 
@@ -182,9 +183,9 @@ fn is_name(name: &str) -> bool {
 }
 
 /// `plate(angle, near)` as a name and the names of its arguments.
-fn header_of(entry: &Entry) -> Result<(String, Vec<String>), EquationError> {
+fn header_of(entry: &NamedText) -> Result<(String, Vec<String>), EquationError> {
     let refuse = |why: &str| {
-        let fault = Fault::Name { name: entry.name.clone(), why: why.to_owned() };
+        let fault = EquationFault::Name { name: entry.name.clone(), why: why.to_owned() };
         EquationError::whole(&entry.place, "", fault)
     };
     let header = entry.name.trim();

@@ -1,21 +1,19 @@
 //! Operators and functions: what they do to the graph, and which units they take.
 
-use super::Line;
-use super::names::{Meaning, Text};
-use super::resolve::{Resolver, Value, unlike};
-use crate::error::{EquationError, Fault};
+use super::DeviceEquation;
+use super::names::{Meaning, ParsedText};
+use super::resolve::{Resolved, ResolvedValue, Resolver, unlike};
+use crate::error::{EquationError, EquationFault};
 use crate::graph::{Function, Graph, NodeId};
 use crate::laws;
-use crate::quantity::Quantity;
+use crate::quantity::UnitKnowledge;
 use std::ops::Range;
 use std::sync::Arc;
 
-type Resolved = Result<Value, EquationError>;
-
 impl Resolver {
     /// A sum, of which each part is given with its sign and its place among the terms.
-    pub(crate) fn sum(&mut self, text: &Text, parts: &[(bool, Value, usize)]) -> Resolved {
-        let mut total = Quantity::Any;
+    pub(crate) fn sum(&mut self, text: &ParsedText, parts: &[(bool, ResolvedValue, usize)]) -> Resolved {
+        let mut total = UnitKnowledge::Any;
         let mut first = None;
         for (_, value, id) in parts {
             // The part that the others are compared with is the first that has a unit of its own.
@@ -25,7 +23,7 @@ impl Resolver {
                 let fault = unlike(&what, value.quantity, total.to_string(), because);
                 return Err(text.error(&span_of(text, *id), fault));
             };
-            if total == Quantity::Any && value.quantity != Quantity::Any {
+            if total == UnitKnowledge::Any && value.quantity != UnitKnowledge::Any {
                 first = Some(*id);
             }
             total = sum;
@@ -33,18 +31,24 @@ impl Resolver {
         let signed: Vec<_> =
             parts.iter().map(|(minus, value, _)| (value.node, if *minus { -1.0 } else { 1.0 })).collect();
         let node = self.graph.sum(0.0, &signed);
-        let in_cycles = parts.iter().all(|(_, value, _)| value.in_cycles || value.quantity == Quantity::Any);
-        Ok(Value { node, quantity: total, in_cycles, has_pi: false })
+        let in_cycles =
+            parts.iter().all(|(_, value, _)| value.in_cycles || value.quantity == UnitKnowledge::Any);
+        Ok(ResolvedValue { node, quantity: total, in_cycles, has_pi: false })
     }
 
-    pub(crate) fn product(&mut self, text: &Text, span: &Range<usize>, parts: &[(bool, Value)]) -> Resolved {
-        let mut quantity = Quantity::PLAIN;
+    pub(crate) fn product(
+        &mut self,
+        text: &ParsedText,
+        span: &Range<usize>,
+        parts: &[(bool, ResolvedValue)],
+    ) -> Resolved {
+        let mut quantity = UnitKnowledge::PLAIN;
         for (over, value) in parts {
             quantity = if *over {
                 if self.graph.number(value.node) == Some(0.0) {
-                    return Err(text.error(span, Fault::NotFinite));
+                    return Err(text.error(span, EquationFault::NotFinite));
                 }
-                quantity.over(value.quantity).ok_or_else(|| text.error(span, Fault::NotFinite))?
+                quantity.over(value.quantity).ok_or_else(|| text.error(span, EquationFault::NotFinite))?
             } else {
                 quantity.times(value.quantity)
             };
@@ -54,59 +58,60 @@ impl Resolver {
         let node = self.graph.product(&powers);
         let has_pi = parts.iter().any(|(_, value)| value.has_pi);
         let in_cycles = !has_pi && parts.iter().any(|(over, value)| value.in_cycles && !over);
-        Ok(Value { node, quantity, in_cycles, has_pi })
+        Ok(ResolvedValue { node, quantity, in_cycles, has_pi })
     }
 
     pub(crate) fn power(
         &mut self,
-        text: &Text,
+        text: &ParsedText,
         span: &Range<usize>,
-        (base, exponent): (Value, Value),
+        (base, exponent): (ResolvedValue, ResolvedValue),
         exponent_id: usize,
     ) -> Resolved {
         if !exponent.quantity.is_plain() {
             let what = format!("the exponent `{}`", shown(text, exponent_id));
             let found = exponent.quantity.to_string();
-            return Err(text.error(&span_of(text, exponent_id), Fault::NotPlain { what, found, remedy: "" }));
+            return Err(
+                text.error(&span_of(text, exponent_id), EquationFault::NotPlain { what, found, remedy: "" })
+            );
         }
         let number = self.graph.number(exponent.node);
         let halves = number.map(|number| 2.0 * number).filter(|h| h.fract() == 0.0 && h.abs() <= 2000.0);
         if let Some(halves) = halves {
             #[allow(clippy::cast_possible_truncation)] // bounded by the line above
             let halves = halves as i16;
-            let quantity = base
-                .quantity
-                .to_half_power(halves)
-                .ok_or_else(|| text.error(span, Fault::PowerOfUnit { found: base.quantity.to_string() }))?;
+            let quantity = base.quantity.to_half_power(halves).ok_or_else(|| {
+                text.error(span, EquationFault::PowerOfUnit { found: base.quantity.to_string() })
+            })?;
             let mut node = self.graph.product(&[(base.node, i32::from(halves.div_euclid(2)))]);
             if halves % 2 != 0 {
                 let root = self.graph.call(Function::Sqrt, base.node);
                 node = self.graph.product(&[(node, 1), (root, 1)]);
             }
-            return Ok(Value { has_pi: base.has_pi, ..Value::new(node, quantity) });
+            return Ok(ResolvedValue { has_pi: base.has_pi, ..ResolvedValue::new(node, quantity) });
         }
         if !base.quantity.is_plain() {
-            return Err(text.error(span, Fault::PowerOfUnit { found: base.quantity.to_string() }));
+            return Err(text.error(span, EquationFault::PowerOfUnit { found: base.quantity.to_string() }));
         }
         let logarithm = self.graph.call(Function::Ln, base.node);
         let product = self.graph.product(&[(exponent.node, 1), (logarithm, 1)]);
-        Ok(Value::new(self.graph.call(Function::Exp, product), Quantity::PLAIN))
+        Ok(ResolvedValue::new(self.graph.call(Function::Exp, product), UnitKnowledge::PLAIN))
     }
 
     pub(crate) fn call(
         &mut self,
-        text: &Arc<Text>,
+        text: &Arc<ParsedText>,
         call: (&Range<usize>, &Range<usize>),
-        parts: &[(Value, usize)],
+        parts: &[(ResolvedValue, usize)],
     ) -> Resolved {
         let name = text.word(call.0).to_owned();
-        let values: Vec<Value> = parts.iter().map(|(value, _)| *value).collect();
+        let values: Vec<ResolvedValue> = parts.iter().map(|(value, _)| *value).collect();
         match self.names.get(&name).cloned() {
             Some(Meaning::Function(formula)) => return self.insert(text, call, &formula, &values),
             Some(Meaning::Curve(curve)) => return self.curve(text, call, curve, parts),
             Some(meaning) => {
                 let expected = "write `*` for a product".to_owned();
-                return Err(text.error(call.0, Fault::Use { name, is: meaning.words(), expected }));
+                return Err(text.error(call.0, EquationFault::Use { name, is: meaning.words(), expected }));
             }
             None => {}
         }
@@ -117,7 +122,7 @@ impl Resolver {
             if parts.len() == expected {
                 Ok(())
             } else {
-                let fault = Fault::Arguments { function: name.clone(), found: parts.len(), expected };
+                let fault = EquationFault::Arguments { function: name.clone(), found: parts.len(), expected };
                 Err(text.error(call.1, fault))
             }
         };
@@ -128,14 +133,17 @@ impl Resolver {
                 let (then, otherwise) = if name == "min" { (a, b) } else { (b, a) };
                 let node = self.graph.choice(a, b, then, otherwise);
                 self.notice_kink(text, call.1, &name, node);
-                Ok(Value { in_cycles: left.0.in_cycles && right.0.in_cycles, ..Value::new(node, quantity) })
+                Ok(ResolvedValue {
+                    in_cycles: left.0.in_cycles && right.0.in_cycles,
+                    ..ResolvedValue::new(node, quantity)
+                })
             }
-            ("min" | "max", _) => counted(2).and(Ok(Value::new(Graph::ZERO, Quantity::Any))),
+            ("min" | "max", _) => counted(2).and(Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))),
             ("sqrt" | "exp" | "ln" | "sin" | "cos" | "tan" | "tanh" | "atanh" | "abs", [only]) => {
                 self.function(text, call, &name, *only)
             }
             ("sqrt" | "exp" | "ln" | "sin" | "cos" | "tan" | "tanh" | "atanh" | "abs", _) => {
-                counted(1).and(Ok(Value::new(Graph::ZERO, Quantity::Any)))
+                counted(1).and(Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any)))
             }
             _ => Err(text.error(call.0, self.names.unknown(&name, true))),
         }
@@ -143,24 +151,24 @@ impl Resolver {
 
     fn function(
         &mut self,
-        text: &Text,
+        text: &ParsedText,
         call: (&Range<usize>, &Range<usize>),
         name: &str,
-        (of, id): (Value, usize),
+        (of, id): (ResolvedValue, usize),
     ) -> Resolved {
-        let plain = |node| Ok(Value::new(node, Quantity::PLAIN));
+        let plain = |node| Ok(ResolvedValue::new(node, UnitKnowledge::PLAIN));
         match name {
             "sqrt" => {
                 let quantity = of.quantity.to_half_power(1).ok_or_else(|| {
-                    text.error(call.1, Fault::PowerOfUnit { found: of.quantity.to_string() })
+                    text.error(call.1, EquationFault::PowerOfUnit { found: of.quantity.to_string() })
                 })?;
-                Ok(Value::new(self.graph.call(Function::Sqrt, of.node), quantity))
+                Ok(ResolvedValue::new(self.graph.call(Function::Sqrt, of.node), quantity))
             }
             "abs" => {
                 let opposite = self.graph.scaled(-1.0, of.node);
                 let node = self.graph.choice(of.node, Graph::ZERO, opposite, of.node);
                 self.notice_kink(text, call.1, "abs", node);
-                Ok(Value { node, ..of })
+                Ok(ResolvedValue { node, ..of })
             }
             "sin" | "cos" | "tan" => {
                 if !of.quantity.is_angle() {
@@ -199,54 +207,56 @@ impl Resolver {
 
     fn law(
         &mut self,
-        text: &Text,
+        text: &ParsedText,
         call: (&Range<usize>, &Range<usize>),
         law: &'static laws::Law,
-        parts: &[(Value, usize)],
+        parts: &[(ResolvedValue, usize)],
     ) -> Resolved {
         if parts.len() != law.arguments.len() {
             let (function, found, expected) = (law.name.to_owned(), parts.len(), law.arguments.len());
-            return Err(text.error(call.1, Fault::Arguments { function, found, expected }));
+            return Err(text.error(call.1, EquationFault::Arguments { function, found, expected }));
         }
-        let quantities: Vec<Quantity> = parts.iter().map(|(value, _)| value.quantity).collect();
+        let quantities: Vec<UnitKnowledge> = parts.iter().map(|(value, _)| value.quantity).collect();
         let quantity = law.check(&quantities).map_err(|(index, expected, because)| {
             let (value, id) =
-                parts.get(index).copied().unwrap_or((Value::new(Graph::ZERO, Quantity::Any), 0));
+                parts.get(index).copied().unwrap_or((ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any), 0));
             let what = format!("the argument `{}` of `{}`", law.argument(index), law.name);
             text.error(&span_of(text, id), unlike(&what, value.quantity, expected, because))
         })?;
-        self.used.insert(law.header(), Line::Law(law.formula));
+        self.used.insert(law.header(), DeviceEquation::Law(law.formula));
         let arguments: Vec<NodeId> = parts.iter().map(|(value, _)| value.node).collect();
-        Ok(Value::new(self.graph.law(law.id, Vec::new(), &arguments), quantity))
+        Ok(ResolvedValue::new(self.graph.law(law.id, Vec::new(), &arguments), quantity))
     }
 
     fn curve(
         &mut self,
-        text: &Text,
+        text: &ParsedText,
         call: (&Range<usize>, &Range<usize>),
         curve: usize,
-        parts: &[(Value, usize)],
+        parts: &[(ResolvedValue, usize)],
     ) -> Resolved {
         let [(value, id)] = *parts else {
             let function = text.word(call.0).to_owned();
-            return Err(text.error(call.1, Fault::Arguments { function, found: parts.len(), expected: 1 }));
+            return Err(
+                text.error(call.1, EquationFault::Arguments { function, found: parts.len(), expected: 1 })
+            );
         };
-        let [place, result] = self.curves.get(curve).copied().unwrap_or([Quantity::Any; 2]);
+        let [place, result] = self.curves.get(curve).copied().unwrap_or([UnitKnowledge::Any; 2]);
         if value.quantity.plus(place).is_none() {
             let because = format!("the places of the curve `{}` have", text.word(call.0));
             let fault = unlike("the argument", value.quantity, place.to_string(), because);
             return Err(text.error(&span_of(text, id), fault));
         }
-        Ok(Value::new(self.graph.curve(curve, 0, value.node), result))
+        Ok(ResolvedValue::new(self.graph.curve(curve, 0, value.node), result))
     }
 }
 
 /// The common unit of two expressions that are compared.
 pub(crate) fn alike(
-    text: &Text,
-    (left, left_id): (Value, usize),
-    (right, right_id): (Value, usize),
-) -> Result<Quantity, EquationError> {
+    text: &ParsedText,
+    (left, left_id): (ResolvedValue, usize),
+    (right, right_id): (ResolvedValue, usize),
+) -> Result<UnitKnowledge, EquationError> {
     left.quantity.plus(right.quantity).ok_or_else(|| {
         let because = format!("`{}` has", shown(text, left_id));
         let what = format!("`{}`", shown(text, right_id));
@@ -256,7 +266,7 @@ pub(crate) fn alike(
 }
 
 /// A term as it is written, not too long for a message.
-fn shown(text: &Text, id: usize) -> String {
+fn shown(text: &ParsedText, id: usize) -> String {
     let written = text.word(&span_of(text, id));
     match written.char_indices().nth(40) {
         Some((end, _)) => format!("{}…", written.get(..end).unwrap_or_default()),
@@ -264,12 +274,17 @@ fn shown(text: &Text, id: usize) -> String {
     }
 }
 
-fn span_of(text: &Text, id: usize) -> Range<usize> {
+fn span_of(text: &ParsedText, id: usize) -> Range<usize> {
     text.tree.terms.get(id).map_or(0..0, |term| term.span.clone())
 }
 
 /// An argument that has to be a plain number.
-fn not_plain(text: &Text, function: &str, (of, id): (Value, usize), remedy: &'static str) -> EquationError {
+fn not_plain(
+    text: &ParsedText,
+    function: &str,
+    (of, id): (ResolvedValue, usize),
+    remedy: &'static str,
+) -> EquationError {
     let what = format!("the argument of `{function}`");
-    text.error(&span_of(text, id), Fault::NotPlain { what, found: of.quantity.to_string(), remedy })
+    text.error(&span_of(text, id), EquationFault::NotPlain { what, found: of.quantity.to_string(), remedy })
 }

@@ -1,13 +1,15 @@
 //! From a description to a device.
 
-use super::names::{Names, Text};
-use super::resolve::{Expansion, Given, RateOf, Resolver, Slot, Value, fault_of, unlike};
-use super::{Device, Line, Named, Parameter};
+use super::names::{DescriptionNames, ParsedText};
+use super::resolve::{
+    DefinitionSlot, DelayExpansion, ExternalQuantity, RateOf, ResolvedValue, Resolver, fault_of, unlike,
+};
+use super::{Device, DeviceEquation, Named, Parameter};
 use crate::curve::Curve;
-use crate::description::{Description, Entry, Points};
-use crate::error::{EquationError, Fault, nearest};
+use crate::description::{CurvePoints, Description, NamedText};
+use crate::error::{EquationError, EquationFault, nearest};
 use crate::graph::{Graph, Variable};
-use crate::quantity::Quantity;
+use crate::quantity::UnitKnowledge;
 use kalmems_units::{Dimension, Unit, Value as Quantified};
 use std::sync::Arc;
 
@@ -20,14 +22,14 @@ impl Device {
     ///
     /// The first that is wrong, with its place.
     pub fn of(description: &Description) -> Result<Self, EquationError> {
-        let mut read = Read::begin(description)?;
+        let mut read = ReadResult::begin(description)?;
         let rates = read.rates()?;
         // Named expressions are read whether something uses them or not, so that none is wrong unnoticed.
         let mut equations = Vec::new();
         for index in 0..read.resolver.lets.len() {
             read.resolver.named(index)?;
             if let Some((text, _)) = read.resolver.lets.get(index) {
-                equations.push((text.entry.name.clone(), Line::Text(text.clone())));
+                equations.push((text.entry.name.clone(), DeviceEquation::Text(text.clone())));
             }
         }
         for index in 0..read.resolver.delays.len() {
@@ -35,7 +37,7 @@ impl Device {
         }
         for (index, state) in read.states.iter().enumerate() {
             if let Some((RateOf::Text(text), _)) = read.resolver.rates.get(index) {
-                equations.push((format!("d{}/dt", state.name), Line::Text(text.clone())));
+                equations.push((format!("d{}/dt", state.name), DeviceEquation::Text(text.clone())));
             }
         }
         let (measures, readings) = read.measures(&mut equations)?;
@@ -44,13 +46,13 @@ impl Device {
         let periods = read.periods()?;
         let energy = match &description.energy {
             Some(entry) => {
-                let text = Text::read(entry)?;
-                equations.push(("E".to_owned(), Line::Text(text.clone())));
+                let text = ParsedText::read(entry)?;
+                equations.push(("E".to_owned(), DeviceEquation::Text(text.clone())));
                 Some(read.resolver.value(&text)?.node)
             }
             None => None,
         };
-        let Read { resolver, states, inputs, parameters, curves, .. } = read;
+        let ReadResult { resolver, states, inputs, parameters, curves, .. } = read;
         let equations = resolver.used.into_iter().chain(equations).collect();
         Ok(Self {
             states,
@@ -73,7 +75,7 @@ impl Device {
     }
 }
 
-pub(super) struct Read<'a> {
+pub(super) struct ReadResult<'a> {
     pub(super) description: &'a Description,
     pub(super) resolver: Resolver,
     pub(super) states: Vec<Named>,
@@ -82,14 +84,14 @@ pub(super) struct Read<'a> {
     curves: Vec<Curve>,
 }
 
-fn named(entry: &Entry) -> Result<Named, EquationError> {
+fn named(entry: &NamedText) -> Result<Named, EquationError> {
     let text = entry.text.trim();
     let unit = Unit::parse(if text.is_empty() { "1" } else { text })
         .map_err(|fault| EquationError::whole(&entry.place, &entry.text, fault.into()))?;
     Ok(Named { name: entry.name.as_str().into(), unit, unit_text: text.into() })
 }
 
-fn parameter(entry: &Entry) -> Result<Parameter, EquationError> {
+fn parameter(entry: &NamedText) -> Result<Parameter, EquationError> {
     let value = Quantified::parse(&entry.text)
         .map_err(|fault| EquationError::whole(&entry.place, &entry.text, fault.into()))?;
     let (_, unit_text) = value.parts();
@@ -97,42 +99,43 @@ fn parameter(entry: &Entry) -> Result<Parameter, EquationError> {
     Ok(Parameter { named, value: value.si() })
 }
 
-impl<'a> Read<'a> {
+impl<'a> ReadResult<'a> {
     /// Reads all texts that others refer to.
     fn begin(description: &'a Description) -> Result<Self, EquationError> {
         if description.states.is_empty() {
-            let fault =
-                Fault::Missing("a device needs a state; add `[states]` with names and units".to_owned());
+            let fault = EquationFault::Missing(
+                "a device needs a state; add `[states]` with names and units".to_owned(),
+            );
             return Err(EquationError::whole(&place("states"), "", fault));
         }
         let mut entries = description.states.clone();
         let mut rates = own_rates(description)?;
         for follower in &description.lag {
-            let (of, time) = (Text::read(&follower.of)?, Text::read(&follower.time)?);
-            entries.push(Entry { name: follower.name.clone(), ..unit_of(&of)? });
-            rates.push(RateOf::Lag(Expansion { of, time, state: entries.len() - 1, order: 1 }));
+            let (of, time) = (ParsedText::read(&follower.of)?, ParsedText::read(&follower.time)?);
+            entries.push(NamedText { name: follower.name.clone(), ..unit_of(&of)? });
+            rates.push(RateOf::Lag(DelayExpansion { of, time, state: entries.len() - 1, order: 1 }));
         }
         let mut delays = Vec::new();
         for follower in &description.delay {
             if !matches!(follower.order, 1 | 2) {
                 let why = format!("a delay of order {} is not known; expected 1 or 2", follower.order);
-                return Err(EquationError::whole(&follower.of.place, "", Fault::Value(why)));
+                return Err(EquationError::whole(&follower.of.place, "", EquationFault::Value(why)));
             }
-            let (of, time) = (Text::read(&follower.of)?, Text::read(&follower.time)?);
-            let expansion = Expansion { of, time, state: entries.len(), order: follower.order };
+            let (of, time) = (ParsedText::read(&follower.of)?, ParsedText::read(&follower.time)?);
+            let expansion = DelayExpansion { of, time, state: entries.len(), order: follower.order };
             for which in 0..follower.order {
                 let name = format!("{}_{}", follower.name, which + 1);
-                entries.push(Entry { name, ..unit_of(&expansion.of)? });
+                entries.push(NamedText { name, ..unit_of(&expansion.of)? });
                 rates.push(RateOf::Delay(expansion.clone(), which));
             }
-            delays.push((expansion, Slot::Open));
+            delays.push((expansion, DefinitionSlot::Open));
         }
-        let names = Names::of(description, &entries)?;
+        let names = DescriptionNames::of(description, &entries)?;
         let states: Vec<Named> = entries.iter().map(named).collect::<Result<_, _>>()?;
         let inputs: Vec<Named> = description.inputs.iter().map(named).collect::<Result<_, _>>()?;
         let parameters: Vec<Parameter> =
             description.parameters.iter().map(parameter).collect::<Result<_, _>>()?;
-        let given = |named: &Named| Given::of(named.unit, &named.unit_text);
+        let given = |named: &Named| ExternalQuantity::of(named.unit, &named.unit_text);
         let mut graph = Graph::new();
         graph.curves = description.tables.iter().map(|points| points.name.clone()).collect();
         let resolver = Resolver {
@@ -143,9 +146,9 @@ impl<'a> Read<'a> {
                 inputs.iter().map(given).collect(),
                 parameters.iter().map(|parameter| given(&parameter.named)).collect(),
             ],
-            lets: texts(&description.lets)?.into_iter().map(|text| (text, Slot::Open)).collect(),
+            lets: texts(&description.lets)?.into_iter().map(|text| (text, DefinitionSlot::Open)).collect(),
             delays,
-            rates: rates.into_iter().map(|rate| (rate, Slot::Open)).collect(),
+            rates: rates.into_iter().map(|rate| (rate, DefinitionSlot::Open)).collect(),
             curves: description.tables.iter().map(units_of_curve).collect::<Result<_, _>>()?,
             notices: Vec::new(),
             busy: Vec::new(),
@@ -157,7 +160,7 @@ impl<'a> Read<'a> {
     }
 
     /// The rate of each state, in its unit per second.
-    fn rates(&mut self) -> Result<Vec<Value>, EquationError> {
+    fn rates(&mut self) -> Result<Vec<ResolvedValue>, EquationError> {
         let mut rates = Vec::new();
         for index in 0..self.states.len() {
             let value = self.resolver.rate(index)?;
@@ -166,7 +169,7 @@ impl<'a> Read<'a> {
                 continue;
             };
             let state = self.resolver.variable(Variable::State(index)).quantity;
-            let wanted = state.over(Quantity::Exact(SECOND)).unwrap_or(Quantity::Any);
+            let wanted = state.over(UnitKnowledge::Exact(SECOND)).unwrap_or(UnitKnowledge::Any);
             let whole = 0..text.entry.text.len();
             if wanted.plus(value.quantity).is_none() {
                 let because = format!("the rate of `{}` has", text.entry.name);
@@ -182,12 +185,12 @@ impl<'a> Read<'a> {
         Ok(rates)
     }
 
-    fn measures(&mut self, equations: &mut Equations) -> Result<Nodes, EquationError> {
+    fn measures(&mut self, equations: &mut Equations) -> Result<NamedNodes, EquationError> {
         let (mut names, mut nodes) = (Vec::new(), Vec::new());
         for entry in &self.description.measure {
-            let text = Text::read(entry)?;
+            let text = ParsedText::read(entry)?;
             let Some((unit, span)) = text.tree.unit.clone() else {
-                let fault = Fault::Missing(
+                let fault = EquationFault::Missing(
                     "a measurement states its unit; write it behind `in`, such as `… in V`".to_owned(),
                 );
                 return Err(text.error(&(0..entry.text.len()), fault));
@@ -201,7 +204,7 @@ impl<'a> Read<'a> {
                 return Err(text.error(&(0..entry.text.len()), fault_of(stop)));
             }
             if !sees {
-                return Err(text.error(&(0..span.start), Fault::Blind));
+                return Err(text.error(&(0..span.start), EquationFault::Blind));
             }
             if names.iter().any(|named: &Named| *named.name == entry.name) {
                 return Err(twice(entry, "a measurement"));
@@ -209,19 +212,19 @@ impl<'a> Read<'a> {
             let unit_text = text.word(&span).into();
             names.push(Named { name: entry.name.as_str().into(), unit, unit_text });
             nodes.push(value.node);
-            equations.push((entry.name.clone(), Line::Text(text)));
+            equations.push((entry.name.clone(), DeviceEquation::Text(text)));
         }
         Ok((names, nodes))
     }
 
-    fn events(&mut self, equations: &mut Equations, measures: &[Named]) -> Result<Nodes, EquationError> {
+    fn events(&mut self, equations: &mut Equations, measures: &[Named]) -> Result<NamedNodes, EquationError> {
         let (mut names, mut nodes) = (Vec::new(), Vec::new());
         for entry in &self.description.events {
-            let text = Text::read(entry)?;
+            let text = ParsedText::read(entry)?;
             let value = self.resolver.value(&text)?;
             let by_state = |variable: &Variable| matches!(variable, Variable::State(_));
             if !self.resolver.graph.variables(value.node).iter().any(by_state) {
-                let fault = Fault::Value(
+                let fault = EquationFault::Value(
                     "this event does not depend on a state, so that no motion brings it about".to_owned(),
                 );
                 return Err(text.error(&(0..entry.text.len()), fault));
@@ -234,49 +237,49 @@ impl<'a> Read<'a> {
             let is_named = |(_, all): &(&str, &[Named])| all.iter().any(|named| *named.name == entry.name);
             if let Some((what, _)) = with_channels.iter().find(|with| is_named(with)) {
                 let why = format!("it is {what} already; take another one");
-                let fault = Fault::Name { name: entry.name.clone(), why };
+                let fault = EquationFault::Name { name: entry.name.clone(), why };
                 return Err(EquationError::whole(&entry.place, "", fault));
             }
             let text_of_unit = value.quantity.to_string();
             let unit = Unit::parse(&text_of_unit).unwrap_or(Unit::ONE);
             names.push(Named { name: entry.name.as_str().into(), unit, unit_text: text_of_unit.into() });
             nodes.push(value.node);
-            equations.push((entry.name.clone(), Line::Text(text)));
+            equations.push((entry.name.clone(), DeviceEquation::Text(text)));
         }
         Ok((names, nodes))
     }
 }
 
-type Equations = Vec<(String, Line)>;
-type Nodes = (Vec<Named>, Vec<crate::graph::NodeId>);
+type Equations = Vec<(String, DeviceEquation)>;
+type NamedNodes = (Vec<Named>, Vec<crate::graph::NodeId>);
 
-fn place(key: &str) -> crate::description::Place {
-    crate::description::Place { key: key.to_owned(), offset: None }
+fn place(key: &str) -> crate::description::TextPlace {
+    crate::description::TextPlace { key: key.to_owned(), offset: None }
 }
 
-fn texts(entries: &[Entry]) -> Result<Vec<Arc<Text>>, EquationError> {
-    entries.iter().map(Text::read).collect()
+fn texts(entries: &[NamedText]) -> Result<Vec<Arc<ParsedText>>, EquationError> {
+    entries.iter().map(ParsedText::read).collect()
 }
 
-pub(super) fn twice(entry: &Entry, what: &str) -> EquationError {
+pub(super) fn twice(entry: &NamedText, what: &str) -> EquationError {
     let why = format!("{what} of this name stands there already");
-    EquationError::whole(&entry.place, "", Fault::Name { name: entry.name.clone(), why })
+    EquationError::whole(&entry.place, "", EquationFault::Name { name: entry.name.clone(), why })
 }
 
 /// The unit behind `in`, which a follower states.
-fn unit_of(of: &Text) -> Result<Entry, EquationError> {
+fn unit_of(of: &ParsedText) -> Result<NamedText, EquationError> {
     let Some((_, span)) = &of.tree.unit else {
-        let fault = Fault::Missing(
+        let fault = EquationFault::Missing(
             "what becomes a state states its unit; write it behind `in`, such as `… in V`".to_owned(),
         );
         return Err(of.error(&(0..of.entry.text.len()), fault));
     };
-    Ok(Entry { text: of.word(span).to_owned(), ..of.entry.clone() })
+    Ok(NamedText { text: of.word(span).to_owned(), ..of.entry.clone() })
 }
 
-fn units_of_curve(points: &Points) -> Result<[Quantity; 2], EquationError> {
+fn units_of_curve(points: &CurvePoints) -> Result<[UnitKnowledge; 2], EquationError> {
     let of = |unit: &String| match Unit::parse(unit) {
-        Ok(unit) => Ok(Quantity::Exact(unit.dimension())),
+        Ok(unit) => Ok(UnitKnowledge::Exact(unit.dimension())),
         Err(fault) => Err(EquationError::whole(&points.place, unit, fault.into())),
     };
     Ok([of(&points.x_unit)?, of(&points.y_unit)?])
@@ -289,7 +292,7 @@ fn own_rates(description: &Description) -> Result<Vec<RateOf>, EquationError> {
         if !is_state(&entry.name) {
             let suggestion = nearest(&entry.name, description.states.iter().map(|state| state.name.as_str()));
             let what = "a state, whose rate would stand here";
-            let fault = Fault::Unknown { name: entry.name.clone(), what, suggestion };
+            let fault = EquationFault::Unknown { name: entry.name.clone(), what, suggestion };
             return Err(EquationError::whole(&entry.place, "", fault));
         }
         if description.derivative.iter().take(index).any(|before| before.name == entry.name) {
@@ -300,9 +303,9 @@ fn own_rates(description: &Description) -> Result<Vec<RateOf>, EquationError> {
     for state in &description.states {
         let Some(entry) = description.derivative.iter().find(|entry| entry.name == state.name) else {
             let why = format!("the state `{0}` has no rate; add `{0} = \"…\"` to `[derivative]`", state.name);
-            return Err(EquationError::whole(&state.place, "", Fault::Missing(why)));
+            return Err(EquationError::whole(&state.place, "", EquationFault::Missing(why)));
         };
-        rates.push(RateOf::Text(Text::read(entry)?));
+        rates.push(RateOf::Text(ParsedText::read(entry)?));
     }
     Ok(rates)
 }

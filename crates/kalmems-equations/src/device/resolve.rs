@@ -1,14 +1,14 @@
 //! From texts to the graph: names are looked up, functions inserted, units checked.
 
-use super::Line;
-use super::names::{Meaning, Names, Text, is_of_the_language};
+use super::DeviceEquation;
+use super::names::{DescriptionNames, Meaning, ParsedText, is_of_the_language};
 use super::operations::alike;
-use crate::description::Entry;
-use crate::error::{EquationError, Fault, Notice};
-use crate::graph::{Graph, NodeId, Stop, Variable};
+use crate::description::NamedText;
+use crate::error::{EquationError, EquationFault, EquationNotice};
+use crate::graph::{Graph, GraphLimit, NodeId, Variable};
 use crate::limits::{DEEPEST_DEFINITION, LARGEST_POWER, MOST_NODES, MOST_NOTICES, MOST_TERMS};
-use crate::quantity::Quantity;
-use crate::syntax::Form;
+use crate::quantity::UnitKnowledge;
+use crate::syntax::TermForm;
 use kalmems_units::{Dimension, Unit};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -16,38 +16,38 @@ use std::sync::Arc;
 
 /// An expression in the graph, and what is known of its unit.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Value {
+pub(crate) struct ResolvedValue {
     pub(crate) node: NodeId,
-    pub(crate) quantity: Quantity,
+    pub(crate) quantity: UnitKnowledge,
     /// Whether it is made of frequencies in Hz, which are cycles per second, without a factor π.
     pub(crate) in_cycles: bool,
     /// Whether π is a factor of it.
     pub(crate) has_pi: bool,
 }
 
-impl Value {
-    pub(crate) fn new(node: NodeId, quantity: Quantity) -> Self {
+impl ResolvedValue {
+    pub(crate) fn new(node: NodeId, quantity: UnitKnowledge) -> Self {
         Self { node, quantity, in_cycles: false, has_pi: false }
     }
 }
 
 /// A definition that others refer to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Slot {
+pub(crate) enum DefinitionSlot {
     Open,
     Busy,
-    Done(Value),
+    Done(ResolvedValue),
 }
 
 /// A quantity that is given from outside.
 #[derive(Clone, Debug)]
-pub(crate) struct Given {
+pub(crate) struct ExternalQuantity {
     pub(crate) unit: Unit,
     /// Whether it is written in Hz.
     pub(crate) in_cycles: bool,
 }
 
-impl Given {
+impl ExternalQuantity {
     pub(crate) fn of(unit: Unit, text: &str) -> Self {
         let per_second = Dimension::of([0, 0, -1, 0, 0, 0]);
         Self { unit, in_cycles: unit.dimension() == per_second && text.contains("Hz") }
@@ -56,9 +56,9 @@ impl Given {
 
 /// A delay that states stand for.
 #[derive(Clone, Debug)]
-pub(crate) struct Expansion {
-    pub(crate) of: Arc<Text>,
-    pub(crate) time: Arc<Text>,
+pub(crate) struct DelayExpansion {
+    pub(crate) of: Arc<ParsedText>,
+    pub(crate) time: Arc<ParsedText>,
     /// The first of its states.
     pub(crate) state: usize,
     pub(crate) order: u8,
@@ -67,37 +67,37 @@ pub(crate) struct Expansion {
 /// What gives the rate of a state.
 #[derive(Clone, Debug)]
 pub(crate) enum RateOf {
-    Text(Arc<Text>),
+    Text(Arc<ParsedText>),
     /// Of a lag.
-    Lag(Expansion),
+    Lag(DelayExpansion),
     /// Of the first or the second state of a delay.
-    Delay(Expansion, u8),
+    Delay(DelayExpansion, u8),
 }
 
 pub(crate) struct Resolver {
     pub(crate) graph: Graph,
-    pub(crate) names: Names,
+    pub(crate) names: DescriptionNames,
     /// States, inputs and parameters.
-    pub(crate) given: [Vec<Given>; 3],
-    pub(crate) lets: Vec<(Arc<Text>, Slot)>,
-    pub(crate) delays: Vec<(Expansion, Slot)>,
-    pub(crate) rates: Vec<(RateOf, Slot)>,
-    pub(crate) curves: Vec<[Quantity; 2]>,
-    pub(crate) notices: Vec<Notice>,
+    pub(crate) given: [Vec<ExternalQuantity>; 3],
+    pub(crate) lets: Vec<(Arc<ParsedText>, DefinitionSlot)>,
+    pub(crate) delays: Vec<(DelayExpansion, DefinitionSlot)>,
+    pub(crate) rates: Vec<(RateOf, DefinitionSlot)>,
+    pub(crate) curves: Vec<[UnitKnowledge; 2]>,
+    pub(crate) notices: Vec<EquationNotice>,
     /// What is being resolved, the last one within those before it.
     pub(crate) busy: Vec<String>,
     pub(crate) terms_read: usize,
     /// The functions that were inserted, by their headers.
-    pub(crate) used: BTreeMap<String, Line>,
+    pub(crate) used: BTreeMap<String, DeviceEquation>,
 }
 
 /// The values that the arguments of a function have.
-pub(super) type Arguments = Vec<(String, Value)>;
-pub(super) type Resolved = Result<Value, EquationError>;
+pub(super) type ArgumentValues = Vec<(String, ResolvedValue)>;
+pub(super) type Resolved = Result<ResolvedValue, EquationError>;
 
 impl Resolver {
     /// A text that stands alone.
-    pub(crate) fn value(&mut self, text: &Arc<Text>) -> Resolved {
+    pub(crate) fn value(&mut self, text: &Arc<ParsedText>) -> Resolved {
         self.evaluate(text, &Vec::new())
     }
 
@@ -105,7 +105,7 @@ impl Resolver {
     pub(crate) fn rate(&mut self, state: usize) -> Resolved {
         let name = || format!("the rate of state {}", state + 1);
         let Some((of, slot)) = self.rates.get(state).cloned() else {
-            return Ok(Value::new(Graph::ZERO, Quantity::Any));
+            return Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any));
         };
         let text = match &of {
             RateOf::Text(text) => text.clone(),
@@ -115,22 +115,22 @@ impl Resolver {
             RateOf::Text(text) => format!("rate of {}", text.entry.name),
             _ => name(),
         };
-        if let Slot::Done(value) = slot {
+        if let DefinitionSlot::Done(value) = slot {
             return Ok(value);
         }
-        self.begin(&text, label, matches!(slot, Slot::Busy))?;
-        self.set_rate(state, Slot::Busy);
+        self.begin(&text, label, matches!(slot, DefinitionSlot::Busy))?;
+        self.set_rate(state, DefinitionSlot::Busy);
         let value = match &of {
             RateOf::Text(text) => self.value(text)?,
             RateOf::Lag(expansion) => self.rate_of_lag(state, expansion)?,
             RateOf::Delay(expansion, which) => self.rate_of_delay(expansion, *which)?,
         };
-        self.set_rate(state, Slot::Done(value));
+        self.set_rate(state, DefinitionSlot::Done(value));
         self.busy.pop();
         Ok(value)
     }
 
-    fn set_rate(&mut self, state: usize, slot: Slot) {
+    fn set_rate(&mut self, state: usize, slot: DefinitionSlot) {
         if let Some(rate) = self.rates.get_mut(state) {
             rate.1 = slot;
         }
@@ -139,18 +139,18 @@ impl Resolver {
     /// A named expression.
     pub(crate) fn named(&mut self, index: usize) -> Resolved {
         let Some((text, slot)) = self.lets.get(index).cloned() else {
-            return Ok(Value::new(Graph::ZERO, Quantity::Any));
+            return Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any));
         };
-        if let Slot::Done(value) = slot {
+        if let DefinitionSlot::Done(value) = slot {
             return Ok(value);
         }
-        self.begin(&text, text.entry.name.clone(), matches!(slot, Slot::Busy))?;
+        self.begin(&text, text.entry.name.clone(), matches!(slot, DefinitionSlot::Busy))?;
         if let Some(named) = self.lets.get_mut(index) {
-            named.1 = Slot::Busy;
+            named.1 = DefinitionSlot::Busy;
         }
         let value = self.value(&text)?;
         if let Some(named) = self.lets.get_mut(index) {
-            named.1 = Slot::Done(value);
+            named.1 = DefinitionSlot::Done(value);
         }
         self.busy.pop();
         Ok(value)
@@ -159,41 +159,46 @@ impl Resolver {
     /// An expression a while ago.
     pub(crate) fn delayed(&mut self, index: usize) -> Resolved {
         let Some((expansion, slot)) = self.delays.get(index).cloned() else {
-            return Ok(Value::new(Graph::ZERO, Quantity::Any));
+            return Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any));
         };
-        if let Slot::Done(value) = slot {
+        if let DefinitionSlot::Done(value) = slot {
             return Ok(value);
         }
-        self.begin(&expansion.of, expansion.of.entry.name.clone(), matches!(slot, Slot::Busy))?;
+        self.begin(&expansion.of, expansion.of.entry.name.clone(), matches!(slot, DefinitionSlot::Busy))?;
         if let Some(delay) = self.delays.get_mut(index) {
-            delay.1 = Slot::Busy;
+            delay.1 = DefinitionSlot::Busy;
         }
         let value = self.output_of_delay(&expansion)?;
         if let Some(delay) = self.delays.get_mut(index) {
-            delay.1 = Slot::Done(value);
+            delay.1 = DefinitionSlot::Done(value);
         }
         self.busy.pop();
         Ok(value)
     }
 
     /// Notes that a definition is being resolved; refuses one that is already, and too many.
-    pub(super) fn begin(&mut self, text: &Text, label: String, is_busy: bool) -> Result<(), EquationError> {
+    pub(super) fn begin(
+        &mut self,
+        text: &ParsedText,
+        label: String,
+        is_busy: bool,
+    ) -> Result<(), EquationError> {
         let whole = 0..text.entry.text.len();
         if is_busy {
             let from = self.busy.iter().position(|other| *other == label).unwrap_or_default();
             let mut path: Vec<&str> = self.busy.iter().skip(from).map(String::as_str).collect();
             path.push(&label);
-            return Err(text.error(&whole, Fault::Cycle(path.join(" -> "))));
+            return Err(text.error(&whole, EquationFault::Cycle(path.join(" -> "))));
         }
         if self.busy.len() >= DEEPEST_DEFINITION {
             let what = "definitions that wait for one another";
-            return Err(text.error(&whole, Fault::TooLarge { what, limit: DEEPEST_DEFINITION }));
+            return Err(text.error(&whole, EquationFault::TooLarge { what, limit: DEEPEST_DEFINITION }));
         }
         self.busy.push(label);
         Ok(())
     }
 
-    pub(crate) fn variable(&mut self, variable: Variable) -> Value {
+    pub(crate) fn variable(&mut self, variable: Variable) -> ResolvedValue {
         let (kind, index) = match variable {
             Variable::State(index) => (0, index),
             Variable::Input(index) => (1, index),
@@ -203,16 +208,16 @@ impl Resolver {
         let dimension = given.map_or(Dimension::NONE, |given| given.unit.dimension());
         let in_cycles = given.is_some_and(|given| given.in_cycles);
         let node = self.graph.variable(variable);
-        Value { node, quantity: Quantity::Exact(dimension), in_cycles, has_pi: false }
+        ResolvedValue { node, quantity: UnitKnowledge::Exact(dimension), in_cycles, has_pi: false }
     }
 
     /// A text with the values of a function's arguments.
-    pub(super) fn evaluate(&mut self, text: &Arc<Text>, arguments: &Arguments) -> Resolved {
-        let mut values: Vec<Value> = Vec::with_capacity(text.tree.terms.len());
+    pub(super) fn evaluate(&mut self, text: &Arc<ParsedText>, arguments: &ArgumentValues) -> Resolved {
+        let mut values: Vec<ResolvedValue> = Vec::with_capacity(text.tree.terms.len());
         for term in &text.tree.terms {
             self.terms_read += 1;
             if self.terms_read > MOST_TERMS {
-                let fault = Fault::TooLarge { what: "terms", limit: MOST_TERMS };
+                let fault = EquationFault::TooLarge { what: "terms", limit: MOST_TERMS };
                 return Err(text.error(&term.span, fault));
             }
             let value = self.term(text, arguments, &values, &term.form, &term.span)?;
@@ -220,13 +225,13 @@ impl Resolver {
                 return Err(text.error(&term.span, fault_of(stop)));
             }
             if self.graph.number(value.node).is_some_and(|number| !number.is_finite()) {
-                return Err(text.error(&term.span, Fault::NotFinite));
+                return Err(text.error(&term.span, EquationFault::NotFinite));
             }
             values.push(value);
         }
-        let mut value = values.last().copied().unwrap_or(Value::new(Graph::ZERO, Quantity::Any));
+        let mut value = values.last().copied().unwrap_or(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any));
         if let Some((unit, span)) = &text.tree.unit {
-            let wanted = Quantity::Exact(unit.dimension());
+            let wanted = UnitKnowledge::Exact(unit.dimension());
             if value.quantity.plus(wanted).is_none() {
                 let root = text.tree.terms.last().map_or(0..0, |term| term.span.clone());
                 let because = "stands behind `in`".to_owned();
@@ -240,63 +245,65 @@ impl Resolver {
 
     fn term(
         &mut self,
-        text: &Arc<Text>,
-        arguments: &Arguments,
-        values: &[Value],
-        form: &Form,
+        text: &Arc<ParsedText>,
+        arguments: &ArgumentValues,
+        values: &[ResolvedValue],
+        form: &TermForm,
         span: &Range<usize>,
     ) -> Resolved {
-        let of = |id: &usize| values.get(*id).copied().unwrap_or(Value::new(Graph::ZERO, Quantity::Any));
+        let of = |id: &usize| {
+            values.get(*id).copied().unwrap_or(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))
+        };
         match form {
-            Form::Number(number, unit) => {
+            TermForm::Number(number, unit) => {
                 let node = self.graph.literal(*number);
                 let quantity = match unit {
-                    Some(unit) => Quantity::Exact(unit.dimension()),
-                    None if *number == 0.0 => Quantity::Any,
-                    None => Quantity::PLAIN,
+                    Some(unit) => UnitKnowledge::Exact(unit.dimension()),
+                    None if *number == 0.0 => UnitKnowledge::Any,
+                    None => UnitKnowledge::PLAIN,
                 };
-                Ok(Value::new(node, quantity))
+                Ok(ResolvedValue::new(node, quantity))
             }
-            Form::Name(name) => self.name(text, arguments, name),
-            Form::Negative(inner) => {
+            TermForm::Name(name) => self.name(text, arguments, name),
+            TermForm::Negative(inner) => {
                 let value = of(inner);
-                Ok(Value { node: self.graph.scaled(-1.0, value.node), ..value })
+                Ok(ResolvedValue { node: self.graph.scaled(-1.0, value.node), ..value })
             }
-            Form::Sum(parts) => {
+            TermForm::Sum(parts) => {
                 let parts: Vec<_> = parts.iter().map(|(minus, id)| (*minus, of(id), *id)).collect();
                 self.sum(text, &parts)
             }
-            Form::Product(parts) => {
+            TermForm::Product(parts) => {
                 let parts: Vec<_> = parts.iter().map(|(over, id)| (*over, of(id))).collect();
                 self.product(text, span, &parts)
             }
-            Form::Power(base, exponent) => self.power(text, span, (of(base), of(exponent)), *exponent),
-            Form::Choice { smaller, larger, then, otherwise } => {
+            TermForm::Power(base, exponent) => self.power(text, span, (of(base), of(exponent)), *exponent),
+            TermForm::Choice { smaller, larger, then, otherwise } => {
                 alike(text, (of(smaller), *smaller), (of(larger), *larger))?;
                 let quantity = alike(text, (of(then), *then), (of(otherwise), *otherwise))?;
                 let ids = [smaller, larger, then, otherwise].map(|id| of(id).node);
                 let node = self.graph.choice(ids[0], ids[1], ids[2], ids[3]);
                 self.notice_kink(text, span, "if", node);
                 let in_cycles = of(then).in_cycles && of(otherwise).in_cycles;
-                Ok(Value { node, quantity, in_cycles, has_pi: false })
+                Ok(ResolvedValue { node, quantity, in_cycles, has_pi: false })
             }
-            Form::Call(name, of_call) => {
+            TermForm::Call(name, of_call) => {
                 let parts: Vec<_> = of_call.iter().map(|id| (of(id), *id)).collect();
                 self.call(text, (name, span), &parts)
             }
-            Form::Partial { of: inner, by } => self.partial(text, arguments, of(inner), by),
-            Form::Rate { of: inner } => self.total(text, span, of(inner)),
+            TermForm::Partial { of: inner, by } => self.partial(text, arguments, of(inner), by),
+            TermForm::Rate { of: inner } => self.total(text, span, of(inner)),
         }
     }
 
-    fn name(&mut self, text: &Text, arguments: &Arguments, span: &Range<usize>) -> Resolved {
+    fn name(&mut self, text: &ParsedText, arguments: &ArgumentValues, span: &Range<usize>) -> Resolved {
         let name = text.word(span);
         if let Some((_, value)) = arguments.iter().find(|(argument, _)| argument == name) {
             return Ok(*value);
         }
         if name == "pi" {
             let node = self.graph.literal(std::f64::consts::PI);
-            return Ok(Value { has_pi: true, ..Value::new(node, Quantity::PLAIN) });
+            return Ok(ResolvedValue { has_pi: true, ..ResolvedValue::new(node, UnitKnowledge::PLAIN) });
         }
         match self.names.get(name).cloned() {
             Some(Meaning::State(index)) => Ok(self.variable(Variable::State(index))),
@@ -306,19 +313,27 @@ impl Resolver {
             Some(Meaning::Delay(index)) => self.delayed(index),
             Some(meaning) => {
                 let expected = format!("write it with its arguments, such as `{name}(…)`");
-                Err(text.error(span, Fault::Use { name: name.to_owned(), is: meaning.words(), expected }))
+                Err(text
+                    .error(span, EquationFault::Use { name: name.to_owned(), is: meaning.words(), expected }))
             }
             None if is_of_the_language(name) => {
                 let expected = format!("write it with its arguments, such as `{name}(…)`");
-                Err(text.error(span, Fault::Use { name: name.to_owned(), is: "a function", expected }))
+                Err(text
+                    .error(span, EquationFault::Use { name: name.to_owned(), is: "a function", expected }))
             }
             None => Err(text.error(span, self.names.unknown(name, false))),
         }
     }
 
     /// Says that a slope jumps, where that is seen in the motion.
-    pub(crate) fn notice_kink(&mut self, text: &Text, span: &Range<usize>, function: &str, node: NodeId) {
-        let known = |notice: &Notice| notice.span == *span && notice.place == text.entry.place;
+    pub(crate) fn notice_kink(
+        &mut self,
+        text: &ParsedText,
+        span: &Range<usize>,
+        function: &str,
+        node: NodeId,
+    ) {
+        let known = |notice: &EquationNotice| notice.span == *span && notice.place == text.entry.place;
         if self.notices.len() >= MOST_NOTICES || self.notices.iter().any(known) {
             return;
         }
@@ -331,24 +346,26 @@ impl Resolver {
         }
     }
 
-    pub(crate) fn notice(&mut self, text: &Text, span: &Range<usize>, message: String) {
-        let Entry { place, text, .. } = text.entry.clone();
-        let notice = Notice { place, text, span: span.clone(), message };
+    pub(crate) fn notice(&mut self, text: &ParsedText, span: &Range<usize>, message: String) {
+        let NamedText { place, text, .. } = text.entry.clone();
+        let notice = EquationNotice { place, text, span: span.clone(), message };
         if self.notices.len() < MOST_NOTICES && !self.notices.contains(&notice) {
             self.notices.push(notice);
         }
     }
 }
 
-pub(crate) fn unlike(what: &str, found: Quantity, expected: String, because: String) -> Fault {
-    Fault::Unlike { what: what.to_owned(), found: found.to_string(), expected, because }
+pub(crate) fn unlike(what: &str, found: UnitKnowledge, expected: String, because: String) -> EquationFault {
+    EquationFault::Unlike { what: what.to_owned(), found: found.to_string(), expected, because }
 }
 
 /// What stopped the graph, in words.
-pub(crate) fn fault_of(stop: Stop) -> Fault {
+pub(crate) fn fault_of(stop: GraphLimit) -> EquationFault {
     match stop {
-        Stop::TooLarge => Fault::TooLarge { what: "parts", limit: MOST_NODES },
-        Stop::Power => Fault::Value(format!("a power is beyond {LARGEST_POWER}; expected a smaller one")),
-        Stop::Order { function, order, limit } => Fault::Order { function, order, limit },
+        GraphLimit::TooLarge => EquationFault::TooLarge { what: "parts", limit: MOST_NODES },
+        GraphLimit::Power => {
+            EquationFault::Value(format!("a power is beyond {LARGEST_POWER}; expected a smaller one"))
+        }
+        GraphLimit::Order { function, order, limit } => EquationFault::Order { function, order, limit },
     }
 }

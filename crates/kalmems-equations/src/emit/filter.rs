@@ -1,22 +1,22 @@
 //! The filter as operations: the prediction, the corrections and what follows from parameters.
 
 use super::error::EmitError;
-use super::lower::{Given, Operand, lower};
-use super::model::{Linear, Model, Rarity, tidied};
-use super::names::Names;
+use super::lower::{ExternalValues, Operand, lower};
+use super::model::{EmittedModel, LinearizedNumber, Rarity, tidied};
+use super::names::SourceNames;
 use super::request::{EmitDigits, EmitGain, EmitRequest, StepMethod};
-use super::routine::{Array, Routine, Widths};
+use super::routine::{Routine, StorageArray, Widths};
 use super::runge_kutta;
 use super::scale::Units;
-use super::tape::{Id, Tape};
+use super::tape::{Tape, TapeId};
 use crate::device::Device;
 use crate::graph::{Graph, NodeId, Variable};
 
 /// A filter in its units, ready to be written in any language.
 #[derive(Clone, Debug)]
-pub(super) struct Program {
+pub(super) struct FilterProgram {
     pub(super) units: Units,
-    pub(super) names: Names,
+    pub(super) names: SourceNames,
     /// The means at the start, and the lower triangle of the covariance row by row; none where the gain has settled.
     pub(super) start: (Vec<f64>, Vec<f64>),
     /// From parameters to the constants of the filter, in numbers of 64 bits.
@@ -36,21 +36,21 @@ pub(super) struct Program {
 /// What is common to the parts of a filter while it is made.
 pub(super) struct Context<'a> {
     pub(super) request: &'a EmitRequest,
-    pub(super) names: &'a Names,
-    pub(super) model: Model,
+    pub(super) names: &'a SourceNames,
+    pub(super) model: EmittedModel,
     /// The constants that follow from parameters.
-    pub(super) constants: Given,
+    pub(super) constants: ExternalValues,
 }
 
 /// A matrix of operations, row by row.
-pub(super) type Matrix = Vec<Vec<Id>>;
+pub(super) type OpMatrix = Vec<Vec<TapeId>>;
 
-impl Program {
+impl FilterProgram {
     pub(super) fn of(device: &Device, request: &EmitRequest) -> Result<Self, EmitError> {
         request.check(device)?;
-        let names = Names::of(device, request);
+        let names = SourceNames::of(device, request);
         let (units, model) = Units::chosen(device, request)?;
-        let constants = Given::new("c", Rarity::Constant);
+        let constants = ExternalValues::new("c", Rarity::Constant);
         let mut context = Context { request, names: &names, model, constants };
         let periods = device.periods(&request.parameters)?;
         let (predict, stage) = match request.method {
@@ -110,7 +110,7 @@ fn start(request: &EmitRequest, units: &Units) -> (Vec<f64>, Vec<f64>) {
 
 impl Context<'_> {
     /// Lowers expressions over the filter's states, with the inputs at this point of the interval.
-    pub(super) fn lower(&mut self, tape: &mut Tape, roots: &[NodeId], point: &'static str) -> Vec<Id> {
+    pub(super) fn lower(&mut self, tape: &mut Tape, roots: &[NodeId], point: &'static str) -> Vec<TapeId> {
         let names = self.names;
         let of_variable = |variable: Variable| Operand::Name(names.variable(variable, point));
         let moving = self.model.moving;
@@ -118,7 +118,7 @@ impl Context<'_> {
     }
 
     /// A row of derivatives by all states.
-    pub(super) fn row(&self, row: &Linear) -> Vec<NodeId> {
+    pub(super) fn row(&self, row: &LinearizedNumber) -> Vec<NodeId> {
         let mut full = vec![Graph::ZERO; self.model.size];
         for (column, slope) in &row.slopes {
             if let Some(slot) = full.get_mut(*column) {
@@ -143,9 +143,9 @@ impl Context<'_> {
         let roots = tidied(&mut self.model.graph, &roots, moving)?;
         let mut routine = Routine::default();
         let ids = self.lower(&mut routine.tape, &roots, "start");
-        let rows: Vec<&[Id]> = ids.chunks(size + 1).collect();
-        let next: Vec<Id> = rows.iter().filter_map(|row| row.first().copied()).collect();
-        let jacobian: Matrix = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
+        let rows: Vec<&[TapeId]> = ids.chunks(size + 1).collect();
+        let next: Vec<TapeId> = rows.iter().filter_map(|row| row.first().copied()).collect();
+        let jacobian: OpMatrix = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
         self.finish_prediction(&mut routine, (&next, jacobian), units, periods);
         Ok(routine)
     }
@@ -154,7 +154,7 @@ impl Context<'_> {
     pub(super) fn finish_prediction(
         &self,
         routine: &mut Routine,
-        (next, mut jacobian): (&[Id], Matrix),
+        (next, mut jacobian): (&[TapeId], OpMatrix),
         units: &Units,
         periods: &[(usize, f64)],
     ) {
@@ -163,7 +163,7 @@ impl Context<'_> {
         for (i, value) in next.iter().enumerate() {
             let period = periods.iter().find(|(state, _)| *state == i).map(|(_, p)| p / units.scale(i));
             let value = period.map_or(*value, |period| wrapped(tape, *value, period));
-            routine.outputs.push((Array::Mean, i, value));
+            routine.outputs.push((StorageArray::Mean, i, value));
         }
         if self.request.gain != EmitGain::Covariance {
             return;
@@ -172,11 +172,11 @@ impl Context<'_> {
         jacobian.extend((moving..size).map(|i| (0..size).map(|j| if i == j { one } else { zero }).collect()));
         let p = covariance(tape, size);
         // Products F·P, of which a row that is needed once more is there.
-        let work = |tape: &Tape, row: &[Id]| -> usize {
+        let work = |tape: &Tape, row: &[TapeId]| -> usize {
             row.iter().filter_map(|id| tape.number(*id).map_or(Some(2), |n| (n != 0.0).then_some(1))).sum()
         };
         let rows: Vec<usize> = jacobian.iter().map(|row| work(tape, row)).collect();
-        let at = |matrix: &Matrix, i: usize, j: usize| {
+        let at = |matrix: &OpMatrix, i: usize, j: usize| {
             matrix.get(i).and_then(|row| row.get(j)).copied().unwrap_or(zero)
         };
         for i in 0..size {
@@ -197,7 +197,7 @@ impl Context<'_> {
                     let term = tape.multiply(product, factor);
                     sum = tape.add(sum, term);
                 }
-                routine.outputs.push((Array::Covariance, i * (i + 1) / 2 + j, sum));
+                routine.outputs.push((StorageArray::Covariance, i * (i + 1) / 2 + j, sum));
             }
         }
     }
@@ -217,7 +217,7 @@ impl Context<'_> {
         let size = self.model.size;
         let Some(reading) = self.model.readings.get(place).cloned() else { return Ok(Routine::default()) };
         let is_event = place >= self.request.measures.len();
-        let seen = self.model.graph.variable(Names::MEASURED);
+        let seen = self.model.graph.variable(SourceNames::MEASURED);
         let per_unit = if is_event { 0.0 } else { 1.0 / variance.sqrt() };
         let residual = self.model.graph.sum(0.0, &[(seen, per_unit), (reading.value, -1.0)]);
         let mut roots = vec![residual];
@@ -230,13 +230,13 @@ impl Context<'_> {
         let ids = self.lower(&mut routine.tape, &roots, "end");
         let Some((residual, h)) = ids.split_first() else { return Ok(routine) };
         let tape = &mut routine.tape;
-        let x: Vec<Id> = (0..size).map(|i| tape.named(self.names.state(i))).collect();
+        let x: Vec<TapeId> = (0..size).map(|i| tape.named(self.names.state(i))).collect();
         if let EmitGain::Settled(gains) = &self.request.gain {
             for (i, x) in x.iter().enumerate() {
                 let gain = gains.get(place).and_then(|gain| gain.get(i)).copied().unwrap_or_default();
                 let gain = tape.literal(gain * variance.sqrt() / units.scale(i));
                 let step = tape.multiply(gain, *residual);
-                routine.outputs.push((Array::Mean, i, tape.add(*x, step)));
+                routine.outputs.push((StorageArray::Mean, i, tape.add(*x, step)));
             }
             return Ok(routine);
         }
@@ -253,25 +253,26 @@ impl Context<'_> {
         let roots = self.constants.nodes.clone();
         let names = self.names;
         let of_variable = |variable: Variable| Operand::Name(names.variable(variable, ""));
-        let mut nothing = Given::new("", Rarity::Literal);
+        let mut nothing = ExternalValues::new("", Rarity::Literal);
         let given = (&mut routine.tape, &mut nothing);
         let ids = lower(&mut self.model.graph, given, &roots, self.model.moving, &of_variable);
-        routine.outputs = ids.into_iter().enumerate().map(|(k, id)| (Array::Constants, k, id)).collect();
+        routine.outputs =
+            ids.into_iter().enumerate().map(|(k, id)| (StorageArray::Constants, k, id)).collect();
         Some(routine)
     }
 }
 
 /// The covariance as a full matrix of names.
-fn covariance(tape: &mut Tape, size: usize) -> Matrix {
-    let mut p = Matrix::new();
+fn covariance(tape: &mut Tape, size: usize) -> OpMatrix {
+    let mut p = OpMatrix::new();
     for i in 0..size {
-        p.push((0..size).map(|j| tape.named(Names::covariance(i.max(j), i.min(j)))).collect());
+        p.push((0..size).map(|j| tape.named(SourceNames::covariance(i.max(j), i.min(j)))).collect());
     }
     p
 }
 
 /// A value with a whole period taken off or added where it is beyond half of one.
-fn wrapped(tape: &mut Tape, value: Id, period: f64) -> Id {
+fn wrapped(tape: &mut Tape, value: TapeId, period: f64) -> TapeId {
     let [half, minus_half, whole] = [0.5 * period, -0.5 * period, period].map(|v| tape.literal(v));
     let (less, more) = (tape.subtract(value, whole), tape.add(value, whole));
     let low = tape.choice([value, minus_half, more, value]);
@@ -282,21 +283,21 @@ fn wrapped(tape: &mut Tape, value: Id, period: f64) -> Id {
 ///
 /// With B = P − k·(P·hᵀ)ᵀ the last is B + (k − B·hᵀ)·kᵀ. The bracket is zero but for rounding, and takes away what
 /// rounding left in B: a correction that is far better than the prediction leaves a variance with all its digits.
-fn joseph(routine: &mut Routine, residual: Id, h: &[Id], x: &[Id]) {
+fn joseph(routine: &mut Routine, residual: TapeId, h: &[TapeId], x: &[TapeId]) {
     let tape = &mut routine.tape;
     let size = x.len();
     let (zero, one) = (tape.literal(0.0), tape.literal(1.0));
     let p = covariance(tape, size);
-    let times_h = |tape: &mut Tape, row: &[Id], first: Id| {
+    let times_h = |tape: &mut Tape, row: &[TapeId], first: TapeId| {
         row.iter().zip(h).fold(first, |sum, (entry, h)| {
             let term = tape.multiply(*entry, *h);
             tape.add(sum, term)
         })
     };
-    let g: Vec<Id> = p.iter().map(|row| times_h(tape, row, zero)).collect();
+    let g: Vec<TapeId> = p.iter().map(|row| times_h(tape, row, zero)).collect();
     let variance = times_h(tape, &g, one);
     let inverse = tape.divide(one, variance);
-    let k: Vec<Id> = g.iter().map(|g| tape.multiply(*g, inverse)).collect();
+    let k: Vec<TapeId> = g.iter().map(|g| tape.multiply(*g, inverse)).collect();
     routine.gains.clone_from(&k);
     let mut b = p;
     for (i, ki) in k.iter().enumerate() {
@@ -313,7 +314,7 @@ fn joseph(routine: &mut Routine, residual: Id, h: &[Id], x: &[Id]) {
     }
     for (i, (x, ki)) in x.iter().zip(&k).enumerate() {
         let step = tape.multiply(*ki, residual);
-        routine.outputs.push((Array::Mean, i, tape.add(*x, step)));
+        routine.outputs.push((StorageArray::Mean, i, tape.add(*x, step)));
     }
     for (i, (row, ki)) in b.iter().zip(&k).enumerate() {
         let minus = row.iter().zip(h).fold(*ki, |sum, (entry, h)| {
@@ -322,7 +323,7 @@ fn joseph(routine: &mut Routine, residual: Id, h: &[Id], x: &[Id]) {
         });
         for (j, (entry, kj)) in row.iter().zip(&k).enumerate().take(i + 1) {
             let term = tape.multiply(minus, *kj);
-            routine.outputs.push((Array::Covariance, i * (i + 1) / 2 + j, tape.add(*entry, term)));
+            routine.outputs.push((StorageArray::Covariance, i * (i + 1) / 2 + j, tape.add(*entry, term)));
         }
     }
     routine.variance = Some(variance);

@@ -1,9 +1,9 @@
 //! What the functions of a filter take and give, the same in both languages.
 
-use super::filter::Program;
-use super::names::Names;
+use super::filter::FilterProgram;
+use super::names::SourceNames;
 use super::request::{EmitRequest, StepMethod};
-use super::routine::{Array, Routine, Widths};
+use super::routine::{Routine, StorageArray, Widths};
 use crate::device::Device;
 use std::fmt::Write as _;
 
@@ -24,7 +24,7 @@ pub(super) struct Interface {
 }
 
 impl Interface {
-    pub(super) fn of(device: &Device, request: &EmitRequest, program: &Program) -> Self {
+    pub(super) fn of(device: &Device, request: &EmitRequest, program: &FilterProgram) -> Self {
         let predict = Self::inputs_of(device, program, &program.predict);
         let mut step = predict.clone();
         for update in program.updates.iter().take(request.measures.len()) {
@@ -83,7 +83,7 @@ impl Interface {
     }
 
     /// The inputs that a routine takes, in the order of the device and of time.
-    pub(super) fn inputs_of(device: &Device, program: &Program, routine: &Routine) -> Vec<String> {
+    pub(super) fn inputs_of(device: &Device, program: &FilterProgram, routine: &Routine) -> Vec<String> {
         let names = routine.names();
         let points = ["start", "middle", "end"];
         let all = (0..device.inputs.len()).flat_map(|k| points.map(|point| program.names.input(k, point)));
@@ -91,16 +91,20 @@ impl Interface {
     }
 
     /// What is loaded from the filter into names, with where it is.
-    pub(super) fn loads(&self, routine: &Routine, program: &Program) -> Vec<(String, Array, usize)> {
+    pub(super) fn loads(
+        &self,
+        routine: &Routine,
+        program: &FilterProgram,
+    ) -> Vec<(String, StorageArray, usize)> {
         let names = routine.names();
         let size = self.states.len();
         let mut loads = Vec::new();
-        let means = (0..size).map(|k| (program.names.state(k), Array::Mean, k));
+        let means = (0..size).map(|k| (program.names.state(k), StorageArray::Mean, k));
         let entries = (0..size).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        let covariances =
-            entries.map(|(i, j)| (Names::covariance(i, j), Array::Covariance, i * (i + 1) / 2 + j));
+        let covariances = entries
+            .map(|(i, j)| (SourceNames::covariance(i, j), StorageArray::Covariance, i * (i + 1) / 2 + j));
         let count = program.configure.as_ref().map_or(0, |configure| configure.outputs.len());
-        let constants = (0..count).map(|k| (format!("c{k}"), Array::Constants, k));
+        let constants = (0..count).map(|k| (format!("c{k}"), StorageArray::Constants, k));
         loads.extend(means.chain(covariances).chain(constants).filter(|(name, ..)| names.contains(name)));
         loads
     }
@@ -109,7 +113,7 @@ impl Interface {
     pub(super) fn parameters(
         device: &Device,
         request: &EmitRequest,
-        program: &Program,
+        program: &FilterProgram,
     ) -> Vec<(String, String, f64)> {
         let of = |place: &usize| {
             let parameter = device.parameters.get(*place)?;
@@ -183,7 +187,7 @@ impl Routine {
     }
 }
 
-impl Program {
+impl FilterProgram {
     /// All parts.
     pub(super) fn routines(&self) -> Vec<&Routine> {
         let some = self.configure.iter().chain(&self.stage).chain([&self.predict]);

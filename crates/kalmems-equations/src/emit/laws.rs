@@ -175,7 +175,7 @@ pub(super) fn plain(node: &Node) -> Option<(LawId, u8, NodeId)> {
 mod tests {
     use super::*;
     use crate::laws::{LAWS, MOST_ARGUMENTS, partial};
-    use crate::program::{Counts, Program};
+    use crate::program::{Program, RegisterCounts};
 
     /// Every law and its derivatives by each argument, taken apart, against the law of `kalmems-models` at points of its domain.
     #[test]
@@ -201,7 +201,7 @@ mod tests {
                 [vec![]].into_iter().chain(all.clone().map(|i| vec![i])).chain(all.map(|i| vec![0, i]));
             for by in orders {
                 let node = expanded(&mut graph, law, &by, &arguments).unwrap();
-                let counts = Counts { inputs: 0, parameters: count };
+                let counts = RegisterCounts { inputs: 0, parameters: count };
                 let program = Program::of(&graph, &[node], counts, &[], &Vec::new().into()).unwrap();
                 let found = program.work(values).get(program.outputs()[0]);
                 // The node of one number stands for C/(ε₀·a), which the interpreter computes with ε₀.

@@ -5,10 +5,10 @@
 //! stage, what follows from inputs.
 
 use super::laws::plain;
-use super::model::{Model, Rarity, rarities};
+use super::model::{EmittedModel, Rarity, rarities};
 use super::pairs::{Atom, Pairs};
-use super::tape::{Called, Id, Tape};
-use super::values::Values;
+use super::tape::{CalledFunction, Tape, TapeId};
+use super::values::TapeValues;
 use crate::graph::{Function, Graph, Node, NodeId, Variable};
 use crate::laws::LawId;
 use std::collections::{BTreeMap, HashMap};
@@ -18,7 +18,7 @@ const LARGEST_AS_FACTORS: usize = 8;
 
 /// Values that come from outside of a program, with the nodes that they are.
 #[derive(Clone, Debug)]
-pub(super) struct Given {
+pub(super) struct ExternalValues {
     /// What the names begin with; the place follows.
     pub(super) prefix: &'static str,
     /// Values that change at most as often as this.
@@ -26,7 +26,7 @@ pub(super) struct Given {
     pub(super) nodes: Vec<NodeId>,
 }
 
-impl Given {
+impl ExternalValues {
     pub(super) fn new(prefix: &'static str, limit: Rarity) -> Self {
         Self { prefix, limit, nodes: Vec::new() }
     }
@@ -47,17 +47,17 @@ pub(super) enum Coefficient {
 }
 
 /// A coefficient and factors.
-pub(super) type Term = (Coefficient, Vec<Atom>);
+pub(super) type ProductTerm = (Coefficient, Vec<Atom>);
 
 /// What a node is made of, as far as the program computes it.
 #[derive(Clone, Debug)]
-pub(super) enum Form {
+pub(super) enum NodeForm {
     Number(f64),
     Given(usize),
     Variable(Variable),
-    Sum(Coefficient, Vec<Term>),
-    Product(Term),
-    Call(Called, NodeId, f64),
+    Sum(Coefficient, Vec<ProductTerm>),
+    Product(ProductTerm),
+    Call(CalledFunction, NodeId, f64),
     Choice([NodeId; 4]),
 }
 
@@ -66,26 +66,26 @@ pub(super) enum Form {
 /// `of_variable` names the variables.
 pub(super) fn lower(
     graph: &mut Graph,
-    (tape, given): (&mut Tape, &mut Given),
+    (tape, given): (&mut Tape, &mut ExternalValues),
     roots: &[NodeId],
     moving: usize,
     of_variable: &dyn Fn(Variable) -> Operand,
-) -> Vec<Id> {
+) -> Vec<TapeId> {
     let rarities = rarities(graph, roots, moving);
-    let mut lowering = Lowering { graph, given, rarities, forms: BTreeMap::new() };
+    let mut lowering = SourceLowering { graph, given, rarities, forms: BTreeMap::new() };
     lowering.collect(roots);
     let forms = lowering.forms;
     let mut pairs = Pairs::default();
     for form in forms.values() {
         match form {
-            Form::Sum(_, terms) => terms.iter().for_each(|(_, atoms)| pairs.note(atoms)),
-            Form::Product((_, atoms)) => pairs.note(atoms),
+            NodeForm::Sum(_, terms) => terms.iter().for_each(|(_, atoms)| pairs.note(atoms)),
+            NodeForm::Product((_, atoms)) => pairs.note(atoms),
             _ => {}
         }
     }
     pairs.choose();
     let prefix = given.prefix;
-    let mut values = Values { tape, pairs: &pairs, prefix, of: HashMap::new(), of_pair: HashMap::new() };
+    let mut values = TapeValues { tape, pairs: &pairs, prefix, of: HashMap::new(), of_pair: HashMap::new() };
     for (id, form) in &forms {
         let value = values.form(form, of_variable);
         values.of.insert(*id, value);
@@ -97,17 +97,17 @@ pub(super) fn lower(
 #[derive(Clone, Debug)]
 pub(super) enum Operand {
     Name(String),
-    Id(Id),
+    Id(TapeId),
 }
 
-struct Lowering<'a> {
+struct SourceLowering<'a> {
     graph: &'a mut Graph,
-    given: &'a mut Given,
+    given: &'a mut ExternalValues,
     rarities: Vec<Rarity>,
-    forms: BTreeMap<NodeId, Form>,
+    forms: BTreeMap<NodeId, NodeForm>,
 }
 
-impl Lowering<'_> {
+impl SourceLowering<'_> {
     fn rarity(&self, id: NodeId) -> Rarity {
         self.rarities.get(id.index()).copied().unwrap_or(Rarity::Literal)
     }
@@ -126,28 +126,28 @@ impl Lowering<'_> {
                 continue;
             }
             let form = self.form(id);
-            let atoms = |terms: &[Term]| -> Vec<NodeId> {
+            let atoms = |terms: &[ProductTerm]| -> Vec<NodeId> {
                 terms.iter().flat_map(|(_, atoms)| atoms.iter().filter_map(Atom::node)).collect()
             };
             match &form {
-                Form::Sum(_, terms) => open.extend(atoms(terms)),
-                Form::Product(term) => open.extend(atoms(std::slice::from_ref(term))),
-                Form::Call(_, at, _) => open.push(*at),
-                Form::Choice(parts) => open.extend(parts),
-                Form::Number(_) | Form::Given(_) | Form::Variable(_) => {}
+                NodeForm::Sum(_, terms) => open.extend(atoms(terms)),
+                NodeForm::Product(term) => open.extend(atoms(std::slice::from_ref(term))),
+                NodeForm::Call(_, at, _) => open.push(*at),
+                NodeForm::Choice(parts) => open.extend(parts),
+                NodeForm::Number(_) | NodeForm::Given(_) | NodeForm::Variable(_) => {}
             }
             self.forms.insert(id, form);
         }
     }
 
-    fn form(&mut self, id: NodeId) -> Form {
+    fn form(&mut self, id: NodeId) -> NodeForm {
         if self.is_given(id) {
-            return Form::Given(self.given.place(id));
+            return NodeForm::Given(self.given.place(id));
         }
         let node = self.graph.node(id).clone();
         match &node {
-            Node::Number(number) => Form::Number(number.get()),
-            Node::Variable(variable) => Form::Variable(*variable),
+            Node::Number(number) => NodeForm::Number(number.get()),
+            Node::Variable(variable) => NodeForm::Variable(*variable),
             Node::Sum { constant, terms } => {
                 let (given, own): (Vec<_>, Vec<_>) =
                     terms.iter().copied().partition(|(term, _)| self.is_given(*term));
@@ -159,29 +159,31 @@ impl Lowering<'_> {
                     Coefficient::Given(self.given.place(sum))
                 };
                 let terms = own.into_iter().map(|(term, c)| self.term(term, c.get())).collect();
-                Form::Sum(first, terms)
+                NodeForm::Sum(first, terms)
             }
-            Node::Product(_) => Form::Product(self.term(id, 1.0)),
+            Node::Product(_) => NodeForm::Product(self.term(id, 1.0)),
             Node::Call(Function::Exp, at) if self.is_never_positive(*at) => {
-                Form::Call(Called::FallingExp, *at, 1.0)
+                NodeForm::Call(CalledFunction::FallingExp, *at, 1.0)
             }
-            Node::Call(function, at) => Form::Call(called(*function), *at, 1.0),
+            Node::Call(function, at) => NodeForm::Call(called(*function), *at, 1.0),
             Node::Choice { smaller, larger, then, otherwise } => {
-                Form::Choice([*smaller, *larger, *then, *otherwise])
+                NodeForm::Choice([*smaller, *larger, *then, *otherwise])
             }
             Node::Law { .. } => match plain(&node) {
-                Some((LawId::Disks, order, at)) => Form::Call(Called::Disks(order), at, 1.0),
+                Some((LawId::Disks, order, at)) => NodeForm::Call(CalledFunction::Disks(order), at, 1.0),
                 // −ln cosh(u/2)
-                Some((LawId::LogisticCombChange, _, at)) => Form::Call(Called::LnCosh, at, 0.5),
-                Some((_, order, at)) => Form::Call(Called::Atanhc(order), at, 1.0),
-                None => Form::Number(f64::NAN),
+                Some((LawId::LogisticCombChange, _, at)) => NodeForm::Call(CalledFunction::LnCosh, at, 0.5),
+                Some((_, order, at)) => NodeForm::Call(CalledFunction::Atanhc(order), at, 1.0),
+                None => NodeForm::Number(f64::NAN),
             },
-            Node::Curve { curve, order, at } => Form::Call(Called::Curve(*curve, *order), *at, 1.0),
+            Node::Curve { curve, order, at } => {
+                NodeForm::Call(CalledFunction::Curve(*curve, *order), *at, 1.0)
+            }
         }
     }
 
     /// A coefficient times a node, as factors.
-    fn term(&mut self, id: NodeId, coefficient: f64) -> Term {
+    fn term(&mut self, id: NodeId, coefficient: f64) -> ProductTerm {
         let factors = match self.graph.node(id) {
             Node::Product(factors) => factors.to_vec(),
             _ => vec![(id, 1)],
@@ -230,22 +232,22 @@ impl Lowering<'_> {
     }
 }
 
-fn called(function: Function) -> Called {
+fn called(function: Function) -> CalledFunction {
     match function {
-        Function::Sqrt => Called::Sqrt,
-        Function::Exp => Called::Exp,
-        Function::Ln => Called::Ln,
-        Function::Sin => Called::Sin,
-        Function::Cos => Called::Cos,
-        Function::Tanh => Called::Tanh,
-        Function::Atanh => Called::Atanh,
+        Function::Sqrt => CalledFunction::Sqrt,
+        Function::Exp => CalledFunction::Exp,
+        Function::Ln => CalledFunction::Ln,
+        Function::Sin => CalledFunction::Sin,
+        Function::Cos => CalledFunction::Cos,
+        Function::Tanh => CalledFunction::Tanh,
+        Function::Atanh => CalledFunction::Atanh,
     }
 }
 
 /// About how many instructions the rates, the measurements and their derivatives of a model take.
-pub(super) fn cost(model: &mut Model) -> usize {
+pub(super) fn cost(model: &mut EmittedModel) -> usize {
     let roots = model.roots();
-    let (mut tape, mut given) = (Tape::default(), Given::new("c", Rarity::Constant));
+    let (mut tape, mut given) = (Tape::default(), ExternalValues::new("c", Rarity::Constant));
     let name = |variable: Variable| Operand::Name(format!("{variable:?}"));
     let ids = lower(&mut model.graph, (&mut tape, &mut given), &roots, model.moving, &name);
     // A constant derivative that is not one multiplies the covariance from either side.

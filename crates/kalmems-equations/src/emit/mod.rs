@@ -34,7 +34,7 @@ pub use request::{
 };
 
 use crate::device::Device;
-use filter::Program;
+use filter::FilterProgram;
 
 /// A filter as source.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,7 +99,7 @@ impl Device {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn emit(&self, request: &EmitRequest, language: EmitLanguage) -> Result<EmittedFilter, EmitError> {
-        let mut program = Program::of(self, request)?;
+        let mut program = FilterProgram::of(self, request)?;
         let digits = rehearsal::choose(self, request, &mut program);
         let mut files = match language {
             EmitLanguage::C => c::files(self, request, &program)?,
@@ -111,7 +111,7 @@ impl Device {
     }
 }
 
-impl Program {
+impl FilterProgram {
     /// How many operations of each kind a sample takes.
     fn operations(&self, request: &EmitRequest) -> [usize; 5] {
         let mut sum = [0; 5];

@@ -2,7 +2,7 @@
 
 use super::error::EmitError;
 use super::laws::expanded;
-use super::names::Names;
+use super::names::SourceNames;
 use super::request::EmitRequest;
 use super::rewrite::{copied, distributed, substituted};
 use super::scale::Units;
@@ -27,7 +27,7 @@ pub(super) enum Rarity {
 
 /// A number of the filter and its derivatives by the states that it depends on.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Linear {
+pub(super) struct LinearizedNumber {
     pub(super) value: NodeId,
     /// Columns and derivatives.
     pub(super) slopes: Vec<(usize, NodeId)>,
@@ -35,18 +35,18 @@ pub(super) struct Linear {
 
 /// The device in the filter's units: z = (x − origin)/scale, the time in samples, what is measured in standard deviations.
 #[derive(Clone, Debug)]
-pub(super) struct Model {
+pub(super) struct EmittedModel {
     pub(super) graph: Graph,
     /// How many states move; behind them are the parameters that are states.
     pub(super) moving: usize,
     pub(super) size: usize,
     /// What each moving state gains in one interval by Euler's method.
-    pub(super) rates: Vec<Linear>,
+    pub(super) rates: Vec<LinearizedNumber>,
     /// The measurements of the request, and behind them its events.
-    pub(super) readings: Vec<Linear>,
+    pub(super) readings: Vec<LinearizedNumber>,
 }
 
-impl Model {
+impl EmittedModel {
     /// Of a device in these units.
     pub(super) fn of(device: &Device, request: &EmitRequest, units: &Units) -> Result<Self, EmitError> {
         let moving = device.states().len();
@@ -96,8 +96,8 @@ impl Model {
             of_row.map(|((_, column), slope)| (*column, *slope)).filter(|(_, s)| *s != Graph::ZERO).collect()
         };
         let rows = all.iter().take(values).enumerate();
-        let mut rows: Vec<Linear> =
-            rows.map(|(row, value)| Linear { value: *value, slopes: of(row) }).collect();
+        let mut rows: Vec<LinearizedNumber> =
+            rows.map(|(row, value)| LinearizedNumber { value: *value, slopes: of(row) }).collect();
         self.readings = rows.split_off(self.moving.min(rows.len()));
         self.rates = rows;
     }
@@ -127,7 +127,7 @@ const SERIES: [f64; 3] = [-1.0, 0.5, -1.0 / 6.0];
 /// What an expression was so long before the sample as a correction is handed: its series in time, with these gains of the states in one
 /// interval of so many s.
 fn taken_back(graph: &mut Graph, value: NodeId, rates: &[NodeId], interval_s: f64) -> NodeId {
-    let seconds = graph.variable(Names::MEASURED);
+    let seconds = graph.variable(SourceNames::MEASURED);
     let ago = graph.scaled(interval_s.recip(), seconds);
     let (mut terms, mut grown) = (vec![(value, 1.0)], value);
     for (power, coefficient) in (1..).zip(SERIES) {

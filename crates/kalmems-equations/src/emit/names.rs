@@ -6,7 +6,7 @@ use crate::graph::Variable;
 
 /// The names that stand in the source. Each begins with what it is of, so that none is a word of a language.
 #[derive(Clone, Debug)]
-pub(super) struct Names {
+pub(super) struct SourceNames {
     /// With the parameters that are states.
     states: Vec<String>,
     inputs: Vec<String>,
@@ -18,7 +18,7 @@ pub(super) struct Names {
     measured: usize,
 }
 
-impl Names {
+impl SourceNames {
     /// What a correction is handed: what is measured, or how long ago in s an event was. Behind the inputs of every device.
     pub(super) const MEASURED: Variable = Variable::Input(usize::MAX);
 

@@ -1,11 +1,11 @@
 //! The filter run over its vectors as the source runs, in numbers of 32 and of 64 bits: how many digits it needs.
 
-use super::filter::Program;
+use super::filter::FilterProgram;
 use super::interface::Interface;
-use super::names::Names;
+use super::names::SourceNames;
 use super::request::{EmitDigits, EmitRequest, TestSample};
-use super::routine::{Array, Routine};
-use super::tape::{Called, Id, Op};
+use super::routine::{Routine, StorageArray};
+use super::tape::{CalledFunction, TapeId, TapeOp};
 use crate::device::Device;
 use crate::laws::{LawId, MOST_ARGUMENTS, partial};
 use kalmems_models::capacitance::VACUUM_PERMITTIVITY;
@@ -24,7 +24,7 @@ const ENOUGH: f64 = 6e-6;
 const LADDER: [EmitDigits; 3] = [EmitDigits::Single, EmitDigits::DoubleMean, EmitDigits::Double];
 
 /// Puts the digits that a request asks for into the program, and says which they are.
-pub(super) fn choose(device: &Device, request: &EmitRequest, program: &mut Program) -> EmitDigits {
+pub(super) fn choose(device: &Device, request: &EmitRequest, program: &mut FilterProgram) -> EmitDigits {
     let digits = match &request.digits {
         EmitDigits::AsNeeded(samples) => {
             let mut best = (EmitDigits::Single, f64::INFINITY);
@@ -59,7 +59,7 @@ fn rounded(value: f64, wide: bool) -> f64 {
 
 /// Mean and covariance as the source keeps them.
 #[derive(Clone)]
-struct State {
+struct RehearsedState {
     mean: Vec<f64>,
     covariance: Vec<f64>,
 }
@@ -67,13 +67,13 @@ struct State {
 struct Rehearsal<'a> {
     device: &'a Device,
     request: &'a EmitRequest,
-    program: &'a Program,
+    program: &'a FilterProgram,
     constants: Vec<f64>,
     periods: Vec<(usize, f64)>,
 }
 
 impl<'a> Rehearsal<'a> {
-    fn of(device: &'a Device, request: &'a EmitRequest, program: &'a Program) -> Self {
+    fn of(device: &'a Device, request: &'a EmitRequest, program: &'a FilterProgram) -> Self {
         let mut rehearsal = Self { device, request, program, constants: Vec::new(), periods: Vec::new() };
         rehearsal.periods = device.periods(&request.parameters).unwrap_or_default();
         if let Some(configure) = &program.configure {
@@ -90,7 +90,7 @@ impl<'a> Rehearsal<'a> {
     fn farthest(&self, samples: &[TestSample]) -> f64 {
         let (mean, covariance) = self.program.start.clone();
         let widths = self.program.widths;
-        let mut state = State {
+        let mut state = RehearsedState {
             mean: mean.into_iter().map(|value| rounded(value, widths.mean)).collect(),
             covariance: covariance.into_iter().map(|value| rounded(value, widths.covariance)).collect(),
         };
@@ -121,7 +121,7 @@ impl<'a> Rehearsal<'a> {
     }
 
     /// A prediction, the corrections by events and those by measurements; what is not finite is not taken.
-    fn step(&self, state: &mut State, sample: &TestSample) {
+    fn step(&self, state: &mut RehearsedState, sample: &TestSample) {
         let measures = self.request.measures.len();
         self.take(state, &self.program.predict, sample, None);
         let events = self.program.updates.iter().skip(measures).zip(&sample.events);
@@ -135,7 +135,7 @@ impl<'a> Rehearsal<'a> {
         }
     }
 
-    fn take(&self, state: &mut State, routine: &Routine, sample: &TestSample, seen: Option<f64>) {
+    fn take(&self, state: &mut RehearsedState, routine: &Routine, sample: &TestSample, seen: Option<f64>) {
         let mut names: HashMap<String, f64> = HashMap::new();
         let program = self.program;
         for (k, mean) in state.mean.iter().enumerate() {
@@ -144,7 +144,7 @@ impl<'a> Rehearsal<'a> {
         for i in 0..state.mean.len() {
             for j in 0..=i {
                 if let Some(entry) = state.covariance.get(i * (i + 1) / 2 + j) {
-                    names.insert(Names::covariance(i, j), *entry);
+                    names.insert(SourceNames::covariance(i, j), *entry);
                 }
             }
         }
@@ -162,9 +162,9 @@ impl<'a> Rehearsal<'a> {
         let mut next = state.clone();
         for (array, place, value) in self.outputs(routine, &names) {
             let slot = match array {
-                Array::Mean => next.mean.get_mut(place),
-                Array::Covariance => next.covariance.get_mut(place),
-                Array::Constants | Array::Stage => None,
+                StorageArray::Mean => next.mean.get_mut(place),
+                StorageArray::Covariance => next.covariance.get_mut(place),
+                StorageArray::Constants | StorageArray::Stage => None,
             };
             if let Some(slot) = slot {
                 *slot = value;
@@ -176,8 +176,8 @@ impl<'a> Rehearsal<'a> {
     }
 
     /// What a routine computes from named numbers.
-    fn outputs(&self, routine: &Routine, given: &HashMap<String, f64>) -> Vec<(Array, usize, f64)> {
-        let mut run = Run {
+    fn outputs(&self, routine: &Routine, given: &HashMap<String, f64>) -> Vec<(StorageArray, usize, f64)> {
+        let mut run = RoutineRun {
             rehearsal: self,
             routine,
             given,
@@ -193,9 +193,9 @@ impl<'a> Rehearsal<'a> {
                 run.stages.insert(format!("{}[{place}]", call.output), value);
             }
         }
-        let ids: Vec<Id> = routine.outputs.iter().map(|(_, _, id)| *id).collect();
+        let ids: Vec<TapeId> = routine.outputs.iter().map(|(_, _, id)| *id).collect();
         run.below(&ids);
-        let of = |(array, place, id): &(Array, usize, Id)| {
+        let of = |(array, place, id): &(StorageArray, usize, TapeId)| {
             (*array, *place, run.operand(*id, routine.widths.of(*array)))
         };
         routine.outputs.iter().map(of).collect()
@@ -203,7 +203,7 @@ impl<'a> Rehearsal<'a> {
 }
 
 /// A routine on its way.
-struct Run<'a> {
+struct RoutineRun<'a> {
     rehearsal: &'a Rehearsal<'a>,
     routine: &'a Routine,
     given: &'a HashMap<String, f64>,
@@ -211,9 +211,9 @@ struct Run<'a> {
     values: Vec<Option<f64>>,
 }
 
-impl Run<'_> {
+impl RoutineRun<'_> {
     /// Computes what these need and is not there yet.
-    fn below(&mut self, wanted: &[Id]) {
+    fn below(&mut self, wanted: &[TapeId]) {
         for id in self.routine.tape.below(wanted) {
             if self.values.get(id.index()).is_some_and(Option::is_none) {
                 let value = self.value(id);
@@ -225,29 +225,29 @@ impl Run<'_> {
     }
 
     /// A value as an operation of this width takes it.
-    fn operand(&self, id: Id, wide: bool) -> f64 {
+    fn operand(&self, id: TapeId, wide: bool) -> f64 {
         rounded(self.values.get(id.index()).copied().flatten().unwrap_or(f64::NAN), wide)
     }
 
-    fn value(&self, id: Id) -> f64 {
+    fn value(&self, id: TapeId) -> f64 {
         let wide = self.routine.is_wide(id);
-        let at = |id: Id| self.operand(id, wide);
+        let at = |id: TapeId| self.operand(id, wide);
         let tape = &self.routine.tape;
         // A sum, a product or a quotient of numbers of 32 bits, rounded from 64, is the one of 32.
         let value = match tape.op(id) {
-            Op::Literal(bits) => return f64::from_bits(bits),
-            Op::Name(name) => {
+            TapeOp::Literal(bits) => return f64::from_bits(bits),
+            TapeOp::Name(name) => {
                 let name = tape.name_of(name);
                 return self.given.get(name).or_else(|| self.stages.get(name)).copied().unwrap_or(f64::NAN);
             }
-            Op::Add(a, b) => at(a) + at(b),
-            Op::Subtract(a, b) => at(a) - at(b),
-            Op::Multiply(a, b) => at(a) * at(b),
-            Op::Divide(a, b) => at(a) / at(b),
-            Op::Negative(a) => -at(a),
+            TapeOp::Add(a, b) => at(a) + at(b),
+            TapeOp::Subtract(a, b) => at(a) - at(b),
+            TapeOp::Multiply(a, b) => at(a) * at(b),
+            TapeOp::Divide(a, b) => at(a) / at(b),
+            TapeOp::Negative(a) => -at(a),
             // Functions of the source have 32 bits.
-            Op::Call(called, a) => self.rehearsal.called(called, at(a)),
-            Op::Choice([a, b, c, d]) => {
+            TapeOp::Call(called, a) => self.rehearsal.called(called, at(a)),
+            TapeOp::Choice([a, b, c, d]) => {
                 if at(a) < at(b) {
                     at(c)
                 } else {
@@ -261,27 +261,27 @@ impl Run<'_> {
 
 impl Rehearsal<'_> {
     /// A function of the source; those through tables rounded once.
-    fn called(&self, called: Called, x: f64) -> f64 {
+    fn called(&self, called: CalledFunction, x: f64) -> f64 {
         #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
         let x = x as f32;
         let value: f64 = match called {
-            Called::FallingExp => functions::falling_exp(x).into(),
-            Called::Exp => functions::exp(x).into(),
-            Called::Ln => functions::ln(x).into(),
-            Called::Sin => functions::sin(x).into(),
-            Called::Cos => functions::cos(x).into(),
-            Called::Tanh => functions::tanh(x).into(),
-            Called::Atanh => functions::atanh(x).into(),
-            Called::Sqrt => functions::sqrt(x).into(),
-            Called::Atanhc(order) => functions::atanhc(x, order.into()).into(),
-            Called::LnCosh => functions::ln_cosh(x).into(),
+            CalledFunction::FallingExp => functions::falling_exp(x).into(),
+            CalledFunction::Exp => functions::exp(x).into(),
+            CalledFunction::Ln => functions::ln(x).into(),
+            CalledFunction::Sin => functions::sin(x).into(),
+            CalledFunction::Cos => functions::cos(x).into(),
+            CalledFunction::Tanh => functions::tanh(x).into(),
+            CalledFunction::Atanh => functions::atanh(x).into(),
+            CalledFunction::Sqrt => functions::sqrt(x).into(),
+            CalledFunction::Atanhc(order) => functions::atanhc(x, order.into()).into(),
+            CalledFunction::LnCosh => functions::ln_cosh(x).into(),
             // Of one number: C/(ε₀·a) over the distance in radii.
-            Called::Disks(order) => {
+            CalledFunction::Disks(order) => {
                 let mut arguments = [0.0; MOST_ARGUMENTS];
                 (arguments[0], arguments[1]) = (x.into(), 1.0);
                 partial(LawId::Disks, &vec![0; usize::from(order)], &arguments) / VACUUM_PERMITTIVITY
             }
-            Called::Curve(curve, order) => self.device.curves.get(curve).map_or(f64::NAN, |curve| {
+            CalledFunction::Curve(curve, order) => self.device.curves.get(curve).map_or(f64::NAN, |curve| {
                 let (middle, half, size) = curve.extent();
                 let values = curve.at(middle + half * f64::from(x));
                 values.get(usize::from(order)).copied().unwrap_or(f64::NAN) * half.powi(order.into()) / size

@@ -1,12 +1,12 @@
 //! A part of the filter as statements of either language.
 
 use super::error::EmitError;
-use super::tape::{Called, Id, Op, Tape};
+use super::tape::{CalledFunction, Tape, TapeId, TapeOp};
 use std::collections::{BTreeSet, HashMap};
 
 /// Where numbers are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Array {
+pub(super) enum StorageArray {
     Mean,
     Covariance,
     Constants,
@@ -26,12 +26,12 @@ pub(super) struct Widths {
 }
 
 impl Widths {
-    pub(super) fn of(self, array: Array) -> bool {
+    pub(super) fn of(self, array: StorageArray) -> bool {
         match array {
-            Array::Mean => self.mean,
-            Array::Covariance => self.covariance,
-            Array::Constants => self.constants,
-            Array::Stage => self.stage,
+            StorageArray::Mean => self.mean,
+            StorageArray::Covariance => self.covariance,
+            StorageArray::Constants => self.constants,
+            StorageArray::Stage => self.stage,
         }
     }
 
@@ -54,7 +54,7 @@ impl Widths {
 /// A call of the stage of Runge and Kutta's method.
 #[derive(Clone, Debug)]
 pub(super) struct StageCall {
-    pub(super) arguments: Vec<Id>,
+    pub(super) arguments: Vec<TapeId>,
     /// The array that holds the results.
     pub(super) output: String,
 }
@@ -66,11 +66,11 @@ pub(super) struct Routine {
     /// The names of what a stage is handed, in order.
     pub(super) parameters: Vec<String>,
     pub(super) calls: Vec<StageCall>,
-    pub(super) outputs: Vec<(Array, usize, Id)>,
+    pub(super) outputs: Vec<(StorageArray, usize, TapeId)>,
     /// The variance of an innovation, which must be positive.
-    pub(super) variance: Option<Id>,
+    pub(super) variance: Option<TapeId>,
     /// The gains of a correction.
-    pub(super) gains: Vec<Id>,
+    pub(super) gains: Vec<TapeId>,
     /// Which arrays have 64 bits, and which operations compute with as many; none where the list is shorter.
     pub(super) widths: Widths,
     wide: Vec<bool>,
@@ -83,7 +83,7 @@ pub(super) trait Syntax {
     /// A statement that gives a value a name.
     fn declare(&self, name: &str, value: &str, wide: bool) -> String;
     /// A function's call.
-    fn call(&self, called: Called, at: &str, wide: bool) -> String;
+    fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String;
     /// The third where the first is below the second, the fourth elsewhere.
     fn choice(&self, parts: [&str; 4]) -> String;
     /// a·b + c in 32 bits, rounded once where a processor has an instruction for it; `None` where the language has no word for that.
@@ -98,7 +98,7 @@ pub(super) trait Syntax {
 const LONGEST: usize = 72;
 
 impl Routine {
-    pub(super) fn is_wide(&self, id: Id) -> bool {
+    pub(super) fn is_wide(&self, id: TapeId) -> bool {
         self.wide.get(id.index()).copied().unwrap_or(false)
     }
 
@@ -106,7 +106,7 @@ impl Routine {
     /// gains are left out.
     pub(super) fn widen(&mut self, widths: Widths) {
         self.widths = widths;
-        let mut open: Vec<Id> = Vec::new();
+        let mut open: Vec<TapeId> = Vec::new();
         for (array, _, id) in &self.outputs {
             if widths.of(*array) {
                 open.push(*id);
@@ -119,10 +119,10 @@ impl Routine {
             open.extend(self.variance);
         }
         let mut wide = vec![false; self.tape.len()];
-        let is_gain = |id: &Id| !widths.covariance && self.gains.contains(id);
+        let is_gain = |id: &TapeId| !widths.covariance && self.gains.contains(id);
         while let Some(id) = open.pop() {
             match self.tape.op(id) {
-                Op::Name(_) => continue,
+                TapeOp::Name(_) => continue,
                 _ if is_gain(&id) => continue,
                 _ => {}
             }
@@ -131,8 +131,8 @@ impl Routine {
                 open.extend(self.tape.op(id).parts());
             }
         }
-        for (id, wide) in (0_u32..).map(Id).zip(&mut wide) {
-            if let Op::Name(name) = self.tape.op(id) {
+        for (id, wide) in (0_u32..).map(TapeId).zip(&mut wide) {
+            if let TapeOp::Name(name) = self.tape.op(id) {
                 *wide = widths.of_name(self.tape.name_of(name));
             }
         }
@@ -145,24 +145,24 @@ impl Routine {
     }
 
     /// Everything that it computes.
-    fn roots(&self) -> Vec<Id> {
+    fn roots(&self) -> Vec<TapeId> {
         let calls = self.calls.iter().flat_map(|call| call.arguments.iter().copied());
         calls.chain(self.outputs.iter().map(|(_, _, id)| *id)).chain(self.variance).collect()
     }
 
     /// The names that come from outside, in order.
     pub(super) fn names(&self) -> BTreeSet<String> {
-        let of = |id: &Id| match self.tape.op(*id) {
-            Op::Name(name) => Some(self.tape.name_of(name).to_owned()),
+        let of = |id: &TapeId| match self.tape.op(*id) {
+            TapeOp::Name(name) => Some(self.tape.name_of(name).to_owned()),
             _ => None,
         };
         self.tape.below(&self.roots()).iter().filter_map(of).collect()
     }
 
     /// The functions that it calls.
-    pub(super) fn called(&self) -> BTreeSet<Called> {
-        let of = |id: &Id| match self.tape.op(*id) {
-            Op::Call(called, _) => Some(called),
+    pub(super) fn called(&self) -> BTreeSet<CalledFunction> {
+        let of = |id: &TapeId| match self.tape.op(*id) {
+            TapeOp::Call(called, _) => Some(called),
             _ => None,
         };
         self.tape.below(&self.roots()).iter().filter_map(of).collect()
@@ -173,12 +173,12 @@ impl Routine {
         let mut counts = [0; 5];
         for id in self.tape.below(&self.roots()) {
             let place = match self.tape.op(id) {
-                Op::Literal(_) | Op::Name(_) => continue,
-                Op::Add(..) | Op::Subtract(..) | Op::Negative(_) => 0,
-                Op::Multiply(..) => 1,
-                Op::Divide(..) => 2,
-                Op::Call(..) => 3,
-                Op::Choice(_) => 4,
+                TapeOp::Literal(_) | TapeOp::Name(_) => continue,
+                TapeOp::Add(..) | TapeOp::Subtract(..) | TapeOp::Negative(_) => 0,
+                TapeOp::Multiply(..) => 1,
+                TapeOp::Divide(..) => 2,
+                TapeOp::Call(..) => 3,
+                TapeOp::Choice(_) => 4,
             };
             counts[place] += 1;
         }
@@ -189,7 +189,7 @@ impl Routine {
     pub(super) fn written(&self, syntax: &dyn Syntax) -> Result<Written, EmitError> {
         let roots = self.roots();
         let mut uses = vec![0_usize; self.tape.len()];
-        let mut count = |id: Id| {
+        let mut count = |id: TapeId| {
             if let Some(uses) = uses.get_mut(id.index()) {
                 *uses += 1;
             }
@@ -198,7 +198,7 @@ impl Routine {
             self.tape.op(id).parts().into_iter().for_each(&mut count);
         }
         roots.iter().copied().for_each(&mut count);
-        let mut writer = Writer {
+        let mut writer = RoutineWriter {
             routine: self,
             tape: &self.tape,
             syntax,
@@ -213,7 +213,7 @@ impl Routine {
             let arguments = arguments.collect::<Result<Vec<String>, _>>()?;
             writer.statements.push(syntax.stage(&call.output, &arguments));
         }
-        let wanted: Vec<Id> = self.outputs.iter().map(|(_, _, id)| *id).chain(self.variance).collect();
+        let wanted: Vec<TapeId> = self.outputs.iter().map(|(_, _, id)| *id).chain(self.variance).collect();
         writer.write(&wanted)?;
         let mut outputs = Vec::with_capacity(self.outputs.len());
         for (array, place, id) in &self.outputs {
@@ -228,25 +228,25 @@ impl Routine {
 pub(super) struct Written {
     pub(super) statements: Vec<String>,
     /// Where each result goes, and its expression.
-    pub(super) outputs: Vec<(Array, usize, String)>,
+    pub(super) outputs: Vec<(StorageArray, usize, String)>,
     pub(super) variance: Option<String>,
 }
 
-struct Writer<'a> {
+struct RoutineWriter<'a> {
     routine: &'a Routine,
     tape: &'a Tape,
     syntax: &'a dyn Syntax,
     uses: Vec<usize>,
     /// Expressions with how tightly they bind: 1 a sum, 2 a product, 3 anything that needs no bracket.
-    texts: HashMap<Id, (String, u8)>,
+    texts: HashMap<TapeId, (String, u8)>,
     statements: Vec<String>,
     temporaries: usize,
 }
 
-impl Writer<'_> {
+impl RoutineWriter<'_> {
     /// An expression in numbers of this width, in brackets where it binds less tightly.
-    fn text(&self, id: Id, binding: u8, wide: bool) -> Result<String, EmitError> {
-        if let Op::Literal(bits) = self.tape.op(id) {
+    fn text(&self, id: TapeId, binding: u8, wide: bool) -> Result<String, EmitError> {
+        if let TapeOp::Literal(bits) = self.tape.op(id) {
             let value = f64::from_bits(bits);
             let text = self.syntax.literal(value, wide)?;
             return Ok(if value < 0.0 && binding > 2 { format!("({text})") } else { text });
@@ -258,7 +258,7 @@ impl Writer<'_> {
     }
 
     /// An expression in numbers of its own width.
-    fn own(&self, id: Id, binding: u8) -> String {
+    fn own(&self, id: TapeId, binding: u8) -> String {
         match self.texts.get(&id) {
             Some((text, own)) if *own >= binding => text.clone(),
             Some((text, _)) => format!("({text})"),
@@ -267,14 +267,14 @@ impl Writer<'_> {
     }
 
     /// Statements for what these need and is not there yet.
-    fn write(&mut self, wanted: &[Id]) -> Result<(), EmitError> {
+    fn write(&mut self, wanted: &[TapeId]) -> Result<(), EmitError> {
         for id in self.tape.below(wanted) {
-            if self.texts.contains_key(&id) || matches!(self.tape.op(id), Op::Literal(_)) {
+            if self.texts.contains_key(&id) || matches!(self.tape.op(id), TapeOp::Literal(_)) {
                 continue;
             }
             let wide = self.routine.is_wide(id);
             let (text, binding) = self.expression(id, wide)?;
-            let is_plain = matches!(self.tape.op(id), Op::Name(_));
+            let is_plain = matches!(self.tape.op(id), TapeOp::Name(_));
             let often = self.uses.get(id.index()).is_some_and(|uses| *uses > 1);
             if !is_plain && (often || text.len() > LONGEST) {
                 let name = format!("t{}", self.temporaries);
@@ -289,9 +289,9 @@ impl Writer<'_> {
     }
 
     /// The factors of a product in 32 bits that stands in one sum alone and has no name.
-    fn factors(&self, id: Id) -> Result<Option<[String; 2]>, EmitError> {
+    fn factors(&self, id: TapeId) -> Result<Option<[String; 2]>, EmitError> {
         Ok(match self.tape.op(id) {
-            Op::Multiply(a, b)
+            TapeOp::Multiply(a, b)
                 if !self.routine.is_wide(id)
                     && self.texts.get(&id).is_some_and(|(_, binding)| *binding == 2) =>
             {
@@ -302,9 +302,9 @@ impl Writer<'_> {
     }
 
     /// A sum in 32 bits with a product in it, where the language can round that once.
-    fn fused(&self, op: Op) -> Result<Option<String>, EmitError> {
-        let (Op::Add(a, b) | Op::Subtract(a, b)) = op else { return Ok(None) };
-        let is_sum = matches!(op, Op::Add(..));
+    fn fused(&self, op: TapeOp) -> Result<Option<String>, EmitError> {
+        let (TapeOp::Add(a, b) | TapeOp::Subtract(a, b)) = op else { return Ok(None) };
+        let is_sum = matches!(op, TapeOp::Add(..));
         Ok(match (self.factors(b)?, self.factors(a)?) {
             (Some([x, y]), _) => {
                 let x = if is_sum { x } else { format!("-{x}") };
@@ -319,23 +319,23 @@ impl Writer<'_> {
         })
     }
 
-    fn expression(&self, id: Id, wide: bool) -> Result<(String, u8), EmitError> {
+    fn expression(&self, id: TapeId, wide: bool) -> Result<(String, u8), EmitError> {
         if !wide && let Some(fused) = self.fused(self.tape.op(id))? {
             return Ok((fused, 3));
         }
-        let two = |sign: &str, (a, left): (Id, u8), (b, right): (Id, u8)| {
+        let two = |sign: &str, (a, left): (TapeId, u8), (b, right): (TapeId, u8)| {
             Ok::<_, EmitError>(format!("{} {sign} {}", self.text(a, left, wide)?, self.text(b, right, wide)?))
         };
         Ok(match self.tape.op(id) {
-            Op::Literal(_) => (String::new(), 3),
-            Op::Name(name) => (self.tape.name_of(name).to_owned(), 3),
-            Op::Add(a, b) => (two("+", (a, 1), (b, 2))?, 1),
-            Op::Subtract(a, b) => (two("-", (a, 1), (b, 2))?, 1),
-            Op::Multiply(a, b) => (two("*", (a, 2), (b, 3))?, 2),
-            Op::Divide(a, b) => (two("/", (a, 2), (b, 3))?, 2),
-            Op::Negative(a) => (format!("-{}", self.text(a, 3, wide)?), 2),
-            Op::Call(called, at) => (self.syntax.call(called, &self.text(at, 0, wide)?, wide), 3),
-            Op::Choice([a, b, c, d]) => {
+            TapeOp::Literal(_) => (String::new(), 3),
+            TapeOp::Name(name) => (self.tape.name_of(name).to_owned(), 3),
+            TapeOp::Add(a, b) => (two("+", (a, 1), (b, 2))?, 1),
+            TapeOp::Subtract(a, b) => (two("-", (a, 1), (b, 2))?, 1),
+            TapeOp::Multiply(a, b) => (two("*", (a, 2), (b, 3))?, 2),
+            TapeOp::Divide(a, b) => (two("/", (a, 2), (b, 3))?, 2),
+            TapeOp::Negative(a) => (format!("-{}", self.text(a, 3, wide)?), 2),
+            TapeOp::Call(called, at) => (self.syntax.call(called, &self.text(at, 0, wide)?, wide), 3),
+            TapeOp::Choice([a, b, c, d]) => {
                 let [a, b, c, d] = [
                     self.text(a, 1, wide)?,
                     self.text(b, 1, wide)?,

@@ -3,12 +3,12 @@
 //! What one stage needs of the states is a function of its own, called four times. What follows from inputs and from parameters that
 //! are states is computed outside of it, once for the start, the middle and the end of the interval.
 
-use super::filter::{Context, Matrix};
-use super::lower::{Given, Operand, lower};
+use super::filter::{Context, OpMatrix};
+use super::lower::{ExternalValues, Operand, lower};
 use super::model::{Rarity, rarities};
-use super::routine::{Array, Routine, StageCall};
+use super::routine::{Routine, StageCall, StorageArray};
 use super::scale::Units;
-use super::tape::{Id, Tape};
+use super::tape::{Tape, TapeId};
 use crate::graph::{Graph, Node, NodeId, Variable};
 
 /// The points of the inputs, how far a stage goes along the one before it, and its weight.
@@ -34,7 +34,7 @@ pub(super) fn predict(
     of_stage.sort_unstable();
     of_stage.dedup();
 
-    let mut held = Given::new("w", Rarity::Held);
+    let mut held = ExternalValues::new("w", Rarity::Held);
     let mut stage = Routine::default();
     let of_variable = |variable: Variable| match variable {
         Variable::State(index) => Operand::Name(format!("z{index}")),
@@ -46,13 +46,13 @@ pub(super) fn predict(
         (0..moving).filter(|i| stage_reads(&context.model.graph, &of_stage, *i)).collect();
     stage.parameters = of_states.iter().map(|i| format!("z{i}")).collect();
     stage.parameters.extend((0..held.nodes.len()).map(|k| format!("w{k}")));
-    stage.outputs = ids.into_iter().enumerate().map(|(k, id)| (Array::Stage, k, id)).collect();
+    stage.outputs = ids.into_iter().enumerate().map(|(k, id)| (StorageArray::Stage, k, id)).collect();
 
     let mut routine = Routine::default();
     let names = context.names;
     let x: Vec<_> = (0..moving).map(|i| routine.tape.named(names.state(i))).collect();
     let zero = routine.tape.literal(0.0);
-    let mut last: Option<(Vec<_>, Matrix)> = None;
+    let mut last: Option<(Vec<_>, OpMatrix)> = None;
     let mut sums = (vec![zero; moving], vec![vec![zero; size]; moving]);
     for (number, (point, onwards, weight)) in STAGES.into_iter().enumerate() {
         let tape = &mut routine.tape;
@@ -66,7 +66,7 @@ pub(super) fn predict(
         }
         let output = format!("k{}", number + 1);
         if !of_stage.is_empty() {
-            let mut arguments: Vec<Id> = of_states.iter().filter_map(|i| at.get(*i)).copied().collect();
+            let mut arguments: Vec<TapeId> = of_states.iter().filter_map(|i| at.get(*i)).copied().collect();
             arguments.extend(context.lower(&mut routine.tape, &held.nodes, point));
             routine.calls.push(StageCall { arguments, output: output.clone() });
         }
@@ -89,7 +89,7 @@ pub(super) fn predict(
         }
         let rows: Vec<&[_]> = values.chunks(size + 1).collect();
         let k: Vec<_> = rows.iter().filter_map(|row| row.first().copied()).collect();
-        let a: Matrix = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
+        let a: OpMatrix = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
         let columns = onwards_along(tape, &a, last.as_ref().map(|(_, before)| before), step);
         let weight = tape.literal(weight);
         for (sum, k) in sums.0.iter_mut().zip(&k) {
@@ -108,7 +108,7 @@ pub(super) fn predict(
 }
 
 /// The derivatives of a stage: K = B + c·A·K of the stage before, where B is A itself and ∂f/∂p behind it.
-fn onwards_along(tape: &mut Tape, a: &Matrix, before: Option<&Matrix>, step: Id) -> Matrix {
+fn onwards_along(tape: &mut Tape, a: &OpMatrix, before: Option<&OpMatrix>, step: TapeId) -> OpMatrix {
     let zero = tape.literal(0.0);
     let mut columns = a.clone();
     let Some(before) = before else { return columns };
@@ -127,7 +127,11 @@ fn onwards_along(tape: &mut Tape, a: &Matrix, before: Option<&Matrix>, step: Id)
 }
 
 /// x + Σ/6 and 1 + Σ/6.
-fn finished(tape: &mut Tape, x: &[Id], (rates, columns): (Vec<Id>, Matrix)) -> (Vec<Id>, Matrix) {
+fn finished(
+    tape: &mut Tape,
+    x: &[TapeId],
+    (rates, columns): (Vec<TapeId>, OpMatrix),
+) -> (Vec<TapeId>, OpMatrix) {
     let (sixth, one) = (tape.literal(1.0 / 6.0), tape.literal(1.0));
     let mut next = Vec::with_capacity(x.len());
     for (x, sum) in x.iter().zip(&rates) {

@@ -2,7 +2,7 @@
 
 use super::error::EmitError;
 use super::lower::cost;
-use super::model::{Model, tidied};
+use super::model::{EmittedModel, tidied};
 use super::request::EmitRequest;
 use super::rewrite::{rescaled, scalable};
 use crate::device::Device;
@@ -48,9 +48,9 @@ impl Units {
     }
 
     /// The units in which a step takes the fewest operations, not far from the typical sizes; and the model in them.
-    pub(super) fn chosen(device: &Device, request: &EmitRequest) -> Result<(Self, Model), EmitError> {
+    pub(super) fn chosen(device: &Device, request: &EmitRequest) -> Result<(Self, EmittedModel), EmitError> {
         let typical = Self::typical(request);
-        let mut best = (typical.clone(), Model::of(device, request, &typical)?);
+        let mut best = (typical.clone(), EmittedModel::of(device, request, &typical)?);
         if best.1.graph.below(&best.1.roots()).len() > LARGEST {
             return Ok(best);
         }
@@ -69,11 +69,11 @@ impl Units {
                 if trials >= MOST_TRIALS || !fits(&units) {
                     continue;
                 }
-                let mut model = Model::of(device, request, &units)?;
+                let mut model = EmittedModel::of(device, request, &units)?;
                 // States that are the rate of another one follow it, if that is better still.
                 let followed = followed(&model, &units);
                 if followed != units && fits(&followed) {
-                    let mut other = Model::of(device, request, &followed)?;
+                    let mut other = EmittedModel::of(device, request, &followed)?;
                     if cost(&mut other) < cost(&mut model) {
                         (units, model) = (followed, other);
                     }
@@ -91,7 +91,7 @@ impl Units {
 }
 
 /// Units in which a state whose rate is another state gains exactly that in each sample.
-fn followed(model: &Model, units: &Units) -> Units {
+fn followed(model: &EmittedModel, units: &Units) -> Units {
     let mut followed = units.clone();
     for (state, rate) in model.rates.iter().enumerate() {
         let own = followed.scale(state) / units.scale(state);
@@ -113,7 +113,7 @@ fn followed(model: &Model, units: &Units) -> Units {
 }
 
 /// The units of a state in which a coefficient of it, or of a power of it, becomes one.
-fn natural(model: &Model, state: usize, scale: f64) -> Vec<f64> {
+fn natural(model: &EmittedModel, state: usize, scale: f64) -> Vec<f64> {
     let mut found: Vec<f64> = Vec::new();
     for id in model.graph.below(&model.roots()) {
         let Node::Sum { terms, .. } = model.graph.node(id) else { continue };
@@ -136,7 +136,7 @@ fn natural(model: &Model, state: usize, scale: f64) -> Vec<f64> {
 }
 
 /// The model with coefficients moved into sums where that takes operations away.
-fn sums_chosen(model: Model) -> Result<Model, EmitError> {
+fn sums_chosen(model: EmittedModel) -> Result<EmittedModel, EmitError> {
     let mut best = model;
     let mut fewest = cost(&mut best);
     let mut trials = 0;

@@ -1,18 +1,18 @@
 //! Tables of the source: curves and the series of two disks, in units of their own.
 
 use crate::curve::Curve;
-use crate::description::Outside;
+use crate::description::CurveExtension;
 use crate::laws::disks;
 
 /// A curve over its own span from −1 to 1, in its largest value.
-pub(super) struct CurveTable {
+pub(super) struct EmittedCurve {
     pub(super) places: Vec<f64>,
     /// The coefficients of the powers 0 to 3 of the distance from the piece's first place.
     pub(super) pieces: Vec<[f64; 4]>,
-    pub(super) outside: Outside,
+    pub(super) outside: CurveExtension,
 }
 
-impl CurveTable {
+impl EmittedCurve {
     pub(super) fn of(curve: &Curve) -> Self {
         let (middle, half, size) = curve.extent();
         let (places, pieces) = curve.pieces();

@@ -5,9 +5,9 @@ use std::collections::HashMap;
 
 /// The place of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) struct Id(pub(super) u32);
+pub(super) struct TapeId(pub(super) u32);
 
-impl Id {
+impl TapeId {
     pub(super) fn index(self) -> usize {
         self.0 as usize
     }
@@ -15,7 +15,7 @@ impl Id {
 
 /// A function that the source calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Called {
+pub(super) enum CalledFunction {
     /// e^x where x ≤ 0.
     FallingExp,
     Exp,
@@ -37,24 +37,24 @@ pub(super) enum Called {
 
 /// One operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Op {
+pub(super) enum TapeOp {
     /// A number by its bits.
     Literal(u64),
     /// Something that has a name in the source.
     Name(u32),
-    Add(Id, Id),
-    Subtract(Id, Id),
-    Multiply(Id, Id),
-    Divide(Id, Id),
-    Negative(Id),
-    Call(Called, Id),
+    Add(TapeId, TapeId),
+    Subtract(TapeId, TapeId),
+    Multiply(TapeId, TapeId),
+    Divide(TapeId, TapeId),
+    Negative(TapeId),
+    Call(CalledFunction, TapeId),
     /// The third where the first is below the second, the fourth elsewhere.
-    Choice([Id; 4]),
+    Choice([TapeId; 4]),
 }
 
-impl Op {
+impl TapeOp {
     /// What it is made of.
-    pub(super) fn parts(&self) -> Vec<Id> {
+    pub(super) fn parts(&self) -> Vec<TapeId> {
         match *self {
             Self::Literal(_) | Self::Name(_) => Vec::new(),
             Self::Add(a, b) | Self::Subtract(a, b) | Self::Multiply(a, b) | Self::Divide(a, b) => vec![a, b],
@@ -78,14 +78,14 @@ impl Op {
 /// Operations in the order in which they can be computed.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tape {
-    ops: Vec<Op>,
-    known: HashMap<Op, Id>,
+    ops: Vec<TapeOp>,
+    known: HashMap<TapeOp, TapeId>,
     names: Vec<String>,
 }
 
 impl Tape {
-    pub(super) fn op(&self, id: Id) -> Op {
-        self.ops.get(id.index()).copied().unwrap_or(Op::Literal(0))
+    pub(super) fn op(&self, id: TapeId) -> TapeOp {
+        self.ops.get(id.index()).copied().unwrap_or(TapeOp::Literal(0))
     }
 
     pub(super) fn len(&self) -> usize {
@@ -96,47 +96,47 @@ impl Tape {
         self.names.get(name as usize).map_or("", String::as_str)
     }
 
-    fn push(&mut self, op: Op) -> Id {
+    fn push(&mut self, op: TapeOp) -> TapeId {
         if let Some(id) = self.known.get(&op) {
             return *id;
         }
         // Graphs are bounded far below that.
-        let id = Id(u32::try_from(self.ops.len()).unwrap_or(u32::MAX));
+        let id = TapeId(u32::try_from(self.ops.len()).unwrap_or(u32::MAX));
         self.ops.push(op);
         self.known.insert(op, id);
         id
     }
 
-    pub(super) fn literal(&mut self, value: f64) -> Id {
-        self.push(Op::Literal(if value == 0.0 { 0 } else { value.to_bits() }))
+    pub(super) fn literal(&mut self, value: f64) -> TapeId {
+        self.push(TapeOp::Literal(if value == 0.0 { 0 } else { value.to_bits() }))
     }
 
     /// Something that has this name in the source.
-    pub(super) fn named(&mut self, name: impl Into<String>) -> Id {
+    pub(super) fn named(&mut self, name: impl Into<String>) -> TapeId {
         let name = name.into();
         let place = self.names.iter().position(|known| *known == name).unwrap_or_else(|| {
             self.names.push(name);
             self.names.len() - 1
         });
-        self.push(Op::Name(u32::try_from(place).unwrap_or(u32::MAX)))
+        self.push(TapeOp::Name(u32::try_from(place).unwrap_or(u32::MAX)))
     }
 
     /// The number that this is.
-    pub(super) fn number(&self, id: Id) -> Option<f64> {
+    pub(super) fn number(&self, id: TapeId) -> Option<f64> {
         match self.op(id) {
-            Op::Literal(bits) => Some(f64::from_bits(bits)),
+            TapeOp::Literal(bits) => Some(f64::from_bits(bits)),
             _ => None,
         }
     }
 
-    pub(super) fn is(&self, id: Id, value: f64) -> bool {
+    pub(super) fn is(&self, id: TapeId, value: f64) -> bool {
         self.number(id) == Some(value)
     }
 
     /// The opposite of what is a negative number times something.
-    fn without_sign(&mut self, id: Id) -> Option<Id> {
+    fn without_sign(&mut self, id: TapeId) -> Option<TapeId> {
         match self.op(id) {
-            Op::Multiply(x, y) if self.number(x).is_some_and(|x| x < 0.0) => {
+            TapeOp::Multiply(x, y) if self.number(x).is_some_and(|x| x < 0.0) => {
                 let x = self.number(x).unwrap_or_default();
                 let x = self.literal(-x);
                 Some(self.multiply(x, y))
@@ -145,7 +145,7 @@ impl Tape {
         }
     }
 
-    pub(super) fn add(&mut self, a: Id, b: Id) -> Id {
+    pub(super) fn add(&mut self, a: TapeId, b: TapeId) -> TapeId {
         if self.number(a).is_none_or(|a| a != 0.0)
             && let Some(b) = self.without_sign(b)
         {
@@ -155,17 +155,17 @@ impl Tape {
             (Some(x), Some(y), ..) => self.literal(x + y),
             (Some(0.0), ..) => b,
             (_, Some(0.0), ..) => a,
-            (_, _, _, Op::Negative(b)) => self.push(Op::Subtract(a, b)),
-            (_, _, Op::Negative(a), _) => self.push(Op::Subtract(b, a)),
+            (_, _, _, TapeOp::Negative(b)) => self.push(TapeOp::Subtract(a, b)),
+            (_, _, TapeOp::Negative(a), _) => self.push(TapeOp::Subtract(b, a)),
             (_, Some(y), ..) if y < 0.0 => {
                 let y = self.literal(-y);
-                self.push(Op::Subtract(a, y))
+                self.push(TapeOp::Subtract(a, y))
             }
-            _ => self.push(Op::Add(a, b)),
+            _ => self.push(TapeOp::Add(a, b)),
         }
     }
 
-    pub(super) fn subtract(&mut self, a: Id, b: Id) -> Id {
+    pub(super) fn subtract(&mut self, a: TapeId, b: TapeId) -> TapeId {
         if let Some(b) = self.without_sign(b) {
             return self.add(a, b);
         }
@@ -173,76 +173,76 @@ impl Tape {
             (Some(x), Some(y), _) => self.literal(x - y),
             (_, Some(0.0), _) => a,
             (Some(0.0), ..) => self.negative(b),
-            (_, _, Op::Negative(b)) => self.add(a, b),
+            (_, _, TapeOp::Negative(b)) => self.add(a, b),
             (_, Some(y), _) if y < 0.0 => {
                 let y = self.literal(-y);
-                self.push(Op::Add(a, y))
+                self.push(TapeOp::Add(a, y))
             }
-            _ => self.push(Op::Subtract(a, b)),
+            _ => self.push(TapeOp::Subtract(a, b)),
         }
     }
 
-    pub(super) fn multiply(&mut self, a: Id, b: Id) -> Id {
+    pub(super) fn multiply(&mut self, a: TapeId, b: TapeId) -> TapeId {
         match (self.number(a), self.number(b), self.op(a), self.op(b)) {
             (Some(x), Some(y), ..) => self.literal(x * y),
             (Some(0.0), ..) | (_, Some(1.0), ..) => a,
             (_, Some(0.0), ..) | (Some(1.0), ..) => b,
             (Some(-1.0), ..) => self.negative(b),
             (_, Some(-1.0), ..) => self.negative(a),
-            (Some(x), _, _, Op::Negative(b)) => {
+            (Some(x), _, _, TapeOp::Negative(b)) => {
                 let x = self.literal(-x);
-                self.push(Op::Multiply(x, b))
+                self.push(TapeOp::Multiply(x, b))
             }
             (None, Some(_), ..) => self.multiply(b, a),
-            (_, _, Op::Negative(x), _) => {
+            (_, _, TapeOp::Negative(x), _) => {
                 let product = self.multiply(x, b);
                 self.negative(product)
             }
-            (_, _, _, Op::Negative(y)) => {
+            (_, _, _, TapeOp::Negative(y)) => {
                 let product = self.multiply(a, y);
                 self.negative(product)
             }
             // Numbers stand first.
-            (Some(_), ..) => self.push(Op::Multiply(a, b)),
-            _ => self.push(Op::Multiply(a.min(b), a.max(b))),
+            (Some(_), ..) => self.push(TapeOp::Multiply(a, b)),
+            _ => self.push(TapeOp::Multiply(a.min(b), a.max(b))),
         }
     }
 
-    pub(super) fn divide(&mut self, a: Id, b: Id) -> Id {
+    pub(super) fn divide(&mut self, a: TapeId, b: TapeId) -> TapeId {
         match (self.number(a), self.number(b)) {
             (Some(x), Some(y)) => self.literal(x / y),
             (_, Some(1.0)) => a,
-            _ => self.push(Op::Divide(a, b)),
+            _ => self.push(TapeOp::Divide(a, b)),
         }
     }
 
-    pub(super) fn negative(&mut self, a: Id) -> Id {
+    pub(super) fn negative(&mut self, a: TapeId) -> TapeId {
         match self.op(a) {
-            Op::Literal(bits) => self.literal(-f64::from_bits(bits)),
-            Op::Negative(a) => a,
-            Op::Subtract(x, y) => self.subtract(y, x),
-            Op::Multiply(x, y) if self.number(x).is_some() => {
+            TapeOp::Literal(bits) => self.literal(-f64::from_bits(bits)),
+            TapeOp::Negative(a) => a,
+            TapeOp::Subtract(x, y) => self.subtract(y, x),
+            TapeOp::Multiply(x, y) if self.number(x).is_some() => {
                 let x = self.number(x).unwrap_or_default();
                 let x = self.literal(-x);
                 self.multiply(x, y)
             }
-            _ => self.push(Op::Negative(a)),
+            _ => self.push(TapeOp::Negative(a)),
         }
     }
 
-    pub(super) fn call(&mut self, called: Called, at: Id) -> Id {
-        self.push(Op::Call(called, at))
+    pub(super) fn call(&mut self, called: CalledFunction, at: TapeId) -> TapeId {
+        self.push(TapeOp::Call(called, at))
     }
 
-    pub(super) fn choice(&mut self, parts: [Id; 4]) -> Id {
+    pub(super) fn choice(&mut self, parts: [TapeId; 4]) -> TapeId {
         if parts[2] == parts[3] {
             return parts[2];
         }
-        self.push(Op::Choice(parts))
+        self.push(TapeOp::Choice(parts))
     }
 
     /// All operations that these need, each behind its parts.
-    pub(super) fn below(&self, roots: &[Id]) -> Vec<Id> {
+    pub(super) fn below(&self, roots: &[TapeId]) -> Vec<TapeId> {
         let mut seen = vec![false; self.ops.len()];
         let mut open = roots.to_vec();
         while let Some(id) = open.pop() {
@@ -251,11 +251,11 @@ impl Tape {
                 open.extend(self.op(id).parts());
             }
         }
-        (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(id, _)| Id(id)).collect()
+        (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(id, _)| TapeId(id)).collect()
     }
 
     /// About how many instructions these take.
-    pub(super) fn cost(&self, roots: &[Id]) -> usize {
+    pub(super) fn cost(&self, roots: &[TapeId]) -> usize {
         self.below(roots).iter().map(|id| self.op(*id).cost()).sum()
     }
 }

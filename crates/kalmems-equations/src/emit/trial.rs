@@ -1,7 +1,7 @@
 //! Programs around a filter: its test of itself, and one that reads samples.
 
 use super::error::EmitError;
-use super::filter::Program;
+use super::filter::FilterProgram;
 use super::interface::Interface;
 use super::request::{EmitLanguage, EmitRequest, TestSample, TestVectors};
 use super::{c, rust};
@@ -9,7 +9,7 @@ use crate::device::Device;
 use std::fmt::Write as _;
 
 /// What a test hands to a filter, and how it calls it.
-struct Given {
+struct TestInputs {
     /// The numbers of each sample: inputs, measurements, and how long ago each event was, below 0 where it was not.
     rows: Vec<Vec<f64>>,
     /// The functions of a sample in their order, with the places of what they take.
@@ -25,10 +25,10 @@ struct GivenCall {
     only_where: Option<usize>,
 }
 
-impl Given {
+impl TestInputs {
     fn of(
         device: &Device,
-        program: &Program,
+        program: &FilterProgram,
         interface: &Interface,
         request: &EmitRequest,
         vectors: &TestVectors,
@@ -130,7 +130,7 @@ fn table(rows: &[Vec<f64>], [open, close]: [char; 2], language: EmitLanguage) ->
 pub(super) fn files(
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
     language: EmitLanguage,
 ) -> Result<Vec<(String, String)>, EmitError> {
     let interface = Interface::of(device, request, program);
@@ -138,7 +138,7 @@ pub(super) fn files(
     let arguments = interface.step.len() + interface.measured.len();
     let mut files = Vec::new();
     if let Some(vectors) = &request.vectors {
-        let given = Given::of(device, program, &interface, request, vectors);
+        let given = TestInputs::of(device, program, &interface, request, vectors);
         let expected = vectors.samples.iter().map(|sample| match sample.expected.as_slice() {
             [] => vec![0.0; request.size()],
             expected => expected.to_vec(),
@@ -173,7 +173,7 @@ fn indexed(count: usize, of: &str) -> String {
     (0..count).map(|k| format!("{of}[{k}]")).collect::<Vec<_>>().join(", ")
 }
 
-type Vectors<'a> = (&'a Given, &'a [Vec<f64>], &'a [f64]);
+type Vectors<'a> = (&'a TestInputs, &'a [Vec<f64>], &'a [f64]);
 
 fn self_test_in_c(
     request: &EmitRequest,

@@ -1,69 +1,69 @@
 //! Forms of nodes as operations.
 
-use super::lower::{Coefficient, Form, Operand, Term};
+use super::lower::{Coefficient, NodeForm, Operand, ProductTerm};
 use super::pairs::{Atom, Pairs};
-use super::tape::{Called, Id, Tape};
+use super::tape::{CalledFunction, Tape, TapeId};
 use crate::graph::{NodeId, Variable};
 use std::collections::HashMap;
 
 /// Nodes and pairs on the tape.
-pub(super) struct Values<'a> {
+pub(super) struct TapeValues<'a> {
     pub(super) tape: &'a mut Tape,
     pub(super) pairs: &'a Pairs,
     pub(super) prefix: &'static str,
-    pub(super) of: HashMap<NodeId, Id>,
-    pub(super) of_pair: HashMap<usize, Id>,
+    pub(super) of: HashMap<NodeId, TapeId>,
+    pub(super) of_pair: HashMap<usize, TapeId>,
 }
 
-impl Values<'_> {
-    pub(super) fn node(&mut self, id: NodeId) -> Id {
+impl TapeValues<'_> {
+    pub(super) fn node(&mut self, id: NodeId) -> TapeId {
         match self.of.get(&id) {
             Some(value) => *value,
             None => self.tape.literal(0.0),
         }
     }
 
-    fn given(&mut self, place: usize) -> Id {
+    fn given(&mut self, place: usize) -> TapeId {
         let name = format!("{}{place}", self.prefix);
         self.tape.named(name)
     }
 
-    pub(super) fn form(&mut self, form: &Form, of_variable: &dyn Fn(Variable) -> Operand) -> Id {
+    pub(super) fn form(&mut self, form: &NodeForm, of_variable: &dyn Fn(Variable) -> Operand) -> TapeId {
         match form {
-            Form::Number(number) => self.tape.literal(*number),
-            Form::Given(place) => self.given(*place),
-            Form::Variable(variable) => match of_variable(*variable) {
+            NodeForm::Number(number) => self.tape.literal(*number),
+            NodeForm::Given(place) => self.given(*place),
+            NodeForm::Variable(variable) => match of_variable(*variable) {
                 Operand::Name(name) => self.tape.named(name),
                 Operand::Id(id) => id,
             },
-            Form::Sum(first, terms) => self.sum(*first, terms),
-            Form::Product((by, atoms)) => {
+            NodeForm::Sum(first, terms) => self.sum(*first, terms),
+            NodeForm::Product((by, atoms)) => {
                 let (by, product) = (self.coefficient(*by), self.product(atoms));
                 self.tape.multiply(by, product)
             }
-            Form::Call(called, at, by) => {
+            NodeForm::Call(called, at, by) => {
                 let (at, by) = (self.node(*at), self.tape.literal(*by));
                 let at = self.tape.multiply(by, at);
                 let value = self.tape.call(*called, at);
                 // The law is −ln cosh.
-                if *called == Called::LnCosh { self.tape.negative(value) } else { value }
+                if *called == CalledFunction::LnCosh { self.tape.negative(value) } else { value }
             }
-            Form::Choice(parts) => {
+            NodeForm::Choice(parts) => {
                 let parts = parts.map(|part| self.node(part));
                 self.tape.choice(parts)
             }
         }
     }
 
-    fn coefficient(&mut self, coefficient: Coefficient) -> Id {
+    fn coefficient(&mut self, coefficient: Coefficient) -> TapeId {
         match coefficient {
             Coefficient::Number(number) => self.tape.literal(number),
             Coefficient::Given(place) => self.given(place),
         }
     }
 
-    fn sum(&mut self, first: Coefficient, terms: &[Term]) -> Id {
-        let mut terms: Vec<(Coefficient, Id)> =
+    fn sum(&mut self, first: Coefficient, terms: &[ProductTerm]) -> TapeId {
+        let mut terms: Vec<(Coefficient, TapeId)> =
             terms.iter().map(|(by, atoms)| (*by, self.product(atoms))).collect();
         // What is there first is added first, and a sum does not begin with a sign.
         terms.sort_by_key(|(_, id)| *id);
@@ -92,7 +92,7 @@ impl Values<'_> {
         sum
     }
 
-    fn product(&mut self, atoms: &[Atom]) -> Id {
+    fn product(&mut self, atoms: &[Atom]) -> TapeId {
         let mut product = None;
         for atom in self.pairs.reduced(atoms) {
             let value = self.atom(atom);
@@ -104,7 +104,7 @@ impl Values<'_> {
         product.unwrap_or_else(|| self.tape.literal(1.0))
     }
 
-    fn atom(&mut self, atom: Atom) -> Id {
+    fn atom(&mut self, atom: Atom) -> TapeId {
         match atom {
             Atom::Given(place) => self.given(place),
             Atom::Node(node) => self.node(node),
@@ -131,7 +131,7 @@ impl Values<'_> {
     }
 
     /// xⁿ by repeated squares.
-    fn power(&mut self, value: Id, power: i32) -> Id {
+    fn power(&mut self, value: TapeId, power: i32) -> TapeId {
         let one = self.tape.literal(1.0);
         let (mut base, mut left) =
             (if power < 0 { self.tape.divide(one, value) } else { value }, power.unsigned_abs());

@@ -1,13 +1,13 @@
 //! Making nodes, each in the one form in which it can stand: a + (b + 1) − 1 is a + b, and x·x⁻¹ is 1.
 
-use super::{Function, Graph, Node, NodeId, Number, Stop, Variable};
+use super::{ConstantBits, Function, Graph, GraphLimit, Node, NodeId, Variable};
 use crate::curve::CurveId;
 use crate::laws::{self, LawId};
 use crate::limits::LARGEST_POWER;
 
 impl Graph {
     pub(crate) fn literal(&mut self, value: f64) -> NodeId {
-        self.add(Node::Number(Number::of(value)))
+        self.add(Node::Number(ConstantBits::of(value)))
     }
 
     pub(crate) fn variable(&mut self, variable: Variable) -> NodeId {
@@ -25,9 +25,9 @@ impl Graph {
                     constant += coefficient * inner.get();
                     match of[..] {
                         [(term, scale)] => terms.push((term, coefficient * scale.get())),
-                        _ if *inner == Number::ZERO => terms.push((*part, *coefficient)),
+                        _ if *inner == ConstantBits::ZERO => terms.push((*part, *coefficient)),
                         _ => {
-                            let rest = Node::Sum { constant: Number::ZERO, terms: of.clone() };
+                            let rest = Node::Sum { constant: ConstantBits::ZERO, terms: of.clone() };
                             terms.push((self.add(rest), *coefficient));
                         }
                     }
@@ -36,18 +36,18 @@ impl Graph {
             }
         }
         terms.sort_by_key(|(term, _)| *term);
-        let mut merged: Vec<(NodeId, Number)> = Vec::with_capacity(terms.len());
+        let mut merged: Vec<(NodeId, ConstantBits)> = Vec::with_capacity(terms.len());
         for (term, coefficient) in terms {
             match merged.last_mut().filter(|(last, _)| *last == term) {
-                Some((_, sum)) => *sum = Number::of(sum.get() + coefficient),
-                None => merged.push((term, Number::of(coefficient))),
+                Some((_, sum)) => *sum = ConstantBits::of(sum.get() + coefficient),
+                None => merged.push((term, ConstantBits::of(coefficient))),
             }
         }
-        merged.retain(|(_, coefficient)| *coefficient != Number::ZERO);
+        merged.retain(|(_, coefficient)| *coefficient != ConstantBits::ZERO);
         match merged[..] {
             [] => self.literal(constant),
-            [(term, Number::ONE)] if constant == 0.0 => term,
-            _ => self.add(Node::Sum { constant: Number::of(constant), terms: merged.into() }),
+            [(term, ConstantBits::ONE)] if constant == 0.0 => term,
+            _ => self.add(Node::Sum { constant: ConstantBits::of(constant), terms: merged.into() }),
         }
     }
 
@@ -63,7 +63,7 @@ impl Graph {
         while let Some((part, power)) = open.pop() {
             match self.node(part) {
                 Node::Number(number) => coefficient *= whole_power(number.get(), power),
-                Node::Sum { constant: Number::ZERO, terms } if terms.len() == 1 => {
+                Node::Sum { constant: ConstantBits::ZERO, terms } if terms.len() == 1 => {
                     if let [(term, scale)] = terms[..] {
                         coefficient *= whole_power(scale.get(), power);
                         open.push((term, power));
@@ -74,7 +74,7 @@ impl Graph {
                         of.iter().map(|(f, p)| Some((*f, p.checked_mul(power)?))).collect();
                     match raised {
                         Some(raised) => factors.extend(raised),
-                        None => return self.stop(Stop::Power),
+                        None => return self.stop(GraphLimit::Power),
                     }
                 }
                 // √a² is a: wherever √a is a number, a is not negative.
@@ -95,7 +95,7 @@ impl Graph {
         }
         merged.retain(|(_, power)| *power != 0);
         if merged.iter().any(|(_, power)| power.abs() > LARGEST_POWER) {
-            return self.stop(Stop::Power);
+            return self.stop(GraphLimit::Power);
         }
         // What equal roots have become together is simpler than a root.
         let is_even_root = |(factor, power): &(NodeId, i32)| {
@@ -145,7 +145,7 @@ impl Graph {
         by.sort_unstable();
         if !laws::has_derivative(law, &by) {
             let (order, limit) = (by.len(), laws::highest_order(&by));
-            return self.stop(Stop::Order { function: laws::name(law).to_owned(), order, limit });
+            return self.stop(GraphLimit::Order { function: laws::name(law).to_owned(), order, limit });
         }
         self.add(Node::Law { law, by: by.into(), arguments: arguments.into() })
     }
@@ -155,7 +155,7 @@ impl Graph {
         if order > crate::curve::HIGHEST_ORDER {
             let function = self.curves.get(curve).cloned().unwrap_or_default();
             let limit = crate::curve::HIGHEST_ORDER.into();
-            return self.stop(Stop::Order { function, order: order.into(), limit });
+            return self.stop(GraphLimit::Order { function, order: order.into(), limit });
         }
         self.add(Node::Curve { curve, order, at })
     }

@@ -23,9 +23,9 @@ impl NodeId {
 
 /// A number by its bits, so that it can be told from others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct Number(u64);
+pub(crate) struct ConstantBits(u64);
 
-impl Number {
+impl ConstantBits {
     pub(crate) const ZERO: Self = Self(0);
     pub(crate) const ONE: Self = Self(1.0_f64.to_bits());
 
@@ -83,12 +83,12 @@ impl Function {
 /// A part of an expression, in the one form in which it can stand.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Node {
-    Number(Number),
+    Number(ConstantBits),
     Variable(Variable),
     /// constant + Σ coefficient·term; no term is a number or a sum of a constant or of a single term.
     Sum {
-        constant: Number,
-        terms: Box<[(NodeId, Number)]>,
+        constant: ConstantBits,
+        terms: Box<[(NodeId, ConstantBits)]>,
     },
     /// Π factor^power; no factor is a number, a product or a single term with a coefficient.
     Product(Box<[(NodeId, i32)]>),
@@ -130,7 +130,7 @@ impl Node {
 
 /// What stopped a graph from growing.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Stop {
+pub(crate) enum GraphLimit {
     /// More nodes than allowed.
     TooLarge,
     /// A power beyond the largest.
@@ -147,7 +147,7 @@ pub(crate) struct Graph {
     known: HashMap<Node, NodeId>,
     derivatives: HashMap<(NodeId, Variable), NodeId>,
     /// Why a result since the last look is not what was asked for.
-    stop: Option<Stop>,
+    stop: Option<GraphLimit>,
     /// How many parts all nodes have together, and how many nodes were gone over.
     parts: usize,
     visits: usize,
@@ -171,8 +171,8 @@ impl Graph {
             visits: 0,
             curves: Vec::new(),
         };
-        graph.add(Node::Number(Number::ZERO));
-        graph.add(Node::Number(Number::ONE));
+        graph.add(Node::Number(ConstantBits::ZERO));
+        graph.add(Node::Number(ConstantBits::ONE));
         graph
     }
 
@@ -182,7 +182,7 @@ impl Graph {
 
     pub(crate) fn node(&self, id: NodeId) -> &Node {
         // Ids come from this graph alone, whose nodes are never removed.
-        self.nodes.get(id.index()).unwrap_or(&Node::Number(Number::ZERO))
+        self.nodes.get(id.index()).unwrap_or(&Node::Number(ConstantBits::ZERO))
     }
 
     /// The number that a node is.
@@ -202,11 +202,11 @@ impl Graph {
     }
 
     /// Why a result since the last look is not what was asked for.
-    pub(crate) fn take_stop(&mut self) -> Option<Stop> {
+    pub(crate) fn take_stop(&mut self) -> Option<GraphLimit> {
         self.stop.take()
     }
 
-    fn stop(&mut self, why: Stop) -> NodeId {
+    fn stop(&mut self, why: GraphLimit) -> NodeId {
         self.stop.get_or_insert(why);
         Self::ZERO
     }
@@ -219,7 +219,7 @@ impl Graph {
         let parts = self.parts + node.parts().len();
         let fits = self.nodes.len() < MOST_NODES && parts < MOST_PARTS;
         let Some(id) = u32::try_from(self.nodes.len()).ok().filter(|_| fits) else {
-            return self.stop(Stop::TooLarge);
+            return self.stop(GraphLimit::TooLarge);
         };
         self.parts = parts;
         self.nodes.push(node.clone());
@@ -244,7 +244,7 @@ impl Graph {
     fn visited(&mut self, root: NodeId) -> Vec<NodeId> {
         self.visits += self.nodes.len();
         if self.visits > MOST_VISITS {
-            self.stop(Stop::TooLarge);
+            self.stop(GraphLimit::TooLarge);
             return Vec::new();
         }
         self.below(&[root])

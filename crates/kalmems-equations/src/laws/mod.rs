@@ -10,7 +10,7 @@ mod prelude;
 pub(crate) use native::{MOST_ARGUMENTS, along_first, along_first_of_four, gaussian_along_first, partial};
 pub(crate) use prelude::PRELUDE;
 
-use crate::quantity::Quantity;
+use crate::quantity::UnitKnowledge;
 use kalmems_units::Unit;
 
 /// A native law, by its place in [`LAWS`].
@@ -27,7 +27,7 @@ pub(crate) enum LawId {
 
 /// What unit an argument must have.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Wanted {
+pub(crate) enum ArgumentUnit {
     /// This one.
     Unit(&'static str),
     /// Any, which others refer to.
@@ -42,9 +42,9 @@ pub(crate) enum Wanted {
 pub(crate) struct Law {
     pub(crate) id: LawId,
     pub(crate) name: &'static str,
-    pub(crate) arguments: &'static [(&'static str, Wanted)],
+    pub(crate) arguments: &'static [(&'static str, ArgumentUnit)],
     /// The unit of the value: a unit, or that of an argument.
-    pub(crate) value: Wanted,
+    pub(crate) value: ArgumentUnit,
     /// The law as a reader knows it.
     pub(crate) formula: &'static str,
 }
@@ -55,80 +55,80 @@ pub(crate) static LAWS: &[Law] = &[
         id: LawId::GaussianComb,
         name: "gaussian_comb",
         arguments: &[
-            ("angle", Wanted::Free),
-            ("nominal", Wanted::Free),
-            ("width", Wanted::As(0)),
-            ("bias", Wanted::As(1)),
+            ("angle", ArgumentUnit::Free),
+            ("nominal", ArgumentUnit::Free),
+            ("width", ArgumentUnit::As(0)),
+            ("bias", ArgumentUnit::As(1)),
         ],
-        value: Wanted::As(1),
+        value: ArgumentUnit::As(1),
         formula: "nominal·exp(−(angle/width)²) + bias",
     },
     Law {
         id: LawId::LogisticComb,
         name: "logistic_comb",
         arguments: &[
-            ("angle", Wanted::Free),
-            ("centre", Wanted::As(0)),
-            ("gain", Wanted::Free),
-            ("steepness", Wanted::Inverse(0)),
+            ("angle", ArgumentUnit::Free),
+            ("centre", ArgumentUnit::As(0)),
+            ("gain", ArgumentUnit::Free),
+            ("steepness", ArgumentUnit::Inverse(0)),
         ],
-        value: Wanted::As(2),
+        value: ArgumentUnit::As(2),
         formula: "gain·(1/(1 + exp(−u)) − 1/2), u = steepness·(angle − centre)",
     },
     Law {
         id: LawId::LogisticCombChange,
         name: "logistic_comb_change",
         arguments: &[
-            ("angle", Wanted::Unit("rad")),
-            ("centre", Wanted::Unit("rad")),
-            ("gain", Wanted::Unit("V s/rad")),
-            ("steepness", Wanted::Unit("1/rad")),
-            ("transimpedance", Wanted::Unit("V ohm")),
+            ("angle", ArgumentUnit::Unit("rad")),
+            ("centre", ArgumentUnit::Unit("rad")),
+            ("gain", ArgumentUnit::Unit("V s/rad")),
+            ("steepness", ArgumentUnit::Unit("1/rad")),
+            ("transimpedance", ArgumentUnit::Unit("V ohm")),
         ],
-        value: Wanted::Unit("F"),
+        value: ArgumentUnit::Unit("F"),
         formula: "−∫logistic_comb/transimpedance over the angle, from centre to angle",
     },
     Law {
         id: LawId::TiltingPlate,
         name: "tilting_plate",
         arguments: &[
-            ("angle", Wanted::Unit("rad")),
-            ("near", Wanted::Unit("m")),
-            ("far", Wanted::Unit("m")),
-            ("along", Wanted::Unit("m")),
-            ("gap", Wanted::Unit("m")),
-            ("permittivity", Wanted::Unit("F/m")),
+            ("angle", ArgumentUnit::Unit("rad")),
+            ("near", ArgumentUnit::Unit("m")),
+            ("far", ArgumentUnit::Unit("m")),
+            ("along", ArgumentUnit::Unit("m")),
+            ("gap", ArgumentUnit::Unit("m")),
+            ("permittivity", ArgumentUnit::Unit("F/m")),
         ],
-        value: Wanted::Unit("F"),
+        value: ArgumentUnit::Unit("F"),
         formula: "permittivity·along·∫dw/(gap − w·tan angle), w from near to far",
     },
     Law {
         id: LawId::Carrier,
         name: "carrier",
         arguments: &[
-            ("capacitance", Wanted::Unit("F")),
-            ("excitation", Wanted::Free),
-            ("carrier_rate", Wanted::Unit("rad/s")),
-            ("shunt_conductance", Wanted::Unit("S")),
-            ("parallel_capacitance", Wanted::Unit("F")),
-            ("input_conductance", Wanted::Unit("S")),
-            ("blocking_capacitance", Wanted::Unit("F")),
+            ("capacitance", ArgumentUnit::Unit("F")),
+            ("excitation", ArgumentUnit::Free),
+            ("carrier_rate", ArgumentUnit::Unit("rad/s")),
+            ("shunt_conductance", ArgumentUnit::Unit("S")),
+            ("parallel_capacitance", ArgumentUnit::Unit("F")),
+            ("input_conductance", ArgumentUnit::Unit("S")),
+            ("blocking_capacitance", ArgumentUnit::Unit("F")),
         ],
-        value: Wanted::As(1),
+        value: ArgumentUnit::As(1),
         formula: "amplitude of the carrier behind capacitance into shunt, parallel and blocking capacitance and input",
     },
     Law {
         id: LawId::Disks,
         name: "disks",
-        arguments: &[("distance", Wanted::Unit("m")), ("radius", Wanted::Unit("m"))],
-        value: Wanted::Unit("F"),
+        arguments: &[("distance", ArgumentUnit::Unit("m")), ("radius", ArgumentUnit::Unit("m"))],
+        value: ArgumentUnit::Unit("F"),
         formula: "two equal coaxial disks with their fringing field (Love, 1949)",
     },
     Law {
         id: LawId::Atanhc,
         name: "atanhc",
-        arguments: &[("z", Wanted::Unit("1"))],
-        value: Wanted::Unit("1"),
+        arguments: &[("z", ArgumentUnit::Unit("1"))],
+        value: ArgumentUnit::Unit("1"),
         formula: "atanh(z)/z",
     },
 ];
@@ -156,23 +156,26 @@ pub(crate) fn has_derivative(_: LawId, by: &[u8]) -> bool {
 
 impl Law {
     /// The unit of the value; or which argument has a wrong one, its own, the one wanted and why.
-    pub(crate) fn check(&self, found: &[Quantity]) -> Result<Quantity, (usize, String, String)> {
+    pub(crate) fn check(&self, found: &[UnitKnowledge]) -> Result<UnitKnowledge, (usize, String, String)> {
         for (index, ((_, wanted), have)) in self.arguments.iter().zip(found).enumerate() {
             let (expected, because) = match wanted {
-                Wanted::Free => continue,
-                Wanted::Unit(unit) => (unit_of(unit), format!("`{}` expects there", self.name)),
-                Wanted::As(other) => (Some(at(found, *other)), format!("`{}` has", self.argument(*other))),
-                Wanted::Inverse(other) => (
-                    Quantity::PLAIN.over(at(found, *other)),
+                ArgumentUnit::Free => continue,
+                ArgumentUnit::Unit(unit) => (unit_of(unit), format!("`{}` expects there", self.name)),
+                ArgumentUnit::As(other) => {
+                    (Some(at(found, *other)), format!("`{}` has", self.argument(*other)))
+                }
+                ArgumentUnit::Inverse(other) => (
+                    UnitKnowledge::PLAIN.over(at(found, *other)),
                     format!("is one over that of `{}`", self.argument(*other)),
                 ),
             };
-            let expected = expected.unwrap_or(Quantity::Any);
+            let expected = expected.unwrap_or(UnitKnowledge::Any);
             // Sensitivities and rates are written with rad and without; shapes are not.
-            let strict = !matches!(wanted, Wanted::Unit(unit) if !matches!(*unit, "rad" | "1/rad" | "1"));
+            let strict =
+                !matches!(wanted, ArgumentUnit::Unit(unit) if !matches!(*unit, "rad" | "1/rad" | "1"));
             let fits = match (*have, expected) {
-                (Quantity::Any, _) | (_, Quantity::Any) => true,
-                (Quantity::Exact(a), Quantity::Exact(b)) if strict => a == b,
+                (UnitKnowledge::Any, _) | (_, UnitKnowledge::Any) => true,
+                (UnitKnowledge::Exact(a), UnitKnowledge::Exact(b)) if strict => a == b,
                 _ => have.plus(expected).is_some(),
             };
             if !fits {
@@ -180,9 +183,9 @@ impl Law {
             }
         }
         Ok(match self.value {
-            Wanted::Unit(unit) => unit_of(unit).unwrap_or(Quantity::Any),
-            Wanted::As(other) | Wanted::Inverse(other) => at(found, other),
-            Wanted::Free => Quantity::Any,
+            ArgumentUnit::Unit(unit) => unit_of(unit).unwrap_or(UnitKnowledge::Any),
+            ArgumentUnit::As(other) | ArgumentUnit::Inverse(other) => at(found, other),
+            ArgumentUnit::Free => UnitKnowledge::Any,
         })
     }
 
@@ -197,12 +200,12 @@ impl Law {
     }
 }
 
-fn at(found: &[Quantity], index: usize) -> Quantity {
-    found.get(index).copied().unwrap_or(Quantity::Any)
+fn at(found: &[UnitKnowledge], index: usize) -> UnitKnowledge {
+    found.get(index).copied().unwrap_or(UnitKnowledge::Any)
 }
 
-fn unit_of(unit: &str) -> Option<Quantity> {
-    Unit::parse(unit).ok().map(|unit| Quantity::Exact(unit.dimension()))
+fn unit_of(unit: &str) -> Option<UnitKnowledge> {
+    Unit::parse(unit).ok().map(|unit| UnitKnowledge::Exact(unit.dimension()))
 }
 
 #[cfg(test)]
@@ -214,7 +217,7 @@ mod tests {
         for law in LAWS {
             assert!(law.arguments.len() <= MOST_ARGUMENTS, "{}", law.name);
             for wanted in law.arguments.iter().map(|(_, wanted)| wanted).chain([&law.value]) {
-                if let Wanted::Unit(unit) = wanted {
+                if let ArgumentUnit::Unit(unit) = wanted {
                     assert!(unit_of(unit).is_some(), "{}: {unit}", law.name);
                 }
             }

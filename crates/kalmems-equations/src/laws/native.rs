@@ -10,21 +10,21 @@ use kalmems_models::readout::CarrierDivider;
 pub(crate) const MOST_ARGUMENTS: usize = 7;
 
 /// The arguments of a law; those that it does not have are 0.
-pub(crate) type Arguments<S> = [S; MOST_ARGUMENTS];
+pub(crate) type LawArguments<S> = [S; MOST_ARGUMENTS];
 
 /// A law over any numbers.
-trait Form {
+trait LawForm {
     /// Its value.
-    fn value<S: Scalar>(a: &Arguments<S>) -> S;
+    fn value<S: Scalar>(a: &LawArguments<S>) -> S;
 
     /// Its derivative by the first argument.
-    fn slope<S: Scalar>(a: &Arguments<S>) -> S {
+    fn slope<S: Scalar>(a: &LawArguments<S>) -> S {
         let [slope] = Self::value(&seeded(a, 0)).gradient();
         slope
     }
 
     /// Its value and its first two derivatives by the first argument.
-    fn along_first(a: &Arguments<f64>) -> [f64; 3] {
+    fn along_first(a: &LawArguments<f64>) -> [f64; 3] {
         let slope = Self::slope(&seeded(a, 0));
         let [bend] = slope.gradient();
         [Self::value(a), slope.value(), bend]
@@ -32,7 +32,7 @@ trait Form {
 }
 
 /// The arguments as dual numbers, of which one is the variable.
-fn seeded<S: Scalar>(a: &Arguments<S>, variable: u8) -> Arguments<Dual<S, 1>> {
+fn seeded<S: Scalar>(a: &LawArguments<S>, variable: u8) -> LawArguments<Dual<S, 1>> {
     let mut seeded = a.map(Dual::constant);
     if let Some((dual, value)) = seeded.get_mut(usize::from(variable)).zip(a.get(usize::from(variable))) {
         *dual = Dual::variable(*value, 0);
@@ -40,20 +40,20 @@ fn seeded<S: Scalar>(a: &Arguments<S>, variable: u8) -> Arguments<Dual<S, 1>> {
     seeded
 }
 
-struct Gaussian;
+struct GaussianLaw;
 
-fn gaussian<S: Scalar>(a: &Arguments<S>) -> GaussianComb<S> {
+fn gaussian<S: Scalar>(a: &LawArguments<S>) -> GaussianComb<S> {
     GaussianComb { nominal: a[1], angular_width: a[2], bias: a[3] }
 }
 
-impl Form for Gaussian {
-    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+impl LawForm for GaussianLaw {
+    fn value<S: Scalar>(a: &LawArguments<S>) -> S {
         gaussian(a).capacitance(a[0])
     }
-    fn slope<S: Scalar>(a: &Arguments<S>) -> S {
+    fn slope<S: Scalar>(a: &LawArguments<S>) -> S {
         gaussian(a).slope(a[0])
     }
-    fn along_first(a: &Arguments<f64>) -> [f64; 3] {
+    fn along_first(a: &LawArguments<f64>) -> [f64; 3] {
         gaussian_along_first(a[0], a[1], a[2], a[3])
     }
 }
@@ -66,50 +66,50 @@ pub(crate) fn gaussian_along_first(angle: f64, nominal: f64, angular_width: f64,
     [comb.capacitance(angle), comb.slope(angle), comb.curvature(angle)]
 }
 
-fn logistic<S: Scalar>(a: &Arguments<S>) -> CombCurve<S> {
+fn logistic<S: Scalar>(a: &LawArguments<S>) -> CombCurve<S> {
     CombCurve { centre: a[1], gain: a[2], steepness: a[3], shape: CurveShape::Logistic }
 }
 
 struct Logistic;
 
-impl Form for Logistic {
-    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+impl LawForm for Logistic {
+    fn value<S: Scalar>(a: &LawArguments<S>) -> S {
         logistic(a).sensitivity(a[0])
     }
 }
 
 struct LogisticChange;
 
-impl Form for LogisticChange {
-    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+impl LawForm for LogisticChange {
+    fn value<S: Scalar>(a: &LawArguments<S>) -> S {
         logistic(a).capacitance_change(a[0], a[4])
     }
-    fn slope<S: Scalar>(a: &Arguments<S>) -> S {
+    fn slope<S: Scalar>(a: &LawArguments<S>) -> S {
         logistic(a).slope(a[0], a[4])
     }
 }
 
 struct Tilting;
 
-fn tilting<S: Scalar>(a: &Arguments<S>) -> TiltingPlate<S> {
+fn tilting<S: Scalar>(a: &LawArguments<S>) -> TiltingPlate<S> {
     // Along the axis the length alone counts while the plate tilts about that axis.
     let half = a[3].half();
     TiltingPlate { w1: a[1], w2: a[2], w3: -half, w4: half, gap: a[4], permittivity: a[5] }
 }
 
-impl Form for Tilting {
-    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+impl LawForm for Tilting {
+    fn value<S: Scalar>(a: &LawArguments<S>) -> S {
         tilting(a).capacitance(a[0])
     }
-    fn slope<S: Scalar>(a: &Arguments<S>) -> S {
+    fn slope<S: Scalar>(a: &LawArguments<S>) -> S {
         tilting(a).slope(a[0])
     }
 }
 
-struct Carrier;
+struct CarrierLaw;
 
-impl Form for Carrier {
-    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+impl LawForm for CarrierLaw {
+    fn value<S: Scalar>(a: &LawArguments<S>) -> S {
         let divider = CarrierDivider {
             excitation: a[1],
             carrier_rate: a[2],
@@ -124,16 +124,16 @@ impl Form for Carrier {
 
 struct Disks;
 
-impl Form for Disks {
-    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+impl LawForm for Disks {
+    fn value<S: Scalar>(a: &LawArguments<S>) -> S {
         disks::capacitance(a[0], a[1])
     }
 }
 
 struct Atanhc;
 
-impl Form for Atanhc {
-    fn value<S: Scalar>(a: &Arguments<S>) -> S {
+impl LawForm for Atanhc {
+    fn value<S: Scalar>(a: &LawArguments<S>) -> S {
         numeric::atanhc(a[0])
     }
 }
@@ -141,11 +141,11 @@ impl Form for Atanhc {
 macro_rules! of_law {
     ($law:expr, $function:ident, $arguments:expr) => {
         match $law {
-            LawId::GaussianComb => Gaussian::$function($arguments),
+            LawId::GaussianComb => GaussianLaw::$function($arguments),
             LawId::LogisticComb => Logistic::$function($arguments),
             LawId::LogisticCombChange => LogisticChange::$function($arguments),
             LawId::TiltingPlate => Tilting::$function($arguments),
-            LawId::Carrier => Carrier::$function($arguments),
+            LawId::Carrier => CarrierLaw::$function($arguments),
             LawId::Disks => Disks::$function($arguments),
             LawId::Atanhc => Atanhc::$function($arguments),
         }
@@ -154,7 +154,7 @@ macro_rules! of_law {
 
 /// The value and the first two derivatives by the first argument.
 #[inline(never)]
-pub(crate) fn along_first(law: LawId, a: &Arguments<f64>) -> [f64; 3] {
+pub(crate) fn along_first(law: LawId, a: &LawArguments<f64>) -> [f64; 3] {
     of_law!(law, along_first, a)
 }
 
@@ -166,7 +166,7 @@ pub(crate) fn along_first_of_four(law: LawId, a: f64, b: f64, c: f64, d: f64) ->
 
 /// A derivative by the arguments that `by` lists in order; not a number where there is none of this order.
 #[inline(never)]
-pub(crate) fn partial(law: LawId, by: &[u8], a: &Arguments<f64>) -> f64 {
+pub(crate) fn partial(law: LawId, by: &[u8], a: &LawArguments<f64>) -> f64 {
     let first = |dual: Dual<f64, 1>| dual.gradient()[0];
     let second = |dual: Dual<Dual<f64, 1>, 1>| dual.gradient()[0].gradient()[0];
     match *by {

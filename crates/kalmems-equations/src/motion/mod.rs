@@ -2,11 +2,11 @@
 
 mod step;
 
-use crate::description::Place;
+use crate::description::TextPlace;
 use crate::device::Device;
-use crate::error::{EquationError, Fault};
+use crate::error::{EquationError, EquationFault};
 use crate::graph::{Graph, NodeId, Variable};
-use crate::program::{Counts, Program, REGISTERS, STATES, Work};
+use crate::program::{Program, ProgramNumbers, REGISTERS, RegisterCounts, STATES};
 use kalmems_core::Nodes;
 
 /// The most states with the parameters that are states.
@@ -53,7 +53,7 @@ impl Device {
                 "the device has {states} states and {} parameters as states; at most {MOST_STATES} together",
                 free.len()
             );
-            return Err(whole("states", Fault::Value(why)));
+            return Err(whole("states", EquationFault::Value(why)));
         }
         let mut graph = self.graph.clone();
         let mut roots = self.rates.clone();
@@ -118,16 +118,16 @@ impl Device {
         if self.states.len() > MOST_STATES {
             let why =
                 format!("the device has {} states; at most {MOST_STATES} can be run", self.states.len());
-            return Err(whole("states", Fault::Value(why)));
+            return Err(whole("states", EquationFault::Value(why)));
         }
-        let counts = Counts { inputs: self.inputs.len(), parameters: self.parameters.len() };
+        let counts = RegisterCounts { inputs: self.inputs.len(), parameters: self.parameters.len() };
         Program::of(graph, roots, counts, free, &self.curves)
-            .ok_or_else(|| whole(key, Fault::TooLarge { what: "numbers to keep", limit: REGISTERS }))
+            .ok_or_else(|| whole(key, EquationFault::TooLarge { what: "numbers to keep", limit: REGISTERS }))
     }
 }
 
-pub(crate) fn whole(key: &str, fault: Fault) -> EquationError {
-    EquationError::whole(&Place { key: key.to_owned(), offset: None }, "", fault)
+pub(crate) fn whole(key: &str, fault: EquationFault) -> EquationError {
+    EquationError::whole(&TextPlace { key: key.to_owned(), offset: None }, "", fault)
 }
 
 /// The states, and behind them the parameters that are states.
@@ -157,12 +157,12 @@ impl Motion {
     }
 
     /// What it works on, with these values of all parameters, in SI and in the device's order.
-    pub fn work(&self, parameters: &[f64]) -> Work {
+    pub fn work(&self, parameters: &[f64]) -> ProgramNumbers {
         self.program.work(parameters)
     }
 
     /// ẋ at a state under inputs; the rate of a parameter is 0. False where it is not finite.
-    pub fn rates(&self, work: &mut Work, x: &[f64], inputs: &[f64], to: &mut [f64]) -> bool {
+    pub fn rates(&self, work: &mut ProgramNumbers, x: &[f64], inputs: &[f64], to: &mut [f64]) -> bool {
         self.begin(work, x);
         Program::set_inputs(work, inputs);
         self.program.stage(work, &padded::<MOST_STATES>(x, self.states), true);
@@ -176,7 +176,7 @@ impl Motion {
     /// ẋ, and ∂ẋ/∂x row by row. False where one of them is not finite.
     pub fn linearize(
         &self,
-        work: &mut Work,
+        work: &mut ProgramNumbers,
         x: &[f64],
         inputs: &[f64],
         to: &mut [f64],
@@ -201,7 +201,7 @@ impl Motion {
     /// middle and end. False where it is not finite.
     pub fn step(
         &self,
-        work: &mut Work,
+        work: &mut ProgramNumbers,
         x: &[f64],
         inputs: &Nodes<&[f64]>,
         interval: f64,
@@ -213,7 +213,7 @@ impl Motion {
     /// As [`step`](Self::step), and ∂x′/∂x row by row.
     pub fn linearized_step(
         &self,
-        work: &mut Work,
+        work: &mut ProgramNumbers,
         x: &[f64],
         inputs: &Nodes<&[f64]>,
         interval: f64,
@@ -225,7 +225,7 @@ impl Motion {
 
     /// Takes the parameters that are states.
     #[inline]
-    fn begin(&self, work: &mut Work, x: &[f64]) {
+    fn begin(&self, work: &mut ProgramNumbers, x: &[f64]) {
         if !self.free.is_empty() {
             for (parameter, value) in self.free.iter().zip(x.iter().skip(self.states)) {
                 self.program.set_parameter(work, *parameter, *value);

@@ -4,14 +4,14 @@
 #![allow(clippy::inline_always, clippy::needless_range_loop)]
 
 use super::{MOST_STATES, Motion, are_finite, padded};
-use crate::program::{Program, Work};
+use crate::program::{Program, ProgramNumbers};
 use kalmems_core::Nodes;
 
 impl Motion {
     /// The step, and its Jacobian where there is room for it, by the number of states.
     pub(super) fn over(
         &self,
-        work: &mut Work,
+        work: &mut ProgramNumbers,
         x: &[f64],
         over: (&Nodes<&[f64]>, f64),
         to: &mut [f64],
@@ -40,7 +40,7 @@ impl Motion {
     #[inline(never)]
     fn chain<const N: usize, const F: usize, const LINEAR: bool>(
         &self,
-        work: &mut Work,
+        work: &mut ProgramNumbers,
         x: &[f64],
         (inputs, interval): (&Nodes<&[f64]>, f64),
         to: &mut [f64],
@@ -49,9 +49,10 @@ impl Motion {
         self.begin(work, x);
         let at = padded::<N>(x, self.states);
         let half = 0.5 * interval;
-        let (mut of_states, mut of_parameters) = (Columns::<N, N>::NONE, Columns::<N, F>::NONE);
+        let (mut of_states, mut of_parameters) =
+            (RateDerivatives::<N, N>::NONE, RateDerivatives::<N, F>::NONE);
         // The columns of a stage are computed while the next one waits for its exponentials.
-        let mut take = |linear: Linear<N, F>, onwards: f64, weight: f64| {
+        let mut take = |linear: StageJacobians<N, F>, onwards: f64, weight: f64| {
             if LINEAR {
                 of_states.take(&linear.slopes, &linear.slopes, onwards, weight);
                 of_parameters.take(&linear.slopes, &linear.by_parameter, onwards, weight);
@@ -108,14 +109,14 @@ impl Motion {
     #[inline(always)]
     fn stage<const N: usize, const F: usize, const LINEAR: bool>(
         &self,
-        work: &mut Work,
+        work: &mut ProgramNumbers,
         x: &[f64; N],
         new_inputs: bool,
-    ) -> ([f64; N], Linear<N, F>) {
+    ) -> ([f64; N], StageJacobians<N, F>) {
         self.program.stage(work, x, new_inputs);
         let rates = self.rates.first_chunk::<N>();
         let rates = rates.map_or([0.0; N], |registers| registers.map(|register| work.get(register)));
-        let mut linear = Linear::NONE;
+        let mut linear = StageJacobians::NONE;
         if LINEAR {
             for (row, registers) in linear.slopes.iter_mut().zip(self.slopes.as_chunks::<N>().0) {
                 *row = registers.map(|register| work.get(register));
@@ -131,12 +132,12 @@ impl Motion {
 
 /// What one stage of a step is linearised to: ∂f/∂x and ∂f/∂p.
 #[derive(Clone, Copy)]
-struct Linear<const N: usize, const F: usize> {
+struct StageJacobians<const N: usize, const F: usize> {
     slopes: [[f64; N]; N],
     by_parameter: [[f64; F]; N],
 }
 
-impl<const N: usize, const F: usize> Linear<N, F> {
+impl<const N: usize, const F: usize> StageJacobians<N, F> {
     const NONE: Self = Self { slopes: [[0.0; N]; N], by_parameter: [[0.0; F]; N] };
 }
 
@@ -150,12 +151,12 @@ fn moved<const N: usize>(x: &[f64; N], k: &[f64; N], h: f64) -> [f64; N] {
 ///
 /// Aᵢ is ∂f/∂x at the stage and Bᵢ what the rate hangs on directly: Aᵢ itself for derivatives by the state before the
 /// step, since A·(1 + c·h·K) = A + c·h·A·K, and ∂f/∂p for those by parameters.
-struct Columns<const N: usize, const M: usize> {
+struct RateDerivatives<const N: usize, const M: usize> {
     last: [[f64; M]; N],
     sum: [[f64; M]; N],
 }
 
-impl<const N: usize, const M: usize> Columns<N, M> {
+impl<const N: usize, const M: usize> RateDerivatives<N, M> {
     const NONE: Self = Self { last: [[0.0; M]; N], sum: [[0.0; M]; N] };
 
     /// The next stage: with A, B, c·h, which is 0 for the first one, and its weight.

@@ -4,8 +4,8 @@
 //! once a step; inputs; states. A factor that changes more rarely than a sum is multiplied into the terms of the sum where
 //! nothing else uses it, and a product that one sum uses alone is computed with it.
 
-use super::op::{Kind, Op, REGISTERS, STATES};
-use crate::graph::{Graph, Node, NodeId, Number, Variable};
+use super::op::{Instruction, OpKind, REGISTERS, STATES};
+use crate::graph::{ConstantBits, Graph, Node, NodeId, Variable};
 use crate::laws::{LawId, MOST_ARGUMENTS};
 use std::collections::HashMap;
 
@@ -27,30 +27,35 @@ const MOST_DISTRIBUTED: usize = 6;
 
 /// How many there are of what the first registers hold.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Counts {
+pub(crate) struct RegisterCounts {
     pub(crate) inputs: usize,
     pub(crate) parameters: usize,
 }
 
 /// Instructions by stratum, and where their results are.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Code {
-    by_stratum: [Vec<Op>; STRATA],
+pub(super) struct StratumCode {
+    by_stratum: [Vec<Instruction>; STRATA],
     pub(super) literals: Vec<(u16, f64)>,
     pub(super) arguments: Vec<u16>,
     pub(super) outputs: Vec<u16>,
 }
 
-impl Code {
+impl StratumCode {
     /// The instructions of a stratum.
-    pub(super) fn of(&self, stratum: Stratum) -> &[Op] {
+    pub(super) fn of(&self, stratum: Stratum) -> &[Instruction] {
         self.by_stratum.get(stratum as usize).map_or(&[], Vec::as_slice)
     }
 }
 
 /// Instructions for these nodes; `None` where they need more registers than there are.
-pub(super) fn lower(graph: &Graph, roots: &[NodeId], counts: Counts, free: &[usize]) -> Option<Code> {
-    let mut lowering = Lowering::new(graph, roots, counts, free);
+pub(super) fn lower(
+    graph: &Graph,
+    roots: &[NodeId],
+    counts: RegisterCounts,
+    free: &[usize],
+) -> Option<StratumCode> {
+    let mut lowering = ProgramLowering::new(graph, roots, counts, free);
     for id in lowering.demanded(roots) {
         lowering.lower(id);
         if lowering.is_full {
@@ -58,14 +63,14 @@ pub(super) fn lower(graph: &Graph, roots: &[NodeId], counts: Counts, free: &[usi
         }
     }
     let outputs = roots.iter().map(|root| lowering.register(*root)).collect();
-    (!lowering.is_full).then_some(Code { outputs, ..lowering.code })
+    (!lowering.is_full).then_some(StratumCode { outputs, ..lowering.code })
 }
 
 /// Nodes on their way to instructions.
-pub(super) struct Lowering<'a> {
+pub(super) struct ProgramLowering<'a> {
     pub(super) graph: &'a Graph,
-    counts: Counts,
-    code: Code,
+    counts: RegisterCounts,
+    code: StratumCode,
     /// The stratum of each register that is taken.
     registers: Vec<Stratum>,
     is_full: bool,
@@ -73,14 +78,14 @@ pub(super) struct Lowering<'a> {
     uses: Vec<u32>,
     /// Asked, never gone over, as the three below.
     values: HashMap<NodeId, u16>,
-    emitted: HashMap<(Kind, [u16; 6]), u16>,
-    literals: HashMap<Number, u16>,
+    emitted: HashMap<(OpKind, [u16; 6]), u16>,
+    literals: HashMap<ConstantBits, u16>,
     laws: HashMap<(LawId, Box<[NodeId]>), [u16; 3]>,
     curves: HashMap<(usize, NodeId), [u16; 3]>,
 }
 
-impl<'a> Lowering<'a> {
-    fn new(graph: &'a Graph, roots: &[NodeId], counts: Counts, free: &[usize]) -> Self {
+impl<'a> ProgramLowering<'a> {
+    fn new(graph: &'a Graph, roots: &[NodeId], counts: RegisterCounts, free: &[usize]) -> Self {
         let mut registers = vec![Stratum::State; STATES];
         registers.extend(vec![Stratum::Input; counts.inputs]);
         let of_parameter = |index| if free.contains(&index) { Stratum::Step } else { Stratum::Parameter };
@@ -111,7 +116,7 @@ impl<'a> Lowering<'a> {
             count(&mut uses, *root);
         }
         let is_full = registers.len() >= REGISTERS;
-        let code = Code::default();
+        let code = StratumCode::default();
         let (values, emitted, literals) = (HashMap::new(), HashMap::new(), HashMap::new());
         let (laws, curves) = (HashMap::new(), HashMap::new());
         Self {
@@ -221,7 +226,7 @@ impl<'a> Lowering<'a> {
     }
 
     pub(super) fn literal(&mut self, value: f64) -> u16 {
-        let number = Number::of(value);
+        let number = ConstantBits::of(value);
         if let Some(register) = self.literals.get(&number) {
             return *register;
         }
@@ -232,7 +237,7 @@ impl<'a> Lowering<'a> {
     }
 
     /// An instruction of these registers in the stratum of the last to change; the one that is there where it is.
-    pub(super) fn emit(&mut self, kind: Kind, operands: &[u16]) -> u16 {
+    pub(super) fn emit(&mut self, kind: OpKind, operands: &[u16]) -> u16 {
         let stratum = operands.iter().map(|r| self.of_register(*r)).max().unwrap_or(Stratum::Literal);
         let mut of = [0; 6];
         for (slot, operand) in of.iter_mut().zip(operands) {
@@ -241,13 +246,13 @@ impl<'a> Lowering<'a> {
         self.push(kind, of, stratum)
     }
 
-    fn push(&mut self, kind: Kind, of: [u16; 6], stratum: Stratum) -> u16 {
+    fn push(&mut self, kind: OpKind, of: [u16; 6], stratum: Stratum) -> u16 {
         if let Some(register) = self.emitted.get(&(kind, of)) {
             return *register;
         }
         let to = self.take(stratum);
         if let Some(code) = self.code.by_stratum.get_mut(stratum as usize) {
-            code.push(Op { kind, to, of });
+            code.push(Instruction { kind, to, of });
         }
         self.emitted.insert((kind, of), to);
         to
@@ -258,7 +263,7 @@ impl<'a> Lowering<'a> {
         let register = match graph.node(id) {
             Node::Number(number) => self.literal(number.get()),
             Node::Variable(variable) => {
-                let Counts { inputs, .. } = self.counts;
+                let RegisterCounts { inputs, .. } = self.counts;
                 let register = match variable {
                     Variable::State(index) => *index,
                     Variable::Input(index) => STATES + index,
@@ -268,10 +273,10 @@ impl<'a> Lowering<'a> {
             }
             Node::Sum { constant, terms } => self.sum(constant.get(), terms, self.stratum(id), None),
             Node::Product(factors) => self.product(factors, self.stratum(id)),
-            Node::Call(function, at) => self.emit(Kind::Call(*function), &[self.register(*at)]),
+            Node::Call(function, at) => self.emit(OpKind::Call(*function), &[self.register(*at)]),
             Node::Choice { smaller, larger, then, otherwise } => {
                 let parts = [smaller, larger, then, otherwise].map(|part| self.register(*part));
-                self.emit(Kind::Choice, &parts)
+                self.emit(OpKind::Choice, &parts)
             }
             Node::Law { law, by, arguments } => self.law(*law, by, arguments, self.stratum(id)),
             Node::Curve { curve, order, at } => self.curve(*curve, *order, *at),
@@ -284,19 +289,19 @@ impl<'a> Lowering<'a> {
         match power {
             1 => register,
             i32::MIN..=0 => {
-                let reciprocal = self.emit(Kind::Reciprocal, &[register]);
+                let reciprocal = self.emit(OpKind::Reciprocal, &[register]);
                 self.power(reciprocal, -power)
             }
-            2 => self.emit(Kind::Multiply, &[register, register]),
+            2 => self.emit(OpKind::Multiply, &[register, register]),
             3 | 4 => {
                 let square = self.power(register, 2);
-                self.emit(Kind::Multiply, &[square, if power == 3 { register } else { square }])
+                self.emit(OpKind::Multiply, &[square, if power == 3 { register } else { square }])
             }
             _ => {
                 let stratum = self.of_register(register);
                 #[allow(clippy::cast_possible_truncation)] // at most LARGEST_POWER
                 let bits = (power as i16).cast_unsigned();
-                self.push(Kind::Power, [register, bits, 0, 0, 0, 0], stratum)
+                self.push(OpKind::Power, [register, bits, 0, 0, 0, 0], stratum)
             }
         }
     }
@@ -304,7 +309,7 @@ impl<'a> Lowering<'a> {
     /// The product of registers, those that change rarely first.
     pub(super) fn multiplied(&mut self, mut registers: Vec<u16>) -> Option<u16> {
         registers.sort_by_key(|register| self.of_register(*register));
-        registers.into_iter().reduce(|product, next| self.emit(Kind::Multiply, &[product, next]))
+        registers.into_iter().reduce(|product, next| self.emit(OpKind::Multiply, &[product, next]))
     }
 
     fn law(&mut self, law: LawId, by: &[u8], arguments: &[NodeId], stratum: Stratum) -> u16 {
@@ -320,10 +325,10 @@ impl<'a> Lowering<'a> {
                 for (slot, argument) in of.iter_mut().zip(arguments) {
                     *slot = self.register(*argument);
                 }
-                Kind::ShortLaw(law)
+                OpKind::ShortLaw(law)
             } else {
                 of[0] = self.listed(arguments);
-                Kind::Law(law)
+                OpKind::Law(law)
             };
             let value = self.push(kind, of, stratum);
             self.laws.insert(key, [value, slope, bend]);
@@ -333,7 +338,7 @@ impl<'a> Lowering<'a> {
         let index = |k: usize| by.get(k).copied().unwrap_or_default().into();
         #[allow(clippy::cast_possible_truncation)] // at most three
         let order = by.len() as u16;
-        self.push(Kind::Partial(law), [start, order, index(0), index(1), index(2), 0], stratum)
+        self.push(OpKind::Partial(law), [start, order, index(0), index(1), index(2), 0], stratum)
     }
 
     /// Puts the registers of a law's arguments on the list, and says where they begin.
@@ -356,7 +361,7 @@ impl<'a> Lowering<'a> {
             let stratum = self.of_register(place);
             let (slope, bend) = (self.take(stratum), self.take(stratum));
             let index = u16::try_from(curve).unwrap_or_default();
-            let value = self.push(Kind::Curve, [place, index, 0, 0, slope, bend], stratum);
+            let value = self.push(OpKind::Curve, [place, index, 0, 0, slope, bend], stratum);
             self.curves.insert((curve, at), [value, slope, bend]);
             [value, slope, bend]
         });

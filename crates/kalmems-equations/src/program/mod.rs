@@ -5,13 +5,13 @@ mod op;
 mod run;
 mod sums;
 
-pub(crate) use lower::Counts;
+pub(crate) use lower::RegisterCounts;
 pub(crate) use op::{REGISTERS, STATES};
 
 use crate::curve::Curve;
 use crate::graph::{Graph, NodeId};
-use lower::{Code, Stratum, lower};
-use op::Op;
+use lower::{Stratum, StratumCode, lower};
+use op::Instruction;
 use run::{Registers, Tables, run};
 use std::sync::Arc;
 
@@ -19,17 +19,17 @@ use std::sync::Arc;
 ///
 /// It belongs to the program that made it.
 #[derive(Clone, Debug)]
-pub struct Work {
+pub struct ProgramNumbers {
     registers: Box<Registers>,
 }
 
 /// Instructions for some expressions of a device.
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
-    code: Code,
+    code: StratumCode,
     /// The instructions of the inputs, and behind them those of the states.
-    stage: Vec<Op>,
-    counts: Counts,
+    stage: Vec<Instruction>,
+    counts: RegisterCounts,
     tables: Tables,
 }
 
@@ -38,7 +38,7 @@ impl Program {
     pub(crate) fn of(
         graph: &Graph,
         roots: &[NodeId],
-        counts: Counts,
+        counts: RegisterCounts,
         free: &[usize],
         curves: &Arc<[Curve]>,
     ) -> Option<Self> {
@@ -50,12 +50,12 @@ impl Program {
     }
 
     /// Registers with these values of the parameters, and all that follows from them alone.
-    pub(crate) fn work(&self, parameters: &[f64]) -> Work {
+    pub(crate) fn work(&self, parameters: &[f64]) -> ProgramNumbers {
         // On the heap from the start: an array would be on the stack first.
         let zeros = vec![0.0; REGISTERS].into_boxed_slice();
         #[allow(clippy::large_stack_arrays)] // not met: the slice has as many numbers
         let registers = zeros.try_into().unwrap_or_else(|_| Box::new([0.0; REGISTERS]));
-        let mut work = Work { registers };
+        let mut work = ProgramNumbers { registers };
         for (register, value) in &self.code.literals {
             if let Some(slot) = work.registers.get_mut(usize::from(*register)) {
                 *slot = *value;
@@ -68,26 +68,31 @@ impl Program {
     }
 
     /// Gives a parameter that changes from step to step its value; [`Program::begin_step`] follows.
-    pub(crate) fn set_parameter(&self, work: &mut Work, parameter: usize, value: f64) {
+    pub(crate) fn set_parameter(&self, work: &mut ProgramNumbers, parameter: usize, value: f64) {
         Self::put(work, STATES + self.counts.inputs + parameter, &[value]);
     }
 
     /// Computes what follows from the parameters that change from step to step.
     #[inline]
-    pub(crate) fn begin_step(&self, work: &mut Work) {
+    pub(crate) fn begin_step(&self, work: &mut ProgramNumbers) {
         self.run(Stratum::Step, work);
     }
 
     /// Gives the inputs their values; a stage follows.
     #[inline]
-    pub(crate) fn set_inputs(work: &mut Work, inputs: &[f64]) {
+    pub(crate) fn set_inputs(work: &mut ProgramNumbers, inputs: &[f64]) {
         Self::put(work, STATES, inputs);
     }
 
     /// Gives the states their values, at most as many as a program has, and computes what follows from them; from the
     /// inputs too where these are new.
     #[inline]
-    pub(crate) fn stage<const N: usize>(&self, work: &mut Work, states: &[f64; N], new_inputs: bool) {
+    pub(crate) fn stage<const N: usize>(
+        &self,
+        work: &mut ProgramNumbers,
+        states: &[f64; N],
+        new_inputs: bool,
+    ) {
         const { assert!(N <= STATES, "behind the states are the inputs") };
         if let Some(registers) = work.registers.first_chunk_mut::<N>() {
             *registers = *states;
@@ -97,7 +102,7 @@ impl Program {
     }
 
     #[inline]
-    fn put(work: &mut Work, start: usize, values: &[f64]) {
+    fn put(work: &mut ProgramNumbers, start: usize, values: &[f64]) {
         if let Some(registers) = work.registers.get_mut(start..start + values.len()) {
             for (register, value) in registers.iter_mut().zip(values) {
                 *register = *value;
@@ -106,7 +111,7 @@ impl Program {
     }
 
     #[inline]
-    fn run(&self, stratum: Stratum, work: &mut Work) {
+    fn run(&self, stratum: Stratum, work: &mut ProgramNumbers) {
         run(self.code.of(stratum), &mut work.registers, &self.tables);
     }
 
@@ -121,7 +126,7 @@ impl Program {
     }
 }
 
-impl Work {
+impl ProgramNumbers {
     /// A register.
     #[inline]
     pub(crate) fn get(&self, register: u16) -> f64 {

@@ -11,7 +11,7 @@ pub(crate) const STATES: usize = 16;
 
 /// What is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Kind {
+pub(crate) enum OpKind {
     /// a + b
     Add,
     /// a − b
@@ -48,8 +48,8 @@ pub(crate) enum Kind {
 
 /// One instruction: what, where to, and of which registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct Op {
-    pub(crate) kind: Kind,
+pub(crate) struct Instruction {
+    pub(crate) kind: OpKind,
     pub(crate) to: u16,
     pub(crate) of: [u16; 6],
 }

@@ -1,6 +1,6 @@
 //! The interpreter.
 
-use super::op::{Kind, Op, REGISTERS};
+use super::op::{Instruction, OpKind, REGISTERS};
 use crate::curve::Curve;
 use crate::graph::whole_power;
 use crate::laws::{self, LawId, MOST_ARGUMENTS};
@@ -23,7 +23,7 @@ pub(crate) struct Tables {
 /// Not inlined: there is one, whatever runs it. An index is below the number of registers once it is masked, which the
 /// compiler sees.
 #[inline(never)]
-pub(crate) fn run(code: &[Op], r: &mut Registers, tables: &Tables) {
+pub(crate) fn run(code: &[Instruction], r: &mut Registers, tables: &Tables) {
     for op in code {
         // Read where it is needed, and not before the branch.
         macro_rules! r {
@@ -32,43 +32,43 @@ pub(crate) fn run(code: &[Op], r: &mut Registers, tables: &Tables) {
             };
         }
         let value = match op.kind {
-            Kind::Add => r!(0) + r!(1),
-            Kind::Subtract => r!(0) - r!(1),
-            Kind::Multiply => r!(0) * r!(1),
-            Kind::MultiplyAdd => r!(0) * r!(1) + r!(2),
-            Kind::Products2 => r!(0) * r!(1) + r!(2) * r!(3),
-            Kind::Products2Add => r!(0) * r!(1) + r!(2) * r!(3) + r!(4),
-            Kind::Products3 => r!(0) * r!(1) + r!(2) * r!(3) + r!(4) * r!(5),
-            Kind::Reciprocal => 1.0 / r!(0),
-            Kind::Power => whole_power(r!(0), i32::from(op.of[1].cast_signed())),
-            Kind::Call(function) => function.apply(r!(0)),
-            Kind::Choice => Scalar::select(r!(0) < r!(1), r!(2), r!(3)),
+            OpKind::Add => r!(0) + r!(1),
+            OpKind::Subtract => r!(0) - r!(1),
+            OpKind::Multiply => r!(0) * r!(1),
+            OpKind::MultiplyAdd => r!(0) * r!(1) + r!(2),
+            OpKind::Products2 => r!(0) * r!(1) + r!(2) * r!(3),
+            OpKind::Products2Add => r!(0) * r!(1) + r!(2) * r!(3) + r!(4),
+            OpKind::Products3 => r!(0) * r!(1) + r!(2) * r!(3) + r!(4) * r!(5),
+            OpKind::Reciprocal => 1.0 / r!(0),
+            OpKind::Power => whole_power(r!(0), i32::from(op.of[1].cast_signed())),
+            OpKind::Call(function) => function.apply(r!(0)),
+            OpKind::Choice => Scalar::select(r!(0) < r!(1), r!(2), r!(3)),
             // The law that most devices have is worth a branch of its own.
-            Kind::ShortLaw(LawId::GaussianComb) => {
+            OpKind::ShortLaw(LawId::GaussianComb) => {
                 let [value, slope, bend] = laws::gaussian_along_first(r!(0), r!(1), r!(2), r!(3));
                 r!(4) = slope;
                 r!(5) = bend;
                 value
             }
-            Kind::ShortLaw(law) => {
+            OpKind::ShortLaw(law) => {
                 let [value, slope, bend] = laws::along_first_of_four(law, r!(0), r!(1), r!(2), r!(3));
                 r!(4) = slope;
                 r!(5) = bend;
                 value
             }
-            Kind::Law(law) => {
+            OpKind::Law(law) => {
                 let [value, slope, bend] = laws::along_first(law, &gathered(r, &tables.arguments, op.of[0]));
                 r!(4) = slope;
                 r!(5) = bend;
                 value
             }
-            Kind::Partial(law) => {
+            OpKind::Partial(law) => {
                 #[allow(clippy::cast_possible_truncation)] // of an argument, of which there are seven
                 let by = [op.of[2], op.of[3], op.of[4]].map(|index| index as u8);
                 let by = by.get(..usize::from(op.of[1])).unwrap_or_default();
                 laws::partial(law, by, &gathered(r, &tables.arguments, op.of[0]))
             }
-            Kind::Curve => {
+            OpKind::Curve => {
                 let curve = tables.curves.get(usize::from(op.of[1]));
                 let [value, slope, bend] = curve.map_or([f64::NAN; 3], |curve| curve.at(r!(0)));
                 r!(4) = slope;

@@ -1,10 +1,10 @@
 //! Sums and products as instructions.
 
-use super::lower::{Lowering, Stratum};
-use super::op::Kind;
-use crate::graph::{Node, NodeId, Number};
+use super::lower::{ProgramLowering, Stratum};
+use super::op::OpKind;
+use crate::graph::{ConstantBits, Node, NodeId};
 
-impl Lowering<'_> {
+impl ProgramLowering<'_> {
     pub(super) fn product(&mut self, factors: &[(NodeId, i32)], stratum: Stratum) -> u16 {
         if let Some(sum) = self.distributed(factors)
             && let Node::Sum { constant, terms } = self.graph.node(sum)
@@ -23,13 +23,13 @@ impl Lowering<'_> {
     pub(super) fn sum(
         &mut self,
         constant: f64,
-        terms: &[(NodeId, Number)],
+        terms: &[(NodeId, ConstantBits)],
         stratum: Stratum,
         multiplier: Option<u16>,
     ) -> u16 {
-        let mut sum = Parts::default();
+        let mut sum = SumParts::default();
         // What changes more rarely than the sum is added up by itself.
-        let mut rare = Parts::default();
+        let mut rare = SumParts::default();
         if constant != 0.0 {
             let literal = self.literal(constant);
             match multiplier {
@@ -47,7 +47,7 @@ impl Lowering<'_> {
             let (low, mut high): (Vec<u16>, Vec<u16>) =
                 registers.into_iter().partition(|register| self.of_register(*register) < stratum);
             let mut scale: Vec<u16> = multiplier.into_iter().chain(low).collect();
-            if *coefficient != Number::ONE {
+            if *coefficient != ConstantBits::ONE {
                 scale.push(self.literal(coefficient.get()));
             }
             // What is computed last is multiplied last.
@@ -73,7 +73,7 @@ impl Lowering<'_> {
     }
 
     /// Σ singles − Σ opposites + Σ of the pairs' products.
-    fn added(&mut self, mut parts: Parts) -> Option<u16> {
+    fn added(&mut self, mut parts: SumParts) -> Option<u16> {
         // What is computed last is added last.
         parts.pairs.sort_by_key(|[_, last]| *last);
         parts.singles.sort_unstable_by(|a, b| b.cmp(a));
@@ -83,7 +83,7 @@ impl Lowering<'_> {
             let minus = (!parts.opposites.is_empty()).then(|| self.literal(-1.0));
             sum = minus
                 .zip(parts.opposites.pop())
-                .map(|(minus, last)| self.emit(Kind::Multiply, &[minus, last]));
+                .map(|(minus, last)| self.emit(OpKind::Multiply, &[minus, last]));
         } else if pairs.len() == 0 {
             sum = parts.singles.pop();
         }
@@ -97,19 +97,19 @@ impl Lowering<'_> {
             let mut operands: Vec<u16> = pairs.by_ref().take(take).flatten().collect();
             operands.extend(before);
             let kind = match (take, before) {
-                (3, _) => Kind::Products3,
-                (2, Some(_)) => Kind::Products2Add,
-                (2, None) => Kind::Products2,
-                (_, Some(_)) => Kind::MultiplyAdd,
-                (_, None) => Kind::Multiply,
+                (3, _) => OpKind::Products3,
+                (2, Some(_)) => OpKind::Products2Add,
+                (2, None) => OpKind::Products2,
+                (_, Some(_)) => OpKind::MultiplyAdd,
+                (_, None) => OpKind::Multiply,
             };
             sum = Some(self.emit(kind, &operands));
         }
         for single in parts.singles.into_iter().rev() {
-            sum = Some(sum.map_or(single, |sum| self.emit(Kind::Add, &[sum, single])));
+            sum = Some(sum.map_or(single, |sum| self.emit(OpKind::Add, &[sum, single])));
         }
         for opposite in parts.opposites {
-            sum = sum.map(|sum| self.emit(Kind::Subtract, &[sum, opposite]));
+            sum = sum.map(|sum| self.emit(OpKind::Subtract, &[sum, opposite]));
         }
         sum
     }
@@ -117,7 +117,7 @@ impl Lowering<'_> {
 
 /// What a sum is made of.
 #[derive(Default)]
-struct Parts {
+struct SumParts {
     singles: Vec<u16>,
     opposites: Vec<u16>,
     pairs: Vec<[u16; 2]>,

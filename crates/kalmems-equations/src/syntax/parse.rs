@@ -1,25 +1,25 @@
 //! From text to terms.
 
-use super::token::{Kind, Token, token};
-use super::tree::{Form, Term, TermId, Tree};
-use crate::error::Fault;
+use super::token::{Token, TokenKind, token};
+use super::tree::{SyntaxTree, Term, TermForm, TermId};
+use crate::error::EquationFault;
 use crate::limits::{DEEPEST_NESTING, LONGEST_TEXT};
 use kalmems_units::{Unit, Value};
 use std::ops::Range;
 
-type Failure = (Range<usize>, Fault);
+type SyntaxFailure = (Range<usize>, EquationFault);
 
 /// Reads an expression, and behind `in` the unit that it is to have.
-pub(crate) fn parse(text: &str) -> Result<Tree, Failure> {
+pub(crate) fn parse(text: &str) -> Result<SyntaxTree, SyntaxFailure> {
     if text.len() > LONGEST_TEXT {
-        return Err((0..0, Fault::TooLong { length: text.len(), limit: LONGEST_TEXT }));
+        return Err((0..0, EquationFault::TooLong { length: text.len(), limit: LONGEST_TEXT }));
     }
     let next = token(text, 0)?;
     let mut parser = Parser { text, next, terms: Vec::new() };
     parser.expression(0, 0)?;
     let unit = parser.unit_of_the_whole()?;
     match parser.next.kind {
-        Kind::End => Ok(Tree { terms: parser.terms, unit }),
+        TokenKind::End => Ok(SyntaxTree { terms: parser.terms, unit }),
         _ => Err(parser.unexpected("an operator such as `+` or `*`, or the end")),
     }
 }
@@ -37,7 +37,7 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    fn advance(&mut self) -> Result<Token, Failure> {
+    fn advance(&mut self) -> Result<Token, SyntaxFailure> {
         let following = token(self.text, self.next.span.end)?;
         Ok(std::mem::replace(&mut self.next, following))
     }
@@ -46,15 +46,15 @@ impl Parser<'_> {
         self.text.get(span.clone()).unwrap_or_default()
     }
 
-    fn unexpected(&self, expected: &str) -> Failure {
+    fn unexpected(&self, expected: &str) -> SyntaxFailure {
         let found = match self.next.kind {
-            Kind::End => "the end".to_owned(),
+            TokenKind::End => "the end".to_owned(),
             _ => format!("`{}`", self.word(&self.next.span)),
         };
-        (self.next.span.clone(), Fault::Syntax { found, expected: expected.to_owned() })
+        (self.next.span.clone(), EquationFault::Syntax { found, expected: expected.to_owned() })
     }
 
-    fn push(&mut self, form: Form, span: Range<usize>) -> TermId {
+    fn push(&mut self, form: TermForm, span: Range<usize>) -> TermId {
         self.terms.push(Term { form, span });
         self.terms.len() - 1
     }
@@ -64,36 +64,36 @@ impl Parser<'_> {
     }
 
     fn is(&self, sign: char) -> bool {
-        self.next.kind == Kind::Sign(sign)
+        self.next.kind == TokenKind::Sign(sign)
     }
 
-    fn expect(&mut self, sign: char, expected: &str) -> Result<Token, Failure> {
+    fn expect(&mut self, sign: char, expected: &str) -> Result<Token, SyntaxFailure> {
         if self.is(sign) { self.advance() } else { Err(self.unexpected(expected)) }
     }
 
     /// An expression of operators that bind more tightly than `least`. Operators of one strength become one term with
     /// many parts, so that a long sum is not deep.
-    fn expression(&mut self, least: u8, depth: usize) -> Result<TermId, Failure> {
+    fn expression(&mut self, least: u8, depth: usize) -> Result<TermId, SyntaxFailure> {
         if depth > DEEPEST_NESTING {
-            return Err((self.next.span.clone(), Fault::TooDeep { limit: DEEPEST_NESTING }));
+            return Err((self.next.span.clone(), EquationFault::TooDeep { limit: DEEPEST_NESTING }));
         }
         let mut left = self.prefix(depth)?;
         loop {
             left = match self.next.kind {
-                Kind::Sign('+' | '-') if least < SUM => {
+                TokenKind::Sign('+' | '-') if least < SUM => {
                     let parts = self.chain(left, ['+', '-'], SUM, depth)?;
-                    self.join(Form::Sum, parts)
+                    self.join(TermForm::Sum, parts)
                 }
-                Kind::Sign('*' | '/') if least < PRODUCT => {
+                TokenKind::Sign('*' | '/') if least < PRODUCT => {
                     let parts = self.chain(left, ['*', '/'], PRODUCT, depth)?;
-                    self.join(Form::Product, parts)
+                    self.join(TermForm::Product, parts)
                 }
-                Kind::Sign('^') if least < POWER => {
+                TokenKind::Sign('^') if least < POWER => {
                     self.advance()?;
                     // To the right: a^b^c is a^(b^c). A sign may stand in front of the exponent.
                     let exponent = self.expression(POWER - 1, depth + 1)?;
                     let span = self.span(left).start..self.span(exponent).end;
-                    self.push(Form::Power(left, exponent), span)
+                    self.push(TermForm::Power(left, exponent), span)
                 }
                 _ => return Ok(left),
             };
@@ -107,7 +107,7 @@ impl Parser<'_> {
         signs: [char; 2],
         strength: u8,
         depth: usize,
-    ) -> Result<Vec<(bool, TermId)>, Failure> {
+    ) -> Result<Vec<(bool, TermId)>, SyntaxFailure> {
         let mut parts = vec![(false, first)];
         while self.is(signs[0]) || self.is(signs[1]) {
             let inverse = self.is(signs[1]);
@@ -117,26 +117,26 @@ impl Parser<'_> {
         Ok(parts)
     }
 
-    fn join(&mut self, form: fn(Vec<(bool, TermId)>) -> Form, parts: Vec<(bool, TermId)>) -> TermId {
+    fn join(&mut self, form: fn(Vec<(bool, TermId)>) -> TermForm, parts: Vec<(bool, TermId)>) -> TermId {
         let ends = parts.first().zip(parts.last()).map(|(a, b)| (a.1, b.1)).unwrap_or_default();
         let span = self.span(ends.0).start..self.span(ends.1).end;
         self.push(form(parts), span)
     }
 
     /// What can begin an expression.
-    fn prefix(&mut self, depth: usize) -> Result<TermId, Failure> {
+    fn prefix(&mut self, depth: usize) -> Result<TermId, SyntaxFailure> {
         match self.next.kind {
-            Kind::Sign('-') => {
+            TokenKind::Sign('-') => {
                 let sign = self.advance()?;
                 let of = self.expression(SIGN, depth + 1)?;
                 let span = sign.span.start..self.span(of).end;
-                Ok(self.push(Form::Negative(of), span))
+                Ok(self.push(TermForm::Negative(of), span))
             }
-            Kind::Sign('+') => {
+            TokenKind::Sign('+') => {
                 self.advance()?;
                 self.expression(SIGN, depth + 1)
             }
-            Kind::Sign('(') => {
+            TokenKind::Sign('(') => {
                 let open = self.advance()?;
                 let inner = self.expression(0, depth + 1)?;
                 let close = self.expect(')', "an operator or the `)` of this bracket")?;
@@ -145,33 +145,33 @@ impl Parser<'_> {
                 }
                 Ok(inner)
             }
-            Kind::Number => self.number(),
-            Kind::Name => {
+            TokenKind::Number => self.number(),
+            TokenKind::Name => {
                 let name = self.advance()?.span;
                 if self.is('(') {
                     self.call(name, depth)
                 } else {
-                    Ok(self.push(Form::Name(name.clone()), name))
+                    Ok(self.push(TermForm::Name(name.clone()), name))
                 }
             }
             _ => Err(self.unexpected("a number, a name or `(`")),
         }
     }
 
-    fn number(&mut self) -> Result<TermId, Failure> {
+    fn number(&mut self) -> Result<TermId, SyntaxFailure> {
         let number = self.advance()?.span;
-        if self.next.kind != Kind::Unit {
+        if self.next.kind != TokenKind::Unit {
             let value = self.word(&number).parse().unwrap_or(f64::NAN);
-            return Ok(self.push(Form::Number(value, None), number));
+            return Ok(self.push(TermForm::Number(value, None), number));
         }
         let bracket = self.advance()?.span;
         let unit = self.word(&(bracket.start + 1..bracket.end - 1)).trim().to_owned();
         let value = Value::parse(&format!("{} {unit}", self.word(&number)));
-        let value = value.map_err(|fault| (bracket.clone(), Fault::Unit(fault)))?;
-        Ok(self.push(Form::Number(value.si(), Some(value.unit())), number.start..bracket.end))
+        let value = value.map_err(|fault| (bracket.clone(), EquationFault::Unit(fault)))?;
+        Ok(self.push(TermForm::Number(value.si(), Some(value.unit())), number.start..bracket.end))
     }
 
-    fn call(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, Failure> {
+    fn call(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, SyntaxFailure> {
         match self.word(&name) {
             "if" => return self.choice(name, depth),
             "d" => return self.partial(name, depth),
@@ -193,15 +193,18 @@ impl Parser<'_> {
         if self.word(&name) == "ddt" {
             let [of] = arguments[..] else {
                 let function = "ddt".to_owned();
-                return Err((span, Fault::Arguments { function, found: arguments.len(), expected: 1 }));
+                return Err((
+                    span,
+                    EquationFault::Arguments { function, found: arguments.len(), expected: 1 },
+                ));
             };
-            return Ok(self.push(Form::Rate { of }, span));
+            return Ok(self.push(TermForm::Rate { of }, span));
         }
-        Ok(self.push(Form::Call(name, arguments), span))
+        Ok(self.push(TermForm::Call(name, arguments), span))
     }
 
     /// `if(a < b, then, otherwise)`.
-    fn choice(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, Failure> {
+    fn choice(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, SyntaxFailure> {
         self.advance()?;
         let left = self.expression(0, depth + 1)?;
         let less = self.is('<');
@@ -217,25 +220,25 @@ impl Parser<'_> {
         let close = self.expect(')', "the `)` of this `if`")?;
         let (smaller, larger) = if less { (left, right) } else { (right, left) };
         let span = name.start..close.span.end;
-        Ok(self.push(Form::Choice { smaller, larger, then, otherwise }, span))
+        Ok(self.push(TermForm::Choice { smaller, larger, then, otherwise }, span))
     }
 
     /// `d(of, by)`.
-    fn partial(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, Failure> {
+    fn partial(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, SyntaxFailure> {
         self.advance()?;
         let of = self.expression(0, depth + 1)?;
         self.expect(',', "`,` and the name of a state, an input or a parameter, as in `d(C, theta)`")?;
-        if self.next.kind != Kind::Name {
+        if self.next.kind != TokenKind::Name {
             return Err(self.unexpected("the name of a state, an input or a parameter"));
         }
         let by = self.advance()?.span;
         let close = self.expect(')', "the `)` of this derivative")?;
-        Ok(self.push(Form::Partial { of, by }, name.start..close.span.end))
+        Ok(self.push(TermForm::Partial { of, by }, name.start..close.span.end))
     }
 
     /// What stands behind `in`.
-    fn unit_of_the_whole(&mut self) -> Result<Option<(Unit, Range<usize>)>, Failure> {
-        if self.next.kind != Kind::Name || self.word(&self.next.span) != "in" {
+    fn unit_of_the_whole(&mut self) -> Result<Option<(Unit, Range<usize>)>, SyntaxFailure> {
+        if self.next.kind != TokenKind::Name || self.word(&self.next.span) != "in" {
             return Ok(None);
         }
         let span = self.next.span.end..self.text.len();
@@ -244,10 +247,11 @@ impl Parser<'_> {
         let span = start..start + text.trim().len();
         if span.is_empty() {
             let expected = "a unit behind `in`, such as `V`".to_owned();
-            return Err((span, Fault::Syntax { found: "the end".to_owned(), expected }));
+            return Err((span, EquationFault::Syntax { found: "the end".to_owned(), expected }));
         }
-        let unit = Unit::parse(self.word(&span)).map_err(|fault| (span.clone(), Fault::Unit(fault)))?;
-        self.next = Token { kind: Kind::End, span: self.text.len()..self.text.len() };
+        let unit =
+            Unit::parse(self.word(&span)).map_err(|fault| (span.clone(), EquationFault::Unit(fault)))?;
+        self.next = Token { kind: TokenKind::End, span: self.text.len()..self.text.len() };
         Ok(Some((unit, span)))
     }
 }

@@ -3,13 +3,13 @@
 use kalmems_units::Unit;
 use std::ops::Range;
 
-/// The place of a term in [`Tree::terms`].
+/// The place of a term in [`SyntaxTree::terms`].
 pub(crate) type TermId = usize;
 
 /// A text that was read: its terms, each behind those that it is made of, so that whatever goes over them needs no
 /// recursion. The last one is the whole.
 #[derive(Clone, Debug)]
-pub(crate) struct Tree {
+pub(crate) struct SyntaxTree {
     pub(crate) terms: Vec<Term>,
     /// The unit behind `in`, which the whole is to have.
     pub(crate) unit: Option<(Unit, Range<usize>)>,
@@ -18,14 +18,14 @@ pub(crate) struct Tree {
 /// A part of an expression.
 #[derive(Clone, Debug)]
 pub(crate) struct Term {
-    pub(crate) form: Form,
+    pub(crate) form: TermForm,
     /// Where it stands in the text.
     pub(crate) span: Range<usize>,
 }
 
 /// What a part of an expression is.
 #[derive(Clone, Debug)]
-pub(crate) enum Form {
+pub(crate) enum TermForm {
     /// A number in SI, with its unit where one is written.
     Number(f64, Option<Unit>),
     /// The name with this span.

@@ -1,7 +1,9 @@
 //! The same filter by the interpreter and the library's extended Kalman filter, in numbers of 64 bits.
 
 use kalmems_core::{Covariance, Ekf, Filter, Mat, Nodes, NumericMeasurement, NumericProcess, ProcessNoise};
-use kalmems_equations::{Device, EmitRequest, Motion, Readout, StepMethod, TestSample, Work};
+use kalmems_equations::{
+    Device, EmitRequest, Motion, ProgramNumbers, ReadoutProgram, StepMethod, TestSample,
+};
 use std::cell::RefCell;
 
 /// Every how many samples the events of a request are said to happen.
@@ -25,7 +27,7 @@ pub fn states(device: &Device, request: &EmitRequest, samples: &[TestSample]) ->
 /// One step of the device's states and of the parameters behind them, without noise.
 pub fn moved(
     motion: &Motion,
-    work: &mut Work,
+    work: &mut ProgramNumbers,
     (x, inputs): (&[f64], &[Vec<f64>; 3]),
     (method, interval): (StepMethod, f64),
 ) -> (Vec<f64>, Vec<f64>) {
@@ -63,7 +65,7 @@ pub fn wrapped(x: f64, period: f64) -> f64 {
 
 struct Process<'a, const N: usize> {
     motion: Motion,
-    work: RefCell<Work>,
+    work: RefCell<ProgramNumbers>,
     method: StepMethod,
     interval: f64,
     noise: ProcessNoise<f64, N>,
@@ -96,9 +98,9 @@ impl<const N: usize> NumericProcess<f64, N> for Process<'_, N> {
 
 /// In standard deviations of its noise, since the library's filter refuses variances such as 1e-34 F².
 struct Sensor<'a> {
-    readout: Readout,
+    readout: ReadoutProgram,
     sd: f64,
-    work: RefCell<Work>,
+    work: RefCell<ProgramNumbers>,
     inputs: &'a [f64],
 }
 
@@ -118,7 +120,7 @@ impl<const N: usize> NumericMeasurement<f64, N, 1> for Sensor<'_> {
 struct Then<'a> {
     of: Sensor<'a>,
     motion: Motion,
-    work: RefCell<Work>,
+    work: RefCell<ProgramNumbers>,
     ago_s: f64,
 }
 
@@ -174,7 +176,7 @@ fn run<const N: usize>(device: &Device, request: &EmitRequest, samples: &[TestSa
     let variances: Vec<f64> = request.free.iter().map(|free| free.start_sd.powi(2)).collect();
     let start = covariance(&request.start_covariance, count, &variances);
     let mut filter = Ekf::<f64, N>::new(mean.try_into().unwrap(), start);
-    let sensor = |readout: Readout, variance: f64| {
+    let sensor = |readout: ReadoutProgram, variance: f64| {
         let work = RefCell::new(readout.work(&request.parameters));
         Sensor { readout, work, inputs: &[], sd: variance.sqrt() }
     };

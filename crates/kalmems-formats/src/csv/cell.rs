@@ -1,6 +1,6 @@
 //! One cell: its bytes as a number, or what else it is.
 
-use crate::Fault;
+use crate::CellFinding;
 use std::io::Write as _;
 
 /// The minus sign of typography, U+2212, which spreadsheets and `matplotlib` write.
@@ -8,24 +8,24 @@ const MINUS: &[u8] = "−".as_bytes();
 
 /// Reads cells the slow way, with memory that is used again.
 #[derive(Debug, Default)]
-pub struct Cells {
+pub struct CellReader {
     scratch: Vec<u8>,
 }
 
-impl Cells {
+impl CellReader {
     /// The finite number in a cell whose decimal point is `point`, times 10^`power` and rounded once, or what is wrong with it.
-    pub fn read(&mut self, cell: &[u8], point: u8, power: i32) -> Result<f64, Fault> {
+    pub fn read(&mut self, cell: &[u8], point: u8, power: i32) -> Result<f64, CellFinding> {
         let cell = cell.trim_ascii();
         if cell.is_empty() {
-            return Err(Fault::Missing);
+            return Err(CellFinding::Missing);
         }
         // PicoScope writes what is beyond its range like this.
         let unsigned = cell.strip_prefix(b"-").or_else(|| cell.strip_prefix(MINUS)).unwrap_or(cell);
         if unsigned == b"\xe2\x88\x9e" {
-            return Err(Fault::Infinite(excerpt(cell)));
+            return Err(CellFinding::Infinite(excerpt(cell)));
         }
         if point != b'.' && cell.contains(&b'.') {
-            return Err(Fault::Text(excerpt(cell)));
+            return Err(CellFinding::Text(excerpt(cell)));
         }
         self.scratch.clear();
         let mut rest = cell;
@@ -39,13 +39,13 @@ impl Cells {
             rest = minus.unwrap_or(behind);
         }
         let Ok(number) = fast_float2::parse::<f64, _>(&self.scratch) else {
-            return Err(Fault::Text(excerpt(cell)));
+            return Err(CellFinding::Text(excerpt(cell)));
         };
         if number.is_nan() {
-            return Err(Fault::Nan(excerpt(cell)));
+            return Err(CellFinding::Nan(excerpt(cell)));
         }
         let number = if power == 0 { number } else { self.shift(power).unwrap_or(number) };
-        if number.is_finite() { Ok(number) } else { Err(Fault::Infinite(excerpt(cell))) }
+        if number.is_finite() { Ok(number) } else { Err(CellFinding::Infinite(excerpt(cell))) }
     }
 
     /// The number in the scratch times a power of ten. `None` for `inf`, which has no exponent to change.
@@ -84,14 +84,14 @@ pub(crate) fn excerpt(cell: &[u8]) -> String {
 mod tests {
     use super::*;
 
-    fn read(text: &str, power: i32) -> Result<f64, Fault> {
-        Cells::default().read(text.as_bytes(), b'.', power)
+    fn read(text: &str, power: i32) -> Result<f64, CellFinding> {
+        CellReader::default().read(text.as_bytes(), b'.', power)
     }
 
     #[test]
     fn what_a_cell_is() {
-        let text = |text: &str| Err(Fault::Text(text.to_owned()));
-        let infinite = |text: &str| Err(Fault::Infinite(text.to_owned()));
+        let text = |text: &str| Err(CellFinding::Text(text.to_owned()));
+        let infinite = |text: &str| Err(CellFinding::Infinite(text.to_owned()));
         for (cell, value) in [
             ("1.5", Ok(1.5)),
             (" -1.5e3 ", Ok(-1500.0)),
@@ -99,10 +99,10 @@ mod tests {
             ("5.", Ok(5.0)),
             ("−1.5e−3", Ok(-1.5e-3)),
             ("−∞", infinite("−∞")),
-            ("", Err(Fault::Missing)),
-            (" \r", Err(Fault::Missing)),
-            ("NaN", Err(Fault::Nan("NaN".to_owned()))),
-            ("-nan", Err(Fault::Nan("-nan".to_owned()))),
+            ("", Err(CellFinding::Missing)),
+            (" \r", Err(CellFinding::Missing)),
+            ("NaN", Err(CellFinding::Nan("NaN".to_owned()))),
+            ("-nan", Err(CellFinding::Nan("-nan".to_owned()))),
             ("inf", infinite("inf")),
             ("-Infinity", infinite("-Infinity")),
             ("-∞", infinite("-∞")),
@@ -129,10 +129,10 @@ mod tests {
 
     #[test]
     fn a_decimal_comma_is_no_group_of_thousands() {
-        let mut cells = Cells::default();
+        let mut cells = CellReader::default();
         assert_eq!(cells.read(b"1,5e-3", b',', -3), Ok(1.5e-6));
-        assert_eq!(cells.read(b"1.5", b',', 0), Err(Fault::Text("1.5".to_owned())));
-        assert_eq!(cells.read(b"1.234,5", b',', 0), Err(Fault::Text("1.234,5".to_owned())));
+        assert_eq!(cells.read(b"1.5", b',', 0), Err(CellFinding::Text("1.5".to_owned())));
+        assert_eq!(cells.read(b"1.234,5", b',', 0), Err(CellFinding::Text("1.234,5".to_owned())));
     }
 
     #[test]

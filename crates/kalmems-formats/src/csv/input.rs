@@ -13,7 +13,7 @@ const PIECE: usize = 1 << 18;
 const LONGEST_ROW: usize = 4 << 20;
 
 /// A file, a pipe or bytes, from front to back.
-pub(super) struct Input {
+pub(super) struct CsvInput {
     reader: Box<dyn Read + Send>,
     hash: Sha256,
     /// Bytes read so far, and in all where that is known.
@@ -31,7 +31,7 @@ pub(super) struct Input {
     end: usize,
 }
 
-impl Input {
+impl CsvInput {
     pub(super) fn new(reader: Box<dyn Read + Send>, total: u64) -> Self {
         Self {
             reader,
@@ -221,7 +221,7 @@ mod tests {
     fn lines_come_whole_however_they_are_read() {
         let text = b"ab\nc\n\ndefgh\nlast".to_vec();
         for size in 1..20 {
-            let mut input = Input::new(Box::new(Drops(text.clone(), 0, size)), 0);
+            let mut input = CsvInput::new(Box::new(Drops(text.clone(), 0, size)), 0);
             let mut found = Vec::new();
             while input.more().unwrap() {
                 let lines = input.lines().to_vec();
@@ -244,7 +244,7 @@ mod tests {
             let wide = std::iter::once(0xfeff).chain(text.encode_utf16());
             for bytes in [text.as_bytes().to_vec(), wide.flat_map(u16::to_le_bytes).collect()] {
                 for size in 1..6 {
-                    let mut input = Input::new(Box::new(Drops(bytes.clone(), 0, size)), 0);
+                    let mut input = CsvInput::new(Box::new(Drops(bytes.clone(), 0, size)), 0);
                     let mut found = Vec::new();
                     while input.more().unwrap() {
                         found.extend_from_slice(input.lines());
@@ -260,7 +260,7 @@ mod tests {
 
     #[test]
     fn a_line_without_end_is_refused_in_bounded_memory() {
-        let mut input = Input::new(Box::new(std::io::repeat(b'x')), 0);
+        let mut input = CsvInput::new(Box::new(std::io::repeat(b'x')), 0);
         assert!(matches!(input.more(), Err(FormatError::TooLarge { .. })));
         assert!(input.buffer.len() < 4 * LONGEST_ROW);
     }

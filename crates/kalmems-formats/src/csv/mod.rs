@@ -9,12 +9,12 @@ mod split;
 mod table;
 mod utf16;
 
-pub use cell::Cells;
+pub use cell::CellReader;
 pub(crate) use cell::excerpt;
 pub use hints::CsvHints;
 
 use crate::{FormatError, Hints, ReadSeek, Table};
-use input::Input;
+use input::CsvInput;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -24,22 +24,22 @@ pub fn open_csv(path: &Path, hints: &Hints) -> Result<Box<dyn Table>, FormatErro
     let file = File::open(path)?;
     let metadata = file.metadata()?;
     let total = if metadata.is_file() { metadata.len() } else { 0 };
-    from_input(Input::new(Box::new(file), total), hints)
+    from_input(CsvInput::new(Box::new(file), total), hints)
 }
 
 /// Opens text that is read once, from front to back, such as the beginning of a pipe and its rest.
 pub fn read_csv(text: impl Read + Send + 'static, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
-    from_input(Input::new(Box::new(text), 0), hints)
+    from_input(CsvInput::new(Box::new(text), 0), hints)
 }
 
 /// Opens text that is no file on its own.
 pub(crate) fn from_reader(mut file: Box<dyn ReadSeek>, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let total = file.seek(std::io::SeekFrom::End(0))?;
     file.seek(std::io::SeekFrom::Start(0))?;
-    from_input(Input::new(Box::new(file), total), hints)
+    from_input(CsvInput::new(Box::new(file), total), hints)
 }
 
-fn from_input(mut input: Input, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+fn from_input(mut input: CsvInput, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let dialect = dialect::recognise(&mut input, hints)?;
     Ok(Box::new(table::CsvTable::new(input, dialect)))
 }

@@ -21,23 +21,23 @@ const SHIFT: [u64; 9] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_00
 
 /// 10^q = m·2^e with m of 128 bits, the first of which is set, rounded down.
 #[derive(Clone, Copy)]
-struct Power {
+struct PowerOfTen {
     mantissa: u128,
     exponent: i32,
 }
 
 /// 10^q for q from −[`LARGEST`] to [`LARGEST`].
-static POWERS: [Power; 2 * LARGEST + 1] = powers();
+static POWERS: [PowerOfTen; 2 * LARGEST + 1] = powers();
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)] // small counts
-const fn powers() -> [Power; 2 * LARGEST + 1] {
-    let mut table = [Power { mantissa: 1 << 127, exponent: -127 }; 2 * LARGEST + 1];
+const fn powers() -> [PowerOfTen; 2 * LARGEST + 1] {
+    let mut table = [PowerOfTen { mantissa: 1 << 127, exponent: -127 }; 2 * LARGEST + 1];
     let mut five: u128 = 1;
     let mut q: usize = 0;
     while q <= LARGEST {
         let zeros = five.leading_zeros();
         // 5^q·2^q, whose first bit becomes bit 127.
-        table[LARGEST + q] = Power { mantissa: five << zeros, exponent: q as i32 - zeros as i32 };
+        table[LARGEST + q] = PowerOfTen { mantissa: five << zeros, exponent: q as i32 - zeros as i32 };
         // 1/5^q by long division, bit by bit, from the first bit that is set on: 5^q < 2^126, so that twice the rest fits.
         let mut quotient: u128 = 0;
         let mut rest: u128 = 1;
@@ -52,7 +52,7 @@ const fn powers() -> [Power; 2 * LARGEST + 1] {
             }
         }
         if q > 0 {
-            table[LARGEST - q] = Power { mantissa: quotient, exponent: exponent - q as i32 };
+            table[LARGEST - q] = PowerOfTen { mantissa: quotient, exponent: exponent - q as i32 };
         }
         five = if q < LARGEST { five * 5 } else { five };
         q += 1;
@@ -62,13 +62,13 @@ const fn powers() -> [Power; 2 * LARGEST + 1] {
 
 /// The digits of a number: ±w·10^q, with all digits of the text that count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Digits {
+pub(crate) struct DecimalDigits {
     pub(crate) negative: bool,
     pub(crate) w: u64,
     pub(crate) q: i32,
 }
 
-impl Digits {
+impl DecimalDigits {
     /// Reads a number that begins at `start` and is written with `point`; its digits and where it ends. `None` is no
     /// verdict: where there are more digits than fit 64 bits the slow way decides.
     #[inline]
@@ -109,7 +109,7 @@ impl Digits {
 /// `None` is no verdict: the slow way decides.
 #[inline]
 pub(crate) fn quick(text: &[u8], start: usize, point: u8, power: i32) -> Option<(f64, usize)> {
-    let (Digits { negative, w, q }, place) = Digits::read(text, start, point)?;
+    let (DecimalDigits { negative, w, q }, place) = DecimalDigits::read(text, start, point)?;
     let number = scaled(w, q.checked_add(power)?)?;
     Some((if negative { -number } else { number }, place))
 }

@@ -14,7 +14,7 @@ pub(super) struct Split {
 
 /// How much of a text a row takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Extent {
+pub(super) struct RowExtent {
     /// Bytes, its line end included.
     pub(super) bytes: usize,
     /// Line ends inside quotes.
@@ -26,7 +26,7 @@ impl Split {
     /// the text and `last` does not say that no more comes.
     ///
     /// A quote opens a quoted stretch at the beginning of a cell alone; twice inside, it is a quote.
-    pub(super) fn row(&mut self, text: &[u8], separator: u8, last: bool) -> Option<Extent> {
+    pub(super) fn row(&mut self, text: &[u8], separator: u8, last: bool) -> Option<RowExtent> {
         self.bytes.clear();
         self.ends.clear();
         if separator == BLANKS {
@@ -42,16 +42,16 @@ impl Split {
             let length = memchr::memchr2(separator, b'\n', rest);
             self.bytes.extend_from_slice(rest.get(..length.unwrap_or(rest.len())).unwrap_or_default());
             self.ends.push(self.bytes.len());
-            let Some(length) = length else { return Some(Extent { bytes: text.len(), inside }) };
+            let Some(length) = length else { return Some(RowExtent { bytes: text.len(), inside }) };
             place += length + 1;
             if rest.get(length) == Some(&b'\n') {
-                return Some(Extent { bytes: place, inside });
+                return Some(RowExtent { bytes: place, inside });
             }
         }
     }
 
     /// The same with blanks between the cells; those at the beginning and the end of a line mean nothing.
-    fn row_of_blanks(&mut self, text: &[u8], last: bool) -> Option<Extent> {
+    fn row_of_blanks(&mut self, text: &[u8], last: bool) -> Option<RowExtent> {
         let is_blank = |byte: &u8| matches!(byte, b' ' | b'\t' | b'\r');
         let mut place = 0;
         let mut inside = 0;
@@ -62,7 +62,7 @@ impl Split {
                     if self.ends.is_empty() {
                         self.ends.push(0);
                     }
-                    return Some(Extent { bytes: text.len().min(place + 1), inside });
+                    return Some(RowExtent { bytes: text.len().min(place + 1), inside });
                 }
                 Some(b'"') => place = self.quoted(text, place + 1, &mut inside, last)?,
                 Some(_) => {}
@@ -123,7 +123,7 @@ impl Split {
 mod tests {
     use super::*;
 
-    fn split(text: &str) -> Option<(Vec<String>, Extent)> {
+    fn split(text: &str) -> Option<(Vec<String>, RowExtent)> {
         let mut split = Split::default();
         let extent = split.row(text.as_bytes(), b',', false)?;
         Some((split.iter().map(|cell| String::from_utf8_lossy(cell).into_owned()).collect(), extent))
@@ -143,7 +143,7 @@ mod tests {
             ("\"\"\n", &[""], 3, 0),
         ] {
             let cells = cells.iter().map(|&cell| cell.to_owned()).collect();
-            assert_eq!(split(text), Some((cells, Extent { bytes, inside })), "{text:?}");
+            assert_eq!(split(text), Some((cells, RowExtent { bytes, inside })), "{text:?}");
         }
     }
 
@@ -158,7 +158,7 @@ mod tests {
             let mut split = Split::default();
             let extent = split.row(text.as_bytes(), BLANKS, false).unwrap();
             let found: Vec<_> = split.iter().map(|cell| std::str::from_utf8(cell).unwrap()).collect();
-            assert_eq!((found.as_slice(), extent), (cells, Extent { bytes, inside: 0 }), "{text:?}");
+            assert_eq!((found.as_slice(), extent), (cells, RowExtent { bytes, inside: 0 }), "{text:?}");
         }
         assert_eq!(Split::default().row(b"a \"b\n", BLANKS, false), None);
     }
@@ -167,7 +167,7 @@ mod tests {
     fn an_open_quote_waits_for_its_end() {
         assert_eq!(split("\"a\nb,c\n"), None);
         let mut split = Split::default();
-        assert_eq!(split.row(b"x,\"a\nb\n", b',', true), Some(Extent { bytes: 7, inside: 2 }));
+        assert_eq!(split.row(b"x,\"a\nb\n", b',', true), Some(RowExtent { bytes: 7, inside: 2 }));
         assert_eq!((split.len(), split.cell(1)), (2, &b"a\nb"[..]));
     }
 }

@@ -1,12 +1,13 @@
 //! A text as a table.
 
-use super::cell::Cells;
-use super::dialect::{Dialect, DialectColumn, Heading, Origin, Records};
-use super::input::Input;
+use super::cell::CellReader;
+use super::dialect::{ColumnOrigin, Dialect, DialectColumn, Heading, RecordShape};
+use super::input::CsvInput;
 use super::number::quick;
 use super::split::{BLANKS, Split};
 use crate::{
-    Block, CellFault, Description, Digest, Fault, FormatError, Table, TimeKind, TimeReader, TimeUnit, Wanted,
+    Block, CellFault, CellFinding, Digest, FormatError, Table, TableDescription, TimeKind, TimeReader,
+    TimeUnit, WantedColumn,
 };
 
 /// As much text is gone through for one block, so that a block does not take long where rows are left out.
@@ -14,7 +15,7 @@ const BYTES_PER_BLOCK: u64 = 16 << 20;
 
 /// What is done with a cell.
 #[derive(Clone, Copy, Debug, Default)]
-struct Use {
+struct CellUse {
     /// Read as a number, times this power of ten.
     power: Option<i32>,
     /// Read as a time, among the numbers.
@@ -23,7 +24,7 @@ struct Use {
     label: bool,
 }
 
-impl Use {
+impl CellUse {
     /// Whether it is among the numbers.
     const fn is_number(self) -> bool {
         self.power.is_some() || self.time
@@ -32,7 +33,7 @@ impl Use {
 
 /// Where the numbers of a wanted column come from.
 #[derive(Clone, Copy, Debug)]
-enum Value {
+enum NumberSource {
     /// The cell with this number among those that are read as numbers.
     Cell(usize),
     /// That cell times a step after a start.
@@ -45,7 +46,7 @@ enum Value {
 
 /// Where the labels of a wanted column come from.
 #[derive(Clone, Copy, Debug)]
-enum Label {
+enum LabelSource {
     Cell(usize),
     /// The number of the record.
     Record,
@@ -54,15 +55,15 @@ enum Label {
 }
 
 pub(super) struct CsvTable {
-    input: Input,
+    input: CsvInput,
     dialect: Dialect,
-    description: Description,
+    description: TableDescription,
     /// One for each cell of a row.
-    uses: Vec<Use>,
+    uses: Vec<CellUse>,
     /// What is wanted; one for each wanted column of numbers, and one for each of labels.
-    wanted: Vec<Wanted>,
-    values: Vec<Value>,
-    labels: Vec<Label>,
+    wanted: Vec<WantedColumn>,
+    values: Vec<NumberSource>,
+    labels: Vec<LabelSource>,
     /// Reads the cells that are times.
     times: TimeReader,
     /// The cells that are labels, in their order.
@@ -72,19 +73,19 @@ pub(super) struct CsvTable {
     /// The line of the next row, the record that it is of and its number therein, and blank lines before it: the first
     /// and how many.
     line: u64,
-    record: Record,
+    record: RecordPlace,
     blank: (u64, u64),
     /// Whether it was told that the last line has no end.
     end_is_told: bool,
     /// Memory that is used again.
     split: Split,
-    cells: Cells,
+    cells: CellReader,
     numbers: Vec<f64>,
     stretches: Vec<(usize, usize)>,
 }
 
 /// Where in the records of a file the next row is.
-struct Record {
+struct RecordPlace {
     /// The number of the record, counted from 1, as a number and as a label.
     number: u64,
     label: Vec<u8>,
@@ -92,7 +93,7 @@ struct Record {
     row: u64,
 }
 
-impl Record {
+impl RecordPlace {
     fn new(number: u64) -> Self {
         Self { number, label: number.to_string().into_bytes(), row: 0 }
     }
@@ -114,7 +115,7 @@ impl Record {
 }
 
 /// What became of a piece of text.
-enum Step {
+enum RowOutcome {
     /// It was gone through.
     On,
     /// The block is full.
@@ -124,14 +125,14 @@ enum Step {
 }
 
 impl CsvTable {
-    pub(super) fn new(input: Input, dialect: Dialect) -> Self {
+    pub(super) fn new(input: CsvInput, dialect: Dialect) -> Self {
         let mut column_of = vec![None; dialect.cells];
         for (index, column) in dialect.columns.iter().enumerate() {
             if let Some(of) = column.origin.cell().and_then(|cell| column_of.get_mut(cell)) {
                 *of = Some(index);
             }
         }
-        let description = Description {
+        let description = TableDescription {
             format: "CSV",
             recognised: dialect.recognised.clone(),
             columns: dialect.columns.iter().map(|column| column.column.clone()).collect(),
@@ -142,7 +143,7 @@ impl CsvTable {
         Self {
             input,
             description,
-            uses: vec![Use::default(); dialect.cells],
+            uses: vec![CellUse::default(); dialect.cells],
             wanted: Vec::new(),
             values: Vec::new(),
             labels: Vec::new(),
@@ -150,53 +151,55 @@ impl CsvTable {
             label_cells: Vec::new(),
             column_of,
             line: dialect.first_row_line,
-            record: Record::new(1),
+            record: RecordPlace::new(1),
             blank: (0, 0),
             end_is_told: false,
             split: Split::default(),
-            cells: Cells::default(),
+            cells: CellReader::default(),
             numbers: Vec::new(),
             stretches: Vec::new(),
             dialect,
         }
     }
 
-    fn origin(&self, column: usize) -> Option<Origin> {
+    fn origin(&self, column: usize) -> Option<ColumnOrigin> {
         self.dialect.columns.get(column).map(|column| column.origin)
     }
 
     /// Where the numbers of a column come from, which count this unit.
-    fn value(&self, column: usize, unit: TimeUnit) -> Value {
+    fn value(&self, column: usize, unit: TimeUnit) -> NumberSource {
         let number_of = |cell: usize| self.uses.iter().take(cell).filter(|usage| usage.is_number()).count();
         let (decimal, factor) = (10_f64.powi(unit.power), f64::from(unit.factor));
         match self.origin(column) {
-            Some(Origin::Cell(cell)) => Value::Cell(number_of(cell)),
-            Some(Origin::Affine { cell, start, step }) => {
-                Value::Affine { cell: number_of(cell), start: start * decimal * factor, step: step * factor }
+            Some(ColumnOrigin::Cell(cell)) => NumberSource::Cell(number_of(cell)),
+            Some(ColumnOrigin::Affine { cell, start, step }) => NumberSource::Affine {
+                cell: number_of(cell),
+                start: start * decimal * factor,
+                step: step * factor,
+            },
+            Some(ColumnOrigin::Counted { start, step }) => {
+                NumberSource::Counted { start: start * decimal * factor, step: step * decimal * factor }
             }
-            Some(Origin::Counted { start, step }) => {
-                Value::Counted { start: start * decimal * factor, step: step * decimal * factor }
-            }
-            Some(Origin::Record) => Value::Record,
+            Some(ColumnOrigin::Record) => NumberSource::Record,
             // A column that is not there has no numbers.
-            None => Value::Cell(usize::MAX),
+            None => NumberSource::Cell(usize::MAX),
         }
     }
 
     /// Reads rows as they usually are: as many cells as there should be, and numbers where they should be. `BLANK`: any number
     /// of blanks separates the cells.
-    fn quick_rows<const BLANK: bool>(&mut self, block: &mut Block) -> Step {
+    fn quick_rows<const BLANK: bool>(&mut self, block: &mut Block) -> RowOutcome {
         // A row after blank lines is told differently.
         if self.blank.1 > 0 {
-            return Step::On;
+            return RowOutcome::On;
         }
         // The first time, of a row that is one, says where they count from.
         if !self.settle_times() {
-            return Step::On;
+            return RowOutcome::On;
         }
         let text = self.input.lines();
         let mut place = 0;
-        let headed = matches!(self.dialect.records, Records::Headed(_));
+        let headed = matches!(self.dialect.records, RecordShape::Headed(_));
         let record_rows = self.dialect.record_rows();
         while block.rows < block.capacity {
             // A header between records begins with a word, in what may be a cell that is not read.
@@ -226,7 +229,7 @@ impl CsvTable {
             self.line += 1;
         }
         self.input.take(place);
-        if block.rows < block.capacity { Step::On } else { Step::Full }
+        if block.rows < block.capacity { RowOutcome::On } else { RowOutcome::Full }
     }
 
     /// Whether it is known where the times count from, if there are any. Those that are plain numbers are read as such from
@@ -240,7 +243,7 @@ impl CsvTable {
     }
 
     /// Reads one row of any kind.
-    fn slow_row(&mut self, block: &mut Block) -> Result<Step, FormatError> {
+    fn slow_row(&mut self, block: &mut Block) -> Result<RowOutcome, FormatError> {
         let extent = loop {
             let text = self.input.lines();
             if !text.is_empty()
@@ -250,7 +253,7 @@ impl CsvTable {
             }
             if !self.input.more()? {
                 if self.input.lines().is_empty() {
-                    return Ok(Step::End);
+                    return Ok(RowOutcome::End);
                 }
                 // An open quote takes all that is left.
                 break self.split.row(self.input.lines(), self.dialect.separator, true).unwrap_or_default();
@@ -258,33 +261,33 @@ impl CsvTable {
         };
         let lines = 1 + extent.inside;
         if self.pass_header()? {
-            return Ok(Step::On);
+            return Ok(RowOutcome::On);
         }
         if self.is_blank() {
             self.blank = (if self.blank.1 == 0 { self.line } else { self.blank.0 }, self.blank.1 + lines);
         } else if !self.take_blank_lines(block) {
-            return Ok(Step::Full);
+            return Ok(RowOutcome::Full);
         } else if !self.dialect.fits(&self.split) {
             self.leave_out(block);
         } else if block.rows == block.capacity {
-            return Ok(Step::Full);
+            return Ok(RowOutcome::Full);
         } else {
             self.take_row(block);
         }
         self.input.take(extent.bytes);
         self.line += lines;
-        Ok(Step::On)
+        Ok(RowOutcome::On)
     }
 
     /// Whether the row that is split has nothing in it.
     fn is_blank(&self) -> bool {
-        let headed = matches!(self.dialect.records, Records::Headed(_));
+        let headed = matches!(self.dialect.records, RecordShape::Headed(_));
         self.split.is_blank() || headed && self.split.iter().all(<[u8]>::is_empty)
     }
 
     /// Passes over a header between records, if the row that is split is the first line of one.
     fn pass_header(&mut self) -> Result<bool, FormatError> {
-        let Records::Headed(heading) = self.dialect.records else { return Ok(false) };
+        let RecordShape::Headed(heading) = self.dialect.records else { return Ok(false) };
         if !Heading::begins(self.split.cell(0)) {
             return Ok(false);
         }
@@ -312,8 +315,12 @@ impl CsvTable {
         let row = self.line > self.dialect.first_row_line && self.blank.1 == 0;
         if self.input.open_end() && row && !self.end_is_told {
             self.end_is_told = true;
-            let fault =
-                CellFault { row: block.rows, line: self.line - 1, column: None, fault: Fault::NoLineEnd };
+            let fault = CellFault {
+                row: block.rows,
+                line: self.line - 1,
+                column: None,
+                fault: CellFinding::NoLineEnd,
+            };
             block.faults.push(fault);
         }
     }
@@ -324,18 +331,20 @@ impl CsvTable {
         self.labels.clear();
         for want in &self.wanted {
             match *want {
-                Wanted::Number { column, power } => {
+                WantedColumn::Number { column, power } => {
                     let value = self.value(column, TimeUnit::decimal(power));
                     self.values.push(value);
                 }
-                Wanted::Time { column, unit, .. } => {
+                WantedColumn::Time { column, unit, .. } => {
                     let value = self.value(column, unit);
                     self.values.push(value);
                 }
-                Wanted::Label { column } => self.labels.push(match self.origin(column) {
-                    Some(Origin::Cell(cell) | Origin::Affine { cell, .. }) => Label::Cell(cell),
-                    Some(Origin::Record) => Label::Record,
-                    Some(Origin::Counted { .. }) | None => Label::Nothing,
+                WantedColumn::Label { column } => self.labels.push(match self.origin(column) {
+                    Some(ColumnOrigin::Cell(cell) | ColumnOrigin::Affine { cell, .. }) => {
+                        LabelSource::Cell(cell)
+                    }
+                    Some(ColumnOrigin::Record) => LabelSource::Record,
+                    Some(ColumnOrigin::Counted { .. }) | None => LabelSource::Nothing,
                 }),
             }
         }
@@ -361,7 +370,7 @@ impl CsvTable {
             let row = block.rows;
             let same = block.faults.iter_mut().rev().take_while(|f| f.row == row);
             let same = same.filter_map(|f| {
-                if let Fault::BlankLines { count } = &mut f.fault { Some(count) } else { None }
+                if let CellFinding::BlankLines { count } = &mut f.fault { Some(count) } else { None }
             });
             match same.last() {
                 Some(before) => *before += count,
@@ -369,7 +378,7 @@ impl CsvTable {
                     row,
                     line,
                     column: None,
-                    fault: Fault::BlankLines { count },
+                    fault: CellFinding::BlankLines { count },
                 }),
             }
             self.blank = (0, 0);
@@ -381,15 +390,20 @@ impl CsvTable {
     fn leave_out(&self, block: &mut Block) {
         let row = block.rows;
         let same = block.faults.iter_mut().rev().take_while(|f| f.row == row);
-        let same = same
-            .filter_map(|f| if let Fault::CellCount { rows, .. } = &mut f.fault { Some(rows) } else { None });
+        let same = same.filter_map(|f| {
+            if let CellFinding::CellCount { rows, .. } = &mut f.fault { Some(rows) } else { None }
+        });
         match same.last() {
             Some(rows) => *rows += 1,
             None => block.faults.push(CellFault {
                 row,
                 line: self.line,
                 column: None,
-                fault: Fault::CellCount { found: self.split.len(), expected: self.dialect.cells, rows: 1 },
+                fault: CellFinding::CellCount {
+                    found: self.split.len(),
+                    expected: self.dialect.cells,
+                    rows: 1,
+                },
             }),
         }
     }
@@ -419,7 +433,7 @@ impl CsvTable {
 }
 
 impl Table for CsvTable {
-    fn description(&self) -> &Description {
+    fn description(&self) -> &TableDescription {
         &self.description
     }
 
@@ -427,32 +441,34 @@ impl Table for CsvTable {
         self.dialect.header_line
     }
 
-    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
-        self.uses.fill(Use::default());
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
+        self.uses.fill(CellUse::default());
         self.labels.clear();
         for want in wanted {
-            let cell = self.origin(want.column()).and_then(Origin::cell);
+            let cell = self.origin(want.column()).and_then(ColumnOrigin::cell);
             let usage = cell.and_then(|cell| self.uses.get_mut(cell));
             match (want, usage) {
-                (Wanted::Number { power, .. }, Some(usage)) => usage.power = Some(*power),
+                (WantedColumn::Number { power, .. }, Some(usage)) => usage.power = Some(*power),
                 // The header's own clock counts from where it says.
-                (Wanted::Time { column, unit, .. }, Some(usage)) => match self.dialect.columns.get(*column) {
-                    Some(DialectColumn { origin: Origin::Cell(_), .. }) => usage.time = true,
-                    _ => usage.power = Some(unit.power),
-                },
-                (Wanted::Label { .. }, Some(usage)) => usage.label = true,
+                (WantedColumn::Time { column, unit, .. }, Some(usage)) => {
+                    match self.dialect.columns.get(*column) {
+                        Some(DialectColumn { origin: ColumnOrigin::Cell(_), .. }) => usage.time = true,
+                        _ => usage.power = Some(unit.power),
+                    }
+                }
+                (WantedColumn::Label { .. }, Some(usage)) => usage.label = true,
                 (_, None) => {}
             }
         }
         self.wanted = wanted.to_vec();
         self.bind();
-        if let Some((column, unit, origin)) = Wanted::time(wanted, self.description.format)? {
+        if let Some((column, unit, origin)) = WantedColumn::time(wanted, self.description.format)? {
             self.times = match self.time_kind(column) {
                 Some(_) => TimeReader::of_iso(origin),
                 None => TimeReader::new(unit, origin),
             };
         }
-        let label = |(index, usage): (usize, &Use)| usage.label.then_some(index);
+        let label = |(index, usage): (usize, &CellUse)| usage.label.then_some(index);
         self.label_cells = self.uses.iter().enumerate().filter_map(label).collect();
         Ok(())
     }
@@ -460,7 +476,7 @@ impl Table for CsvTable {
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         block.clear(self.values.len(), self.labels.len());
         let read = self.rows_into(block);
-        block.tell_times(&self.times);
+        block.set_times(&self.times);
         read
     }
 
@@ -484,13 +500,13 @@ impl CsvTable {
         let blanks = self.dialect.separator == BLANKS;
         loop {
             let step = if blanks { self.quick_rows::<true>(block) } else { self.quick_rows::<false>(block) };
-            if matches!(step, Step::Full) {
+            if matches!(step, RowOutcome::Full) {
                 return Ok(());
             }
             match self.slow_row(block)? {
-                Step::On => {}
-                Step::Full => return Ok(()),
-                Step::End => {
+                RowOutcome::On => {}
+                RowOutcome::Full => return Ok(()),
+                RowOutcome::End => {
                     self.tell_open_end(block);
                     return Ok(());
                 }
@@ -510,7 +526,7 @@ fn quick_row<const BLANK: bool>(
     text: &[u8],
     mut place: usize,
     dialect: &Dialect,
-    uses: &[Use],
+    uses: &[CellUse],
     (numbers, times): (&mut Vec<f64>, &mut TimeReader),
     labels: &mut Vec<(usize, usize)>,
 ) -> Option<usize> {
@@ -591,15 +607,15 @@ fn skip_blanks(text: &[u8], mut place: usize) -> usize {
 }
 
 #[inline]
-fn push_row(block: &mut Block, numbers: &[f64], values: &[Value], record: &Record) {
+fn push_row(block: &mut Block, numbers: &[f64], values: &[NumberSource], record: &RecordPlace) {
     for (column, value) in block.numbers.iter_mut().zip(values) {
         column.push(match *value {
-            Value::Cell(cell) => numbers.get(cell).copied().unwrap_or(f64::NAN),
-            Value::Affine { cell, start, step } => {
+            NumberSource::Cell(cell) => numbers.get(cell).copied().unwrap_or(f64::NAN),
+            NumberSource::Affine { cell, start, step } => {
                 start + numbers.get(cell).copied().unwrap_or(f64::NAN) * step
             }
-            Value::Counted { start, step } => start + record.row as f64 * step,
-            Value::Record => record.number as f64,
+            NumberSource::Counted { start, step } => start + record.row as f64 * step,
+            NumberSource::Record => record.number as f64,
         });
     }
 }
@@ -607,15 +623,15 @@ fn push_row(block: &mut Block, numbers: &[f64], values: &[Value], record: &Recor
 #[inline]
 fn push_labels<'a>(
     block: &mut Block,
-    labels: &[Label],
-    record: &'a Record,
+    labels: &[LabelSource],
+    record: &'a RecordPlace,
     cell: impl Fn(usize) -> &'a [u8],
 ) {
     for (runs, label) in block.labels.iter_mut().zip(labels) {
         let label = match *label {
-            Label::Cell(index) => cell(index),
-            Label::Record => &record.label,
-            Label::Nothing => b"",
+            LabelSource::Cell(index) => cell(index),
+            LabelSource::Record => &record.label,
+            LabelSource::Nothing => b"",
         };
         if runs.last().is_none_or(|(_, last)| last != label) {
             runs.push((block.rows, label.to_vec()));

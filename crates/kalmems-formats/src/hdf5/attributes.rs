@@ -1,12 +1,12 @@
 //! The attributes of an object (HDF5 File Format Specification, section IV.A.2.m).
 
-use super::datatype::{self, Kind as Type};
-use super::file::{Cursor, File};
-use super::header::{self, Header, Kind};
-use super::heap::{FractalHeap, Texts};
+use super::datatype::{self, DatatypeKind as Type};
+use super::file::{Hdf5File, MetadataCursor};
+use super::header::{self, MessageKind, ObjectHeader};
+use super::heap::{FractalHeap, HeapTexts};
 use super::tree;
-use crate::element::Exact;
-use crate::records::Code;
+use crate::element::ExactNumber;
+use crate::records::TextEncoding;
 use crate::{FormatError, limits};
 
 /// Elements of an attribute; one with more is no unit, name or factor.
@@ -14,22 +14,22 @@ const ELEMENTS: u64 = 4096;
 
 /// The value of an attribute.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Value {
+pub(super) enum AttributeValue {
     Texts(Vec<String>),
-    Numbers(Vec<Exact>),
+    Numbers(Vec<ExactNumber>),
     /// Anything else, or too much.
     Other,
 }
 
 /// The attributes of an object, by their names.
 #[derive(Default)]
-pub(super) struct Attributes(Vec<(String, Value)>);
+pub(super) struct Attributes(Vec<(String, AttributeValue)>);
 
 impl Attributes {
-    pub(super) fn read(file: &File, header: &Header) -> Result<Self, FormatError> {
+    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Self, FormatError> {
         let mut all = Self::default();
-        header.each(file, Kind::Attribute, |cursor| all.push(attribute(cursor)?))?;
-        let dense = header.first(file, Kind::AttributeInfo, |cursor| {
+        header.each(file, MessageKind::Attribute, |cursor| all.push(attribute(cursor)?))?;
+        let dense = header.first(file, MessageKind::AttributeInfo, |cursor| {
             let flags = cursor.skip(1)?.u8()?;
             if flags & 1 != 0 {
                 cursor.skip(2)?;
@@ -45,7 +45,7 @@ impl Attributes {
                 let place = record.place();
                 let id = record.take(heap.id_bytes)?;
                 match heap.object(id)? {
-                    Some(body) => all.push(attribute(&mut Cursor::new(file, &body, place))?),
+                    Some(body) => all.push(attribute(&mut MetadataCursor::new(file, &body, place))?),
                     None => Ok(()),
                 }
             })?;
@@ -53,7 +53,7 @@ impl Attributes {
         Ok(all)
     }
 
-    fn push(&mut self, attribute: (String, Value)) -> Result<(), FormatError> {
+    fn push(&mut self, attribute: (String, AttributeValue)) -> Result<(), FormatError> {
         let count = self.0.len() as u64 + 1;
         limits::at_most(
             super::FORMAT,
@@ -65,7 +65,7 @@ impl Attributes {
         Ok(())
     }
 
-    pub(super) fn get(&self, name: &str) -> Option<&Value> {
+    pub(super) fn get(&self, name: &str) -> Option<&AttributeValue> {
         self.0.iter().find(|(known, _)| known == name).map(|(_, value)| value)
     }
 
@@ -79,14 +79,14 @@ impl Attributes {
 
     pub(super) fn texts(&self, name: &str) -> Option<&[String]> {
         match self.get(name)? {
-            Value::Texts(texts) => Some(texts),
+            AttributeValue::Texts(texts) => Some(texts),
             _ => None,
         }
     }
 
-    pub(super) fn numbers(&self, name: &str) -> &[Exact] {
+    pub(super) fn numbers(&self, name: &str) -> &[ExactNumber] {
         match self.get(name) {
-            Some(Value::Numbers(numbers)) => numbers,
+            Some(AttributeValue::Numbers(numbers)) => numbers,
             _ => &[],
         }
     }
@@ -102,7 +102,7 @@ impl Attributes {
         };
         let named = self.0.iter().filter(|(name, _)| is_unit(name));
         let mut texts = named.filter_map(|(_, value)| match value {
-            Value::Texts(texts) if !texts.is_empty() => Some(texts),
+            AttributeValue::Texts(texts) if !texts.is_empty() => Some(texts),
             _ => None,
         });
         texts.next().map_or(&[], Vec::as_slice)
@@ -111,7 +111,7 @@ impl Attributes {
 
 /// How many elements a dataspace has, and its axes: their lengths now and at most.
 #[derive(Clone, Debug)]
-pub(super) struct Space {
+pub(super) struct Dataspace {
     pub(super) shape: Vec<u64>,
     /// None where an axis has no end.
     pub(super) most: Vec<Option<u64>>,
@@ -119,8 +119,8 @@ pub(super) struct Space {
     pub(super) none: bool,
 }
 
-impl Space {
-    pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Self, FormatError> {
+impl Dataspace {
+    pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Self, FormatError> {
         let (version, axes, flags) = (cursor.u8()?, usize::from(cursor.u8()?), cursor.u8()?);
         let none = match version {
             1 => {
@@ -152,7 +152,7 @@ impl Space {
     }
 }
 
-fn attribute(cursor: &mut Cursor<'_>) -> Result<(String, Value), FormatError> {
+fn attribute(cursor: &mut MetadataCursor<'_>) -> Result<(String, AttributeValue), FormatError> {
     let (version, flags) = (cursor.u8()?, cursor.u8()?);
     if !(1..=3).contains(&version) {
         return Err(cursor.damaged(format!("version {version} of an attribute"), "1 to 3"));
@@ -173,42 +173,46 @@ fn attribute(cursor: &mut Cursor<'_>) -> Result<(String, Value), FormatError> {
     let name = name.name()?;
     // A shape that is elsewhere is not written by any library that is known.
     if version > 1 && flags & 2 != 0 {
-        return Ok((name, Value::Other));
+        return Ok((name, AttributeValue::Other));
     }
     let element = if version > 1 && flags & 1 != 0 {
         let address = header::shared(&mut element)?;
-        let there = Header::read(cursor.file, address)?.first(cursor.file, Kind::Datatype, datatype::read)?;
+        let there = ObjectHeader::read(cursor.file, address)?.first(
+            cursor.file,
+            MessageKind::Datatype,
+            datatype::read,
+        )?;
         there.unwrap_or(Type::Other("a type that is not there"))
     } else {
         datatype::read(&mut element)?
     };
-    let count = Space::read(&mut space)?.count();
-    let value = if count > ELEMENTS { Value::Other } else { value(cursor, &element, count)? };
+    let count = Dataspace::read(&mut space)?.count();
+    let value = if count > ELEMENTS { AttributeValue::Other } else { value(cursor, &element, count)? };
     Ok((name, value))
 }
 
-fn value(cursor: &mut Cursor<'_>, element: &Type, count: u64) -> Result<Value, FormatError> {
+fn value(cursor: &mut MetadataCursor<'_>, element: &Type, count: u64) -> Result<AttributeValue, FormatError> {
     Ok(match element {
         Type::Number(element) => {
             let numbers = (0..count).map(|_| Ok(element.exact(cursor.take(element.bytes)?)));
-            Value::Numbers(numbers.collect::<Result<_, FormatError>>()?)
+            AttributeValue::Numbers(numbers.collect::<Result<_, FormatError>>()?)
         }
         Type::Text { bytes } => {
             let texts = (0..count).map(|_| Ok(text(cursor.take(*bytes)?)));
-            Value::Texts(texts.collect::<Result<_, FormatError>>()?)
+            AttributeValue::Texts(texts.collect::<Result<_, FormatError>>()?)
         }
         Type::Texts => {
-            let mut heap = Texts::new(cursor.file);
+            let mut heap = HeapTexts::new(cursor.file);
             let texts = (0..count).map(|_| Ok(text(&heap.text(cursor)?)));
-            Value::Texts(texts.collect::<Result<_, FormatError>>()?)
+            AttributeValue::Texts(texts.collect::<Result<_, FormatError>>()?)
         }
-        _ => Value::Other,
+        _ => AttributeValue::Other,
     })
 }
 
 /// A text without the zeros and white space around it.
 fn text(raw: &[u8]) -> String {
     let mut trimmed = Vec::new();
-    Code::Bytes.read(raw, &mut trimmed);
+    TextEncoding::Bytes.read(raw, &mut trimmed);
     String::from_utf8_lossy(&trimmed).into_owned()
 }

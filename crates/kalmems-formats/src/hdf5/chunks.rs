@@ -1,11 +1,11 @@
 //! The values of a chunked dataset, a band of chunks at a time.
 
 use super::FORMAT;
-use super::attributes::Space;
-use super::file::File;
-use super::filters::{self, Filter};
+use super::attributes::Dataspace;
+use super::file::Hdf5File;
+use super::filters::{self, DatasetFilter};
 use super::layout::{Chunk, Chunked};
-use crate::records::Lane;
+use crate::records::RecordLane;
 use crate::{FormatError, limits};
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ const CHUNKS: u64 = 1 << 18;
 
 /// How the rows of a table lie in a dataset.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Grid {
+pub(super) struct ChunkGrid {
     pub(super) rows: u64,
     /// Elements of a row.
     pub(super) columns: u64,
@@ -28,7 +28,7 @@ pub(super) struct Grid {
     pub(super) turned: bool,
 }
 
-impl Grid {
+impl ChunkGrid {
     /// Refuses chunks that are too large, too many, or none.
     pub(super) fn check(&self, place: &str) -> Result<(), FormatError> {
         let damaged = |found: String| FormatError::Damaged {
@@ -64,18 +64,18 @@ impl Grid {
 
 /// Rows of a chunked dataset.
 pub(super) struct ChunkLane {
-    pub(super) file: Arc<File>,
+    pub(super) file: Arc<Hdf5File>,
     pub(super) chunked: Chunked,
-    pub(super) space: Space,
+    pub(super) space: Dataspace,
     pub(super) path: String,
-    pub(super) grid: Grid,
-    pub(super) filters: Vec<Filter>,
-    pub(super) progress: Progress,
+    pub(super) grid: ChunkGrid,
+    pub(super) filters: Vec<DatasetFilter>,
+    pub(super) progress: LaneProgress,
 }
 
 /// How far a lane is.
 #[derive(Default)]
-pub(super) struct Progress {
+pub(super) struct LaneProgress {
     /// Where the chunks are, band after band; looked up when the first row is read.
     chunks: Vec<Option<Chunk>>,
     row: u64,
@@ -194,7 +194,7 @@ impl ChunkLane {
     }
 }
 
-impl Lane for ChunkLane {
+impl RecordLane for ChunkLane {
     fn record(&self) -> usize {
         usize::try_from(self.grid.columns).unwrap_or(0) * self.grid.element
     }

@@ -1,6 +1,6 @@
 //! What the elements of a dataset are (HDF5 File Format Specification, section IV.A.2.d).
 
-use super::file::Cursor;
+use super::file::MetadataCursor;
 use crate::element::{self, Element};
 use crate::{FormatError, limits};
 
@@ -9,7 +9,7 @@ const DEPTH: usize = 8;
 
 /// What an element of a dataset is.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum DatatypeKind {
     Number(Element),
     /// A text of a fixed length.
     Text {
@@ -22,12 +22,12 @@ pub(super) enum Kind {
     /// Fields with names, places and kinds.
     Fields {
         bytes: usize,
-        fields: Vec<(String, usize, Kind)>,
+        fields: Vec<(String, usize, DatatypeKind)>,
     },
     Other(&'static str),
 }
 
-impl Kind {
+impl DatatypeKind {
     /// Bytes of an element; 0 where it has no fixed length.
     pub(super) fn bytes(&self) -> usize {
         match self {
@@ -50,11 +50,11 @@ impl Kind {
 }
 
 /// Reads a type.
-pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Kind, FormatError> {
+pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<DatatypeKind, FormatError> {
     kind(cursor, DEPTH)
 }
 
-fn kind(cursor: &mut Cursor<'_>, depth: usize) -> Result<Kind, FormatError> {
+fn kind(cursor: &mut MetadataCursor<'_>, depth: usize) -> Result<DatatypeKind, FormatError> {
     if depth == 0 {
         return Err(cursor.damaged("types within one another", "no more than eight of them"));
     }
@@ -66,31 +66,32 @@ fn kind(cursor: &mut Cursor<'_>, depth: usize) -> Result<Kind, FormatError> {
     Ok(match class {
         0 => {
             let (offset, precision) = (cursor.u16()?, cursor.u16()?);
-            let kind = if bits & 8 != 0 { element::Kind::Signed } else { element::Kind::Unsigned };
+            let kind =
+                if bits & 8 != 0 { element::ElementKind::Signed } else { element::ElementKind::Unsigned };
             if offset != 0 || usize::from(precision) != bytes.saturating_mul(8) {
-                Kind::Other("integers with unused bits")
+                DatatypeKind::Other("integers with unused bits")
             } else {
                 number(kind, bytes, bits & 1 != 0)
             }
         }
         1 => float(cursor, bits, bytes)?,
-        3 if bytes > 0 => Kind::Text { bytes },
-        3 => Kind::Other("texts without characters"),
+        3 if bytes > 0 => DatatypeKind::Text { bytes },
+        3 => DatatypeKind::Other("texts without characters"),
         4 => {
             cursor.skip(4)?;
-            Kind::Other("bits without a meaning")
+            DatatypeKind::Other("bits without a meaning")
         }
         2 => {
             cursor.skip(2)?;
-            Kind::Other("times of HDF5's own kind")
+            DatatypeKind::Other("times of HDF5's own kind")
         }
         5 => {
             cursor.skip((bits & 0xff) as usize)?;
-            Kind::Other("bytes without a meaning")
+            DatatypeKind::Other("bytes without a meaning")
         }
         6 => compound(cursor, version, (bits & 0xffff) as usize, bytes, depth)?,
-        7 if bits.trailing_zeros() >= 4 => Kind::References,
-        7 => Kind::Other("references to parts of datasets"),
+        7 if bits.trailing_zeros() >= 4 => DatatypeKind::References,
+        7 => DatatypeKind::Other("references to parts of datasets"),
         8 => {
             let base = kind(cursor, depth - 1)?;
             for _ in 0..bits & 0xffff {
@@ -101,26 +102,30 @@ fn kind(cursor: &mut Cursor<'_>, depth: usize) -> Result<Kind, FormatError> {
         }
         9 => {
             kind(cursor, depth - 1)?;
-            if bits & 15 == 1 { Kind::Texts } else { Kind::Other("lists of several lengths") }
+            if bits & 15 == 1 { DatatypeKind::Texts } else { DatatypeKind::Other("lists of several lengths") }
         }
         10 => {
             let axes = usize::from(cursor.u8()?);
             cursor.skip(if version < 3 { 3 + 8 * axes } else { 4 * axes })?;
             kind(cursor, depth - 1)?;
-            Kind::Other("an array in each row")
+            DatatypeKind::Other("an array in each row")
         }
-        11 => Kind::Other("complex numbers"),
+        11 => DatatypeKind::Other("complex numbers"),
         _ => return Err(cursor.damaged(format!("a type of class {class}"), "0 to 11")),
     })
 }
 
-fn number(kind: element::Kind, bytes: usize, big_endian: bool) -> Kind {
+fn number(kind: element::ElementKind, bytes: usize, big_endian: bool) -> DatatypeKind {
     let element = Element { kind, bytes, big_endian };
-    if element.exists() { Kind::Number(element) } else { Kind::Other("numbers of an unusual length") }
+    if element.exists() {
+        DatatypeKind::Number(element)
+    } else {
+        DatatypeKind::Other("numbers of an unusual length")
+    }
 }
 
 /// Numbers of IEEE 754, as it lays out their bits.
-fn float(cursor: &mut Cursor<'_>, bits: u32, bytes: usize) -> Result<Kind, FormatError> {
+fn float(cursor: &mut MetadataCursor<'_>, bits: u32, bytes: usize) -> Result<DatatypeKind, FormatError> {
     let layout = [cursor.u16()?, cursor.u16()?];
     let places = cursor.take(4)?;
     let bias = cursor.u32()?;
@@ -129,7 +134,7 @@ fn float(cursor: &mut Cursor<'_>, bits: u32, bytes: usize) -> Result<Kind, Forma
         2 => (10, 5, 10, 15),
         4 => (23, 8, 23, 127),
         8 => (52, 11, 52, 1023),
-        _ => return Ok(Kind::Other("floating-point numbers of an unusual length")),
+        _ => return Ok(DatatypeKind::Other("floating-point numbers of an unusual length")),
     };
     let sign = (bits >> 8) & 0xff;
     let normal = layout == [0, u16::try_from(8 * bytes).unwrap_or(0)]
@@ -138,16 +143,16 @@ fn float(cursor: &mut Cursor<'_>, bits: u32, bytes: usize) -> Result<Kind, Forma
         && (bits >> 4) & 3 == 2
         && sign as usize == 8 * bytes - 1;
     if !normal {
-        return Ok(Kind::Other("floating-point numbers other than IEEE 754"));
+        return Ok(DatatypeKind::Other("floating-point numbers other than IEEE 754"));
     }
     Ok(match (bits & 1 != 0, bits & 64 != 0) {
-        (big_endian, false) => number(element::Kind::Float, bytes, big_endian),
-        _ => Kind::Other("numbers of a VAX"),
+        (big_endian, false) => number(element::ElementKind::Float, bytes, big_endian),
+        _ => DatatypeKind::Other("numbers of a VAX"),
     })
 }
 
 /// The name of a field or of a value of an enumeration.
-fn name(cursor: &mut Cursor<'_>, version: u8) -> Result<String, FormatError> {
+fn name(cursor: &mut MetadataCursor<'_>, version: u8) -> Result<String, FormatError> {
     let before = cursor.left();
     let name = cursor.name()?;
     if version < 3 {
@@ -158,12 +163,12 @@ fn name(cursor: &mut Cursor<'_>, version: u8) -> Result<String, FormatError> {
 }
 
 fn compound(
-    cursor: &mut Cursor<'_>,
+    cursor: &mut MetadataCursor<'_>,
     version: u8,
     count: usize,
     bytes: usize,
     depth: usize,
-) -> Result<Kind, FormatError> {
+) -> Result<DatatypeKind, FormatError> {
     let mut fields = Vec::with_capacity(count.min(limits::COLUMNS));
     for _ in 0..count {
         let name = name(cursor, version)?;
@@ -183,23 +188,31 @@ fn compound(
             0
         };
         let inner = match kind(cursor, depth - 1)? {
-            _ if axes > 0 => Kind::Other("an array in each row"),
-            Kind::Fields { fields, .. } if is_complex(&fields) => Kind::Other("complex numbers"),
-            Kind::Fields { .. } => Kind::Other("fields within a field"),
+            _ if axes > 0 => DatatypeKind::Other("an array in each row"),
+            DatatypeKind::Fields { fields, .. } if is_complex(&fields) => {
+                DatatypeKind::Other("complex numbers")
+            }
+            DatatypeKind::Fields { .. } => DatatypeKind::Other("fields within a field"),
             inner => inner,
         };
         let fits = offset.checked_add(inner.bytes()).is_some_and(|end| end <= bytes);
-        fields.push((name, offset, if fits { inner } else { Kind::Other("a field beyond its record") }));
+        fields.push((
+            name,
+            offset,
+            if fits { inner } else { DatatypeKind::Other("a field beyond its record") },
+        ));
     }
     Ok(match bytes {
-        0 => Kind::Other("fields without bytes"),
-        _ if is_complex(&fields) => Kind::Other("complex numbers"),
-        _ => Kind::Fields { bytes, fields },
+        0 => DatatypeKind::Other("fields without bytes"),
+        _ if is_complex(&fields) => DatatypeKind::Other("complex numbers"),
+        _ => DatatypeKind::Fields { bytes, fields },
     })
 }
 
 /// Two numbers, called as h5py and MATLAB call the parts of complex numbers.
-fn is_complex(fields: &[(String, usize, Kind)]) -> bool {
-    let [(first, _, Kind::Number(_)), (second, _, Kind::Number(_))] = fields else { return false };
+fn is_complex(fields: &[(String, usize, DatatypeKind)]) -> bool {
+    let [(first, _, DatatypeKind::Number(_)), (second, _, DatatypeKind::Number(_))] = fields else {
+        return false;
+    };
     matches!((first.as_str(), second.as_str()), ("r", "i") | ("real", "imag"))
 }

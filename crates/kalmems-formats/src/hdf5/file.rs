@@ -3,7 +3,7 @@
 
 use super::FORMAT;
 use super::checksum::checksum;
-use crate::source::Source;
+use crate::source::SharedFile;
 use crate::{FormatError, limits};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,8 +17,8 @@ const METADATA_PER_BYTE: u64 = 4;
 const MAGIC: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
 /// A file whose beginning is read.
-pub(super) struct File {
-    pub(super) source: Arc<Source>,
+pub(super) struct Hdf5File {
+    pub(super) source: Arc<SharedFile>,
     /// Its name, where it is another than the one that was opened.
     pub(super) name: Option<PathBuf>,
     /// The place that its addresses count from.
@@ -32,8 +32,8 @@ pub(super) struct File {
     left: AtomicU64,
 }
 
-impl File {
-    pub(super) fn open(source: Arc<Source>, name: Option<PathBuf>) -> Result<Self, FormatError> {
+impl Hdf5File {
+    pub(super) fn open(source: Arc<SharedFile>, name: Option<PathBuf>) -> Result<Self, FormatError> {
         let base = superblock(&source)?;
         let most = METADATA_BYTES.max(source.length().saturating_mul(METADATA_PER_BYTE));
         let mut file = Self {
@@ -47,7 +47,7 @@ impl File {
             left: AtomicU64::new(most),
         };
         let head = file.block(base, 48.min(file.source.length().saturating_sub(base)))?;
-        let mut cursor = Cursor::new(&file, &head, base);
+        let mut cursor = MetadataCursor::new(&file, &head, base);
         cursor.take(8)?;
         let version = cursor.u8()?;
         let (widths, before_addresses) = match version {
@@ -62,7 +62,7 @@ impl File {
         let start = (if version < 2 { 15 } else { 11 }) + before_addresses;
         let count = start + addresses * file.offset_bytes as u64 + 4;
         let head = file.block(base, count)?;
-        let mut cursor = Cursor::new(&file, &head, base);
+        let mut cursor = MetadataCursor::new(&file, &head, base);
         #[allow(clippy::cast_possible_truncation)] // below 100
         let (start, skipped) = (start as usize, (addresses as usize - 4) * file.offset_bytes);
         let stored_base = cursor.skip(start)?.number(file.offset_bytes)?;
@@ -111,7 +111,7 @@ impl File {
 }
 
 /// Where the file begins: anything of 512, 1024, 2048, … bytes may stand before it.
-fn superblock(source: &Source) -> Result<u64, FormatError> {
+fn superblock(source: &SharedFile) -> Result<u64, FormatError> {
     let mut place = 0;
     while place < source.length() {
         let mut magic = [0; 8];
@@ -130,16 +130,16 @@ fn superblock(source: &Source) -> Result<u64, FormatError> {
 
 /// A block of metadata that is being read.
 #[derive(Clone)]
-pub(super) struct Cursor<'a> {
-    pub(super) file: &'a File,
+pub(super) struct MetadataCursor<'a> {
+    pub(super) file: &'a Hdf5File,
     bytes: &'a [u8],
     at: usize,
     /// Where the block is in the file.
     place: u64,
 }
 
-impl<'a> Cursor<'a> {
-    pub(super) fn new(file: &'a File, bytes: &'a [u8], place: u64) -> Self {
+impl<'a> MetadataCursor<'a> {
+    pub(super) fn new(file: &'a Hdf5File, bytes: &'a [u8], place: u64) -> Self {
         Self { file, bytes, at: 0, place }
     }
 
@@ -178,9 +178,9 @@ impl<'a> Cursor<'a> {
     }
 
     /// The part of the block from here on, as a cursor of its own.
-    pub(super) fn part(&mut self, count: usize) -> Result<Cursor<'a>, FormatError> {
+    pub(super) fn part(&mut self, count: usize) -> Result<MetadataCursor<'a>, FormatError> {
         let place = self.place + self.at as u64;
-        Ok(Cursor { file: self.file, bytes: self.take(count)?, at: 0, place })
+        Ok(MetadataCursor { file: self.file, bytes: self.take(count)?, at: 0, place })
     }
 
     /// A number of up to eight bytes, the lowest first.

@@ -1,6 +1,6 @@
 //! What packs the chunks of an HDF5 dataset (HDF5 File Format Specification, version 3), undone.
 
-use super::file::Cursor;
+use super::file::MetadataCursor;
 use crate::FormatError;
 use flate2::{Decompress, FlushDecompress, Status};
 
@@ -9,7 +9,7 @@ const FILTERS: u8 = 32;
 
 /// A filter of a dataset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Filter {
+pub(super) enum DatasetFilter {
     Deflate,
     /// The first bytes of all elements, then the second ones, and so on.
     Shuffle,
@@ -18,7 +18,7 @@ pub(super) enum Filter {
     Lzf,
 }
 
-impl Filter {
+impl DatasetFilter {
     pub(super) fn of(id: u16) -> Option<Self> {
         match id {
             1 => Some(Self::Deflate),
@@ -49,7 +49,7 @@ pub(super) fn name(id: u16) -> String {
 }
 
 /// The identifiers of the filters of a dataset, in the order in which they were applied.
-pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Vec<u16>, FormatError> {
+pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Vec<u16>, FormatError> {
     let (version, count) = (cursor.u8()?, cursor.u8()?);
     if !(1..=2).contains(&version) || count > FILTERS {
         return Err(
@@ -75,7 +75,7 @@ pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Vec<u16>, FormatError> {
 /// Undoes the filters of a chunk, the last first, but for those in `mask`. `bytes` is the length of the chunk, and
 /// nothing grows beyond it by more than a checksum.
 pub(super) fn undo(
-    filters: &[Filter],
+    filters: &[DatasetFilter],
     mask: u32,
     element: usize,
     bytes: usize,
@@ -86,10 +86,10 @@ pub(super) fn undo(
             continue;
         }
         chunk = match filter {
-            Filter::Deflate => inflate(&chunk, bytes + 4)?,
-            Filter::Lzf => lzf(&chunk, bytes + 4)?,
-            Filter::Shuffle => unshuffle(&chunk, element),
-            Filter::Fletcher32 => checked(chunk)?,
+            DatasetFilter::Deflate => inflate(&chunk, bytes + 4)?,
+            DatasetFilter::Lzf => lzf(&chunk, bytes + 4)?,
+            DatasetFilter::Shuffle => unshuffle(&chunk, element),
+            DatasetFilter::Fletcher32 => checked(chunk)?,
         };
     }
     if chunk.len() == bytes {
@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn bytes_are_put_together_again() {
         assert_eq!(unshuffle(&[1, 4, 2, 5, 3, 6, 7], 3), [1, 2, 3, 4, 5, 6, 7]);
-        assert_eq!(undo(&[Filter::Shuffle], 1, 2, 4, vec![1, 2, 3, 4]), Ok(vec![1, 2, 3, 4]));
+        assert_eq!(undo(&[DatasetFilter::Shuffle], 1, 2, 4, vec![1, 2, 3, 4]), Ok(vec![1, 2, 3, 4]));
     }
 
     #[test]
@@ -195,11 +195,11 @@ mod tests {
         let mut packed = Vec::with_capacity(1 << 20);
         packer.compress_vec(&vec![0; 8 << 20], &mut packed, flate2::FlushCompress::Finish).unwrap();
         assert!(packed.len() < 16 << 10);
-        assert!(undo(&[Filter::Deflate], 0, 8, 4096, packed).is_err());
+        assert!(undo(&[DatasetFilter::Deflate], 0, 8, 4096, packed).is_err());
         // A literal, and copies of 264 bytes of it.
         let mut packed = vec![0, 7];
         packed.extend([0xe0, 255, 0].repeat(1000));
-        assert!(undo(&[Filter::Lzf], 0, 8, 4096, packed).is_err());
+        assert!(undo(&[DatasetFilter::Lzf], 0, 8, 4096, packed).is_err());
         assert!(lzf(&[0x20, 0], 8).is_err());
     }
 }

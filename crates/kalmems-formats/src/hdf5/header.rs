@@ -1,6 +1,6 @@
 //! The header of an object: its messages (HDF5 File Format Specification, section IV.A).
 
-use super::file::{Cursor, File};
+use super::file::{Hdf5File, MetadataCursor};
 use super::{FORMAT, unsupported};
 use crate::{FormatError, limits};
 
@@ -12,7 +12,7 @@ const MESSAGES: usize = 1 << 16;
 /// The kinds of messages that are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
-pub(super) enum Kind {
+pub(super) enum MessageKind {
     Dataspace = 0x01,
     LinkInfo = 0x02,
     Datatype = 0x03,
@@ -27,7 +27,7 @@ pub(super) enum Kind {
 }
 
 /// A message.
-struct Message {
+struct HeaderMessage {
     kind: u16,
     /// It is elsewhere, and its body says where.
     shared: bool,
@@ -36,16 +36,16 @@ struct Message {
 }
 
 /// The messages of an object.
-pub(super) struct Header {
-    messages: Vec<Message>,
+pub(super) struct ObjectHeader {
+    messages: Vec<HeaderMessage>,
 }
 
-impl Header {
-    pub(super) fn read(file: &File, address: u64) -> Result<Self, FormatError> {
+impl ObjectHeader {
+    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self, FormatError> {
         let mut header = Self { messages: Vec::new() };
         let mut blocks: Vec<(u64, u64)> = Vec::new();
         let start = file.block(address, 16.min(file.source.length().saturating_sub(address)))?;
-        let mut cursor = Cursor::new(file, &start, address);
+        let mut cursor = MetadataCursor::new(file, &start, address);
         let newer = start.starts_with(b"OHDR");
         let mut ordered = false;
         if newer {
@@ -58,14 +58,14 @@ impl Header {
             let width = 1_u64 << (flags & 3);
             let prefix = 6 + if flags & 32 != 0 { 16 } else { 0 } + if flags & 16 != 0 { 4 } else { 0 };
             let head = file.block(address, prefix + width)?;
-            let mut cursor = Cursor::new(file, &head, address);
+            let mut cursor = MetadataCursor::new(file, &head, address);
             #[allow(clippy::cast_possible_truncation)] // at most 8
             let bytes =
                 cursor.skip(usize::from(u8::try_from(prefix).unwrap_or(0)))?.number(width as usize)?;
             let all = prefix.checked_add(width).and_then(|all| all.checked_add(bytes)?.checked_add(4));
             let all = all.ok_or_else(|| cursor.damaged(format!("a header of {bytes} bytes"), "fewer"))?;
             let block = file.block(address, all)?;
-            let mut cursor = Cursor::new(file, &block, address);
+            let mut cursor = MetadataCursor::new(file, &block, address);
             #[allow(clippy::cast_possible_truncation)] // below 32
             cursor.skip((prefix + width) as usize)?;
             header.newer(&mut cursor, ordered, &mut blocks)?;
@@ -76,14 +76,14 @@ impl Header {
             }
             let bytes = u64::from(cursor.skip(7)?.u32()?);
             let block = file.block(address + 16, bytes)?;
-            header.older(&mut Cursor::new(file, &block, address + 16), &mut blocks)?;
+            header.older(&mut MetadataCursor::new(file, &block, address + 16), &mut blocks)?;
         }
         let mut next = 0;
         while let Some((place, bytes)) = blocks.get(next).copied() {
             next += 1;
             limits::at_most(FORMAT, "the number of parts of a header", next as u64, BLOCKS as u64)?;
             let block = file.block(place, bytes)?;
-            let mut cursor = Cursor::new(file, &block, place);
+            let mut cursor = MetadataCursor::new(file, &block, place);
             if newer {
                 cursor.mark("OCHK")?;
                 header.newer(&mut cursor, ordered, &mut blocks)?;
@@ -95,7 +95,11 @@ impl Header {
     }
 
     /// The messages of a block as it has been since the beginning.
-    fn older(&mut self, cursor: &mut Cursor<'_>, blocks: &mut Vec<(u64, u64)>) -> Result<(), FormatError> {
+    fn older(
+        &mut self,
+        cursor: &mut MetadataCursor<'_>,
+        blocks: &mut Vec<(u64, u64)>,
+    ) -> Result<(), FormatError> {
         while cursor.left() >= 8 {
             let (kind, bytes) = (cursor.u16()?, usize::from(cursor.u16()?));
             let flags = cursor.u8()?;
@@ -108,7 +112,7 @@ impl Header {
     /// The messages of a block that ends with a checksum.
     fn newer(
         &mut self,
-        cursor: &mut Cursor<'_>,
+        cursor: &mut MetadataCursor<'_>,
         ordered: bool,
         blocks: &mut Vec<(u64, u64)>,
     ) -> Result<(), FormatError> {
@@ -128,10 +132,10 @@ impl Header {
         &mut self,
         kind: u16,
         flags: u8,
-        body: &mut Cursor<'_>,
+        body: &mut MetadataCursor<'_>,
         blocks: &mut Vec<(u64, u64)>,
     ) -> Result<(), FormatError> {
-        if kind == Kind::Continuation as u16 {
+        if kind == MessageKind::Continuation as u16 {
             blocks.push((body.known_address()?, body.length()?));
             return Ok(());
         }
@@ -143,20 +147,20 @@ impl Header {
         )?;
         let place = body.place();
         let body = body.take(body.left())?.to_vec();
-        self.messages.push(Message { kind, shared: flags & 2 != 0, place, body });
+        self.messages.push(HeaderMessage { kind, shared: flags & 2 != 0, place, body });
         Ok(())
     }
 
-    pub(super) fn has(&self, kind: Kind) -> bool {
+    pub(super) fn has(&self, kind: MessageKind) -> bool {
         self.messages.iter().any(|message| message.kind == kind as u16)
     }
 
     /// Reads the first message of a kind; none where there is none.
     pub(super) fn first<T>(
         &self,
-        file: &File,
-        kind: Kind,
-        read: impl FnOnce(&mut Cursor<'_>) -> Result<T, FormatError>,
+        file: &Hdf5File,
+        kind: MessageKind,
+        read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T, FormatError>,
     ) -> Result<Option<T>, FormatError> {
         let Some(message) = self.messages.iter().find(|message| message.kind == kind as u16) else {
             return Ok(None);
@@ -167,9 +171,9 @@ impl Header {
     /// Reads all messages of a kind.
     pub(super) fn each(
         &self,
-        file: &File,
-        kind: Kind,
-        mut read: impl FnMut(&mut Cursor<'_>) -> Result<(), FormatError>,
+        file: &Hdf5File,
+        kind: MessageKind,
+        mut read: impl FnMut(&mut MetadataCursor<'_>) -> Result<(), FormatError>,
     ) -> Result<(), FormatError> {
         for message in self.messages.iter().filter(|message| message.kind == kind as u16) {
             message.read(file, &mut read)?;
@@ -178,28 +182,28 @@ impl Header {
     }
 }
 
-impl Message {
+impl HeaderMessage {
     fn read<T>(
         &self,
-        file: &File,
-        read: impl FnOnce(&mut Cursor<'_>) -> Result<T, FormatError>,
+        file: &Hdf5File,
+        read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T, FormatError>,
     ) -> Result<T, FormatError> {
-        let mut cursor = Cursor::new(file, &self.body, self.place);
+        let mut cursor = MetadataCursor::new(file, &self.body, self.place);
         if !self.shared {
             return read(&mut cursor);
         }
         let address = shared(&mut cursor)?;
-        let header = Header::read(file, address)?;
+        let header = ObjectHeader::read(file, address)?;
         let body = header.messages.iter().find(|other| other.kind == self.kind && !other.shared);
         let Some(body) = body else {
             return Err(cursor.damaged(format!("a message elsewhere, at byte {address}"), "it there"));
         };
-        read(&mut Cursor::new(file, &body.body, body.place))
+        read(&mut MetadataCursor::new(file, &body.body, body.place))
     }
 }
 
 /// The address of the object that holds a message.
-pub(super) fn shared(cursor: &mut Cursor<'_>) -> Result<u64, FormatError> {
+pub(super) fn shared(cursor: &mut MetadataCursor<'_>) -> Result<u64, FormatError> {
     let (version, kind) = (cursor.u8()?, cursor.u8()?);
     match (version, kind) {
         (1, _) => {

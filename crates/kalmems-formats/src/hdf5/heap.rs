@@ -2,7 +2,7 @@
 //! heaps (links and attributes of large objects); HDF5 File Format Specification, sections III.D, E and G.
 
 use super::FORMAT;
-use super::file::{Cursor, File};
+use super::file::{Hdf5File, MetadataCursor};
 use crate::{FormatError, limits};
 
 /// The names of an old group.
@@ -12,9 +12,9 @@ pub(super) struct LocalHeap {
 }
 
 impl LocalHeap {
-    pub(super) fn read(file: &File, address: u64) -> Result<Self, FormatError> {
+    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self, FormatError> {
         let head = file.block(address, 8 + 2 * file.length_bytes as u64 + file.offset_bytes as u64)?;
-        let mut cursor = Cursor::new(file, &head, address);
+        let mut cursor = MetadataCursor::new(file, &head, address);
         cursor.mark("HEAP")?;
         let bytes = cursor.skip(4)?.length()?;
         cursor.length()?;
@@ -22,25 +22,25 @@ impl LocalHeap {
         Ok(Self { bytes: file.block(place, bytes)?, place })
     }
 
-    pub(super) fn text(&self, file: &File, offset: u64) -> Result<String, FormatError> {
-        let mut cursor = Cursor::new(file, &self.bytes, self.place);
+    pub(super) fn text(&self, file: &Hdf5File, offset: u64) -> Result<String, FormatError> {
+        let mut cursor = MetadataCursor::new(file, &self.bytes, self.place);
         cursor.skip(usize::try_from(offset).unwrap_or(usize::MAX))?.name()
     }
 }
 
 /// Reads texts of their own length, which refer to collections; the last collection is kept.
-pub(super) struct Texts<'a> {
-    file: &'a File,
+pub(super) struct HeapTexts<'a> {
+    file: &'a Hdf5File,
     collection: Option<(u64, Vec<u8>)>,
 }
 
-impl<'a> Texts<'a> {
-    pub(super) fn new(file: &'a File) -> Self {
+impl<'a> HeapTexts<'a> {
+    pub(super) fn new(file: &'a Hdf5File) -> Self {
         Self { file, collection: None }
     }
 
     /// Reads the text that a cell of 4 bytes, an address and 4 bytes refers to.
-    pub(super) fn text(&mut self, cell: &mut Cursor<'_>) -> Result<Vec<u8>, FormatError> {
+    pub(super) fn text(&mut self, cell: &mut MetadataCursor<'_>) -> Result<Vec<u8>, FormatError> {
         let length = cell.u32()? as usize;
         let (address, number) = (cell.address()?, cell.u32()?);
         let Some(address) = address.filter(|_| length > 0 && number > 0) else { return Ok(Vec::new()) };
@@ -49,20 +49,20 @@ impl<'a> Texts<'a> {
             _ => {
                 let file = self.file;
                 let head = file.block(address, 8 + file.length_bytes as u64)?;
-                let mut cursor = Cursor::new(file, &head, address);
+                let mut cursor = MetadataCursor::new(file, &head, address);
                 cursor.mark("GCOL")?;
                 let bytes = cursor.skip(4)?.length()?;
                 (address, file.block(address, bytes)?)
             }
         };
-        let text = find(&mut Cursor::new(self.file, &bytes, place), number, length)?;
+        let text = find(&mut MetadataCursor::new(self.file, &bytes, place), number, length)?;
         self.collection = Some((place, bytes));
         Ok(text)
     }
 }
 
 /// An object of a collection.
-fn find(cursor: &mut Cursor<'_>, number: u32, length: usize) -> Result<Vec<u8>, FormatError> {
+fn find(cursor: &mut MetadataCursor<'_>, number: u32, length: usize) -> Result<Vec<u8>, FormatError> {
     cursor.skip(8 + cursor.file.length_bytes)?;
     while cursor.left() >= 8 + cursor.file.length_bytes {
         let found = cursor.u16()?;
@@ -88,7 +88,7 @@ fn find(cursor: &mut Cursor<'_>, number: u32, length: usize) -> Result<Vec<u8>, 
 
 /// A heap of objects in blocks that double in size.
 pub(super) struct FractalHeap<'a> {
-    file: &'a File,
+    file: &'a Hdf5File,
     pub(super) id_bytes: usize,
     /// Width of an offset in the heap, and of a length.
     offset_bytes: usize,
@@ -105,10 +105,10 @@ pub(super) struct FractalHeap<'a> {
 }
 
 impl<'a> FractalHeap<'a> {
-    pub(super) fn read(file: &'a File, address: u64) -> Result<Self, FormatError> {
+    pub(super) fn read(file: &'a Hdf5File, address: u64) -> Result<Self, FormatError> {
         let (length, offset) = (file.length_bytes as u64, file.offset_bytes as u64);
         let head = file.block(address, 26 + 12 * length + 3 * offset)?;
-        let mut cursor = Cursor::new(file, &head, address);
+        let mut cursor = MetadataCursor::new(file, &head, address);
         cursor.mark("FRHP")?;
         let id_bytes = usize::from(cursor.skip(1)?.u16()?);
         let filter_bytes = u64::from(cursor.u16()?);
@@ -147,7 +147,7 @@ impl<'a> FractalHeap<'a> {
 
     /// Reads an object; none where it is kept in a way that small objects are not.
     pub(super) fn object(&mut self, id: &[u8]) -> Result<Option<Vec<u8>>, FormatError> {
-        let mut cursor = Cursor::new(self.file, id, 0);
+        let mut cursor = MetadataCursor::new(self.file, id, 0);
         let kind = cursor.u8()?;
         match (kind >> 4) & 3 {
             0 => {}
@@ -167,7 +167,7 @@ impl<'a> FractalHeap<'a> {
             Some(kept) => kept,
             None => self.find(offset)?,
         };
-        let mut cursor = Cursor::new(self.file, &block, place);
+        let mut cursor = MetadataCursor::new(self.file, &block, place);
         #[allow(clippy::cast_possible_truncation)] // within a block
         let object = cursor.skip((offset - start) as usize)?.take(bytes)?.to_vec();
         self.block = Some((start, block, place));
@@ -219,7 +219,7 @@ impl<'a> FractalHeap<'a> {
         let prefix = 5 + self.file.offset_bytes as u64 + self.offset_bytes as u64;
         let all = u64::from(rows).saturating_mul(self.width).saturating_mul(self.file.offset_bytes as u64);
         let block = self.file.block(place, prefix.saturating_add(all).saturating_add(4))?;
-        let mut cursor = Cursor::new(self.file, &block, place);
+        let mut cursor = MetadataCursor::new(self.file, &block, place);
         cursor.mark("FHIB")?;
         let before = usize::try_from(prefix + number * self.file.offset_bytes as u64).unwrap_or(usize::MAX);
         cursor.skip(before.saturating_sub(4))?.address()

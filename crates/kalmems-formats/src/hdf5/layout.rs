@@ -2,9 +2,9 @@
 //! VII). Version 5, of HDF5 2.0, differs from 4 in the width of the lengths of packed chunks alone, which the indexes state
 //! themselves.
 
-use super::attributes::Space;
-use super::file::{Cursor, File};
-use super::header::{Header, Kind};
+use super::attributes::Dataspace;
+use super::file::{Hdf5File, MetadataCursor};
+use super::header::{MessageKind, ObjectHeader};
 use super::{FORMAT, tree};
 use crate::{FormatError, limits};
 
@@ -19,7 +19,7 @@ const LEVELS: u32 = 64;
 
 /// Where the values of a dataset are.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Layout {
+pub(super) enum DataLayout {
     /// In the header itself.
     Compact(Vec<u8>),
     /// In one stretch; none where it was never written.
@@ -36,14 +36,14 @@ pub(super) enum Layout {
 pub(super) struct Chunked {
     /// The lengths of a chunk along the axes of the dataset.
     pub(super) shape: Vec<u64>,
-    index: Index,
+    index: ChunkIndex,
     /// Chunks that reach beyond the dataset are not packed.
     pub(super) plain_edges: bool,
 }
 
 /// How chunks are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Index {
+enum ChunkIndex {
     /// Nothing was written.
     None,
     OlderTree(u64),
@@ -67,16 +67,16 @@ pub(super) struct Chunk {
     pub(super) mask: u32,
 }
 
-impl Layout {
-    pub(super) fn read(file: &File, header: &Header) -> Result<Option<Self>, FormatError> {
-        if header.has(Kind::ExternalFiles) {
+impl DataLayout {
+    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Option<Self>, FormatError> {
+        if header.has(MessageKind::ExternalFiles) {
             return Ok(Some(Self::External));
         }
-        header.first(file, Kind::Layout, layout)
+        header.first(file, MessageKind::Layout, layout)
     }
 }
 
-fn layout(cursor: &mut Cursor<'_>) -> Result<Layout, FormatError> {
+fn layout(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
     let version = cursor.u8()?;
     match version {
         1 | 2 => oldest(cursor),
@@ -88,9 +88,9 @@ fn layout(cursor: &mut Cursor<'_>) -> Result<Layout, FormatError> {
             let axes = usize::from(cursor.u8()?);
             let tree = cursor.address()?;
             let shape = lengths(cursor, axes, 4)?;
-            Ok(Layout::Chunked(Chunked {
+            Ok(DataLayout::Chunked(Chunked {
                 shape,
-                index: tree.map_or(Index::None, Index::OlderTree),
+                index: tree.map_or(ChunkIndex::None, ChunkIndex::OlderTree),
                 plain_edges: false,
             }))
         }
@@ -103,40 +103,40 @@ fn layout(cursor: &mut Cursor<'_>) -> Result<Layout, FormatError> {
 }
 
 /// Values that are not in chunks.
-fn plain(cursor: &mut Cursor<'_>, class: u8) -> Result<Layout, FormatError> {
+fn plain(cursor: &mut MetadataCursor<'_>, class: u8) -> Result<DataLayout, FormatError> {
     match class {
         0 => {
             let bytes = usize::from(cursor.u16()?);
-            Ok(Layout::Compact(cursor.take(bytes)?.to_vec()))
+            Ok(DataLayout::Compact(cursor.take(bytes)?.to_vec()))
         }
-        1 => Ok(Layout::Contiguous(cursor.address()?)),
-        3 => Ok(Layout::Virtual),
+        1 => Ok(DataLayout::Contiguous(cursor.address()?)),
+        3 => Ok(DataLayout::Virtual),
         _ => Err(cursor.damaged(format!("a layout of class {class}"), "0 to 3")),
     }
 }
 
-fn oldest(cursor: &mut Cursor<'_>) -> Result<Layout, FormatError> {
+fn oldest(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
     let (axes, class) = (usize::from(cursor.u8()?), cursor.u8()?);
     cursor.skip(5)?;
     match class {
         0 => {
             let bytes = cursor.skip(4 * axes)?.u32()? as usize;
-            Ok(Layout::Compact(cursor.take(bytes)?.to_vec()))
+            Ok(DataLayout::Compact(cursor.take(bytes)?.to_vec()))
         }
-        1 => Ok(Layout::Contiguous(cursor.address()?)),
+        1 => Ok(DataLayout::Contiguous(cursor.address()?)),
         2 => {
             let tree = cursor.address()?;
-            let index = tree.map_or(Index::None, Index::OlderTree);
+            let index = tree.map_or(ChunkIndex::None, ChunkIndex::OlderTree);
             // The last is the element's length.
             let shape = lengths(cursor, axes, 4)?;
-            Ok(Layout::Chunked(Chunked { shape, index, plain_edges: false }))
+            Ok(DataLayout::Chunked(Chunked { shape, index, plain_edges: false }))
         }
         _ => Err(cursor.damaged(format!("a layout of class {class}"), "0 to 2")),
     }
 }
 
 /// The lengths of a chunk along each axis; behind them is the length of an element.
-fn lengths(cursor: &mut Cursor<'_>, axes: usize, width: usize) -> Result<Vec<u64>, FormatError> {
+fn lengths(cursor: &mut MetadataCursor<'_>, axes: usize, width: usize) -> Result<Vec<u64>, FormatError> {
     if !(2..=33).contains(&axes) || !(1..=8).contains(&width) {
         return Err(cursor
             .damaged(format!("chunks of {axes} axes with lengths of {width} bytes"), "1 to 32, and 1 to 8"));
@@ -146,7 +146,7 @@ fn lengths(cursor: &mut Cursor<'_>, axes: usize, width: usize) -> Result<Vec<u64
     Ok(shape)
 }
 
-fn newest(cursor: &mut Cursor<'_>) -> Result<Layout, FormatError> {
+fn newest(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
     let flags = cursor.u8()?;
     let (axes, width) = (usize::from(cursor.u8()?), usize::from(cursor.u8()?));
     let shape = lengths(cursor, axes, width)?;
@@ -154,28 +154,32 @@ fn newest(cursor: &mut Cursor<'_>) -> Result<Layout, FormatError> {
     let index = match kind {
         1 => {
             let packed = if flags & 2 != 0 { Some((cursor.length()?, cursor.u32()?)) } else { None };
-            cursor.address()?.map(|address| Index::Single(address, packed))
+            cursor.address()?.map(|address| ChunkIndex::Single(address, packed))
         }
-        2 => cursor.address()?.map(Index::Implicit),
-        3 => cursor.skip(1)?.address()?.map(Index::FixedArray),
-        4 => cursor.skip(5)?.address()?.map(Index::ExtensibleArray),
-        5 => cursor.skip(6)?.address()?.map(Index::Tree),
+        2 => cursor.address()?.map(ChunkIndex::Implicit),
+        3 => cursor.skip(1)?.address()?.map(ChunkIndex::FixedArray),
+        4 => cursor.skip(5)?.address()?.map(ChunkIndex::ExtensibleArray),
+        5 => cursor.skip(6)?.address()?.map(ChunkIndex::Tree),
         _ => return Err(cursor.damaged(format!("an index of kind {kind}"), "1 to 5")),
     };
-    Ok(Layout::Chunked(Chunked { shape, index: index.unwrap_or(Index::None), plain_edges: flags & 1 != 0 }))
+    Ok(DataLayout::Chunked(Chunked {
+        shape,
+        index: index.unwrap_or(ChunkIndex::None),
+        plain_edges: flags & 1 != 0,
+    }))
 }
 
 impl Chunked {
     /// Visits the chunks that are in the file. `bytes` is the length of an unpacked chunk; the dataset has one or two axes.
     pub(super) fn visit(
         &self,
-        file: &File,
-        space: &Space,
+        file: &Hdf5File,
+        space: &Dataspace,
         bytes: u64,
         each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
     ) -> Result<(), FormatError> {
         let axes = self.shape.len();
-        let first = |cursor: &mut Cursor<'_>, scale: &dyn Fn(usize, u64) -> u64| {
+        let first = |cursor: &mut MetadataCursor<'_>, scale: &dyn Fn(usize, u64) -> u64| {
             let mut first = [0; 2];
             for axis in 0..axes {
                 let number = cursor.number(8)?;
@@ -187,18 +191,18 @@ impl Chunked {
         };
         let scaled = |axis: usize, number: u64| number.saturating_mul(self.shape[axis]);
         match self.index {
-            Index::None => Ok(()),
-            Index::OlderTree(tree) => {
+            ChunkIndex::None => Ok(()),
+            ChunkIndex::OlderTree(tree) => {
                 tree::older(file, tree, CHUNKS_OLDER, 16 + 8 * axes, &mut |key, address| {
                     let (bytes, mask) = (u64::from(key.u32()?), key.u32()?);
                     each(Chunk { first: first(key, &|_, number| number)?, address, bytes, mask })
                 })
             }
-            Index::Single(address, packed) => {
+            ChunkIndex::Single(address, packed) => {
                 let (bytes, mask) = packed.unwrap_or((bytes, 0));
                 each(Chunk { first: [0; 2], address, bytes, mask })
             }
-            Index::Implicit(start) => {
+            ChunkIndex::Implicit(start) => {
                 let count =
                     self.grid(space).iter().fold(1_u64, |count, length| count.saturating_mul(*length));
                 limits::at_most(FORMAT, "the number of chunks", count, ENTRIES)?;
@@ -208,9 +212,9 @@ impl Chunked {
                 }
                 Ok(())
             }
-            Index::FixedArray(address) => self.fixed(file, space, address, bytes, each),
-            Index::ExtensibleArray(address) => self.extensible(file, space, address, bytes, each),
-            Index::Tree(address) => tree::newer(file, address, &mut |kind, record| {
+            ChunkIndex::FixedArray(address) => self.fixed(file, space, address, bytes, each),
+            ChunkIndex::ExtensibleArray(address) => self.extensible(file, space, address, bytes, each),
+            ChunkIndex::Tree(address) => tree::newer(file, address, &mut |kind, record| {
                 let packed = match kind {
                     CHUNKS => false,
                     PACKED_CHUNKS => true,
@@ -231,14 +235,14 @@ impl Chunked {
     }
 
     /// How many chunks an axis has room for at most; 0 where it has no end.
-    fn grid(&self, space: &Space) -> Vec<u64> {
+    fn grid(&self, space: &Dataspace) -> Vec<u64> {
         let lengths = space.most.iter().zip(&self.shape);
         lengths.map(|(most, chunk)| most.map_or(0, |most| most.div_ceil((*chunk).max(1)))).collect()
     }
 
     /// The first element of a chunk by its number. Chunks are counted along the last axis first; an axis without an end
     /// counts as the first.
-    fn place(&self, space: &Space, number: u64) -> [u64; 2] {
+    fn place(&self, space: &Dataspace, number: u64) -> [u64; 2] {
         let grid = self.grid(space);
         let (rows, columns) = (self.shape[0], self.shape.get(1).copied().unwrap_or(1));
         let across = |axis: usize| grid.get(axis).copied().unwrap_or(1).max(1);
@@ -253,8 +257,8 @@ impl Chunked {
     /// An entry of an array of chunks.
     fn entry(
         &self,
-        space: &Space,
-        entries: &mut Entries<'_, '_>,
+        space: &Dataspace,
+        entries: &mut IndexEntries<'_, '_>,
         number: u64,
         bytes: u64,
         each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
@@ -273,14 +277,14 @@ impl Chunked {
 
     fn fixed(
         &self,
-        file: &File,
-        space: &Space,
+        file: &Hdf5File,
+        space: &Dataspace,
         address: u64,
         bytes: u64,
         each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
     ) -> Result<(), FormatError> {
         let head = file.block(address, (12 + file.length_bytes + file.offset_bytes) as u64)?;
-        let mut cursor = Cursor::new(file, &head, address);
+        let mut cursor = MetadataCursor::new(file, &head, address);
         cursor.mark("FAHD")?;
         let kind = ArrayKind::read(cursor.skip(1)?)?;
         let page_bits = u32::from(cursor.u8()?);
@@ -294,7 +298,7 @@ impl Chunked {
         let prefix = 6 + file.offset_bytes as u64 + pages.div_ceil(8);
         let own = if pages == 0 { count * kind.bytes as u64 } else { 0 };
         let raw = file.block(block, prefix + own + 4)?;
-        let mut cursor = Cursor::new(file, &raw, block);
+        let mut cursor = MetadataCursor::new(file, &raw, block);
         cursor.mark("FADB")?;
         #[allow(clippy::cast_possible_truncation)] // at most ENTRIES/8
         let written = cursor.skip(2 + file.offset_bytes)?.take(pages.div_ceil(8) as usize)?;
@@ -322,15 +326,15 @@ impl Chunked {
     /// A page of entries with its checksum.
     fn page(
         &self,
-        file: &File,
-        space: &Space,
+        file: &Hdf5File,
+        space: &Dataspace,
         (place, length, numbers): (u64, u64, std::ops::Range<u64>),
         kind: ArrayKind,
         bytes: u64,
         each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
     ) -> Result<(), FormatError> {
         let raw = file.block(place, length)?;
-        let mut cursor = Cursor::new(file, &raw, place);
+        let mut cursor = MetadataCursor::new(file, &raw, place);
         let mut entries = kind.entries(&mut cursor);
         for number in numbers {
             self.entry(space, &mut entries, number, bytes, each)?;
@@ -340,14 +344,14 @@ impl Chunked {
 
     fn extensible(
         &self,
-        file: &File,
-        space: &Space,
+        file: &Hdf5File,
+        space: &Dataspace,
         address: u64,
         bytes: u64,
         each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
     ) -> Result<(), FormatError> {
         let head = file.block(address, (16 + 6 * file.length_bytes + file.offset_bytes) as u64)?;
-        let mut cursor = Cursor::new(file, &head, address);
+        let mut cursor = MetadataCursor::new(file, &head, address);
         cursor.mark("EAHD")?;
         let kind = ArrayKind::read(cursor.skip(1)?)?;
         let count_bits = u32::from(cursor.u8()?);
@@ -365,7 +369,7 @@ impl Chunked {
         }
         limits::at_most(FORMAT, "the number of chunks", used, ENTRIES)?;
         let Some(index) = index else { return Ok(()) };
-        let array = Array {
+        let array = ExtensibleArray {
             chunks: self,
             file,
             space,
@@ -392,13 +396,13 @@ struct ArrayKind {
 }
 
 /// Entries that are being read.
-struct Entries<'a, 'b> {
-    cursor: &'a mut Cursor<'b>,
+struct IndexEntries<'a, 'b> {
+    cursor: &'a mut MetadataCursor<'b>,
     packed: Option<usize>,
 }
 
 impl ArrayKind {
-    fn read(cursor: &mut Cursor<'_>) -> Result<Self, FormatError> {
+    fn read(cursor: &mut MetadataCursor<'_>) -> Result<Self, FormatError> {
         let (client, bytes) = (cursor.u8()?, usize::from(cursor.u8()?));
         let offset = cursor.file.offset_bytes;
         let packed = match client {
@@ -415,16 +419,16 @@ impl ArrayKind {
         }
     }
 
-    fn entries<'a, 'b>(self, cursor: &'a mut Cursor<'b>) -> Entries<'a, 'b> {
-        Entries { cursor, packed: self.packed }
+    fn entries<'a, 'b>(self, cursor: &'a mut MetadataCursor<'b>) -> IndexEntries<'a, 'b> {
+        IndexEntries { cursor, packed: self.packed }
     }
 }
 
 /// An array that grows: an index, and blocks of entries whose lengths double level by level.
-struct Array<'a> {
+struct ExtensibleArray<'a> {
     chunks: &'a Chunked,
-    file: &'a File,
-    space: &'a Space,
+    file: &'a Hdf5File,
+    space: &'a Dataspace,
     kind: ArrayKind,
     /// Of a chunk that is not packed.
     bytes: u64,
@@ -440,7 +444,7 @@ struct Array<'a> {
     direct_levels: u32,
 }
 
-impl Array<'_> {
+impl ExtensibleArray<'_> {
     /// The blocks of a level and the entries of each.
     fn level(&self, level: u32) -> (u64, u64) {
         (1 << (level / 2), self.smallest.saturating_mul(1 << level.div_ceil(2)))
@@ -457,7 +461,7 @@ impl Array<'_> {
         let own = self.in_index * self.kind.bytes as u64;
         let length = 6 + offset as u64 + own + (direct + indirect) * offset as u64 + 4;
         let raw = self.file.block(index, length)?;
-        let mut cursor = Cursor::new(self.file, &raw, index);
+        let mut cursor = MetadataCursor::new(self.file, &raw, index);
         cursor.mark("EAIB")?;
         cursor.skip(2 + offset)?;
         let mut number = 0;
@@ -508,7 +512,7 @@ impl Array<'_> {
         let length =
             blocks.saturating_mul(bits.saturating_add(offset as u64)).saturating_add(prefix as u64 + 4);
         let raw = self.file.block(place, length)?;
-        let mut cursor = Cursor::new(self.file, &raw, place);
+        let mut cursor = MetadataCursor::new(self.file, &raw, place);
         cursor.mark("EASB")?;
         // Bounded by the length of the block.
         let small = |length: u64| usize::try_from(length).unwrap_or(usize::MAX);
@@ -541,7 +545,7 @@ impl Array<'_> {
                 place,
                 (prefix as u64).saturating_add(count.saturating_mul(bytes)).saturating_add(4),
             )?;
-            let mut cursor = Cursor::new(self.file, &raw, place);
+            let mut cursor = MetadataCursor::new(self.file, &raw, place);
             cursor.mark("EADB")?;
             cursor.skip(prefix - 4)?;
             let mut entries = self.kind.entries(&mut cursor);
@@ -552,7 +556,7 @@ impl Array<'_> {
             return cursor.skip(unused.saturating_mul(self.kind.bytes))?.check_sum();
         };
         let raw = self.file.block(place, prefix as u64 + 4)?;
-        let mut cursor = Cursor::new(self.file, &raw, place);
+        let mut cursor = MetadataCursor::new(self.file, &raw, place);
         cursor.mark("EADB")?;
         cursor.skip(prefix - 4)?.check_sum()?;
         let length = self.page * bytes + 4;
@@ -580,7 +584,7 @@ impl Array<'_> {
         each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
     ) -> Result<(), FormatError> {
         let raw = self.file.block(place, length)?;
-        let mut cursor = Cursor::new(self.file, &raw, place);
+        let mut cursor = MetadataCursor::new(self.file, &raw, place);
         let unused = self.page - (numbers.end - numbers.start);
         let mut entries = self.kind.entries(&mut cursor);
         for number in numbers {

@@ -1,8 +1,8 @@
 //! What is in a group: links to objects, to paths and into other files (HDF5 File Format Specification, sections III.B, C
 //! and IV.A.2.g).
 
-use super::file::{Cursor, File};
-use super::header::{Header, Kind};
+use super::file::{Hdf5File, MetadataCursor};
+use super::header::{MessageKind, ObjectHeader};
 use super::heap::{FractalHeap, LocalHeap};
 use super::{FORMAT, tree};
 use crate::{FormatError, limits};
@@ -14,13 +14,13 @@ const BY_ORDER: u8 = 6;
 const GROUP: u8 = 0;
 
 /// A name in a group.
-pub(super) struct Link {
+pub(super) struct GroupLink {
     pub(super) name: String,
-    pub(super) target: Target,
+    pub(super) target: LinkTarget,
 }
 
 /// What a name stands for.
-pub(super) enum Target {
+pub(super) enum LinkTarget {
     /// An object of this file, by the place of its header.
     Object(u64),
     /// A path in this file.
@@ -32,23 +32,25 @@ pub(super) enum Target {
 }
 
 /// Whether an object is a group.
-pub(super) fn is_group(header: &Header) -> bool {
-    [Kind::SymbolTable, Kind::LinkInfo, Kind::Link].into_iter().any(|kind| header.has(kind))
+pub(super) fn is_group(header: &ObjectHeader) -> bool {
+    [MessageKind::SymbolTable, MessageKind::LinkInfo, MessageKind::Link]
+        .into_iter()
+        .any(|kind| header.has(kind))
 }
 
 /// The links of a group.
-pub(super) fn links(file: &File, header: &Header) -> Result<Vec<Link>, FormatError> {
+pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupLink>, FormatError> {
     let mut links = Vec::new();
-    if let Some((nodes, names)) = header
-        .first(file, Kind::SymbolTable, |cursor| Ok((cursor.known_address()?, cursor.known_address()?)))?
-    {
+    if let Some((nodes, names)) = header.first(file, MessageKind::SymbolTable, |cursor| {
+        Ok((cursor.known_address()?, cursor.known_address()?))
+    })? {
         let names = LocalHeap::read(file, names)?;
         tree::older(file, nodes, GROUP, file.length_bytes, &mut |_, leaf| {
             entries(file, leaf, &names, &mut links)
         })?;
     }
-    header.each(file, Kind::Link, |cursor| push(&mut links, link(cursor)?))?;
-    let dense = header.first(file, Kind::LinkInfo, |cursor| {
+    header.each(file, MessageKind::Link, |cursor| push(&mut links, link(cursor)?))?;
+    let dense = header.first(file, MessageKind::LinkInfo, |cursor| {
         let flags = cursor.skip(1)?.u8()?;
         if flags & 1 != 0 {
             cursor.skip(8)?;
@@ -66,7 +68,7 @@ pub(super) fn links(file: &File, header: &Header) -> Result<Vec<Link>, FormatErr
             let place = record.place();
             let id = record.take(heap.id_bytes)?;
             match heap.object(id)? {
-                Some(body) => push(&mut links, link(&mut Cursor::new(file, &body, place))?),
+                Some(body) => push(&mut links, link(&mut MetadataCursor::new(file, &body, place))?),
                 None => Ok(()),
             }
         })?;
@@ -74,7 +76,7 @@ pub(super) fn links(file: &File, header: &Header) -> Result<Vec<Link>, FormatErr
     Ok(links)
 }
 
-fn push(links: &mut Vec<Link>, link: Link) -> Result<(), FormatError> {
+fn push(links: &mut Vec<GroupLink>, link: GroupLink) -> Result<(), FormatError> {
     limits::at_most(
         FORMAT,
         "the number of names in a group",
@@ -86,31 +88,36 @@ fn push(links: &mut Vec<Link>, link: Link) -> Result<(), FormatError> {
 }
 
 /// The entries of a leaf of an old group.
-fn entries(file: &File, place: u64, names: &LocalHeap, links: &mut Vec<Link>) -> Result<(), FormatError> {
+fn entries(
+    file: &Hdf5File,
+    place: u64,
+    names: &LocalHeap,
+    links: &mut Vec<GroupLink>,
+) -> Result<(), FormatError> {
     let head = file.block(place, 8)?;
-    let mut cursor = Cursor::new(file, &head, place);
+    let mut cursor = MetadataCursor::new(file, &head, place);
     cursor.mark("SNOD")?;
     let count = u64::from(cursor.skip(2)?.u16()?);
     let entry = 2 * file.offset_bytes as u64 + 24;
     let block = file.block(place + 8, count * entry)?;
-    let mut cursor = Cursor::new(file, &block, place + 8);
+    let mut cursor = MetadataCursor::new(file, &block, place + 8);
     for _ in 0..count {
         let name = cursor.number(file.offset_bytes)?;
         let address = cursor.address()?;
         let kind = cursor.u32()?;
         let mut scratch = cursor.skip(4)?.part(16)?;
         let target = match (kind, address) {
-            (2, _) => Target::Path(names.text(file, u64::from(scratch.u32()?))?),
-            (_, Some(address)) => Target::Object(address),
-            (_, None) => Target::Other,
+            (2, _) => LinkTarget::Path(names.text(file, u64::from(scratch.u32()?))?),
+            (_, Some(address)) => LinkTarget::Object(address),
+            (_, None) => LinkTarget::Other,
         };
-        push(links, Link { name: names.text(file, name)?, target })?;
+        push(links, GroupLink { name: names.text(file, name)?, target })?;
     }
     Ok(())
 }
 
 /// A message that is a link.
-fn link(cursor: &mut Cursor<'_>) -> Result<Link, FormatError> {
+fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink, FormatError> {
     let (version, flags) = (cursor.u8()?, cursor.u8()?);
     if version != 1 {
         return Err(cursor.damaged(format!("version {version} of a link"), "1"));
@@ -127,21 +134,21 @@ fn link(cursor: &mut Cursor<'_>) -> Result<Link, FormatError> {
     #[allow(clippy::cast_possible_truncation)] // at most TEXT_BYTES
     let name = text(cursor, length as usize)?;
     let target = match kind {
-        0 => Target::Object(cursor.known_address()?),
+        0 => LinkTarget::Object(cursor.known_address()?),
         1 => {
             let length = usize::from(cursor.u16()?);
-            Target::Path(text(cursor, length)?)
+            LinkTarget::Path(text(cursor, length)?)
         }
         64 => {
             // Version and flags are zero.
             cursor.skip(3)?;
-            Target::Elsewhere { file: cursor.name()?, path: cursor.name()? }
+            LinkTarget::Elsewhere { file: cursor.name()?, path: cursor.name()? }
         }
-        _ => Target::Other,
+        _ => LinkTarget::Other,
     };
-    Ok(Link { name, target })
+    Ok(GroupLink { name, target })
 }
 
-fn text(cursor: &mut Cursor<'_>, length: usize) -> Result<String, FormatError> {
+fn text(cursor: &mut MetadataCursor<'_>, length: usize) -> Result<String, FormatError> {
     Ok(String::from_utf8_lossy(cursor.take(length)?).into_owned())
 }

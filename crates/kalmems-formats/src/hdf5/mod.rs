@@ -20,16 +20,16 @@ mod tree;
 mod values;
 
 use crate::name::with_unit;
-use crate::records::{Cells, Code, Field, Lane, RecordTable};
-use crate::scaling::{self, Scaling, Step};
-use crate::source::Source;
+use crate::records::{CellKind, RecordField, RecordLane, RecordTable, TextEncoding};
+use crate::scaling::{self, Scaling, ScalingStep};
+use crate::source::SharedFile;
 use crate::time::{TimeCode, TimeKind};
-use crate::{Column, FormatError, Hints, LeftOut, Table, limits};
-use attributes::{Attributes, Space};
-use datatype::Kind;
-use header::{Header, Kind as Message};
-use links::{Link, is_group, links};
-use objects::{Files, Object, Reached};
+use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use attributes::{Attributes, Dataspace};
+use datatype::DatatypeKind;
+use header::{MessageKind as Message, ObjectHeader};
+use links::{GroupLink, is_group, links};
+use objects::{LinkOutcome, LinkedFiles, Object};
 use std::sync::Arc;
 
 const FORMAT: &str = "HDF5";
@@ -47,13 +47,13 @@ fn unsupported(what: String, remedy: &str) -> FormatError {
     FormatError::Unsupported { format: FORMAT, what, remedy: remedy.to_owned() }
 }
 
-pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let source = Arc::new(source);
     let mut head = [0; 10];
     let matlab = source.read_some(0, &mut head)? == 10 && head == *b"MATLAB 7.3";
-    let mut parts = Parts {
+    let mut parts = Hdf5TableParts {
         file_bytes: source.length(),
-        files: Files::new(source)?,
+        files: LinkedFiles::new(source)?,
         matlab,
         recognised: String::new(),
         left_out: Vec::new(),
@@ -68,28 +68,28 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
 }
 
 /// A table that is being put together.
-struct Parts {
-    files: Files,
+struct Hdf5TableParts {
+    files: LinkedFiles,
     file_bytes: u64,
     matlab: bool,
     recognised: String,
-    left_out: Vec<LeftOut>,
-    fields: Vec<Field>,
-    lanes: Vec<Box<dyn Lane>>,
+    left_out: Vec<OmittedPart>,
+    fields: Vec<RecordField>,
+    lanes: Vec<Box<dyn RecordLane>>,
 }
 
 /// A dataset with what is needed to read it.
-struct Found {
+struct FoundDataset {
     object: Object,
-    header: Header,
+    header: ObjectHeader,
     path: String,
     attributes: Attributes,
-    space: Space,
-    kind: Kind,
+    space: Dataspace,
+    kind: DatatypeKind,
 }
 
-impl Found {
-    fn look(object: Object, header: Header, path: &str) -> Result<Self, FormatError> {
+impl FoundDataset {
+    fn look(object: Object, header: ObjectHeader, path: &str) -> Result<Self, FormatError> {
         let file = &object.file;
         let lacks = |what: &str| FormatError::Damaged {
             format: FORMAT,
@@ -98,13 +98,19 @@ impl Found {
             expected: "its type, its shape and its layout".to_owned(),
         };
         let kind = header.first(file, Message::Datatype, datatype::read)?.ok_or_else(|| lacks("a type"))?;
-        let space = header.first(file, Message::Dataspace, Space::read)?.ok_or_else(|| lacks("a shape"))?;
+        let space =
+            header.first(file, Message::Dataspace, Dataspace::read)?.ok_or_else(|| lacks("a shape"))?;
         let attributes = Attributes::read(file, &header)?;
         // Of netCDF, which had no unsigned numbers.
         let unsigned = attributes.text("_Unsigned").is_some_and(|text| text.eq_ignore_ascii_case("true"));
         let kind = match kind {
-            Kind::Number(element) if unsigned && element.kind == crate::element::Kind::Signed => {
-                Kind::Number(crate::element::Element { kind: crate::element::Kind::Unsigned, ..element })
+            DatatypeKind::Number(element)
+                if unsigned && element.kind == crate::element::ElementKind::Signed =>
+            {
+                DatatypeKind::Number(crate::element::Element {
+                    kind: crate::element::ElementKind::Unsigned,
+                    ..element
+                })
             }
             kind => kind,
         };
@@ -142,25 +148,25 @@ impl Found {
         let (factor, offset) = (one("scale_factor"), one("add_offset"));
         let steps = match (factor, offset) {
             (None, None) => Vec::new(),
-            _ => vec![Step::Linear { factor: factor.unwrap_or(1.0), offset: offset.unwrap_or(0.0) }],
+            _ => vec![ScalingStep::Linear { factor: factor.unwrap_or(1.0), offset: offset.unwrap_or(0.0) }],
         };
-        let Kind::Number(element) = self.kind else { return Scaling::default() };
+        let DatatypeKind::Number(element) = self.kind else { return Scaling::default() };
         let missing = ["_FillValue", "missing_value"].iter().flat_map(|name| self.attributes.numbers(name));
         Scaling { missing: missing.map(|number| element.cast(*number)).collect(), steps }
     }
 }
 
-impl Parts {
+impl Hdf5TableParts {
     /// The group or dataset that the experiment names.
     fn at_path(&mut self, path: &str, hints: &Hints) -> Result<(), FormatError> {
         let mut reached = self.files.at_path(path)?;
-        if self.matlab && matches!(reached, Reached::Nowhere(_)) {
+        if self.matlab && matches!(reached, LinkOutcome::Nowhere(_)) {
             // As a field of a struct is called.
             reached = self.files.at_path(&path.replace('.', "/"))?;
         }
         let object = match reached {
-            Reached::Object(object) => object,
-            Reached::Nowhere(why) => {
+            LinkOutcome::Object(object) => object,
+            LinkOutcome::Nowhere(why) => {
                 return Err(unsupported(
                     format!("`{path}`, {why},"),
                     "write the path of a group or dataset that is there",
@@ -177,7 +183,7 @@ impl Parts {
                 "write the path of one",
             ));
         }
-        self.add_table(Found::look(object, header, path)?, hints)
+        self.add_table(FoundDataset::look(object, header, path)?, hints)
     }
 
     /// The datasets of a group as columns.
@@ -194,13 +200,13 @@ impl Parts {
             links.len() as u64,
             OBJECTS as u64,
         )?;
-        for Link { name, target } in links {
+        for GroupLink { name, target } in links {
             // One that cannot be read does not stand in the way of the others.
             let columns = self.fields.len();
             let place = format!("{}/{name}", path.trim_end_matches('/'));
             let added = self.files.follow(group, &target).and_then(|reached| match reached {
-                Reached::Object(object) => self.add_object(object, &name, &place),
-                Reached::Nowhere(why) => {
+                LinkOutcome::Object(object) => self.add_object(object, &name, &place),
+                LinkOutcome::Nowhere(why) => {
                     self.leave_out(&name, &why);
                     Ok(())
                 }
@@ -220,16 +226,16 @@ impl Parts {
     fn add_object(&mut self, object: Object, name: &str, place: &str) -> Result<(), FormatError> {
         let header = object.header()?;
         if header.has(Message::Layout) {
-            self.add_column(Found::look(object, header, place)?, name)?;
+            self.add_column(FoundDataset::look(object, header, place)?, name)?;
         }
         Ok(())
     }
 
     fn leave_out(&mut self, name: &str, why: &str) {
-        self.left_out.push(LeftOut::new(name, why));
+        self.left_out.push(OmittedPart::new(name, why));
     }
 
-    fn add_column(&mut self, found: Found, name: &str) -> Result<(), FormatError> {
+    fn add_column(&mut self, found: FoundDataset, name: &str) -> Result<(), FormatError> {
         if let Some(what) = found.of_matlab() {
             self.leave_out(name, &what);
             return Ok(());
@@ -248,7 +254,7 @@ impl Parts {
             }
             [rows] | [rows, 1] => (rows, false),
             [1, rows] => (rows, true),
-            [_, _] if matches!(found.kind, Kind::Number(_)) => return self.add_beside(found, name),
+            [_, _] if matches!(found.kind, DatatypeKind::Number(_)) => return self.add_beside(found, name),
             _ => {
                 self.leave_out(name, &format!("{} axes", found.space.shape.len()));
                 return Ok(());
@@ -257,29 +263,31 @@ impl Parts {
         let lane = self.lanes.len();
         let counted = cf::time(found.attributes.units().first().map_or("", String::as_str));
         let cells = match &found.kind {
-            Kind::Number(element) => match counted {
+            DatatypeKind::Number(element) => match counted {
                 Some(unit) => {
                     let code = TimeCode::Counted { element: *element, unit, kind: TimeKind::Calendar };
-                    Cells::Times { lane, offset: 0, code }
+                    CellKind::Times { lane, offset: 0, code }
                 }
-                None => Cells::Numbers { lane, offset: 0, element: *element },
+                None => CellKind::Numbers { lane, offset: 0, element: *element },
             },
-            Kind::Text { bytes } => Cells::Text { lane, offset: 0, bytes: *bytes, code: Code::Bytes },
-            Kind::Texts | Kind::References => {
+            DatatypeKind::Text { bytes } => {
+                CellKind::Text { lane, offset: 0, bytes: *bytes, code: TextEncoding::Bytes }
+            }
+            DatatypeKind::Texts | DatatypeKind::References => {
                 let Some(texts) = values::texts(&found)? else {
                     self.leave_out(name, "references");
                     return Ok(());
                 };
                 let column = Column::new(name).at(found.place());
-                self.fields.push(Field::new(column, Cells::Texts { lane }, texts.len() as u64));
-                self.lanes.push(Box::new(crate::lanes::Texts { texts, next: 0 }));
+                self.fields.push(RecordField::new(column, CellKind::Texts { lane }, texts.len() as u64));
+                self.lanes.push(Box::new(crate::lanes::TextLane { texts, next: 0 }));
                 return Ok(());
             }
-            Kind::Fields { .. } => {
+            DatatypeKind::Fields { .. } => {
                 self.leave_out(name, &format!("a table of its own: write `group = \"{}\"`", found.path));
                 return Ok(());
             }
-            Kind::Other(what) => {
+            DatatypeKind::Other(what) => {
                 self.leave_out(name, what);
                 return Ok(());
             }
@@ -290,7 +298,7 @@ impl Parts {
         let scaling = found.scaling();
         self.say(&column.name, &scaling);
         self.lanes.push(values::lane(found, rows, 1, turned, self.file_bytes)?);
-        self.fields.push(Field { scaling, ..Field::new(column, cells, rows) });
+        self.fields.push(RecordField { scaling, ..RecordField::new(column, cells, rows) });
         Ok(())
     }
 
@@ -309,7 +317,7 @@ impl Parts {
     }
 
     /// A dataset of rows and columns beside datasets that are columns.
-    fn add_beside(&mut self, found: Found, name: &str) -> Result<(), FormatError> {
+    fn add_beside(&mut self, found: FoundDataset, name: &str) -> Result<(), FormatError> {
         let (rows, columns) = self.rows_and_columns(&found)?;
         if columns > BESIDE || columns > rows {
             self.leave_out(
@@ -331,7 +339,7 @@ impl Parts {
     }
 
     /// The rows and columns of a dataset of two axes: MATLAB's first axis is HDF5's last.
-    fn rows_and_columns(&self, found: &Found) -> Result<(u64, u64), FormatError> {
+    fn rows_and_columns(&self, found: &FoundDataset) -> Result<(u64, u64), FormatError> {
         let path = &found.path;
         let (rows, columns) = match (&found.space.shape[..], self.matlab) {
             ([rows], _) => (*rows, 1),
@@ -353,12 +361,12 @@ impl Parts {
     /// The columns of a dataset of numbers with one or two axes. `united` adds the units that its attributes state.
     fn add_columns(
         &mut self,
-        found: Found,
+        found: FoundDataset,
         rows: u64,
         names: &[String],
         united: bool,
     ) -> Result<(), FormatError> {
-        let Kind::Number(element) = found.kind else { return Ok(()) };
+        let DatatypeKind::Number(element) = found.kind else { return Ok(()) };
         let units = match found.attributes.units() {
             // One for all, or one for each.
             [only] => vec![only.clone(); names.len()],
@@ -370,8 +378,9 @@ impl Parts {
         for (number, name) in names.iter().enumerate() {
             let unit = units.get(number).filter(|_| united).map_or("", String::as_str);
             let column = Column::new(&with_unit(name, unit)).at(format!("{place}, column {}", number + 1));
-            let cells = Cells::Numbers { lane, offset: number * element.bytes, element };
-            self.fields.push(Field { scaling: scaling.clone(), ..Field::new(column, cells, rows) });
+            let cells = CellKind::Numbers { lane, offset: number * element.bytes, element };
+            self.fields
+                .push(RecordField { scaling: scaling.clone(), ..RecordField::new(column, cells, rows) });
         }
         self.say(&found.path, &scaling);
         let turned = self.matlab && found.space.shape.len() == 2;
@@ -387,8 +396,8 @@ impl Parts {
     }
 
     /// Characters of MATLAB: a text a row, along the second axis.
-    fn add_characters(&mut self, found: Found, name: &str) -> Result<(), FormatError> {
-        let (Kind::Number(element), [width, rows]) = (&found.kind, &found.space.shape[..]) else {
+    fn add_characters(&mut self, found: FoundDataset, name: &str) -> Result<(), FormatError> {
+        let (DatatypeKind::Number(element), [width, rows]) = (&found.kind, &found.space.shape[..]) else {
             self.leave_out(name, "characters");
             return Ok(());
         };
@@ -400,41 +409,43 @@ impl Parts {
         let column = Column::new(name).at(found.place());
         // At most TEXT_BYTES.
         let bytes = usize::try_from(width).unwrap_or(0) * 2;
-        let code = Code::Utf16 { big_endian: element.big_endian };
-        let cells = Cells::Text { lane: self.lanes.len(), offset: 0, bytes, code };
+        let code = TextEncoding::Utf16 { big_endian: element.big_endian };
+        let cells = CellKind::Text { lane: self.lanes.len(), offset: 0, bytes, code };
         self.lanes.push(values::lane(found, rows, width, true, self.file_bytes)?);
-        self.fields.push(Field::new(column, cells, rows));
+        self.fields.push(RecordField::new(column, cells, rows));
         Ok(())
     }
 
     /// A dataset that is a table: fields with names, or two axes and names for the columns.
-    fn add_table(&mut self, found: Found, hints: &Hints) -> Result<(), FormatError> {
+    fn add_table(&mut self, found: FoundDataset, hints: &Hints) -> Result<(), FormatError> {
         let path = found.path.clone();
         if let Some(what) = found.of_matlab() {
             return Err(unsupported(format!("`{path}`, {what},"), "name a variable that holds numbers"));
         }
-        if let (Kind::Fields { fields, .. }, [rows]) = (&found.kind, &found.space.shape[..]) {
+        if let (DatatypeKind::Fields { fields, .. }, [rows]) = (&found.kind, &found.space.shape[..]) {
             self.recognised = format!("`{path}` of {rows} rows with {} fields", fields.len());
             let (rows, lane, fields) = (*rows, self.lanes.len(), fields.clone());
             let units = Some(found.attributes.units()).filter(|units| units.len() == fields.len());
             for (number, (name, offset, kind)) in fields.iter().enumerate() {
                 let cells = match kind {
-                    Kind::Number(element) => Cells::Numbers { lane, offset: *offset, element: *element },
-                    Kind::Text { bytes } => {
-                        Cells::Text { lane, offset: *offset, bytes: *bytes, code: Code::Bytes }
+                    DatatypeKind::Number(element) => {
+                        CellKind::Numbers { lane, offset: *offset, element: *element }
+                    }
+                    DatatypeKind::Text { bytes } => {
+                        CellKind::Text { lane, offset: *offset, bytes: *bytes, code: TextEncoding::Bytes }
                     }
                     other => {
-                        self.left_out.push(LeftOut::new(name, other.what()));
+                        self.left_out.push(OmittedPart::new(name, other.what()));
                         continue;
                     }
                 };
                 let name = with_unit(name, units.map_or("", |units| units[number].as_str()));
-                self.fields.push(Field::new(Column::new(&name).at(found.place()), cells, rows));
+                self.fields.push(RecordField::new(Column::new(&name).at(found.place()), cells, rows));
             }
             self.lanes.push(values::lane(found, rows, 1, false, self.file_bytes)?);
             return Ok(());
         }
-        if !matches!(found.kind, Kind::Number(_)) {
+        if !matches!(found.kind, DatatypeKind::Number(_)) {
             return Err(unsupported(
                 format!("`{path}`, which holds {} and no table of numbers,", found.kind.what()),
                 "write the path of a group of datasets, or of a dataset of numbers or of a compound type",
@@ -471,7 +482,7 @@ impl Parts {
 }
 
 /// The names of the columns of two axes that an attribute states.
-fn stored_names(found: &Found) -> Option<&[String]> {
+fn stored_names(found: &FoundDataset) -> Option<&[String]> {
     ["columns", "column_names", "names"].iter().find_map(|key| found.attributes.texts(key))
 }
 

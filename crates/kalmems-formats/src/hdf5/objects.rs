@@ -1,9 +1,9 @@
 //! Objects by their paths, through links to other paths and into other files.
 
-use super::file::File;
-use super::header::Header;
-use super::links::{Link, Target, links};
-use crate::source::Source;
+use super::file::Hdf5File;
+use super::header::ObjectHeader;
+use super::links::{GroupLink, LinkTarget, links};
+use crate::source::SharedFile;
 use crate::{FormatError, limits};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,13 +16,13 @@ const FILES: usize = 16;
 /// An object: the file that it is in, and the place of its header.
 #[derive(Clone)]
 pub(super) struct Object {
-    pub(super) file: Arc<File>,
+    pub(super) file: Arc<Hdf5File>,
     pub(super) address: u64,
 }
 
 impl Object {
-    pub(super) fn header(&self) -> Result<Header, FormatError> {
-        Header::read(&self.file, self.address)
+    pub(super) fn header(&self) -> Result<ObjectHeader, FormatError> {
+        ObjectHeader::read(&self.file, self.address)
     }
 
     /// Whether two are the same.
@@ -32,23 +32,23 @@ impl Object {
 }
 
 /// What a link leads to, or why it leads nowhere, in words that follow a name.
-pub(super) enum Reached {
+pub(super) enum LinkOutcome {
     Object(Object),
     Nowhere(String),
 }
 
 /// The opened file, and those that links lead into.
-pub(super) struct Files {
-    pub(super) own: Arc<File>,
+pub(super) struct LinkedFiles {
+    pub(super) own: Arc<Hdf5File>,
     /// The folder of the opened file, where it is one on a disk.
     folder: Option<PathBuf>,
-    others: Vec<(PathBuf, Arc<File>)>,
+    others: Vec<(PathBuf, Arc<Hdf5File>)>,
 }
 
-impl Files {
-    pub(super) fn new(source: Arc<Source>) -> Result<Self, FormatError> {
+impl LinkedFiles {
+    pub(super) fn new(source: Arc<SharedFile>) -> Result<Self, FormatError> {
         let folder = source.folder().map(Path::to_owned);
-        Ok(Self { own: Arc::new(File::open(source, None)?), folder, others: Vec::new() })
+        Ok(Self { own: Arc::new(Hdf5File::open(source, None)?), folder, others: Vec::new() })
     }
 
     pub(super) fn root(&self) -> Object {
@@ -56,29 +56,34 @@ impl Files {
     }
 
     /// The object at a path of the opened file.
-    pub(super) fn at_path(&mut self, path: &str) -> Result<Reached, FormatError> {
+    pub(super) fn at_path(&mut self, path: &str) -> Result<LinkOutcome, FormatError> {
         let mut hops = HOPS;
         self.walk(self.root(), path, &mut hops)
     }
 
     /// What a link of a group leads to.
-    pub(super) fn follow(&mut self, group: &Object, target: &Target) -> Result<Reached, FormatError> {
+    pub(super) fn follow(&mut self, group: &Object, target: &LinkTarget) -> Result<LinkOutcome, FormatError> {
         let mut hops = HOPS;
         self.hop(group, target, &mut hops)
     }
 
-    fn hop(&mut self, group: &Object, target: &Target, hops: &mut usize) -> Result<Reached, FormatError> {
-        if let Target::Object(address) = target {
-            return Ok(Reached::Object(Object { file: Arc::clone(&group.file), address: *address }));
+    fn hop(
+        &mut self,
+        group: &Object,
+        target: &LinkTarget,
+        hops: &mut usize,
+    ) -> Result<LinkOutcome, FormatError> {
+        if let LinkTarget::Object(address) = target {
+            return Ok(LinkOutcome::Object(Object { file: Arc::clone(&group.file), address: *address }));
         }
         let Some(rest) = hops.checked_sub(1) else {
-            return Ok(Reached::Nowhere(format!(
+            return Ok(LinkOutcome::Nowhere(format!(
                 "a link that leads to itself, or through more than {HOPS} others"
             )));
         };
         *hops = rest;
         match target {
-            Target::Path(path) => {
+            LinkTarget::Path(path) => {
                 let start = if path.starts_with('/') {
                     Object { address: group.file.root, file: Arc::clone(&group.file) }
                 } else {
@@ -87,7 +92,7 @@ impl Files {
                 let reached = self.walk(start, path, hops)?;
                 Ok(named(reached, || format!("a link to `{}`", shortened(path))))
             }
-            Target::Elsewhere { file, path } => {
+            LinkTarget::Elsewhere { file, path } => {
                 let what = || format!("a link to `{}` in the file `{}`", shortened(path), shortened(file));
                 match self.other(file)? {
                     Ok(file) => {
@@ -95,32 +100,32 @@ impl Files {
                         let reached = self.walk(root, path, hops)?;
                         Ok(named(reached, what))
                     }
-                    Err(why) => Ok(Reached::Nowhere(format!("{}, {why}", what()))),
+                    Err(why) => Ok(LinkOutcome::Nowhere(format!("{}, {why}", what()))),
                 }
             }
-            Target::Other | Target::Object(_) => Ok(Reached::Nowhere(
+            LinkTarget::Other | LinkTarget::Object(_) => Ok(LinkOutcome::Nowhere(
                 "a link of a kind that only the program which made it follows".to_owned(),
             )),
         }
     }
 
-    fn walk(&mut self, start: Object, path: &str, hops: &mut usize) -> Result<Reached, FormatError> {
+    fn walk(&mut self, start: Object, path: &str, hops: &mut usize) -> Result<LinkOutcome, FormatError> {
         let mut object = start;
         for name in path.split('/').filter(|name| !name.is_empty() && *name != ".") {
             let found = links(&object.file, &object.header()?)?;
-            let Some(Link { target, .. }) = found.into_iter().find(|link| link.name == name) else {
-                return Ok(Reached::Nowhere("which is not in the file".to_owned()));
+            let Some(GroupLink { target, .. }) = found.into_iter().find(|link| link.name == name) else {
+                return Ok(LinkOutcome::Nowhere("which is not in the file".to_owned()));
             };
             match self.hop(&object, &target, hops)? {
-                Reached::Object(next) => object = next,
-                nowhere @ Reached::Nowhere(_) => return Ok(nowhere),
+                LinkOutcome::Object(next) => object = next,
+                nowhere @ LinkOutcome::Nowhere(_) => return Ok(nowhere),
             }
         }
-        Ok(Reached::Object(object))
+        Ok(LinkOutcome::Object(object))
     }
 
     /// Opens a file that a link names, beside the file that was opened or by its whole path; or says why it cannot.
-    fn other(&mut self, name: &str) -> Result<Result<Arc<File>, String>, FormatError> {
+    fn other(&mut self, name: &str) -> Result<Result<Arc<Hdf5File>, String>, FormatError> {
         let Some(folder) = &self.folder else {
             return Ok(Err("and this file is not on a disk".to_owned()));
         };
@@ -139,8 +144,8 @@ impl Files {
             self.others.len() as u64 + 1,
             FILES as u64,
         )?;
-        let source = Source::open(&path)?;
-        match File::open(Arc::new(source), Some(path.clone())) {
+        let source = SharedFile::open(&path)?;
+        match Hdf5File::open(Arc::new(source), Some(path.clone())) {
             Ok(file) => {
                 let file = Arc::new(file);
                 self.others.push((path, Arc::clone(&file)));
@@ -154,9 +159,11 @@ impl Files {
 }
 
 /// Says what kind of link leads nowhere.
-fn named(reached: Reached, what: impl Fn() -> String) -> Reached {
+fn named(reached: LinkOutcome, what: impl Fn() -> String) -> LinkOutcome {
     match reached {
-        Reached::Nowhere(why) if why.starts_with("which") => Reached::Nowhere(format!("{}, {why}", what())),
+        LinkOutcome::Nowhere(why) if why.starts_with("which") => {
+            LinkOutcome::Nowhere(format!("{}, {why}", what()))
+        }
         reached => reached,
     }
 }

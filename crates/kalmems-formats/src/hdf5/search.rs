@@ -1,38 +1,38 @@
 //! The only table of a file, wherever it is.
 
-use super::datatype::Kind;
-use super::header::Kind as Message;
-use super::links::{Target, is_group, links};
-use super::objects::{Object, Reached};
-use super::{Found, OBJECTS, Parts, unsupported};
-use crate::{FormatError, Hints, LeftOut, limits};
+use super::datatype::DatatypeKind;
+use super::header::MessageKind as Message;
+use super::links::{LinkTarget, is_group, links};
+use super::objects::{LinkOutcome, Object};
+use super::{FoundDataset, Hdf5TableParts, OBJECTS, unsupported};
+use crate::{FormatError, Hints, OmittedPart, limits};
 use std::collections::VecDeque;
 
 /// Where a table is.
-struct Place {
+struct TablePlace {
     object: Object,
     path: String,
     /// A group of columns, and not a dataset that is a table by itself.
     is_group: bool,
 }
 
-impl Parts {
+impl Hdf5TableParts {
     /// Takes the only table that there is.
     pub(super) fn find(&mut self, hints: &Hints) -> Result<(), FormatError> {
         let mut places = self.places()?;
         let mut others = Vec::new();
         if let Some(root) = places.iter().position(|place| place.path == "/") {
             places.swap(0, root);
-            let own = |Place { path, .. }: Place| {
+            let own = |TablePlace { path, .. }: TablePlace| {
                 let why = format!("a table of its own: write `group = \"{path}\"`");
-                LeftOut::new(path, why)
+                OmittedPart::new(path, why)
             };
             // Datasets beside the columns are columns or left out themselves.
             others.extend(
                 places.drain(1..).filter(|place| place.is_group || place.path[1..].contains('/')).map(own),
             );
         }
-        let Some(Place { object, path, is_group }) = places.pop() else {
+        let Some(TablePlace { object, path, is_group }) = places.pop() else {
             let remedy = "write one dataset of one axis for each column";
             return Err(match &self.left_out[..] {
                 [] => unsupported("a file without a column of numbers".to_owned(), remedy),
@@ -43,7 +43,7 @@ impl Parts {
             });
         };
         if !places.is_empty() {
-            places.push(Place { object, path, is_group });
+            places.push(TablePlace { object, path, is_group });
             let mut paths: Vec<String> = places.iter().map(|place| format!("`{}`", place.path)).collect();
             paths.sort();
             return Err(unsupported(
@@ -57,22 +57,22 @@ impl Parts {
             return self.add_group(&object, &path);
         }
         let header = object.header()?;
-        self.add_table(Found::look(object, header, &path)?, hints)
+        self.add_table(FoundDataset::look(object, header, &path)?, hints)
     }
 
     /// The groups with columns, and the datasets that are tables by themselves. Each group is looked into once, by
     /// whatever ways it is reached: links to what is above are no deeper.
-    fn places(&mut self) -> Result<Vec<Place>, FormatError> {
+    fn places(&mut self) -> Result<Vec<TablePlace>, FormatError> {
         let mut places = Vec::new();
         let mut seen: Vec<Object> = Vec::new();
         let mut groups = VecDeque::from([(self.files.root(), String::new())]);
         // Where links lead is looked at after what is in its place.
-        let mut linked: Vec<(Object, Target, String)> = Vec::new();
+        let mut linked: Vec<(Object, LinkTarget, String)> = Vec::new();
         let mut budget = OBJECTS;
         loop {
             let Some((group, path)) = groups.pop_front() else {
                 let Some((group, target, path)) = linked.pop() else { return Ok(places) };
-                let Reached::Object(object) = self.files.follow(&group, &target)? else { continue };
+                let LinkOutcome::Object(object) = self.files.follow(&group, &target)? else { continue };
                 if is_group(&object.header()?) {
                     groups.push_back((object, path));
                 }
@@ -87,13 +87,13 @@ impl Parts {
             for link in links(&group.file, &group.header()?)? {
                 spend(&mut budget)?;
                 let place = format!("{path}/{}", link.name);
-                let Reached::Object(object) = self.files.follow(&group, &link.target)? else { continue };
+                let LinkOutcome::Object(object) = self.files.follow(&group, &link.target)? else { continue };
                 // What is damaged is said where its group is read.
                 let Ok(header) = object.header() else { continue };
                 if is_group(&header) {
                     // What MATLAB hides.
                     if link.name.starts_with('#') {
-                    } else if matches!(link.target, Target::Object(_)) {
+                    } else if matches!(link.target, LinkTarget::Object(_)) {
                         groups.push_back((object, place));
                     } else {
                         linked.push((group.clone(), link.target, place));
@@ -103,15 +103,15 @@ impl Parts {
                 if !header.has(Message::Layout) {
                     continue;
                 }
-                let Ok(found) = Found::look(object.clone(), header, &place) else { continue };
+                let Ok(found) = FoundDataset::look(object.clone(), header, &place) else { continue };
                 match (&found.kind, &found.space.shape[..]) {
                     _ if found.of_matlab().is_some() => {
-                        self.left_out.extend(found.of_matlab().map(|what| LeftOut::new(place, what)));
+                        self.left_out.extend(found.of_matlab().map(|what| OmittedPart::new(place, what)));
                     }
                     _ if found.is_class("char") || found.space.count() == 1 => {}
-                    (Kind::Number(_), [_] | [1, _] | [_, 1]) => has_columns = true,
-                    (Kind::Fields { .. }, [_]) | (Kind::Number(_), [_, _]) => {
-                        tables.push(Place { object, path: place, is_group: false });
+                    (DatatypeKind::Number(_), [_] | [1, _] | [_, 1]) => has_columns = true,
+                    (DatatypeKind::Fields { .. }, [_]) | (DatatypeKind::Number(_), [_, _]) => {
+                        tables.push(TablePlace { object, path: place, is_group: false });
                     }
                     _ => {}
                 }
@@ -119,7 +119,7 @@ impl Parts {
             // Beside columns, other tables are columns too, or left out and said to be.
             if has_columns {
                 let path = if path.is_empty() { "/".to_owned() } else { path };
-                places.push(Place { object: group, path, is_group: true });
+                places.push(TablePlace { object: group, path, is_group: true });
             } else {
                 places.append(&mut tables);
             }

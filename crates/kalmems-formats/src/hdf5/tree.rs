@@ -1,6 +1,6 @@
 //! HDF5's B-trees, whose records are visited in their order (HDF5 File Format Specification, section III.A).
 
-use super::file::{Cursor, File};
+use super::file::{Hdf5File, MetadataCursor};
 use crate::{FormatError, limits};
 
 /// Levels of a tree.
@@ -8,26 +8,26 @@ const LEVELS: u8 = 32;
 
 /// Visits the leaves of a tree of the first version: the key before each, and its address. `key` is the bytes of a key.
 pub(super) fn older(
-    file: &File,
+    file: &Hdf5File,
     address: u64,
     kind: u8,
     key: usize,
-    visit: &mut dyn FnMut(&mut Cursor<'_>, u64) -> Result<(), FormatError>,
+    visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<(), FormatError>,
 ) -> Result<(), FormatError> {
     node(file, address, kind, key, None, visit)
 }
 
 fn node(
-    file: &File,
+    file: &Hdf5File,
     address: u64,
     kind: u8,
     key: usize,
     above: Option<u8>,
-    visit: &mut dyn FnMut(&mut Cursor<'_>, u64) -> Result<(), FormatError>,
+    visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<(), FormatError>,
 ) -> Result<(), FormatError> {
     let prefix = 8 + 2 * file.offset_bytes;
     let head = file.block(address, prefix as u64)?;
-    let mut cursor = Cursor::new(file, &head, address);
+    let mut cursor = MetadataCursor::new(file, &head, address);
     cursor.mark("TREE")?;
     let (found, level) = (cursor.u8()?, cursor.u8()?);
     if found != kind || level > LEVELS || above.is_some_and(|above| level.checked_add(1) != Some(above)) {
@@ -39,7 +39,7 @@ fn node(
     let entries = usize::from(cursor.u16()?);
     let bytes = prefix + entries * (key + file.offset_bytes);
     let block = file.block(address, bytes as u64)?;
-    let mut cursor = Cursor::new(file, &block, address);
+    let mut cursor = MetadataCursor::new(file, &block, address);
     cursor.skip(prefix)?;
     for _ in 0..entries {
         let mut before = cursor.part(key)?;
@@ -55,13 +55,13 @@ fn node(
 
 /// Visits the records of a tree of the second version; the first argument is the kind of tree.
 pub(super) fn newer(
-    file: &File,
+    file: &Hdf5File,
     address: u64,
-    visit: &mut dyn FnMut(u8, &mut Cursor<'_>) -> Result<(), FormatError>,
+    visit: &mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<(), FormatError>,
 ) -> Result<(), FormatError> {
     let offset = file.offset_bytes;
     let head = file.block(address, (22 + offset + file.length_bytes) as u64)?;
-    let mut cursor = Cursor::new(file, &head, address);
+    let mut cursor = MetadataCursor::new(file, &head, address);
     cursor.mark("BTHD")?;
     let kind = cursor.skip(1)?.u8()?;
     let node_bytes = cursor.u32()?;
@@ -89,13 +89,13 @@ pub(super) fn newer(
         let all = (count as u64 + 1).saturating_mul(below).saturating_add(count as u64);
         levels.push((all, width(all)));
     }
-    let tree = Tree { file, kind, record, node_bytes, own, levels };
+    let tree = BTree { file, kind, record, node_bytes, own, levels };
     let Some(root) = root.filter(|_| records > 0) else { return Ok(()) };
     tree.node(root, usize::from(depth), records, visit)
 }
 
-struct Tree<'a> {
-    file: &'a File,
+struct BTree<'a> {
+    file: &'a Hdf5File,
     kind: u8,
     record: usize,
     node_bytes: u32,
@@ -105,13 +105,13 @@ struct Tree<'a> {
     levels: Vec<(u64, usize)>,
 }
 
-impl Tree<'_> {
+impl BTree<'_> {
     fn node(
         &self,
         address: u64,
         level: usize,
         records: usize,
-        visit: &mut dyn FnMut(u8, &mut Cursor<'_>) -> Result<(), FormatError>,
+        visit: &mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<(), FormatError>,
     ) -> Result<(), FormatError> {
         // A leaf's pointers are none; the width of what counts all below is that of the level below.
         let below = level.checked_sub(1).and_then(|below| self.levels.get(below));
@@ -119,7 +119,7 @@ impl Tree<'_> {
         let children = if level == 0 { 0 } else { records + 1 };
         let bytes = 6 + records * self.record + children * pointer + 4;
         let block = self.file.block(address, (bytes as u64).min(u64::from(self.node_bytes)))?;
-        let mut cursor = Cursor::new(self.file, &block, address);
+        let mut cursor = MetadataCursor::new(self.file, &block, address);
         cursor.mark(if level == 0 { "BTLF" } else { "BTIN" })?;
         let kind = cursor.skip(1)?.u8()?;
         if kind != self.kind {

@@ -1,29 +1,29 @@
 //! The way to the values of a dataset.
 
-use super::chunks::{ChunkLane, Grid, Progress};
-use super::datatype::Kind;
-use super::file::Cursor;
-use super::filters::{self, Filter};
-use super::header::{Header, Kind as Message};
+use super::chunks::{ChunkGrid, ChunkLane, LaneProgress};
+use super::datatype::DatatypeKind;
+use super::file::MetadataCursor;
+use super::filters::{self, DatasetFilter};
+use super::header::{MessageKind as Message, ObjectHeader};
 use super::heap;
-use super::layout::{Chunked, Layout};
+use super::layout::{Chunked, DataLayout};
 use super::objects::Object;
-use super::{FORMAT, Found, TEXTS, unsupported};
-use crate::lanes::Stretch;
-use crate::records::{Code, Lane};
-use crate::source::Source;
+use super::{FORMAT, FoundDataset, TEXTS, unsupported};
+use crate::lanes::UnpackedRecords;
+use crate::records::{RecordLane, TextEncoding};
+use crate::source::SharedFile;
 use crate::{FormatError, limits};
 use std::sync::Arc;
 
 /// The values of a dataset as records of a table.
 pub(super) fn lane(
-    found: Found,
+    found: FoundDataset,
     rows: u64,
     columns: u64,
     turned: bool,
     file_bytes: u64,
-) -> Result<Box<dyn Lane>, FormatError> {
-    let Found { object: Object { file, .. }, header, path, space, kind, .. } = found;
+) -> Result<Box<dyn RecordLane>, FormatError> {
+    let FoundDataset { object: Object { file, .. }, header, path, space, kind, .. } = found;
     let element = kind.bytes();
     let what = format!("the bytes of an element of `{path}`");
     limits::at_most(FORMAT, &what, element as u64, limits::ROW_BYTES as u64)?;
@@ -31,20 +31,20 @@ pub(super) fn lane(
     let bytes = rows.saturating_mul(columns).saturating_mul(element as u64);
     let record = usize::try_from(columns).unwrap_or(0) * element;
     let whole =
-        Grid { rows, columns, element, chunk_rows: rows.max(1), chunk_columns: columns.max(1), turned };
+        ChunkGrid { rows, columns, element, chunk_rows: rows.max(1), chunk_columns: columns.max(1), turned };
     let never = || unsupported(format!("`{path}`, which was never written,"), "write its values");
     let source = Arc::clone(&file.source);
-    match Layout::read(&file, &header)?.ok_or_else(never)? {
+    match DataLayout::read(&file, &header)?.ok_or_else(never)? {
         _ if rows == 0 => Ok(Box::new(Memory { bytes: Vec::new(), record, row: 0 })),
-        Layout::Contiguous(None) => Err(never()),
-        Layout::Contiguous(Some(offset)) => {
+        DataLayout::Contiguous(None) => Err(never()),
+        DataLayout::Contiguous(Some(offset)) => {
             source.within(FORMAT, offset, bytes)?;
             if !turned || columns == 1 {
-                return Ok(Box::new(Stretch { source, format: FORMAT, offset, record }));
+                return Ok(Box::new(UnpackedRecords { source, format: FORMAT, offset, record }));
             }
-            Ok(Box::new(Turned { source, offset, rows, columns, element, row: 0 }))
+            Ok(Box::new(TransposedColumns { source, offset, rows, columns, element, row: 0 }))
         }
-        Layout::Compact(raw) => {
+        DataLayout::Compact(raw) => {
             if raw.len() as u64 != bytes {
                 return Err(FormatError::Damaged {
                     format: FORMAT,
@@ -56,7 +56,7 @@ pub(super) fn lane(
             let bytes = if turned && columns > 1 { turn(&raw, element, &whole) } else { raw };
             Ok(Box::new(Memory { bytes, record, row: 0 }))
         }
-        Layout::Chunked(chunked) => {
+        DataLayout::Chunked(chunked) => {
             let filters = filters_of(&file, &header, &path)?;
             let (first, second) = match chunked.shape[..] {
                 [first] if space.shape.len() == 1 => (first, 1),
@@ -71,7 +71,7 @@ pub(super) fn lane(
                 }
             };
             let (chunk_rows, chunk_columns) = if turned { (second, first) } else { (first, second) };
-            let grid = Grid { chunk_rows, chunk_columns, ..whole };
+            let grid = ChunkGrid { chunk_rows, chunk_columns, ..whole };
             grid.check(&path)?;
             Ok(Box::new(ChunkLane {
                 file,
@@ -80,24 +80,28 @@ pub(super) fn lane(
                 path,
                 grid,
                 filters,
-                progress: Progress::default(),
+                progress: LaneProgress::default(),
             }))
         }
-        Layout::Virtual => Err(unsupported(
+        DataLayout::Virtual => Err(unsupported(
             format!("`{path}`, a virtual dataset whose values are in other datasets,"),
             "name those, or copy it with h5repack",
         )),
-        Layout::External => Err(unsupported(
+        DataLayout::External => Err(unsupported(
             format!("`{path}`, whose values are in files that are no HDF5,"),
             "copy them into one with h5repack",
         )),
     }
 }
 
-fn filters_of(file: &super::file::File, header: &Header, path: &str) -> Result<Vec<Filter>, FormatError> {
+fn filters_of(
+    file: &super::file::Hdf5File,
+    header: &ObjectHeader,
+    path: &str,
+) -> Result<Vec<DatasetFilter>, FormatError> {
     let ids = header.first(file, Message::Filters, filters::read)?.unwrap_or_default();
     let known = ids.into_iter().map(|id| {
-        Filter::of(id).ok_or_else(|| {
+        DatasetFilter::of(id).ok_or_else(|| {
             unsupported(
                 format!("`{path}`, packed by {},", filters::name(id)),
                 "pack it with gzip, shuffle, fletcher32 or lzf, for instance with h5repack -f GZIP=4",
@@ -108,17 +112,17 @@ fn filters_of(file: &super::file::File, header: &Header, path: &str) -> Result<V
 }
 
 /// The texts of a dataset of texts of their own lengths, or of a cell array of MATLAB; none where a cell is something else.
-pub(super) fn texts(found: &Found) -> Result<Option<Vec<Vec<u8>>>, FormatError> {
+pub(super) fn texts(found: &FoundDataset) -> Result<Option<Vec<Vec<u8>>>, FormatError> {
     let (file, path) = (&found.object.file, &found.path);
     limits::at_most(FORMAT, &format!("the number of texts of `{path}`"), found.space.count(), TEXTS)?;
-    let is_text = found.kind == Kind::Texts;
+    let is_text = found.kind == DatatypeKind::Texts;
     let cell = if is_text { 8 + file.offset_bytes } else { file.offset_bytes };
     let raw = cells(found, cell)?;
     let mut budget = limits::HEADER_BYTES;
-    let mut heap = heap::Texts::new(file);
+    let mut heap = heap::HeapTexts::new(file);
     let mut texts = Vec::new();
     for bytes in raw.chunks_exact(cell) {
-        let mut cursor = Cursor::new(file, bytes, 0);
+        let mut cursor = MetadataCursor::new(file, bytes, 0);
         let text = if is_text {
             heap.text(&mut cursor)?
         } else {
@@ -136,14 +140,14 @@ pub(super) fn texts(found: &Found) -> Result<Option<Vec<Vec<u8>>>, FormatError> 
 }
 
 /// The text that a cell of MATLAB refers to.
-fn characters(found: &Found, address: u64) -> Result<Option<Vec<u8>>, FormatError> {
+fn characters(found: &FoundDataset, address: u64) -> Result<Option<Vec<u8>>, FormatError> {
     let object = Object { file: Arc::clone(&found.object.file), address };
     let header = object.header()?;
     if !header.has(Message::Layout) {
         return Ok(None);
     }
-    let text = Found::look(object, header, &found.path)?;
-    let Kind::Number(element) = text.kind else { return Ok(None) };
+    let text = FoundDataset::look(object, header, &found.path)?;
+    let DatatypeKind::Number(element) = text.kind else { return Ok(None) };
     if element.bytes != 2 || !text.is_class("char") {
         return Ok(None);
     }
@@ -152,12 +156,12 @@ fn characters(found: &Found, address: u64) -> Result<Option<Vec<u8>>, FormatErro
     }
     let raw = cells(&text, 2)?;
     let mut utf8 = Vec::new();
-    Code::Utf16 { big_endian: element.big_endian }.read(&raw, &mut utf8);
+    TextEncoding::Utf16 { big_endian: element.big_endian }.read(&raw, &mut utf8);
     Ok(Some(utf8))
 }
 
 /// All elements of a small dataset, in the order in which they are stored.
-fn cells(found: &Found, element: usize) -> Result<Vec<u8>, FormatError> {
+fn cells(found: &FoundDataset, element: usize) -> Result<Vec<u8>, FormatError> {
     let (file, path, shape) = (&found.object.file, &found.path, &found.space.shape);
     let count = found.space.count();
     let bytes = count.saturating_mul(element as u64);
@@ -165,10 +169,10 @@ fn cells(found: &Found, element: usize) -> Result<Vec<u8>, FormatError> {
     #[allow(clippy::cast_possible_truncation)] // at most HEADER_BYTES
     let (count, bytes) = (count as usize, bytes as usize);
     let never = || unsupported(format!("`{path}`, which was never written,"), "write its values");
-    let chunked: Chunked = match Layout::read(file, &found.header)?.ok_or_else(never)? {
-        Layout::Compact(raw) if raw.len() == bytes => return Ok(raw),
-        Layout::Contiguous(Some(place)) => return file.block(place, bytes as u64),
-        Layout::Chunked(chunked) => chunked,
+    let chunked: Chunked = match DataLayout::read(file, &found.header)?.ok_or_else(never)? {
+        DataLayout::Compact(raw) if raw.len() == bytes => return Ok(raw),
+        DataLayout::Contiguous(Some(place)) => return file.block(place, bytes as u64),
+        DataLayout::Chunked(chunked) => chunked,
         _ => return Err(never()),
     };
     let rows = shape.first().copied().unwrap_or(1);
@@ -177,7 +181,7 @@ fn cells(found: &Found, element: usize) -> Result<Vec<u8>, FormatError> {
     if shape.len() > 2 || chunked.shape.len() != shape.len() {
         return Err(unsupported(format!("`{path}` of {} axes", shape.len()), "write one axis"));
     }
-    let grid = Grid { rows, columns, element, chunk_rows, chunk_columns, turned: false };
+    let grid = ChunkGrid { rows, columns, element, chunk_rows, chunk_columns, turned: false };
     grid.check(path)?;
     let mut lane = ChunkLane {
         file: Arc::clone(file),
@@ -186,7 +190,7 @@ fn cells(found: &Found, element: usize) -> Result<Vec<u8>, FormatError> {
         path: path.clone(),
         grid,
         chunked,
-        progress: Progress::default(),
+        progress: LaneProgress::default(),
     };
     let mut raw = Vec::new();
     lane.read(usize::try_from(rows).unwrap_or(count), &mut raw)?;
@@ -200,7 +204,7 @@ struct Memory {
     row: usize,
 }
 
-impl Lane for Memory {
+impl RecordLane for Memory {
     fn record(&self) -> usize {
         self.record
     }
@@ -214,8 +218,8 @@ impl Lane for Memory {
 }
 
 /// Columns one after the other, as records.
-struct Turned {
-    source: Arc<Source>,
+struct TransposedColumns {
+    source: Arc<SharedFile>,
     offset: u64,
     rows: u64,
     columns: u64,
@@ -223,7 +227,7 @@ struct Turned {
     row: u64,
 }
 
-impl Lane for Turned {
+impl RecordLane for TransposedColumns {
     fn record(&self) -> usize {
         usize::try_from(self.columns).unwrap_or(0) * self.element
     }
@@ -245,7 +249,7 @@ impl Lane for Turned {
     }
 }
 
-fn turn(raw: &[u8], element: usize, grid: &Grid) -> Vec<u8> {
+fn turn(raw: &[u8], element: usize, grid: &ChunkGrid) -> Vec<u8> {
     let rows = usize::try_from(grid.rows).unwrap_or(0);
     let mut turned = Vec::with_capacity(raw.len());
     for row in 0..rows {

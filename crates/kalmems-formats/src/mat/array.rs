@@ -1,7 +1,7 @@
 //! The arrays of a MAT file (MathWorks, MAT-File Format, version 5), as far as their headers.
 
-use crate::element::{Element, Kind};
-use crate::stream::Stream;
+use crate::element::{Element, ElementKind};
+use crate::stream::StretchReader;
 use crate::{FormatError, limits};
 
 pub(super) const FORMAT: &str = "MAT 5";
@@ -13,19 +13,19 @@ pub(super) const COMPRESSED: u32 = 15;
 const DEPTH: usize = 8;
 
 /// An array's name and what it holds.
-pub(super) struct Variable {
+pub(super) struct MatVariable {
     pub(super) name: String,
-    pub(super) value: Value,
+    pub(super) value: MatValue,
 }
 
 /// What an array holds.
-pub(super) enum Value {
+pub(super) enum MatValue {
     /// Numbers, column after column, from a place of the stream on.
     Numbers { place: u64, element: Element, rows: u64, columns: u64 },
     /// Texts, one a row.
     Texts(Vec<Vec<u8>>),
     /// A struct's fields.
-    Fields(Vec<Variable>),
+    Fields(Vec<MatVariable>),
     /// An object of a class, whose parts are not documented: a table, a string.
     Object(String),
     /// Anything else.
@@ -34,7 +34,7 @@ pub(super) enum Value {
 
 /// The elements of a stream, one after the other.
 pub(super) struct Elements {
-    pub(super) stream: Stream,
+    pub(super) stream: StretchReader,
     pub(super) big_endian: bool,
 }
 
@@ -47,12 +47,12 @@ struct Tag {
 }
 
 /// What bounds the memory that texts and names take, over the whole file.
-pub(super) struct Budget {
+pub(super) struct MemoryBudget {
     pub(super) text_bytes: u64,
     pub(super) arrays: u64,
 }
 
-impl Budget {
+impl MemoryBudget {
     fn take(&mut self, bytes: u64) -> Result<(), FormatError> {
         limits::at_most(FORMAT, "the length of texts", bytes, self.text_bytes)?;
         self.text_bytes -= bytes;
@@ -94,11 +94,11 @@ impl Elements {
     }
 
     /// Reads the headers of an array, and passes over what it holds.
-    pub(super) fn array(&mut self, budget: &mut Budget) -> Result<Variable, FormatError> {
+    pub(super) fn array(&mut self, budget: &mut MemoryBudget) -> Result<MatVariable, FormatError> {
         self.nested(budget, DEPTH)
     }
 
-    fn nested(&mut self, budget: &mut Budget, depth: usize) -> Result<Variable, FormatError> {
+    fn nested(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable, FormatError> {
         let tag = self.tag()?;
         if tag.kind != MATRIX || tag.within.is_some() {
             return Err(self.stream.damaged(format!("an element of type {}", tag.kind), "an array (14)"));
@@ -108,7 +108,7 @@ impl Elements {
         }
         let end = self.stream.position() + tag.bytes;
         if tag.bytes == 0 {
-            return Ok(Variable { name: String::new(), value: Value::Other("empty") });
+            return Ok(MatVariable { name: String::new(), value: MatValue::Other("empty") });
         }
         limits::at_most(FORMAT, "the number of arrays", 1, budget.arrays)?;
         budget.arrays -= 1;
@@ -126,7 +126,7 @@ impl Elements {
         Ok(variable)
     }
 
-    fn body(&mut self, budget: &mut Budget, depth: usize) -> Result<Variable, FormatError> {
+    fn body(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable, FormatError> {
         let (_, flags) = self.short("an array's flags", 16)?;
         if flags.len() < 8 {
             return Err(self.stream.damaged(format!("flags of {} bytes", flags.len()), "8"));
@@ -141,23 +141,23 @@ impl Elements {
                 *word = String::from_utf8_lossy(&letters).into_owned();
             }
             let [name, _, class] = words;
-            return Ok(Variable { name, value: Value::Object(class) });
+            return Ok(MatVariable { name, value: MatValue::Object(class) });
         }
         let (_, dimensions) = self.short("an array's dimensions", 8 * 32)?;
         let lengths: Vec<u64> =
             dimensions.chunks_exact(4).map(|b| u64::from(self.u32([b[0], b[1], b[2], b[3]]))).collect();
         let (_, name) = self.short("an array's name", limits::TEXT_BYTES)?;
         let name = String::from_utf8_lossy(&name).into_owned();
-        let other = |what| Value::Other(what);
+        let other = |what| MatValue::Other(what);
         let [rows, columns] = lengths[..] else {
-            return Ok(Variable { name, value: other("more than two axes") });
+            return Ok(MatVariable { name, value: other("more than two axes") });
         };
         // Both are of 32 bits.
         let count = rows * columns;
         let value = match class {
             _ if complex => other("complex numbers"),
             1 => self.cells(budget, count, depth)?,
-            2 if count == 1 && depth > 0 => Value::Fields(self.fields(budget, depth)?),
+            2 if count == 1 && depth > 0 => MatValue::Fields(self.fields(budget, depth)?),
             2 => other("an array of structs, or one within many others"),
             4 => self.characters(budget, rows, columns)?,
             6..=15 => self.numbers(rows, columns, count, depth)?,
@@ -166,22 +166,28 @@ impl Elements {
             16 => other("a function"),
             _ => return Err(self.stream.damaged(format!("an array of class {class}"), "1 to 17")),
         };
-        Ok(Variable { name, value })
+        Ok(MatVariable { name, value })
     }
 
-    fn numbers(&mut self, rows: u64, columns: u64, count: u64, depth: usize) -> Result<Value, FormatError> {
+    fn numbers(
+        &mut self,
+        rows: u64,
+        columns: u64,
+        count: u64,
+        depth: usize,
+    ) -> Result<MatValue, FormatError> {
         let tag = self.tag()?;
         let (kind, bytes) = match tag.kind {
-            1 => (Kind::Signed, 1),
-            2 => (Kind::Unsigned, 1),
-            3 => (Kind::Signed, 2),
-            4 => (Kind::Unsigned, 2),
-            5 => (Kind::Signed, 4),
-            6 => (Kind::Unsigned, 4),
-            7 => (Kind::Float, 4),
-            9 => (Kind::Float, 8),
-            12 => (Kind::Signed, 8),
-            13 => (Kind::Unsigned, 8),
+            1 => (ElementKind::Signed, 1),
+            2 => (ElementKind::Unsigned, 1),
+            3 => (ElementKind::Signed, 2),
+            4 => (ElementKind::Unsigned, 2),
+            5 => (ElementKind::Signed, 4),
+            6 => (ElementKind::Unsigned, 4),
+            7 => (ElementKind::Float, 4),
+            9 => (ElementKind::Float, 8),
+            12 => (ElementKind::Signed, 8),
+            13 => (ElementKind::Unsigned, 8),
             kind => {
                 return Err(self.stream.damaged(format!("numbers of type {kind}"), "1 to 7, 9, 12 or 13"));
             }
@@ -198,10 +204,10 @@ impl Elements {
         if tag.within.is_none() && depth < DEPTH {
             self.stream.skip(tag.bytes)?;
         }
-        Ok(Value::Numbers { place, element, rows, columns })
+        Ok(MatValue::Numbers { place, element, rows, columns })
     }
 
-    fn fields(&mut self, budget: &mut Budget, depth: usize) -> Result<Vec<Variable>, FormatError> {
+    fn fields(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<Vec<MatVariable>, FormatError> {
         let (_, length) = self.short("a length", 4)?;
         let length = match length[..] {
             [a, b, c, d] => self.u32([a, b, c, d]) as usize,
@@ -226,23 +232,33 @@ impl Elements {
     }
 
     /// Cells that are texts.
-    fn cells(&mut self, budget: &mut Budget, count: u64, depth: usize) -> Result<Value, FormatError> {
+    fn cells(
+        &mut self,
+        budget: &mut MemoryBudget,
+        count: u64,
+        depth: usize,
+    ) -> Result<MatValue, FormatError> {
         if depth == 0 || count > budget.arrays {
-            return Ok(Value::Other("many cells"));
+            return Ok(MatValue::Other("many cells"));
         }
         let mut texts = Vec::new();
         for _ in 0..count {
             match self.nested(budget, 0)?.value {
-                Value::Texts(mut rows) if rows.len() <= 1 => texts.push(rows.pop().unwrap_or_default()),
-                Value::Other("empty") => texts.push(Vec::new()),
-                _ => return Ok(Value::Other("cells that are no texts")),
+                MatValue::Texts(mut rows) if rows.len() <= 1 => texts.push(rows.pop().unwrap_or_default()),
+                MatValue::Other("empty") => texts.push(Vec::new()),
+                _ => return Ok(MatValue::Other("cells that are no texts")),
             }
         }
-        Ok(Value::Texts(texts))
+        Ok(MatValue::Texts(texts))
     }
 
     /// A matrix of characters, column after column: a text a row.
-    fn characters(&mut self, budget: &mut Budget, rows: u64, columns: u64) -> Result<Value, FormatError> {
+    fn characters(
+        &mut self,
+        budget: &mut MemoryBudget,
+        rows: u64,
+        columns: u64,
+    ) -> Result<MatValue, FormatError> {
         let (kind, bytes) = self.short("texts", usize::try_from(budget.text_bytes).unwrap_or(usize::MAX))?;
         // What a text takes beside its bytes.
         budget.take(bytes.len() as u64 + rows.saturating_mul(64))?;
@@ -255,7 +271,7 @@ impl Elements {
                     .map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER))
                     .collect()
             }
-            _ => return Ok(Value::Other("characters of another code")),
+            _ => return Ok(MatValue::Other("characters of another code")),
         };
         if letters.len() as u64 != rows * columns {
             return Err(self
@@ -266,7 +282,7 @@ impl Elements {
         let rows = rows as usize;
         let text = |row: usize| letters.iter().skip(row).step_by(rows).collect::<String>().into_bytes();
         // Nothing in a row is an empty text.
-        Ok(Value::Texts(if rows == 0 { vec![Vec::new()] } else { (0..rows).map(text).collect() }))
+        Ok(MatValue::Texts(if rows == 0 { vec![Vec::new()] } else { (0..rows).map(text).collect() }))
     }
 }
 

@@ -1,15 +1,15 @@
 //! MAT files of version 4, and of version 5 to 7: variables, packed or not.
 
 mod array;
-mod four;
+mod version4;
 
 use crate::element::Element;
-use crate::lanes::Texts;
-use crate::records::{Cells, Field, Lane, RecordTable};
-use crate::source::Source;
-use crate::stream::{Packing, StreamLane, Stretch};
-use crate::{Column, FormatError, Hints, LeftOut, Table, limits};
-use array::{Budget, COMPRESSED, Elements, FORMAT, MATRIX, Value, Variable};
+use crate::lanes::TextLane;
+use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
+use crate::source::SharedFile;
+use crate::stream::{Compression, FileStretch, StreamLane};
+use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use array::{COMPRESSED, Elements, FORMAT, MATRIX, MatValue, MatVariable, MemoryBudget};
 use std::sync::Arc;
 
 /// Bytes before the first variable.
@@ -20,32 +20,36 @@ const TABLE_REMEDY: &str = "save `S = table2struct(T, ToScalar=true)` with `save
 /// Columns of a matrix that become columns beside others.
 const BESIDE: u64 = 64;
 
-pub(crate) use four::begins as begins_as_four;
+pub(crate) use version4::begins as begins_as_four;
 
-pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let source = Arc::new(source);
     let mut head = [0; 128];
     let count = source.read_some(0, &mut head)?;
-    let is_old =
-        !head.ends_with(b"IM") && !head.ends_with(b"MI") && four::begins(&source.bytes(FORMAT, 0, count)?);
-    let (format, found) =
-        if is_old { (four::FORMAT, four::variables(&source)?) } else { (FORMAT, variables(&source)?) };
-    let mut table = Parts { format, ..Parts::default() };
+    let is_old = !head.ends_with(b"IM")
+        && !head.ends_with(b"MI")
+        && version4::begins(&source.bytes(FORMAT, 0, count)?);
+    let (format, found) = if is_old {
+        (version4::FORMAT, version4::variables(&source)?)
+    } else {
+        (FORMAT, variables(&source)?)
+    };
+    let mut table = MatTableParts { format, ..MatTableParts::default() };
     // What MATLAB keeps behind the variables for their objects has no name.
     let found = found.into_iter().filter(|(_, variable)| !variable.name.is_empty());
     if let Some(path) = &hints.group {
         let (stretch, value) = at_path(format, found.collect(), path)?;
         match value {
-            Value::Fields(fields) => table.add_struct(&stretch, path, fields),
-            value => table.add_matrix(&stretch, &Variable { name: path.clone(), value }, hints)?,
+            MatValue::Fields(fields) => table.add_struct(&stretch, path, fields),
+            value => table.add_matrix(&stretch, &MatVariable { name: path.clone(), value }, hints)?,
         }
         return table.finish(source.length());
     }
     let (mut columns, mut structs, mut matrices) = (Vec::new(), Vec::new(), Vec::new());
     for (stretch, variable) in found {
         match &variable.value {
-            Value::Fields(_) => structs.push((stretch, variable)),
-            Value::Numbers { rows, columns, .. } if *rows > 1 && *columns > 1 => {
+            MatValue::Fields(_) => structs.push((stretch, variable)),
+            MatValue::Numbers { rows, columns, .. } if *rows > 1 && *columns > 1 => {
                 matrices.push((stretch, variable));
             }
             _ => columns.push((stretch, variable)),
@@ -53,7 +57,9 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     }
     table.recognised.push_str("the variables, a column each");
     if columns.iter().any(|(_, variable)| is_column(&variable.value)) {
-        table.left_out.extend(structs.iter().map(|(_, variable)| LeftOut::new(&variable.name, "a struct")));
+        table
+            .left_out
+            .extend(structs.iter().map(|(_, variable)| OmittedPart::new(&variable.name, "a struct")));
         for (stretch, variable) in columns {
             table.add(&stretch, variable);
         }
@@ -64,8 +70,8 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
     }
     // Tables within structs, each with the path to it.
     let mut places = Vec::new();
-    for (stretch, Variable { name, value }) in structs {
-        let Value::Fields(fields) = value else { continue };
+    for (stretch, MatVariable { name, value }) in structs {
+        let MatValue::Fields(fields) = value else { continue };
         within(stretch, name, fields, &mut places);
     }
     match (&mut places[..], &matrices[..]) {
@@ -98,24 +104,24 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
 
 /// The structs with columns, in a struct and in its fields.
 fn within(
-    stretch: Stretch,
+    stretch: FileStretch,
     path: String,
-    fields: Vec<Variable>,
-    places: &mut Vec<(Stretch, String, Vec<Variable>)>,
+    fields: Vec<MatVariable>,
+    places: &mut Vec<(FileStretch, String, Vec<MatVariable>)>,
 ) {
     if fields.iter().any(|field| is_column(&field.value)) {
         places.push((stretch, path, fields));
         return;
     }
-    for Variable { name, value } in fields {
-        if let Value::Fields(fields) = value {
+    for MatVariable { name, value } in fields {
+        if let MatValue::Fields(fields) = value {
             within(stretch.clone(), format!("{path}.{name}"), fields, places);
         }
     }
 }
 
 /// All variables, and the stretches that they are in.
-fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>, FormatError> {
+fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>, FormatError> {
     let header = source.bytes(FORMAT, 0, 128)?;
     let big_endian = match &header[124..128] {
         [1, 0, b'M', b'I'] => true,
@@ -129,7 +135,7 @@ fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>, FormatErr
             });
         }
     };
-    let mut budget = Budget { text_bytes: limits::HEADER_BYTES, arrays: 4 * limits::COLUMNS as u64 };
+    let mut budget = MemoryBudget { text_bytes: limits::HEADER_BYTES, arrays: 4 * limits::COLUMNS as u64 };
     let mut found = Vec::new();
     let mut at = HEADER;
     while at < source.length() {
@@ -142,8 +148,8 @@ fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>, FormatErr
         let start = at + 8;
         let end = source.within(FORMAT, start, bytes)?;
         let (packing, start) = match kind {
-            MATRIX => (Packing::Stored, at),
-            COMPRESSED => (Packing::Zlib, start),
+            MATRIX => (Compression::Stored, at),
+            COMPRESSED => (Compression::Zlib, start),
             _ => {
                 return Err(FormatError::Damaged {
                     format: FORMAT,
@@ -156,7 +162,7 @@ fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>, FormatErr
         limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
         let name = format!("the variable at byte {at}");
         let stretch =
-            Stretch { source: Arc::clone(source), format: FORMAT, name, packing, start, end, crc: None };
+            FileStretch { source: Arc::clone(source), format: FORMAT, name, packing, start, end, crc: None };
         let mut elements = Elements { stream: stretch.stream(), big_endian };
         found.push((stretch, elements.array(&mut budget)?));
         at = end;
@@ -167,9 +173,9 @@ fn variables(source: &Arc<Source>) -> Result<Vec<(Stretch, Variable)>, FormatErr
 /// The value of a variable, or of a struct's field: `rig`, `rig.run_1`.
 fn at_path(
     format: &'static str,
-    found: Vec<(Stretch, Variable)>,
+    found: Vec<(FileStretch, MatVariable)>,
     path: &str,
-) -> Result<(Stretch, Value), FormatError> {
+) -> Result<(FileStretch, MatValue), FormatError> {
     let missing = |name: &str| FormatError::Unsupported {
         format,
         what: format!("`{name}` of `{path}`, which is not in the file,"),
@@ -181,38 +187,38 @@ fn at_path(
         found.into_iter().find(|(_, variable)| variable.name == first).ok_or_else(|| missing(first))?;
     let mut value = variable.value;
     for word in words {
-        let Value::Fields(fields) = value else { return Err(missing(word)) };
+        let MatValue::Fields(fields) = value else { return Err(missing(word)) };
         value = fields.into_iter().find(|field| field.name == word).ok_or_else(|| missing(word))?.value;
     }
     Ok((stretch, value))
 }
 
 /// More than one value along one axis.
-fn is_column(value: &Value) -> bool {
+fn is_column(value: &MatValue) -> bool {
     match value {
-        Value::Numbers { rows, columns, .. } => (*rows == 1) != (*columns == 1),
-        Value::Texts(texts) => texts.len() > 1,
-        Value::Fields(_) | Value::Other(_) | Value::Object(_) => false,
+        MatValue::Numbers { rows, columns, .. } => (*rows == 1) != (*columns == 1),
+        MatValue::Texts(texts) => texts.len() > 1,
+        MatValue::Fields(_) | MatValue::Other(_) | MatValue::Object(_) => false,
     }
 }
 
 /// A table that is being put together.
 #[derive(Default)]
-struct Parts {
+struct MatTableParts {
     format: &'static str,
     recognised: String,
-    left_out: Vec<LeftOut>,
-    fields: Vec<Field>,
-    lanes: Vec<Box<dyn Lane>>,
+    left_out: Vec<OmittedPart>,
+    fields: Vec<RecordField>,
+    lanes: Vec<Box<dyn RecordLane>>,
 }
 
-impl Parts {
+impl MatTableParts {
     /// The fields of a struct.
-    fn add_struct(&mut self, stretch: &Stretch, path: &str, fields: Vec<Variable>) {
+    fn add_struct(&mut self, stretch: &FileStretch, path: &str, fields: Vec<MatVariable>) {
         self.recognised = format!("the fields of `{path}`, a column each");
         for field in fields {
             match field.value {
-                Value::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => {
+                MatValue::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => {
                     self.add_beside(stretch, field);
                 }
                 _ => self.add(stretch, field),
@@ -221,12 +227,12 @@ impl Parts {
     }
 
     /// A matrix beside vectors: its columns as MATLAB names them.
-    fn add_beside(&mut self, stretch: &Stretch, matrix: Variable) {
-        let Variable { name, value } = matrix;
-        let Value::Numbers { place, element, rows, columns } = value else { return };
+    fn add_beside(&mut self, stretch: &FileStretch, matrix: MatVariable) {
+        let MatVariable { name, value } = matrix;
+        let MatValue::Numbers { place, element, rows, columns } = value else { return };
         if columns > BESIDE || columns > rows {
             let why = format!("{rows} × {columns}: name it by `group`, and its columns by `columns`");
-            self.left_out.push(LeftOut::new(name, why));
+            self.left_out.push(OmittedPart::new(name, why));
             return;
         }
         let names: Vec<String> = (1..=columns).map(|column| format!("{name}(:,{column})")).collect();
@@ -236,7 +242,7 @@ impl Parts {
     /// The columns of a matrix, which stand one after the other.
     fn add_columns(
         &mut self,
-        stretch: &Stretch,
+        stretch: &FileStretch,
         (place, element, rows): (u64, Element, u64),
         names: &[String],
     ) {
@@ -245,48 +251,57 @@ impl Parts {
             let skip = place + number as u64 * rows * element.bytes as u64;
             self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, element.bytes, rows)));
             let column = Column::new(name).at(format!("column {}", number + 1));
-            self.fields.push(Field::new(column, Cells::Numbers { lane, offset: 0, element }, rows));
+            self.fields.push(RecordField::new(column, CellKind::Numbers { lane, offset: 0, element }, rows));
         }
     }
 
-    fn add(&mut self, stretch: &Stretch, variable: Variable) {
-        let Variable { name, value } = variable;
+    fn add(&mut self, stretch: &FileStretch, variable: MatVariable) {
+        let MatVariable { name, value } = variable;
         let column = Column::new(&name);
         let lane = self.lanes.len();
         let single = !is_column(&value);
         match value {
-            Value::Numbers { place, element, rows, columns } if !single => {
+            MatValue::Numbers { place, element, rows, columns } if !single => {
                 let rows = rows * columns;
                 self.lanes.push(Box::new(StreamLane::new(stretch.clone(), place, element.bytes, rows)));
-                self.fields.push(Field::new(column, Cells::Numbers { lane, offset: 0, element }, rows));
+                self.fields.push(RecordField::new(
+                    column,
+                    CellKind::Numbers { lane, offset: 0, element },
+                    rows,
+                ));
             }
-            Value::Texts(texts) if !single => {
+            MatValue::Texts(texts) if !single => {
                 let rows = texts.len() as u64;
-                self.lanes.push(Box::new(Texts { texts, next: 0 }));
-                self.fields.push(Field::new(column, Cells::Texts { lane }, rows));
+                self.lanes.push(Box::new(TextLane { texts, next: 0 }));
+                self.fields.push(RecordField::new(column, CellKind::Texts { lane }, rows));
             }
-            Value::Numbers { rows, columns, .. } => {
-                self.left_out.push(LeftOut::new(name, format!("{rows} × {columns}")));
+            MatValue::Numbers { rows, columns, .. } => {
+                self.left_out.push(OmittedPart::new(name, format!("{rows} × {columns}")));
             }
-            Value::Texts(_) => self.left_out.push(LeftOut::new(name, "a single text")),
-            Value::Fields(_) => self.left_out.push(LeftOut::new(name, "a struct")),
-            Value::Other(what) => self.left_out.push(LeftOut::new(name, what)),
-            Value::Object(class) => {
+            MatValue::Texts(_) => self.left_out.push(OmittedPart::new(name, "a single text")),
+            MatValue::Fields(_) => self.left_out.push(OmittedPart::new(name, "a struct")),
+            MatValue::Other(what) => self.left_out.push(OmittedPart::new(name, what)),
+            MatValue::Object(class) => {
                 let remedy = match class.as_str() {
                     "table" | "timetable" => TABLE_REMEDY,
                     _ => "save its numbers as vectors",
                 };
-                self.left_out.push(LeftOut::new(name, format!("a {class} of MATLAB: {remedy}")));
+                self.left_out.push(OmittedPart::new(name, format!("a {class} of MATLAB: {remedy}")));
             }
         }
     }
 
     /// A matrix whose columns the experiment names.
-    fn add_matrix(&mut self, stretch: &Stretch, matrix: &Variable, hints: &Hints) -> Result<(), FormatError> {
+    fn add_matrix(
+        &mut self,
+        stretch: &FileStretch,
+        matrix: &MatVariable,
+        hints: &Hints,
+    ) -> Result<(), FormatError> {
         let format = self.format;
         let unsupported =
             |what: String, remedy: &str| FormatError::Unsupported { format, what, remedy: remedy.to_owned() };
-        let Value::Numbers { place, element, rows, columns } = matrix.value else {
+        let MatValue::Numbers { place, element, rows, columns } = matrix.value else {
             let what = format!("`{}`, which is no struct and no matrix of numbers,", matrix.name);
             return Err(unsupported(what, "write the name of one that is"));
         };

@@ -2,14 +2,14 @@
 
 use super::literal::{self, Literal};
 use crate::FormatError;
-use crate::element::{Element, Kind};
+use crate::element::{Element, ElementKind};
 use crate::limits;
-use crate::records::Code;
+use crate::records::TextEncoding;
 use crate::time::{TimeCode, TimeKind, TimeUnit};
 
 /// An array.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Header {
+pub(super) struct NpyHeader {
     /// Bytes before the first element.
     pub(super) bytes: u64,
     pub(super) shape: Vec<u64>,
@@ -32,7 +32,7 @@ pub(super) enum Cell {
     Number(Element),
     Text {
         bytes: usize,
-        code: Code,
+        code: TextEncoding,
     },
     /// Dates or durations.
     Time(TimeCode),
@@ -62,7 +62,7 @@ impl Descr {
     }
 }
 
-impl Header {
+impl NpyHeader {
     /// Reads a header by way of `next`, which gives the next bytes.
     pub(super) fn read(
         format: &'static str,
@@ -230,17 +230,17 @@ fn cell(code: &str) -> Result<Cell, String> {
         }
     };
     Ok(match kind {
-        'f' => number(Kind::Float),
-        'i' => number(Kind::Signed),
-        'u' => number(Kind::Unsigned),
+        'f' => number(ElementKind::Float),
+        'i' => number(ElementKind::Signed),
+        'u' => number(ElementKind::Unsigned),
         // 0 and 1.
-        'b' if size == 1 => number(Kind::Unsigned),
-        'S' | 'a' => Cell::Text { bytes: size, code: Code::Bytes },
-        'U' => Cell::Text { bytes: size * 4, code: Code::Utf32 { big_endian } },
+        'b' if size == 1 => number(ElementKind::Unsigned),
+        'S' | 'a' => Cell::Text { bytes: size, code: TextEncoding::Bytes },
+        'U' => Cell::Text { bytes: size * 4, code: TextEncoding::Utf32 { big_endian } },
         'c' => Cell::Other { bytes: size, what: "complex numbers".to_owned() },
         'M' | 'm' if size == 8 => match time_unit(after) {
             Some(unit) => {
-                let element = Element { kind: Kind::Signed, bytes: size, big_endian };
+                let element = Element { kind: ElementKind::Signed, bytes: size, big_endian };
                 let kind = if kind == 'M' { TimeKind::Calendar } else { TimeKind::Elapsed };
                 Cell::Time(TimeCode::Numpy { element, unit, kind })
             }

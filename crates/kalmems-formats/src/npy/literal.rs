@@ -18,18 +18,18 @@ const DEPTH: usize = 16;
 
 /// Reads one literal and white space behind it. The place of the fault is a byte.
 pub(super) fn parse(text: &str) -> Result<Literal, (usize, &'static str)> {
-    let mut reader = Reader { text, at: 0 };
+    let mut reader = LiteralReader { text, at: 0 };
     let literal = reader.literal(DEPTH)?;
     reader.space();
     if reader.at == text.len() { Ok(literal) } else { Err((reader.at, "the end")) }
 }
 
-struct Reader<'a> {
+struct LiteralReader<'a> {
     text: &'a str,
     at: usize,
 }
 
-impl Reader<'_> {
+impl LiteralReader<'_> {
     fn rest(&self) -> &str {
         &self.text[self.at..]
     }

@@ -4,46 +4,46 @@ mod header;
 mod literal;
 mod zip;
 
-use crate::records::{Cells, Field, Lane, RecordTable};
-use crate::source::Source;
-use crate::stream::{Packing, StreamLane, Stretch};
-use crate::{Column, FormatError, Hints, LeftOut, Table, limits};
-use header::{Cell, Descr, Header};
+use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
+use crate::source::SharedFile;
+use crate::stream::{Compression, FileStretch, StreamLane};
+use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use header::{Cell, Descr, NpyHeader};
 use std::sync::Arc;
 
 /// Columns of an array of two axes that become columns beside others.
 const BESIDE: u64 = 64;
 
 /// Opens a single array.
-pub(crate) fn open_npy(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open_npy(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     const FORMAT: &str = "NPY";
     let source = Arc::new(source);
     let file_bytes = source.length();
-    let stretch = Stretch {
+    let stretch = FileStretch {
         source,
         format: FORMAT,
         name: "the file".to_owned(),
-        packing: Packing::Stored,
+        packing: Compression::Stored,
         start: 0,
         end: file_bytes,
         crc: None,
     };
-    let array = Array::open(stretch, String::new(), file_bytes)?;
-    let mut table = Parts::default();
+    let array = NpyArray::open(stretch, String::new(), file_bytes)?;
+    let mut table = NpyTableParts::default();
     array.add_table(hints, &mut table)?;
     table.finish(FORMAT, file_bytes)
 }
 
 /// Opens the arrays of a zip file.
-pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     const FORMAT: &str = "NPZ";
     let source = Arc::new(source);
     let file_bytes = source.length();
-    let mut table = Parts::default();
+    let mut table = NpyTableParts::default();
     let mut arrays = Vec::new();
     for member in zip::members(&source)? {
         let Some(name) = member.name.strip_suffix(".npy") else {
-            table.left_out.push(LeftOut::new(member.name, "no array"));
+            table.left_out.push(OmittedPart::new(member.name, "no array"));
             continue;
         };
         if hints.group.as_deref().is_some_and(|wanted| wanted != name) {
@@ -51,7 +51,7 @@ pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, 
         }
         let unpacked = member.unpacked;
         let name = name.to_owned();
-        arrays.push(Array::open(member.stretch(Arc::clone(&source))?, name, unpacked)?);
+        arrays.push(NpyArray::open(member.stretch(Arc::clone(&source))?, name, unpacked)?);
     }
     if let Some(wanted) = &hints.group {
         let Some(array) = arrays.into_iter().next() else {
@@ -64,7 +64,7 @@ pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, 
         array.add_table(hints, &mut table)?;
         return table.finish(FORMAT, file_bytes);
     }
-    let (vectors, others): (Vec<_>, Vec<_>) = arrays.into_iter().partition(Array::is_column);
+    let (vectors, others): (Vec<_>, Vec<_>) = arrays.into_iter().partition(NpyArray::is_column);
     if vectors.is_empty() && others.len() == 1 {
         for array in others {
             array.add_table(hints, &mut table)?;
@@ -77,7 +77,7 @@ pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, 
         for array in others {
             match array.names_beside().filter(|_| any) {
                 Some(names) => array.add_columns(&names, &mut table)?,
-                None => table.left_out.push(LeftOut::new(&array.name, array.shape())),
+                None => table.left_out.push(OmittedPart::new(&array.name, array.shape())),
             }
         }
     }
@@ -86,14 +86,14 @@ pub(crate) fn open_npz(source: Source, hints: &Hints) -> Result<Box<dyn Table>, 
 
 /// A table that is being put together.
 #[derive(Default)]
-struct Parts {
+struct NpyTableParts {
     recognised: String,
-    left_out: Vec<LeftOut>,
-    fields: Vec<Field>,
-    lanes: Vec<Box<dyn Lane>>,
+    left_out: Vec<OmittedPart>,
+    fields: Vec<RecordField>,
+    lanes: Vec<Box<dyn RecordLane>>,
 }
 
-impl Parts {
+impl NpyTableParts {
     fn finish(mut self, format: &'static str, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
         if self.fields.is_empty() {
             return Err(FormatError::Unsupported {
@@ -112,18 +112,18 @@ impl Parts {
 }
 
 /// An array whose header is read.
-struct Array {
+struct NpyArray {
     name: String,
-    header: Header,
-    stretch: Stretch,
+    header: NpyHeader,
+    stretch: FileStretch,
 }
 
-impl Array {
+impl NpyArray {
     /// Reads the header and compares what it claims with the bytes that there are.
-    fn open(stretch: Stretch, name: String, unpacked: u64) -> Result<Self, FormatError> {
+    fn open(stretch: FileStretch, name: String, unpacked: u64) -> Result<Self, FormatError> {
         let format = stretch.format;
         let mut stream = stretch.stream();
-        let header = Header::read(format, &stretch.name, |count| stream.bytes(count))?;
+        let header = NpyHeader::read(format, &stretch.name, |count| stream.bytes(count))?;
         let (count, bytes) = header.size(format)?;
         limits::plausible_rows(format, count, stretch.source.length())?;
         let there = unpacked.saturating_sub(header.bytes);
@@ -161,7 +161,7 @@ impl Array {
             }
     }
 
-    fn lane(&self, skip: u64, record: usize, rows: u64) -> Box<dyn Lane> {
+    fn lane(&self, skip: u64, record: usize, rows: u64) -> Box<dyn RecordLane> {
         let mut stretch = self.stretch.clone();
         // A checksum is over the whole of it.
         if rows * record as u64
@@ -173,13 +173,13 @@ impl Array {
     }
 
     /// The array as a column.
-    fn add_column(&self, table: &mut Parts) {
+    fn add_column(&self, table: &mut NpyTableParts) {
         let Descr::Plain(cell) = &self.header.element else { return };
         let rows = self.header.shape.iter().product();
         let lane = table.lanes.len();
         if let Some(cells) = cells(cell, lane, 0) {
             table.lanes.push(self.lane(0, cell.bytes(), rows));
-            table.fields.push(Field::new(Column::new(&self.name), cells, rows));
+            table.fields.push(RecordField::new(Column::new(&self.name), cells, rows));
         }
     }
 
@@ -193,8 +193,8 @@ impl Array {
     }
 
     /// The array as a table: fields with names, or columns that are named in the experiment.
-    fn add_table(self, hints: &Hints, table: &mut Parts) -> Result<(), FormatError> {
-        let Header { shape, element, .. } = &self.header;
+    fn add_table(self, hints: &Hints, table: &mut NpyTableParts) -> Result<(), FormatError> {
+        let NpyHeader { shape, element, .. } = &self.header;
         let unsupported = |what: String, remedy: &str| FormatError::Unsupported {
             format: self.stretch.format,
             what,
@@ -207,11 +207,11 @@ impl Array {
                 for (name, cell) in fields {
                     match cells(cell, table.lanes.len(), offset) {
                         Some(cells) => {
-                            table.fields.push(Field::new(Column::new(name), cells, shape[0]));
+                            table.fields.push(RecordField::new(Column::new(name), cells, shape[0]));
                         }
                         // Padding has no name.
                         None if name.is_empty() => {}
-                        None => table.left_out.push(LeftOut::new(name, what(cell))),
+                        None => table.left_out.push(OmittedPart::new(name, what(cell))),
                     }
                     offset += cell.bytes();
                 }
@@ -248,7 +248,7 @@ impl Array {
     }
 
     /// The columns of an array of one or two axes.
-    fn add_columns(&self, names: &[String], table: &mut Parts) -> Result<(), FormatError> {
+    fn add_columns(&self, names: &[String], table: &mut NpyTableParts) -> Result<(), FormatError> {
         let Descr::Plain(cell) = &self.header.element else { return Ok(()) };
         let (rows, size) = (self.header.shape[0], cell.bytes());
         limits::at_most(
@@ -265,7 +265,7 @@ impl Array {
                 if self.header.fortran { (table.lanes.len(), 0) } else { (first, number * size) };
             if let Some(cells) = cells(cell, lane, offset) {
                 let column = Column::new(name).at(format!("column {}", number + 1));
-                table.fields.push(Field::new(column, cells, rows));
+                table.fields.push(RecordField::new(column, cells, rows));
             }
             if self.header.fortran {
                 table.lanes.push(self.lane(number as u64 * rows * size as u64, size, rows));
@@ -285,11 +285,11 @@ fn what(cell: &Cell) -> &str {
     }
 }
 
-fn cells(cell: &Cell, lane: usize, offset: usize) -> Option<Cells> {
+fn cells(cell: &Cell, lane: usize, offset: usize) -> Option<CellKind> {
     match cell {
-        Cell::Number(element) => Some(Cells::Numbers { lane, offset, element: *element }),
-        Cell::Time(code) => Some(Cells::Times { lane, offset, code: *code }),
-        Cell::Text { bytes, code } => Some(Cells::Text { lane, offset, bytes: *bytes, code: *code }),
+        Cell::Number(element) => Some(CellKind::Numbers { lane, offset, element: *element }),
+        Cell::Time(code) => Some(CellKind::Times { lane, offset, code: *code }),
+        Cell::Text { bytes, code } => Some(CellKind::Text { lane, offset, bytes: *bytes, code: *code }),
         Cell::Other { .. } => None,
     }
 }

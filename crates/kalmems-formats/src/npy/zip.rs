@@ -2,8 +2,8 @@
 
 use crate::FormatError;
 use crate::limits;
-use crate::source::Source;
-use crate::stream::{Packing, Stretch};
+use crate::source::SharedFile;
+use crate::stream::{Compression, FileStretch};
 use std::sync::Arc;
 
 const FORMAT: &str = "NPZ";
@@ -11,7 +11,7 @@ const FORMAT: &str = "NPZ";
 const TAIL: u64 = 22 + 65_535 + 20;
 
 /// A file in the zip file.
-pub(super) struct Member {
+pub(super) struct ZipMember {
     pub(super) name: String,
     pub(super) unpacked: u64,
     packed: u64,
@@ -23,13 +23,13 @@ pub(super) struct Member {
 }
 
 /// Reads the directory.
-pub(super) fn members(source: &Source) -> Result<Vec<Member>, FormatError> {
+pub(super) fn members(source: &SharedFile) -> Result<Vec<ZipMember>, FormatError> {
     let (entries, offset, size) = directory(source)?;
     limits::at_most(FORMAT, "the number of members", entries, limits::COLUMNS as u64)?;
     limits::at_most(FORMAT, "the length of the directory", size, limits::HEADER_BYTES)?;
     #[allow(clippy::cast_possible_truncation)] // bounded by the line above
     let bytes = source.bytes(FORMAT, offset, size as usize)?;
-    let mut members: Vec<Member> = Vec::new();
+    let mut members: Vec<ZipMember> = Vec::new();
     let mut at = 0;
     for _ in 0..entries {
         let place = offset + at as u64;
@@ -48,7 +48,7 @@ pub(super) fn members(source: &Source) -> Result<Vec<Member>, FormatError> {
         if name > limits::TEXT_BYTES {
             return Err(damaged(place, "a name of more than 4096 bytes", "a shorter one"));
         }
-        let mut member = Member {
+        let mut member = ZipMember {
             name: String::from_utf8_lossy(name_bytes).into_owned(),
             unpacked: u64::from(u32_at(fixed, 24)),
             packed: u64::from(u32_at(fixed, 20)),
@@ -65,7 +65,7 @@ pub(super) fn members(source: &Source) -> Result<Vec<Member>, FormatError> {
     Ok(members)
 }
 
-impl Member {
+impl ZipMember {
     /// Takes the lengths of 64 bits where those of 32 are not enough.
     fn widen(&mut self, mut extra: &[u8], place: u64) -> Result<(), FormatError> {
         let elsewhere = u64::from(u32::MAX);
@@ -89,7 +89,7 @@ impl Member {
     }
 
     /// Where its bytes are.
-    pub(super) fn stretch(&self, source: Arc<Source>) -> Result<Stretch, FormatError> {
+    pub(super) fn stretch(&self, source: Arc<SharedFile>) -> Result<FileStretch, FormatError> {
         let unsupported = |what: &str| FormatError::Unsupported {
             format: FORMAT,
             what: format!("`{}`, which is {what},", self.name),
@@ -99,8 +99,8 @@ impl Member {
             return Err(unsupported("encrypted"));
         }
         let packing = match self.method {
-            0 => Packing::Stored,
-            8 => Packing::Deflate,
+            0 => Compression::Stored,
+            8 => Compression::Deflate,
             other => return Err(unsupported(&format!("packed by method {other}"))),
         };
         let header = source.bytes(FORMAT, self.header, 30)?;
@@ -109,17 +109,17 @@ impl Member {
         }
         let start = self.header + 30 + u64::from(u16_at(&header, 26)) + u64::from(u16_at(&header, 28));
         let end = source.within(FORMAT, start, self.packed)?;
-        if packing == Packing::Stored && self.packed != self.unpacked {
+        if packing == Compression::Stored && self.packed != self.unpacked {
             return Err(damaged(self.header, "unpacked bytes of another length", "the same"));
         }
         limits::plausible_unpacked(FORMAT, &format!("`{}`", self.name), self.unpacked, self.packed)?;
         let name = format!("`{}`", self.name);
-        Ok(Stretch { source, format: FORMAT, name, packing, start, end, crc: Some(self.crc) })
+        Ok(FileStretch { source, format: FORMAT, name, packing, start, end, crc: Some(self.crc) })
     }
 }
 
 /// Members that share bytes unpack to more than the file could hold.
-fn refuse_overlaps(source: &Source, members: &[Member], directory: u64) -> Result<(), FormatError> {
+fn refuse_overlaps(source: &SharedFile, members: &[ZipMember], directory: u64) -> Result<(), FormatError> {
     let mut places: Vec<(u64, u64)> = Vec::new();
     for member in members {
         // A header of 30 bytes and its name are before the packed bytes.
@@ -141,7 +141,7 @@ fn refuse_overlaps(source: &Source, members: &[Member], directory: u64) -> Resul
 }
 
 /// How many entries the directory has, where it begins, and its bytes.
-fn directory(source: &Source) -> Result<(u64, u64, u64), FormatError> {
+fn directory(source: &SharedFile) -> Result<(u64, u64, u64), FormatError> {
     let tail_start = source.length().saturating_sub(TAIL);
     #[allow(clippy::cast_possible_truncation)] // at most TAIL
     let tail = source.bytes(FORMAT, tail_start, (source.length() - tail_start) as usize)?;

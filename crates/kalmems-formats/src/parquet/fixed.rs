@@ -1,6 +1,6 @@
 //! Numbers of Parquet that are no machine's: decimal ones, and floating-point numbers of 16 bits.
 
-use super::{Kind, Out, Records};
+use super::{OutputColumn, RowsToRead, ValueKind};
 use crate::decimal::Shift;
 use crate::element;
 use parquet::basic::{ConvertedType, LogicalType, Type};
@@ -12,11 +12,11 @@ use parquet::schema::types::ColumnDescriptor;
 const BYTES: i32 = 16;
 
 /// What such a column holds; none where it is another.
-pub(super) fn kind(descriptor: &ColumnDescriptor) -> Option<Result<Kind, &'static str>> {
+pub(super) fn kind(descriptor: &ColumnDescriptor) -> Option<Result<ValueKind, &'static str>> {
     let (physical, logical) = (descriptor.physical_type(), descriptor.logical_type_ref());
     if matches!(logical, Some(LogicalType::Float16)) {
         let fits = physical == Type::FIXED_LEN_BYTE_ARRAY && descriptor.type_length() == 2;
-        return Some(if fits { Ok(Kind::Half) } else { Err("bytes of a fixed length") });
+        return Some(if fits { Ok(ValueKind::Half) } else { Err("bytes of a fixed length") });
     }
     let scale = match (logical, descriptor.converted_type()) {
         (Some(LogicalType::Decimal(decimal)), _) => decimal.scale,
@@ -29,18 +29,18 @@ pub(super) fn kind(descriptor: &ColumnDescriptor) -> Option<Result<Kind, &'stati
         _ => false,
     };
     let known = fits && (-400..=400).contains(&scale);
-    Some(if known { Ok(Kind::Decimal { scale }) } else { Err("decimal numbers of more than 38 digits") })
+    Some(if known { Ok(ValueKind::Decimal { scale }) } else { Err("decimal numbers of more than 38 digits") })
 }
 
 /// Reads the values of such a column.
 pub(super) fn take(
     reader: &mut ColumnReader,
-    records: &mut Records<'_>,
-    out: Out<'_>,
+    records: &mut RowsToRead<'_>,
+    out: OutputColumn<'_>,
     power: i32,
 ) -> Result<usize, ParquetError> {
-    let scale = if let Kind::Decimal { scale } = records.leaf.kind { scale } else { 0 };
-    let is_half = records.leaf.kind == Kind::Half;
+    let scale = if let ValueKind::Decimal { scale } = records.leaf.kind { scale } else { 0 };
+    let is_half = records.leaf.kind == ValueKind::Half;
     let mut shift = Shift::new(power.saturating_sub(scale));
     let mut number = |whole: i128| shift.integer(whole);
     let label = |whole: i128| element::shortest(Shift::new(-scale).integer(whole)).into_bytes();

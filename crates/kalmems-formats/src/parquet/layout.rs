@@ -3,11 +3,11 @@
 //! The library takes a field for what its number says, whatever type the file gives it, and is then somewhere else in the
 //! bytes than who reads the types. So both must agree before it is asked.
 
-use super::thrift::{Field, Kind};
+use super::thrift::{ThriftField, ThriftKind};
 
-use Kind::{Bytes, Double, Flag, List, Number, Struct};
+use ThriftKind::{Bytes, Double, Flag, List, Number, Struct};
 
-pub(super) const FILE: &[Field] = &[
+pub(super) const FILE: &[ThriftField] = &[
     (1, Number),
     (2, List(&Struct(SCHEMA_ELEMENT))),
     (3, Number),
@@ -19,7 +19,7 @@ pub(super) const FILE: &[Field] = &[
     (9, Bytes),
 ];
 
-const SCHEMA_ELEMENT: &[Field] = &[
+const SCHEMA_ELEMENT: &[ThriftField] = &[
     (1, Number),
     (2, Number),
     (3, Number),
@@ -32,10 +32,10 @@ const SCHEMA_ELEMENT: &[Field] = &[
     (10, Struct(LOGICAL_TYPE)),
 ];
 
-const EMPTY: Kind = Struct(&[]);
-const TIME: Kind = Struct(&[(1, Flag), (2, Struct(&[(1, EMPTY), (2, EMPTY), (3, EMPTY)]))]);
+const EMPTY: ThriftKind = Struct(&[]);
+const TIME: ThriftKind = Struct(&[(1, Flag), (2, Struct(&[(1, EMPTY), (2, EMPTY), (3, EMPTY)]))]);
 
-const LOGICAL_TYPE: &[Field] = &[
+const LOGICAL_TYPE: &[ThriftField] = &[
     (1, EMPTY),
     (2, EMPTY),
     (3, EMPTY),
@@ -44,24 +44,24 @@ const LOGICAL_TYPE: &[Field] = &[
     (6, EMPTY),
     (7, TIME),
     (8, TIME),
-    (10, Struct(&[(1, Kind::Byte), (2, Flag)])),
+    (10, Struct(&[(1, ThriftKind::Byte), (2, Flag)])),
     (11, EMPTY),
     (12, EMPTY),
     (13, EMPTY),
     (14, EMPTY),
     (15, EMPTY),
-    (16, Struct(&[(1, Kind::Byte)])),
+    (16, Struct(&[(1, ThriftKind::Byte)])),
     (17, Struct(&[(1, Bytes)])),
     (18, Struct(&[(1, Bytes), (2, Number)])),
     (19, EMPTY),
 ];
 
-const KEY_VALUE: &[Field] = &[(1, Bytes), (2, Bytes)];
+const KEY_VALUE: &[ThriftField] = &[(1, Bytes), (2, Bytes)];
 
-const AES: Kind = Struct(&[(1, Bytes), (2, Bytes), (3, Flag)]);
-const ENCRYPTION: &[Field] = &[(1, AES), (2, AES)];
+const AES: ThriftKind = Struct(&[(1, Bytes), (2, Bytes), (3, Flag)]);
+const ENCRYPTION: &[ThriftField] = &[(1, AES), (2, AES)];
 
-const ROW_GROUP: &[Field] = &[
+const ROW_GROUP: &[ThriftField] = &[
     (1, List(&Struct(COLUMN_CHUNK))),
     (2, Number),
     (3, Number),
@@ -71,7 +71,7 @@ const ROW_GROUP: &[Field] = &[
     (7, Number),
 ];
 
-const COLUMN_CHUNK: &[Field] = &[
+const COLUMN_CHUNK: &[ThriftField] = &[
     (1, Bytes),
     (2, Number),
     (3, Struct(COLUMN)),
@@ -83,7 +83,7 @@ const COLUMN_CHUNK: &[Field] = &[
     (9, Bytes),
 ];
 
-const COLUMN: &[Field] = &[
+const COLUMN: &[ThriftField] = &[
     (1, Number),
     (2, List(&Number)),
     (3, List(&Bytes)),
@@ -103,10 +103,10 @@ const COLUMN: &[Field] = &[
     (17, Struct(&[(1, Struct(BOX)), (2, List(&Number))])),
 ];
 
-const BOX: &[Field] =
+const BOX: &[ThriftField] =
     &[(1, Double), (2, Double), (3, Double), (4, Double), (5, Double), (6, Double), (7, Double), (8, Double)];
 
-const STATISTICS: &[Field] = &[
+const STATISTICS: &[ThriftField] = &[
     (1, Bytes),
     (2, Bytes),
     (3, Number),
@@ -118,7 +118,7 @@ const STATISTICS: &[Field] = &[
     (9, Number),
 ];
 
-pub(super) const PAGE: &[Field] = &[
+pub(super) const PAGE: &[ThriftField] = &[
     (1, Number),
     (2, Number),
     (3, Number),

@@ -10,10 +10,10 @@ use crate::decimal::Shift;
 use crate::limits::{self, BLOCK_BYTES};
 use crate::panics;
 use crate::records::{push_label, refuse_infinities};
-use crate::source::Source;
+use crate::source::SharedFile;
 use crate::{
-    Block, CellFault, Column, Description, Evidence, Fault, FormatError, Hints, Instant, Labels, LeftOut,
-    Table, TimeKind, TimeReader, TimeUnit, Wanted, element,
+    Block, CellFault, CellFinding, Column, FormatError, Hints, Instant, Labels, OmittedPart, Table,
+    TableDescription, TableEvidence, TimeKind, TimeReader, TimeUnit, WantedColumn, element,
 };
 use pages::{ColumnPages, PAGE_BYTES};
 use parquet::basic::{ConvertedType, LogicalType, Type};
@@ -56,7 +56,7 @@ fn guarded<R>(place: &str, call: impl FnOnce() -> Result<R, ParquetError>) -> Re
     }
 }
 
-pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let source = Arc::new(source);
     let file_bytes = source.length();
     let tail = source.bytes(FORMAT, file_bytes.saturating_sub(8), 8)?;
@@ -100,9 +100,9 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
             Ok(kind) => {
                 let text = descriptor.physical_type() == Type::BYTE_ARRAY;
                 columns.push(Column { text, ..Column::new(&name) });
-                kinds.push(Leaf { number: leaf, kind, levels: descriptor.max_def_level() });
+                kinds.push(SchemaLeaf { number: leaf, kind, levels: descriptor.max_def_level() });
             }
-            Err(what) => left_out.push(LeftOut::new(name, what)),
+            Err(what) => left_out.push(OmittedPart::new(name, what)),
         }
     }
     let mut recognised = format!("{rows} rows in {} groups", metadata.num_row_groups());
@@ -116,12 +116,12 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
             remedy: "write columns of numbers".to_owned(),
         });
     }
-    let description = Description {
+    let description = TableDescription {
         format: FORMAT,
         recognised,
         columns,
         rows: Some(rows),
-        evidence: Evidence::Format,
+        evidence: TableEvidence::Format,
         left_out,
     };
     Ok(Box::new(ParquetTable {
@@ -139,15 +139,15 @@ pub(crate) fn open(source: Source, _hints: &Hints) -> Result<Box<dyn Table>, For
 
 /// A column of the schema.
 #[derive(Clone, Copy)]
-struct Leaf {
+struct SchemaLeaf {
     number: usize,
-    kind: Kind,
+    kind: ValueKind,
     /// The level that says that a value is there.
     levels: i16,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum ValueKind {
     Signed,
     Unsigned,
     /// Whole numbers times 10^−scale.
@@ -163,7 +163,7 @@ enum Kind {
 }
 
 /// What a column holds, or why it is left out.
-fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
+fn kind(descriptor: &ColumnDescriptor) -> Result<ValueKind, &'static str> {
     if descriptor.max_rep_level() > 0 {
         return Err("a list in each row");
     }
@@ -194,10 +194,12 @@ fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
         ConvertedType::UINT_8 | ConvertedType::UINT_16 | ConvertedType::UINT_32 | ConvertedType::UINT_64
     );
     match descriptor.physical_type() {
-        Type::BOOLEAN | Type::FLOAT | Type::DOUBLE => Ok(Kind::Plain),
-        Type::INT32 | Type::INT64 => integers.map(|()| if unsigned { Kind::Unsigned } else { Kind::Signed }),
+        Type::BOOLEAN | Type::FLOAT | Type::DOUBLE => Ok(ValueKind::Plain),
+        Type::INT32 | Type::INT64 => {
+            integers.map(|()| if unsigned { ValueKind::Unsigned } else { ValueKind::Signed })
+        }
         Type::BYTE_ARRAY => match (descriptor.logical_type_ref(), descriptor.converted_type()) {
-            (Some(LogicalType::String | LogicalType::Enum) | None, _) => Ok(Kind::Plain),
+            (Some(LogicalType::String | LogicalType::Enum) | None, _) => Ok(ValueKind::Plain),
             _ => Err("bytes with a meaning of their own"),
         },
         Type::INT96 => Err("dates"),
@@ -206,7 +208,7 @@ fn kind(descriptor: &ColumnDescriptor) -> Result<Kind, &'static str> {
 }
 
 /// The dates and times of a day that are integers.
-fn time(descriptor: &ColumnDescriptor) -> Option<Kind> {
+fn time(descriptor: &ColumnDescriptor) -> Option<ValueKind> {
     use parquet::basic::TimeUnit as Unit;
     let power = |unit: Unit| match unit {
         Unit::MILLIS => -3,
@@ -225,26 +227,26 @@ fn time(descriptor: &ColumnDescriptor) -> Option<Kind> {
         (None, ConvertedType::TIME_MICROS) => (TimeUnit::decimal(-6), TimeKind::Elapsed),
         _ => return None,
     };
-    matches!(descriptor.physical_type(), Type::INT32 | Type::INT64).then_some(Kind::Time(unit, kind))
+    matches!(descriptor.physical_type(), Type::INT32 | Type::INT64).then_some(ValueKind::Time(unit, kind))
 }
 
 struct ParquetTable {
-    description: Description,
-    source: Arc<Source>,
+    description: TableDescription,
+    source: Arc<SharedFile>,
     metadata: ParquetMetaData,
-    kinds: Vec<Leaf>,
+    kinds: Vec<SchemaLeaf>,
     rows: u64,
     row: u64,
     file_bytes: u64,
-    wanted: Vec<Cursor>,
+    wanted: Vec<ColumnCursor>,
     times: TimeReader,
 }
 
 /// A wanted column and how far it is read.
-struct Cursor {
-    want: Wanted,
+struct ColumnCursor {
+    want: WantedColumn,
     column: usize,
-    leaf: Leaf,
+    leaf: SchemaLeaf,
     reader: Option<ColumnReader>,
     group: usize,
     levels: Vec<i16>,
@@ -258,11 +260,11 @@ enum Sink<'a> {
 }
 
 impl Table for ParquetTable {
-    fn description(&self) -> &Description {
+    fn description(&self) -> &TableDescription {
         &self.description
     }
 
-    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
         self.wanted.clear();
         for want in wanted {
             let column = want.column();
@@ -280,12 +282,13 @@ impl Table for ParquetTable {
                 let name = &self.description.columns[column].name;
                 return Err(unsupported(format!("text where numbers belong, in column `{name}`,")));
             }
-            let cursor = Cursor { want: *want, column, leaf, reader: None, group: 0, levels: Vec::new() };
+            let cursor =
+                ColumnCursor { want: *want, column, leaf, reader: None, group: 0, levels: Vec::new() };
             self.wanted.push(cursor);
         }
-        if let Some((column, unit, origin)) = Wanted::time(wanted, FORMAT)? {
+        if let Some((column, unit, origin)) = WantedColumn::time(wanted, FORMAT)? {
             let unit = match self.kinds.get(column).map(|leaf| leaf.kind) {
-                Some(Kind::Time(unit, _)) => unit,
+                Some(ValueKind::Time(unit, _)) => unit,
                 _ => unit,
             };
             self.times = TimeReader::new(unit, origin);
@@ -308,10 +311,10 @@ impl Table for ParquetTable {
             let column = cursor.column;
             let name = &self.description.columns[column].name;
             match cursor.want {
-                Wanted::Number { .. } | Wanted::Time { .. } => {
+                WantedColumn::Number { .. } | WantedColumn::Time { .. } => {
                     let out = &mut block.numbers[number];
                     let sink = match cursor.want {
-                        Wanted::Number { power, .. } => Sink::Numbers { out: &mut *out, power },
+                        WantedColumn::Number { power, .. } => Sink::Numbers { out: &mut *out, power },
                         _ => Sink::Times { out: &mut *out, times: &mut self.times },
                     };
                     let missing = cursor.read((&self.source, &self.metadata), name, rows, sink)?;
@@ -319,12 +322,12 @@ impl Table for ParquetTable {
                     // They are NaN so far, and were taken for such.
                     for fault in block.faults.iter_mut().filter(|fault| fault.column == Some(column)) {
                         if missing.get(fault.row).copied().unwrap_or(false) {
-                            fault.fault = Fault::Missing;
+                            fault.fault = CellFinding::Missing;
                         }
                     }
                     number += 1;
                 }
-                Wanted::Label { .. } => {
+                WantedColumn::Label { .. } => {
                     let out = &mut block.labels[label];
                     let missing =
                         cursor.read((&self.source, &self.metadata), name, rows, Sink::Labels { out })?;
@@ -334,14 +337,14 @@ impl Table for ParquetTable {
                             row,
                             line,
                             column: Some(column),
-                            fault: Fault::Missing,
+                            fault: CellFinding::Missing,
                         });
                     }
                     label += 1;
                 }
             }
         }
-        block.tell_times(&self.times);
+        block.set_times(&self.times);
         block.faults.sort_by_key(|fault| fault.row);
         self.row += rows as u64;
         Ok(())
@@ -349,7 +352,7 @@ impl Table for ParquetTable {
 
     fn time_kind(&self, column: usize) -> Option<TimeKind> {
         match self.kinds.get(column)?.kind {
-            Kind::Time(_, kind) => Some(kind),
+            ValueKind::Time(_, kind) => Some(kind),
             _ => None,
         }
     }
@@ -361,11 +364,11 @@ impl Table for ParquetTable {
     }
 }
 
-impl Cursor {
+impl ColumnCursor {
     /// Reads the next rows; says which of them have no value.
     fn read(
         &mut self,
-        (source, metadata): (&Arc<Source>, &ParquetMetaData),
+        (source, metadata): (&Arc<SharedFile>, &ParquetMetaData),
         name: &str,
         rows: usize,
         mut sink: Sink<'_>,
@@ -400,41 +403,41 @@ impl Cursor {
 /// Reads values of whichever type.
 fn take(
     reader: &mut ColumnReader,
-    leaf: Leaf,
+    leaf: SchemaLeaf,
     rows: usize,
     row: usize,
     levels: &mut Vec<i16>,
     missing: &mut Vec<bool>,
     sink: &mut Sink<'_>,
 ) -> Result<usize, ParquetError> {
-    let mut records = Records { leaf, rows, row, levels, missing };
+    let mut records = RowsToRead { leaf, rows, row, levels, missing };
     let power = if let Sink::Numbers { power, .. } = sink { *power } else { 0 };
     // Dates as numbers are seconds since 1970.
     let mut since_1970;
     let mut shift;
     let (out, mut numbers) = match sink {
-        Sink::Times { out, times } => (Out::Numbers(out), Numbers::Times(times)),
-        Sink::Numbers { out, .. } if let Kind::Time(unit, _) = leaf.kind => {
+        Sink::Times { out, times } => (OutputColumn::Numbers(out), NumberTarget::Times(times)),
+        Sink::Numbers { out, .. } if let ValueKind::Time(unit, _) = leaf.kind => {
             since_1970 = TimeReader::new(unit, Some(Instant::ZERO));
-            (Out::Numbers(out), Numbers::Times(&mut since_1970))
+            (OutputColumn::Numbers(out), NumberTarget::Times(&mut since_1970))
         }
         Sink::Numbers { out, power } => {
             shift = Shift::new(*power);
-            (Out::Numbers(out), Numbers::Shifted(&mut shift))
+            (OutputColumn::Numbers(out), NumberTarget::Shifted(&mut shift))
         }
         Sink::Labels { out } => {
             shift = Shift::new(0);
-            (Out::Labels(out), Numbers::Shifted(&mut shift))
+            (OutputColumn::Labels(out), NumberTarget::Shifted(&mut shift))
         }
     };
-    if matches!(leaf.kind, Kind::Decimal { .. } | Kind::Half) {
+    if matches!(leaf.kind, ValueKind::Decimal { .. } | ValueKind::Half) {
         return fixed::take(reader, &mut records, out, power);
     }
     // As signed and unsigned numbers of the same bits.
     #[allow(clippy::cast_sign_loss)]
-    let wide = |x: i64| if leaf.kind == Kind::Unsigned { i128::from(x as u64) } else { i128::from(x) };
+    let wide = |x: i64| if leaf.kind == ValueKind::Unsigned { i128::from(x as u64) } else { i128::from(x) };
     #[allow(clippy::cast_sign_loss)]
-    let narrow = |x: i32| if leaf.kind == Kind::Unsigned { i128::from(x as u32) } else { i128::from(x) };
+    let narrow = |x: i32| if leaf.kind == ValueKind::Unsigned { i128::from(x as u32) } else { i128::from(x) };
     let integer = |x: i128| leaf.kind.label(x).into_bytes();
     let float = |x: f64| element::shortest(x).into_bytes();
     match reader {
@@ -459,12 +462,12 @@ fn take(
 }
 
 /// What makes numbers of values.
-enum Numbers<'a> {
+enum NumberTarget<'a> {
     Shifted(&'a mut Shift),
     Times(&'a mut TimeReader),
 }
 
-impl Numbers<'_> {
+impl NumberTarget<'_> {
     fn integer(&mut self, number: i128) -> f64 {
         match self {
             Self::Shifted(shift) => shift.integer(number),
@@ -487,7 +490,7 @@ impl Numbers<'_> {
     }
 }
 
-impl Kind {
+impl ValueKind {
     /// An integer as a label: a date, or its digits.
     fn label(self, number: i128) -> String {
         let date = match self {
@@ -501,25 +504,25 @@ impl Kind {
 }
 
 /// What values are appended to.
-enum Out<'a> {
+enum OutputColumn<'a> {
     Numbers(&'a mut Vec<f64>),
     Labels(&'a mut Labels),
 }
 
 /// Rows that are to be read.
-struct Records<'a> {
-    leaf: Leaf,
+struct RowsToRead<'a> {
+    leaf: SchemaLeaf,
     rows: usize,
     row: usize,
     levels: &'a mut Vec<i16>,
     missing: &'a mut Vec<bool>,
 }
 
-impl Records<'_> {
+impl RowsToRead<'_> {
     fn read<T: DataType>(
         &mut self,
         reader: &mut ColumnReaderImpl<T>,
-        mut out: Out<'_>,
+        mut out: OutputColumn<'_>,
         mut number: impl FnMut(&T::T) -> f64,
         label: impl Fn(&T::T) -> Vec<u8>,
     ) -> Result<usize, ParquetError> {
@@ -537,8 +540,10 @@ impl Records<'_> {
                 return Err(ParquetError::General("fewer values than rows".to_owned()));
             }
             match &mut out {
-                Out::Numbers(out) => out.push(value.map_or(f64::NAN, &mut number)),
-                Out::Labels(out) => push_label(out, self.row + row, &value.map_or_else(Vec::new, &label)),
+                OutputColumn::Numbers(out) => out.push(value.map_or(f64::NAN, &mut number)),
+                OutputColumn::Labels(out) => {
+                    push_label(out, self.row + row, &value.map_or_else(Vec::new, &label));
+                }
             }
         }
         Ok(rows)

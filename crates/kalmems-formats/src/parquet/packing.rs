@@ -9,7 +9,7 @@ use std::io::Read;
 
 /// How the bytes of a page are packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Packing {
+pub(super) enum PagePacking {
     Plain,
     Snappy,
     Gzip,
@@ -18,7 +18,7 @@ pub(super) enum Packing {
     Zstd,
 }
 
-impl Packing {
+impl PagePacking {
     /// What a column says.
     pub fn of(said: Compression) -> Result<Self, FormatError> {
         let name = match said {
@@ -92,9 +92,9 @@ fn hadoop(mut packed: &[u8], mut room: &mut [u8]) -> Option<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::Packing;
+    use super::PagePacking;
 
-    fn unpacked(packing: Packing, packed: &[u8], count: usize) -> Option<Vec<u8>> {
+    fn unpacked(packing: PagePacking, packed: &[u8], count: usize) -> Option<Vec<u8>> {
         let mut out = b"before".to_vec();
         packing.unpack(packed, count, &mut out).ok()?;
         assert!(out.starts_with(b"before"));
@@ -113,12 +113,15 @@ mod tests {
             packed.extend(block);
         }
         let both = [first, second].concat();
-        assert_eq!(unpacked(Packing::Lz4, &packed, both.len()), Some(both.clone()));
-        assert_eq!(unpacked(Packing::Lz4, &lz4_flex::block::compress(&both), both.len()), Some(both.clone()));
+        assert_eq!(unpacked(PagePacking::Lz4, &packed, both.len()), Some(both.clone()));
+        assert_eq!(
+            unpacked(PagePacking::Lz4, &lz4_flex::block::compress(&both), both.len()),
+            Some(both.clone())
+        );
         for count in [0, 1, both.len() - 1, both.len() + 1] {
-            assert_eq!(unpacked(Packing::Lz4, &packed, count), None);
+            assert_eq!(unpacked(PagePacking::Lz4, &packed, count), None);
         }
-        assert_eq!(unpacked(Packing::Lz4, &packed[..packed.len() - 1], both.len()), None);
+        assert_eq!(unpacked(PagePacking::Lz4, &packed[..packed.len() - 1], both.len()), None);
     }
 
     #[test]
@@ -131,11 +134,11 @@ mod tests {
         let zstd =
             ruzstd::encoding::compress_to_vec(&[7; 100][..], ruzstd::encoding::CompressionLevel::Fastest);
         for (packing, packed) in [
-            (Packing::Plain, &[7; 100][..]),
-            (Packing::Snappy, &snappy),
-            (Packing::Gzip, &gzip),
-            (Packing::Lz4, &lz4),
-            (Packing::Zstd, &zstd),
+            (PagePacking::Plain, &[7; 100][..]),
+            (PagePacking::Snappy, &snappy),
+            (PagePacking::Gzip, &gzip),
+            (PagePacking::Lz4, &lz4),
+            (PagePacking::Zstd, &zstd),
         ] {
             assert_eq!(unpacked(packing, packed, 100), Some(vec![7; 100]), "{packing:?}");
             for count in [0, 99, 101, 1 << 20] {

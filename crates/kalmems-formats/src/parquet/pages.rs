@@ -1,10 +1,10 @@
 //! The pages of a column in a group of rows, one after the other and unpacked.
 
-use super::packing::Packing;
+use super::packing::PagePacking;
 use super::{FORMAT, damaged, layout, thrift};
 use crate::FormatError;
 use crate::limits;
-use crate::source::Source;
+use crate::source::SharedFile;
 use bytes::Bytes;
 use flate2::Crc;
 use parquet::basic::Encoding;
@@ -32,16 +32,16 @@ pub(super) fn place(chunk: &ColumnChunkMetaData) -> Option<Range<u64>> {
 
 /// The pages of a column in a group of rows.
 pub(super) struct ColumnPages {
-    source: Arc<Source>,
-    packing: Packing,
+    source: Arc<SharedFile>,
+    packing: PagePacking,
     /// Those that are left.
     left: Range<u64>,
 }
 
 impl ColumnPages {
-    pub fn of(source: &Arc<Source>, chunk: &ColumnChunkMetaData) -> Result<Self, FormatError> {
+    pub fn of(source: &Arc<SharedFile>, chunk: &ColumnChunkMetaData) -> Result<Self, FormatError> {
         let left = place(chunk).unwrap_or_default();
-        Ok(Self { source: Arc::clone(source), packing: Packing::of(chunk.compression())?, left })
+        Ok(Self { source: Arc::clone(source), packing: PagePacking::of(chunk.compression())?, left })
     }
 
     /// The next page that is read, and no index.
@@ -64,13 +64,13 @@ impl ColumnPages {
         Ok(None)
     }
 
-    fn header(&self) -> Result<Header, FormatError> {
+    fn header(&self) -> Result<ClaimedPageHeader, FormatError> {
         let start = self.left.start;
         let left = usize::try_from(self.left.end - start).unwrap_or(usize::MAX);
         for most in [HEADER, LONG_HEADER] {
             let mut head = vec![0; most.min(left)];
             let count = self.source.read_some(start, &mut head)?;
-            if let Some(header) = Header::of(&head[..count]) {
+            if let Some(header) = ClaimedPageHeader::of(&head[..count]) {
                 header.refuse_too_large(start)?;
                 return Ok(header);
             }
@@ -107,7 +107,7 @@ impl PageReader for ColumnPages {
 
 /// What the header of a page claims.
 #[derive(Debug, Default, PartialEq)]
-struct Header {
+struct ClaimedPageHeader {
     /// Its own length.
     bytes: u64,
     kind: i64,
@@ -126,7 +126,7 @@ struct Header {
     is_plain: bool,
 }
 
-impl Header {
+impl ClaimedPageHeader {
     /// That of bytes that begin with one; `None` where they do not, or where it counts something below zero.
     fn of(head: &[u8]) -> Option<Self> {
         let (mut header, mut sound) = (Self::default(), true);
@@ -185,7 +185,7 @@ impl Header {
     fn page(
         &self,
         read: impl Fn() -> Result<Vec<u8>, FormatError>,
-        packing: Packing,
+        packing: PagePacking,
         start: u64,
     ) -> Result<Option<Page>, FormatError> {
         let wrong = |what: &str| damaged(&format!("the page at byte {start}"), what.to_owned());
@@ -197,7 +197,7 @@ impl Header {
         let unpacked = self.unpacked as usize;
         let whole = || -> Result<Bytes, FormatError> {
             let packed = read()?;
-            if packing == Packing::Plain {
+            if packing == PagePacking::Plain {
                 return Ok(packed.into());
             }
             let mut out = Vec::new();
@@ -231,7 +231,7 @@ impl Header {
                 }
                 #[allow(clippy::cast_possible_truncation)] // no longer than the page
                 let levels = levels as usize;
-                let buf = if self.is_plain || packing == Packing::Plain {
+                let buf = if self.is_plain || packing == PagePacking::Plain {
                     read()?
                 } else {
                     let packed = read()?;
@@ -277,7 +277,7 @@ fn encoding(number: i64) -> Option<Encoding> {
 
 #[cfg(test)]
 mod tests {
-    use super::Header;
+    use super::ClaimedPageHeader;
 
     #[test]
     fn a_dictionary_that_claims_too_much_is_refused() {
@@ -286,7 +286,7 @@ mod tests {
             let mut header = vec![0x15, 4, 0x15, 0xd8, 4, 0x15, 0x90, 3, 0x4c, 0x15];
             header.extend(values);
             header.extend([0x15, 0, 0, 0]);
-            Header::of(&header).unwrap()
+            ClaimedPageHeader::of(&header).unwrap()
         };
         let page = header([0x80, 0x80, 0x80, 1]);
         assert_eq!((page.unpacked, page.packed, page.values, page.bytes), (300, 200, 1 << 20, 18));
@@ -294,6 +294,6 @@ mod tests {
         let said = header([0x82, 0x80, 0x80, 1]).refuse_too_large(7).unwrap_err().to_string();
         assert!(said.contains("the values of the dictionary at byte 7"), "{said}");
         // Below zero.
-        assert!(Header::of(&[0x15, 4, 0x15, 1, 0x15, 2, 0]).is_none());
+        assert!(ClaimedPageHeader::of(&[0x15, 4, 0x15, 1, 0x15, 2, 0]).is_none());
     }
 }

@@ -12,7 +12,7 @@ const ELEMENTS: u64 = 65_536;
 
 /// What a field holds.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Kind {
+pub(super) enum ThriftKind {
     /// One bit, in the type of the field.
     Flag,
     /// A byte.
@@ -26,31 +26,31 @@ pub(super) enum Kind {
     /// Elements of one kind.
     List(&'static Self),
     /// Fields by their numbers; others may be among them.
-    Struct(&'static [Field]),
+    Struct(&'static [ThriftField]),
 }
 
 /// A field's number and what it holds.
-pub(super) type Field = (i64, Kind);
+pub(super) type ThriftField = (i64, ThriftKind);
 
 /// How long the struct is that the bytes begin with, if it is one of these fields, each of its type, with all that it claims
 /// to hold. `each` hears the numbers with the places that lead to them, a flag as 0 or 1.
 pub(super) fn length_of_struct(
     bytes: &[u8],
-    fields: &'static [Field],
+    fields: &'static [ThriftField],
     each: &mut dyn FnMut(&[i64], i64),
 ) -> Option<usize> {
-    let mut reader = Reader { rest: bytes, place: Vec::new(), each };
+    let mut reader = ThriftReader { rest: bytes, place: Vec::new(), each };
     reader.fields(fields, DEPTH)?;
     Some(bytes.len() - reader.rest.len())
 }
 
-struct Reader<'a> {
+struct ThriftReader<'a> {
     rest: &'a [u8],
     place: Vec<i64>,
     each: &'a mut dyn FnMut(&[i64], i64),
 }
 
-impl Reader<'_> {
+impl ThriftReader<'_> {
     fn byte(&mut self) -> Option<u8> {
         let (first, rest) = self.rest.split_first()?;
         self.rest = rest;
@@ -81,7 +81,7 @@ impl Reader<'_> {
         Some((number >> 1).cast_signed() ^ -(number & 1).cast_signed())
     }
 
-    fn fields(&mut self, fields: &'static [Field], depth: usize) -> Option<()> {
+    fn fields(&mut self, fields: &'static [ThriftField], depth: usize) -> Option<()> {
         let mut last = 0_i64;
         loop {
             let head = self.byte()?;
@@ -94,7 +94,9 @@ impl Reader<'_> {
             let kind = fields.iter().find(|(known, _)| *known == last).map(|(_, kind)| *kind);
             self.place.push(last);
             match (head & 15, kind) {
-                (flag @ (1 | 2), None | Some(Kind::Flag)) => (self.each)(&self.place, i64::from(flag == 1)),
+                (flag @ (1 | 2), None | Some(ThriftKind::Flag)) => {
+                    (self.each)(&self.place, i64::from(flag == 1));
+                }
                 (code, kind) => self.value(code, kind, depth)?,
             }
             self.place.pop();
@@ -102,32 +104,32 @@ impl Reader<'_> {
     }
 
     /// A value of the type that the file gives it, which must be that which is known of it.
-    fn value(&mut self, code: u8, kind: Option<Kind>, depth: usize) -> Option<()> {
+    fn value(&mut self, code: u8, kind: Option<ThriftKind>, depth: usize) -> Option<()> {
         let depth = depth.checked_sub(1)?;
         match (code, kind) {
-            (3, None | Some(Kind::Byte)) => self.skip(1),
-            (4..=6, None | Some(Kind::Number)) => {
+            (3, None | Some(ThriftKind::Byte)) => self.skip(1),
+            (4..=6, None | Some(ThriftKind::Number)) => {
                 let number = self.signed()?;
                 (self.each)(&self.place, number);
                 Some(())
             }
-            (7, None | Some(Kind::Double)) => self.skip(8),
-            (8, None | Some(Kind::Bytes)) => {
+            (7, None | Some(ThriftKind::Double)) => self.skip(8),
+            (8, None | Some(ThriftKind::Bytes)) => {
                 let length = self.unsigned()?;
                 self.skip(length)
             }
-            (9 | 10, None | Some(Kind::List(_))) => {
+            (9 | 10, None | Some(ThriftKind::List(_))) => {
                 let head = self.byte()?;
                 let count = if head >> 4 == 15 { self.unsigned()? } else { u64::from(head >> 4) };
                 if count > ELEMENTS {
                     return None;
                 }
-                let element = if let Some(Kind::List(element)) = kind { Some(*element) } else { None };
+                let element = if let Some(ThriftKind::List(element)) = kind { Some(*element) } else { None };
                 // Lists of flags are in no metadata that is read here; there is no such value.
                 (0..count).try_for_each(|_| self.value(head & 15, element, depth))
             }
             (12, None) => self.fields(&[], depth),
-            (12, Some(Kind::Struct(fields))) => self.fields(fields, depth),
+            (12, Some(ThriftKind::Struct(fields))) => self.fields(fields, depth),
             // Maps are in no metadata of Parquet.
             _ => None,
         }
@@ -136,13 +138,13 @@ impl Reader<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::Kind::{Bytes, Flag, List, Number, Struct};
-    use super::{Field, length_of_struct};
+    use super::ThriftKind::{Bytes, Flag, List, Number, Struct};
+    use super::{ThriftField, length_of_struct};
 
-    const FIELDS: &[Field] = &[(1, Number), (2, Bytes), (3, List(&Struct(&[(1, Number)]))), (4, Flag)];
+    const FIELDS: &[ThriftField] = &[(1, Number), (2, Bytes), (3, List(&Struct(&[(1, Number)]))), (4, Flag)];
 
     /// The numbers in a struct, or `None` where there is none.
-    fn numbers(bytes: &[u8], fields: &'static [Field]) -> Option<Vec<(Vec<i64>, i64)>> {
+    fn numbers(bytes: &[u8], fields: &'static [ThriftField]) -> Option<Vec<(Vec<i64>, i64)>> {
         let mut found = Vec::new();
         let length =
             length_of_struct(bytes, fields, &mut |place, number| found.push((place.to_vec(), number)));

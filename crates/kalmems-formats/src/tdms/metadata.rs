@@ -2,9 +2,9 @@
 
 use super::scales::{Properties, Property};
 use crate::FormatError;
-use crate::element::{Element, Kind};
+use crate::element::{Element, ElementKind};
 use crate::limits;
-use crate::source::Source;
+use crate::source::SharedFile;
 use std::collections::HashMap;
 
 pub(super) const FORMAT: &str = "TDMS";
@@ -24,10 +24,10 @@ const DAQMX_REMEDY: &str = "read it in LabVIEW, DIAdem or with npTDMS and write 
 
 /// The objects of a file and where their values are.
 #[derive(Default)]
-pub(super) struct File {
-    pub(super) channels: Vec<Channel>,
-    pub(super) segments: Vec<Segment>,
-    pub(super) layouts: Vec<Layout>,
+pub(super) struct TdmsFile {
+    pub(super) channels: Vec<TdmsChannel>,
+    pub(super) segments: Vec<RawSegment>,
+    pub(super) layouts: Vec<ChunkLayout>,
     /// Bytes at the end that belong to no whole row, of a recording that was not ended.
     pub(super) left_over: u64,
     pub(super) unfinished: bool,
@@ -41,21 +41,21 @@ pub(super) struct File {
 }
 
 /// A channel.
-pub(super) struct Channel {
+pub(super) struct TdmsChannel {
     pub(super) group: String,
     pub(super) name: String,
-    pub(super) kind: Option<Value>,
+    pub(super) kind: Option<TdmsValue>,
     pub(super) rows: u64,
     pub(super) properties: Properties,
     /// What the last segment said of its values in one chunk.
-    index: Option<Index>,
+    index: Option<RawDataIndex>,
     /// Whether it is in the list of objects of the last segment.
     active: bool,
 }
 
 /// What a channel's values are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Value {
+pub(super) enum TdmsValue {
     Number(Element),
     Text {
         big_endian: bool,
@@ -71,7 +71,7 @@ pub(super) enum Value {
     },
 }
 
-impl Value {
+impl TdmsValue {
     fn bytes(self) -> u64 {
         match self {
             Self::Number(element) => element.bytes as u64,
@@ -83,8 +83,8 @@ impl Value {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Index {
-    value: Value,
+struct RawDataIndex {
+    value: TdmsValue,
     rows: u64,
     /// All values together.
     bytes: u64,
@@ -92,7 +92,7 @@ struct Index {
 
 /// A stretch of raw data: chunks of one layout, one after the other.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Segment {
+pub(super) struct RawSegment {
     pub(super) offset: u64,
     pub(super) chunks: u64,
     /// Rows that are whole in the chunk that the end of the file cuts.
@@ -102,15 +102,15 @@ pub(super) struct Segment {
 
 /// Where the values are in a chunk.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Layout {
+pub(super) struct ChunkLayout {
     pub(super) chunk_bytes: u64,
     pub(super) interleaved: bool,
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<ChunkPart>,
 }
 
 /// A channel's values in a chunk.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Part {
+pub(super) struct ChunkPart {
     pub(super) channel: usize,
     pub(super) offset: u64,
     pub(super) rows: u64,
@@ -129,8 +129,8 @@ mod toc {
     pub(super) const DAQMX: u32 = 1 << 7;
 }
 
-impl File {
-    pub(super) fn read(source: &Source) -> Result<Self, FormatError> {
+impl TdmsFile {
+    pub(super) fn read(source: &SharedFile) -> Result<Self, FormatError> {
         let mut file = Self::default();
         let mut active: Vec<usize> = Vec::new();
         let mut budget = METADATA_BYTES;
@@ -145,7 +145,7 @@ impl File {
     /// Reads a segment; gives where the next begins.
     fn segment(
         &mut self,
-        source: &Source,
+        source: &SharedFile,
         at: u64,
         active: &mut Vec<usize>,
         budget: &mut u64,
@@ -176,7 +176,7 @@ impl File {
             *budget -= raw;
             #[allow(clippy::cast_possible_truncation)] // bounded by the line above
             let bytes = source.bytes(FORMAT, start, raw as usize)?;
-            let mut reader = Reader { bytes: &bytes, at: 0, place: start, big_endian };
+            let mut reader = MetadataReader { bytes: &bytes, at: 0, place: start, big_endian };
             self.objects(&mut reader, active, contents & toc::NEW_OBJECTS != 0)?;
         }
         if contents & toc::RAW_DATA == 0 || raw_start == end {
@@ -194,7 +194,7 @@ impl File {
     /// Reads the list of objects.
     fn objects(
         &mut self,
-        reader: &mut Reader<'_>,
+        reader: &mut MetadataReader<'_>,
         active: &mut Vec<usize>,
         all_new: bool,
     ) -> Result<(), FormatError> {
@@ -279,7 +279,7 @@ impl File {
         let number = self.channels.len();
         limits::at_most(FORMAT, "the number of channels", number as u64, limits::COLUMNS as u64)?;
         self.numbers.insert(path, number);
-        self.channels.push(Channel {
+        self.channels.push(TdmsChannel {
             group,
             name,
             kind: None,
@@ -303,8 +303,8 @@ impl File {
         let indices = active.iter().filter_map(|channel| Some((*channel, self.channels[*channel].index?)));
         for (channel, index) in indices {
             let value = index.value.bytes();
-            let part = Part { channel, offset, rows: index.rows, stride: value, bytes: index.bytes };
-            if interleaved && matches!(index.value, Value::Text { .. }) {
+            let part = ChunkPart { channel, offset, rows: index.rows, stride: value, bytes: index.bytes };
+            if interleaved && matches!(index.value, TdmsValue::Text { .. }) {
                 return Err(damaged(at, "interleaved texts".to_owned(), "texts one after the other"));
             }
             parts.push(part);
@@ -323,7 +323,7 @@ impl File {
             }
             chunk_bytes = offset.checked_mul(rows).ok_or_else(overflow)?;
         }
-        let layout = Layout { chunk_bytes, interleaved, parts };
+        let layout = ChunkLayout { chunk_bytes, interleaved, parts };
         self.changed = false;
         if self.layouts.last() != Some(&layout) {
             self.parts += layout.parts.len() as u64 + 1;
@@ -342,7 +342,7 @@ impl File {
         layout: usize,
         unfinished: bool,
     ) -> Result<(), FormatError> {
-        let Layout { chunk_bytes, interleaved, ref parts } = self.layouts[layout];
+        let ChunkLayout { chunk_bytes, interleaved, ref parts } = self.layouts[layout];
         let bytes = end - start;
         if chunk_bytes == 0 {
             return Err(damaged(
@@ -361,7 +361,7 @@ impl File {
                     &format!("a multiple of {chunk_bytes}, the bytes of a chunk"),
                 ));
             }
-            let whole = |part: &Part| match (interleaved, part.stride) {
+            let whole = |part: &ChunkPart| match (interleaved, part.stride) {
                 (true, stride) => rest / stride.max(1),
                 // Texts are whole when the chunk is.
                 (false, 0) => 0,
@@ -377,20 +377,20 @@ impl File {
                 .and_then(|rows| channel.rows.checked_add(rows))
                 .ok_or_else(|| damaged(at, "more than 2⁶⁴ values".to_owned(), "fewer"))?;
         }
-        self.segments.push(Segment { offset: start, chunks, cut_rows, layout });
+        self.segments.push(RawSegment { offset: start, chunks, cut_rows, layout });
         Ok(())
     }
 }
 
 /// Metadata in memory.
-struct Reader<'a> {
+struct MetadataReader<'a> {
     bytes: &'a [u8],
     at: usize,
     place: u64,
     big_endian: bool,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> MetadataReader<'a> {
     fn damaged(&self, found: String, expected: &str) -> FormatError {
         damaged(self.place + self.at as u64, found, expected)
     }
@@ -420,31 +420,31 @@ impl<'a> Reader<'a> {
         Ok(String::from_utf8_lossy(self.take(length)?).into_owned())
     }
 
-    fn value(&mut self, code: u32) -> Result<Value, FormatError> {
-        let number = |kind, bytes| Value::Number(Element { kind, bytes, big_endian: self.big_endian });
+    fn value(&mut self, code: u32) -> Result<TdmsValue, FormatError> {
+        let number = |kind, bytes| TdmsValue::Number(Element { kind, bytes, big_endian: self.big_endian });
         Ok(match code {
-            1 => number(Kind::Signed, 1),
-            2 => number(Kind::Signed, 2),
-            3 => number(Kind::Signed, 4),
-            4 => number(Kind::Signed, 8),
+            1 => number(ElementKind::Signed, 1),
+            2 => number(ElementKind::Signed, 2),
+            3 => number(ElementKind::Signed, 4),
+            4 => number(ElementKind::Signed, 8),
             // 0 and 1.
-            5 | 0x21 => number(Kind::Unsigned, 1),
-            6 => number(Kind::Unsigned, 2),
-            7 => number(Kind::Unsigned, 4),
-            8 => number(Kind::Unsigned, 8),
-            9 | 0x19 => number(Kind::Float, 4),
-            10 | 0x1a => number(Kind::Float, 8),
-            0x20 => Value::Text { big_endian: self.big_endian },
-            0x44 => Value::Time { big_endian: self.big_endian },
-            0x0008_000c => Value::Other { bytes: 8, what: "complex numbers" },
-            0x0010_000d => Value::Other { bytes: 16, what: "complex numbers" },
+            5 | 0x21 => number(ElementKind::Unsigned, 1),
+            6 => number(ElementKind::Unsigned, 2),
+            7 => number(ElementKind::Unsigned, 4),
+            8 => number(ElementKind::Unsigned, 8),
+            9 | 0x19 => number(ElementKind::Float, 4),
+            10 | 0x1a => number(ElementKind::Float, 8),
+            0x20 => TdmsValue::Text { big_endian: self.big_endian },
+            0x44 => TdmsValue::Time { big_endian: self.big_endian },
+            0x0008_000c => TdmsValue::Other { bytes: 8, what: "complex numbers" },
+            0x0010_000d => TdmsValue::Other { bytes: 16, what: "complex numbers" },
             _ => {
                 return Err(self.damaged(format!("values of type {code:#x}"), "a type of a known length"));
             }
         })
     }
 
-    fn index(&mut self) -> Result<Index, FormatError> {
+    fn index(&mut self) -> Result<RawDataIndex, FormatError> {
         let code = self.u32()?;
         let value = self.value(code)?;
         let axes = self.u32()?;
@@ -453,34 +453,35 @@ impl<'a> Reader<'a> {
         }
         let rows = self.u64()?;
         let bytes = match value {
-            Value::Text { .. } => self.u64()?,
+            TdmsValue::Text { .. } => self.u64()?,
             _ => rows
                 .checked_mul(value.bytes())
                 .ok_or_else(|| self.damaged(format!("{rows} values"), "fewer"))?,
         };
-        if matches!(value, Value::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes) {
+        if matches!(value, TdmsValue::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes)
+        {
             return Err(
                 self.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts")
             );
         }
-        Ok(Index { value, rows, bytes })
+        Ok(RawDataIndex { value, rows, bytes })
     }
 
     fn property(&mut self) -> Result<Property, FormatError> {
         let code = self.u32()?;
         let value = self.value(code)?;
         match value {
-            Value::Text { .. } => Ok(Property::Text(self.text()?)),
-            Value::Number(element) => {
+            TdmsValue::Text { .. } => Ok(Property::Text(self.text()?)),
+            TdmsValue::Number(element) => {
                 let mut number = Vec::with_capacity(1);
                 element.numbers(self.take(element.bytes)?, 0, element.bytes, 1, 0, &mut number);
                 Ok(number.first().map_or(Property::Other, |number| Property::Number(*number)))
             }
-            Value::Time { .. } => {
+            TdmsValue::Time { .. } => {
                 self.take(16)?;
                 Ok(Property::Other)
             }
-            Value::Other { bytes, .. } => {
+            TdmsValue::Other { bytes, .. } => {
                 self.take(bytes)?;
                 Ok(Property::Other)
             }

@@ -4,36 +4,38 @@ mod metadata;
 mod scales;
 
 use crate::name::with_unit;
-use crate::records::{Cells, Clock, Field, Lane, RecordTable};
+use crate::records::{CellKind, RecordField, RecordLane, RecordTable, RegularClock};
 use crate::scaling::{self, Scaling};
-use crate::source::Source;
+use crate::source::SharedFile;
 use crate::time::TimeCode;
-use crate::{Column, FormatError, Hints, LeftOut, Table, limits};
-use metadata::{FORMAT, File, Part, Value, damaged, unsupported};
+use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use metadata::{ChunkPart, FORMAT, TdmsFile, TdmsValue, damaged, unsupported};
 use std::sync::Arc;
 
-pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
-    let file = File::read(&source)?;
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    let file = TdmsFile::read(&source)?;
     let group = group(&file, hints)?;
     let file_bytes = source.length();
     let (source, file) = (Arc::new(source), Arc::new(file));
     let (mut fields, mut lanes, mut left_out) =
-        (Vec::<Field>::new(), Vec::<Box<dyn Lane>>::new(), Vec::new());
+        (Vec::<RecordField>::new(), Vec::<Box<dyn RecordLane>>::new(), Vec::new());
     let (mut clocks, mut scaled) = (Vec::new(), String::new());
     for (number, channel) in file.channels.iter().enumerate().filter(|(_, channel)| channel.group == group) {
         let lane = lanes.len();
         let (cells, record) = match channel.kind {
-            Some(Value::Number(element)) => (Cells::Numbers { lane, offset: 0, element }, element.bytes),
-            Some(Value::Time { big_endian }) => {
-                (Cells::Times { lane, offset: 0, code: TimeCode::Labview { big_endian } }, 16)
+            Some(TdmsValue::Number(element)) => {
+                (CellKind::Numbers { lane, offset: 0, element }, element.bytes)
             }
-            Some(Value::Text { .. }) => (Cells::Texts { lane }, 0),
-            Some(Value::Other { what, .. }) => {
-                left_out.push(LeftOut::new(&channel.name, what));
+            Some(TdmsValue::Time { big_endian }) => {
+                (CellKind::Times { lane, offset: 0, code: TimeCode::Labview { big_endian } }, 16)
+            }
+            Some(TdmsValue::Text { .. }) => (CellKind::Texts { lane }, 0),
+            Some(TdmsValue::Other { what, .. }) => {
+                left_out.push(OmittedPart::new(&channel.name, what));
                 continue;
             }
             None => {
-                left_out.push(LeftOut::new(&channel.name, "without values"));
+                left_out.push(OmittedPart::new(&channel.name, "without values"));
                 continue;
             }
         };
@@ -42,7 +44,7 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
             Ok(steps) => steps,
             Err(what) => {
                 let why = format!("{what}: write its scaled values");
-                left_out.push(LeftOut::new(&channel.name, why));
+                left_out.push(OmittedPart::new(&channel.name, why));
                 continue;
             }
         };
@@ -51,13 +53,13 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
         if !steps.is_empty() {
             scaled.push_str(&format!("; `{name}` = {} of the stored x", scaling::text(&steps)));
         }
-        if matches!(cells, Cells::Numbers { .. }) {
+        if matches!(cells, CellKind::Numbers { .. }) {
             let increment = channel.properties.number("wf_increment");
             clocks.push((increment, channel.properties.number("wf_start_offset").unwrap_or(0.0)));
         }
         let column = Column::new(&name).at(format!("{} of {group}", channel.name));
         let scaling = Scaling { missing: Vec::new(), steps };
-        fields.push(Field { scaling, ..Field::new(column, cells, channel.rows) });
+        fields.push(RecordField { scaling, ..RecordField::new(column, cells, channel.rows) });
         lanes.push(Box::new(ChannelLane {
             source: Arc::clone(&source),
             file: Arc::clone(&file),
@@ -93,7 +95,7 @@ pub(crate) fn open(source: Source, hints: &Hints) -> Result<Box<dyn Table>, Form
 }
 
 /// Puts the time first, where the channels agree on a clock; says what it did.
-fn add_clock(fields: &mut Vec<Field>, clocks: &[(Option<f64>, f64)]) -> String {
+fn add_clock(fields: &mut Vec<RecordField>, clocks: &[(Option<f64>, f64)]) -> String {
     let Some((Some(increment), start)) = clocks.iter().find(|(increment, _)| increment.is_some()).copied()
     else {
         return String::new();
@@ -111,8 +113,8 @@ fn add_clock(fields: &mut Vec<Field>, clocks: &[(Option<f64>, f64)]) -> String {
         );
     }
     let rows = fields.iter().map(|field| field.rows).max().unwrap_or(0);
-    let clock = Cells::Clock(Clock::Increment { start, increment });
-    fields.insert(0, Field::new(Column::new("time_s"), clock, rows));
+    let clock = CellKind::Clock(RegularClock::Increment { start, increment });
+    fields.insert(0, RecordField::new(Column::new("time_s"), clock, rows));
     format!(
         "; time_s = {start} s + k·{increment} s for row k from 0 on (wf_start_offset, wf_increment), which is not in \
          the file"
@@ -120,7 +122,7 @@ fn add_clock(fields: &mut Vec<Field>, clocks: &[(Option<f64>, f64)]) -> String {
 }
 
 /// The group that is meant.
-fn group(file: &File, hints: &Hints) -> Result<String, FormatError> {
+fn group(file: &TdmsFile, hints: &Hints) -> Result<String, FormatError> {
     let mut groups: Vec<&str> = Vec::new();
     for channel in file.channels.iter().filter(|channel| channel.kind.is_some()) {
         if groups.last() != Some(&channel.group.as_str()) && groups.len() < limits::COLUMNS {
@@ -146,8 +148,8 @@ fn group(file: &File, hints: &Hints) -> Result<String, FormatError> {
 
 /// The values of a channel, from all segments.
 struct ChannelLane {
-    source: Arc<Source>,
-    file: Arc<File>,
+    source: Arc<SharedFile>,
+    file: Arc<TdmsFile>,
     channel: usize,
     record: usize,
     /// Where the next value is.
@@ -162,8 +164,8 @@ struct ChannelLane {
 }
 
 /// Values that stand together in the file.
-struct Run<'a> {
-    part: &'a Part,
+struct ValueRun<'a> {
+    part: &'a ChunkPart,
     /// Where the chunk begins.
     chunk: u64,
     interleaved: bool,
@@ -172,7 +174,7 @@ struct Run<'a> {
 
 impl ChannelLane {
     /// The rest of the chunk with the next value.
-    fn run<'a>(&mut self, file: &'a File) -> Option<Run<'a>> {
+    fn run<'a>(&mut self, file: &'a TdmsFile) -> Option<ValueRun<'a>> {
         loop {
             let segment = file.segments.get(self.segment)?;
             let layout = &file.layouts[segment.layout];
@@ -192,7 +194,7 @@ impl ChannelLane {
                 self.row = 0;
                 continue;
             }
-            return Some(Run {
+            return Some(ValueRun {
                 part,
                 chunk: segment.offset + self.chunk * layout.chunk_bytes,
                 interleaved: layout.interleaved,
@@ -206,7 +208,7 @@ impl ChannelLane {
     }
 }
 
-impl Lane for ChannelLane {
+impl RecordLane for ChannelLane {
     fn record(&self) -> usize {
         self.record
     }
@@ -250,7 +252,8 @@ impl Lane for ChannelLane {
                 limits::at_most(FORMAT, "the texts of a chunk", run.part.bytes, limits::HEADER_BYTES)?;
                 #[allow(clippy::cast_possible_truncation)] // bounded by the line above
                 let bytes = self.source.bytes(FORMAT, start, run.part.bytes as usize)?;
-                let big_endian = file.channels[self.channel].kind == Some(Value::Text { big_endian: true });
+                let big_endian =
+                    file.channels[self.channel].kind == Some(TdmsValue::Text { big_endian: true });
                 self.texts = split_texts(start, &bytes, count, big_endian)?;
                 self.texts.reverse();
                 self.row = count;
@@ -263,7 +266,7 @@ impl Lane for ChannelLane {
 
 /// The texts of a chunk: where each ends, and then all of them.
 fn split_texts(place: u64, bytes: &[u8], count: u64, big_endian: bool) -> Result<Vec<Vec<u8>>, FormatError> {
-    // `Index` has compared them.
+    // `RawDataIndex` has compared them.
     let (ends, letters) = bytes.split_at(usize::try_from(count * 4).unwrap_or(bytes.len()).min(bytes.len()));
     let mut texts = Vec::new();
     let mut start = 0;

@@ -2,7 +2,7 @@
 //! in LabVIEW, scaling information).
 
 use crate::limits;
-use crate::scaling::Step;
+use crate::scaling::ScalingStep;
 use std::collections::HashMap;
 
 /// Scales of a channel.
@@ -93,7 +93,7 @@ fn is_unit(name: &str) -> bool {
 
 /// What is to be done to the values of a channel: what it says itself, or its group, or the file. None of it where they
 /// are scaled already; in words why not, where it cannot be done here.
-pub(super) fn steps(objects: [Option<&Properties>; 3]) -> Result<Vec<Step>, String> {
+pub(super) fn steps(objects: [Option<&Properties>; 3]) -> Result<Vec<ScalingStep>, String> {
     let scaled = |properties: &&Properties| properties.text("NI_Scaling_Status") == Some("scaled");
     let said =
         |properties: &&Properties| properties.count().is_some_and(|count| count > 0) && !scaled(properties);
@@ -115,12 +115,14 @@ pub(super) fn steps(objects: [Option<&Properties>; 3]) -> Result<Vec<Step>, Stri
             properties.number(&name).ok_or_else(|| format!("`{name}` is not there"))
         };
         match kind {
-            "Linear" => steps.push(Step::Linear { factor: own("Slope")?, offset: own("Y_Intercept")? }),
+            "Linear" => {
+                steps.push(ScalingStep::Linear { factor: own("Slope")?, offset: own("Y_Intercept")? });
+            }
             "Polynomial" => {
                 let count =
                     properties.length(&format!("{prefix}_Polynomial_Coefficients_Size"))?.unwrap_or(4);
                 let name = format!("{prefix}_Polynomial_Coefficients");
-                steps.push(Step::Polynomial(properties.several(&name, count)?));
+                steps.push(ScalingStep::Polynomial(properties.several(&name, count)?));
             }
             "Table" => steps.push(table(properties, &prefix)?),
             // It says where the values come from and changes nothing.
@@ -140,7 +142,7 @@ pub(super) fn steps(objects: [Option<&Properties>; 3]) -> Result<Vec<Step>, Stri
     Err("scales that refer to each other".to_owned())
 }
 
-fn table(properties: &Properties, prefix: &str) -> Result<Step, String> {
+fn table(properties: &Properties, prefix: &str) -> Result<ScalingStep, String> {
     let values = |name: &str| {
         let name = format!("{prefix}_Table_{name}");
         let count = properties.length(&format!("{name}_Size"))?.unwrap_or(0);
@@ -157,7 +159,7 @@ fn table(properties: &Properties, prefix: &str) -> Result<Step, String> {
     if !from.windows(2).all(|pair| pair[0] < pair[1]) {
         return Err(format!("`{prefix}_Table`, whose points neither rise nor fall"));
     }
-    Ok(Step::Table { from, to })
+    Ok(ScalingStep::Table { from, to })
 }
 
 #[cfg(test)]
@@ -187,7 +189,8 @@ mod tests {
             ("NI_Scale[1]_Polynomial_Coefficients[1]", number(3.0)),
             ("NI_Scale[1]_Polynomial_Input_Source", number(0.0)),
         ]);
-        let expected = vec![Step::Linear { factor: 2.0, offset: 1.0 }, Step::Polynomial(vec![0.5, 3.0])];
+        let expected =
+            vec![ScalingStep::Linear { factor: 2.0, offset: 1.0 }, ScalingStep::Polynomial(vec![0.5, 3.0])];
         assert_eq!(steps([Some(&chain), None, None]), Ok(expected.clone()));
         // Of the group, where the channel says nothing; of no use where the values are scaled already.
         assert_eq!(steps([Some(&Properties::default()), Some(&chain), None]), Ok(expected));

@@ -1,6 +1,6 @@
 //! An exact number of seconds.
 
-use crate::csv::number::{Digits, scaled};
+use crate::csv::number::{DecimalDigits, scaled};
 use crate::time::TimeUnit;
 use std::fmt;
 use std::str::FromStr;
@@ -57,13 +57,13 @@ impl Instant {
             return None;
         }
         let mut shortest = zmij::Buffer::new();
-        let (digits, _) = Digits::read(shortest.format_finite(number).as_bytes(), 0, b'.')?;
+        let (digits, _) = DecimalDigits::read(shortest.format_finite(number).as_bytes(), 0, b'.')?;
         Self::of_digits(digits, unit)
     }
 
     /// What was read of a text, in a unit.
     #[inline]
-    pub(crate) fn of_digits(digits: Digits, unit: TimeUnit) -> Option<Self> {
+    pub(crate) fn of_digits(digits: DecimalDigits, unit: TimeUnit) -> Option<Self> {
         Self::of_decimal(u128::from(digits.w), digits.q, digits.negative, unit)
     }
 

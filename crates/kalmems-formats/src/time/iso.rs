@@ -29,7 +29,7 @@ const DAY_S: i64 = 86_400;
 /// There are no leap seconds: a second 60 is the first of the next minute (POSIX).
 #[inline]
 pub(crate) fn parse_iso(text: &[u8]) -> Option<IsoTime> {
-    let mut rest = Rest { text: text.trim_ascii() };
+    let mut rest = UnreadText { text: text.trim_ascii() };
     let Some(days) = rest.date() else {
         let of_day = rest.time_of_day()?;
         return rest.text.is_empty().then_some(IsoTime::OfDay(of_day));
@@ -45,11 +45,11 @@ pub(crate) fn parse_iso(text: &[u8]) -> Option<IsoTime> {
 }
 
 /// What is not read yet.
-struct Rest<'a> {
+struct UnreadText<'a> {
     text: &'a [u8],
 }
 
-impl Rest<'_> {
+impl UnreadText<'_> {
     fn one_of(&mut self, letters: &[u8]) -> Option<u8> {
         let (first, rest) = self.text.split_first()?;
         letters.contains(first).then(|| {
@@ -71,7 +71,7 @@ impl Rest<'_> {
 
     /// The days since 1970 of a date that begins with its year; nothing is taken where there is none.
     fn date(&mut self) -> Option<i64> {
-        let mut rest = Rest { text: self.text };
+        let mut rest = UnreadText { text: self.text };
         let year = rest.digits(4)?;
         let mark = rest.one_of(b"-/")?;
         let month = rest.digits(2)?;

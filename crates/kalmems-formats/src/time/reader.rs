@@ -1,8 +1,8 @@
 //! The times of one column as f64 seconds from an origin on.
 
 use super::{Instant, TimeUnit, parse_iso};
-use crate::csv::number::Digits;
-use crate::{Cells, Fault, Shift};
+use crate::csv::number::DecimalDigits;
+use crate::{CellFinding, CellReader, Shift};
 
 /// A clock that begins within so many seconds of zero counts from zero on: f64 keeps 15 ps of them.
 const NEAR_ZERO_S: u32 = 100_000;
@@ -23,7 +23,7 @@ pub struct TimeReader {
     iso: bool,
     origin: Option<Instant>,
     shift: Shift,
-    cells: Cells,
+    cells: CellReader,
     /// How far apart the coarsest numbers are that binary times are rounded to, in s.
     resolution_s: f64,
 }
@@ -32,7 +32,7 @@ impl TimeReader {
     /// One for numbers of a unit; with an origin, where that is not for the first time to say.
     pub fn new(unit: TimeUnit, origin: Option<Instant>) -> Self {
         let shift = Shift::new(unit.power);
-        Self { unit, iso: false, origin, shift, cells: Cells::default(), resolution_s: 0.0 }
+        Self { unit, iso: false, origin, shift, cells: CellReader::default(), resolution_s: 0.0 }
     }
 
     /// One for texts that are dates and times of a day.
@@ -152,12 +152,12 @@ impl TimeReader {
             let (number, end) = crate::csv::number::quick(text, start, point, self.unit.power)?;
             return Some((number * f64::from(self.unit.factor), end));
         }
-        let (digits, end) = Digits::read(text, start, point)?;
+        let (digits, end) = DecimalDigits::read(text, start, point)?;
         Some((self.instant(Instant::of_digits(digits, self.unit)?), end))
     }
 
     /// The time in a cell whose decimal point is `point`, or what is wrong with it.
-    pub fn cell(&mut self, cell: &[u8], point: u8) -> Result<f64, Fault> {
+    pub fn cell(&mut self, cell: &[u8], point: u8) -> Result<f64, CellFinding> {
         if self.iso {
             let cell = cell.trim_ascii();
             return match parse_iso(cell) {
@@ -167,7 +167,7 @@ impl TimeReader {
                     .cells
                     .read(cell, b'.', 0)
                     .err()
-                    .unwrap_or_else(|| Fault::Text(crate::csv::excerpt(cell)))),
+                    .unwrap_or_else(|| CellFinding::Text(crate::csv::excerpt(cell)))),
             };
         }
         if !self.counts_from_zero()
@@ -177,7 +177,7 @@ impl TimeReader {
         }
         let seconds = self.cells.read(cell, point, self.unit.power)?;
         let time = self.far(|_| seconds);
-        if time.is_finite() { Ok(time) } else { Err(Fault::Infinite(crate::csv::excerpt(cell))) }
+        if time.is_finite() { Ok(time) } else { Err(CellFinding::Infinite(crate::csv::excerpt(cell))) }
     }
 }
 
@@ -186,7 +186,7 @@ const KEPT: [usize; 2] = [37, 32];
 
 /// A decimal number of any length in a unit. `None` where it is none, or beyond the range.
 pub(super) fn exact(text: &[u8], point: u8, unit: TimeUnit) -> Option<Instant> {
-    if let Some((digits, end)) = Digits::read(text, 0, point) {
+    if let Some((digits, end)) = DecimalDigits::read(text, 0, point) {
         return if end == text.len() { Instant::of_digits(digits, unit) } else { None };
     }
     let (negative, unsigned) = match text.split_first()? {

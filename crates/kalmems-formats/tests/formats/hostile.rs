@@ -2,7 +2,7 @@
 //! and never a panic.
 
 use super::{fixture, group, named};
-use kalmems_formats::{Block, Format, FormatError, Hints, Wanted, open_reader};
+use kalmems_formats::{Block, Format, FormatError, Hints, WantedColumn, open_reader};
 use std::io::Cursor;
 
 /// Every fixture with the hints that it needs.
@@ -83,7 +83,7 @@ fn drain(bytes: &[u8], hints: &Hints) -> Result<(Columns, Option<FormatError>), 
     let (mut names, mut wanted) = (Vec::new(), Vec::new());
     let count = table.description().columns.len().min(20);
     for column in 0..count {
-        wanted.push(Wanted::Number { column, power: 0 });
+        wanted.push(WantedColumn::Number { column, power: 0 });
         if table.want(&wanted).is_ok() {
             names.push(table.description().columns[column].name.clone());
         } else {
@@ -358,7 +358,7 @@ fn segments_that_claim_too_much_are_refused() {
     let texts = [8_u32.to_le_bytes(), 4_u32.to_le_bytes(), [0; 4], [0; 4]].concat();
     let bytes = tdms(&channel(0x20, 2, &[&16_u64.to_le_bytes()[..], &none].concat()), &texts);
     let mut table = open_reader(Cursor::new(bytes), "", &hints).unwrap();
-    table.want(&[Wanted::Label { column: 0 }]).unwrap();
+    table.want(&[WantedColumn::Label { column: 0 }]).unwrap();
     let error = table.read(&mut Block::with_capacity(8)).unwrap_err().to_string();
     assert!(error.contains("a text from 8 to 4 of 8 bytes"), "{error}");
 }
@@ -439,8 +439,8 @@ fn said_of_columns(file: &str) -> Vec<String> {
     let mut said = Vec::new();
     for column in 0..columns {
         let mut table = open().unwrap();
-        let number = table.want(&[Wanted::Number { column, power: 0 }]);
-        number.or_else(|_| table.want(&[Wanted::Label { column }])).unwrap();
+        let number = table.want(&[WantedColumn::Number { column, power: 0 }]);
+        number.or_else(|_| table.want(&[WantedColumn::Label { column }])).unwrap();
         let mut block = Block::with_capacity(4096);
         let error = (0..64).find_map(|_| table.read(&mut block).err());
         said.extend(error.map(|error| error.to_string()));

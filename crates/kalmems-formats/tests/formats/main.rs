@@ -5,7 +5,7 @@ mod hostile;
 mod times;
 
 use kalmems_formats::{
-    Block, Fault, Format, FormatError, Hints, Table, Wanted, has_more_rows, open, open_reader,
+    Block, CellFinding, Format, FormatError, Hints, Table, WantedColumn, has_more_rows, open, open_reader,
 };
 use std::collections::HashMap;
 use std::io::Cursor;
@@ -43,10 +43,10 @@ fn reference() -> HashMap<String, Vec<String>> {
 struct Content {
     numbers: Vec<Vec<f64>>,
     labels: Vec<Vec<String>>,
-    faults: Vec<(u64, Option<usize>, Fault)>,
+    faults: Vec<(u64, Option<usize>, CellFinding)>,
 }
 
-fn content(table: &mut dyn Table, wanted: &[Wanted], capacity: usize) -> Result<Content, FormatError> {
+fn content(table: &mut dyn Table, wanted: &[WantedColumn], capacity: usize) -> Result<Content, FormatError> {
     table.want(wanted)?;
     let mut block = Block::with_capacity(capacity);
     let mut content = Content::default();
@@ -88,13 +88,13 @@ fn compare(name: &str, hints: &Hints, columns: &[&str]) {
     let reference = reference();
     for (power, capacity) in [(0, 37), (-3, 1000), (0, 1)] {
         let mut table = open(&fixture(name), hints).unwrap_or_else(|error| panic!("{name}: {error}"));
-        let wanted: Vec<Wanted> = columns
+        let wanted: Vec<WantedColumn> = columns
             .iter()
             .map(|column_name| match *column_name {
                 "phase" | "words" | "letters" | "code" => {
-                    Wanted::Label { column: column(&*table, column_name) }
+                    WantedColumn::Label { column: column(&*table, column_name) }
                 }
-                _ => Wanted::Number { column: column(&*table, column_name), power },
+                _ => WantedColumn::Number { column: column(&*table, column_name), power },
             })
             .collect();
         let content =
@@ -162,7 +162,7 @@ fn headers_of_older_and_other_writers_are_read() {
     ] {
         let bytes = Cursor::new(npy_array(descr, shape, elements));
         let mut table = open_reader(bytes, "", &Hints::default()).unwrap();
-        let wanted = [Wanted::Number { column: column(&*table, name), power: 0 }];
+        let wanted = [WantedColumn::Number { column: column(&*table, name), power: 0 }];
         let found = content(&mut *table, &wanted, 50).unwrap().numbers;
         assert_eq!(found, [numbers], "{}", descr.escape_ascii());
     }
@@ -186,10 +186,13 @@ fn parquet_is_the_text() {
 #[test]
 fn a_null_is_missing() {
     let mut table = open(&fixture("missing.parquet"), &Hints::default()).unwrap();
-    let wanted = [Wanted::Number { column: 1, power: 0 }, Wanted::Number { column: 0, power: 0 }];
+    let wanted = [WantedColumn::Number { column: 1, power: 0 }, WantedColumn::Number { column: 0, power: 0 }];
     let content = content(&mut *table, &wanted, 50).unwrap();
     let lines: Vec<u64> = (0..120).filter(|k| k % 7 == 2).map(|k| k + 1).collect();
-    assert_eq!(content.faults, lines.iter().map(|line| (*line, Some(1), Fault::Missing)).collect::<Vec<_>>());
+    assert_eq!(
+        content.faults,
+        lines.iter().map(|line| (*line, Some(1), CellFinding::Missing)).collect::<Vec<_>>()
+    );
     for (row, text) in reference()["cap_V"].iter().enumerate() {
         let expected = if row % 7 == 2 { f64::NAN } else { text.parse().unwrap() };
         assert_eq!(content.numbers[0][row].to_bits(), expected.to_bits());
@@ -249,7 +252,7 @@ fn a_clock_of_the_file_becomes_the_time() {
         table.description().recognised
     );
     assert_eq!(column(&*table, "time_s"), 0);
-    let wanted = [Wanted::Number { column: 0, power: 0 }, Wanted::Number { column: 1, power: 0 }];
+    let wanted = [WantedColumn::Number { column: 0, power: 0 }, WantedColumn::Number { column: 1, power: 0 }];
     let content = content(&mut *table, &wanted, 50).unwrap();
     for (k, time) in content.numbers[0].iter().enumerate() {
         assert_eq!(*time, 0.25 + k as f64 * (1.0 / 48_000.0));
@@ -264,7 +267,7 @@ fn of_a_recording_that_was_not_ended_whole_rows_are_read() {
     let mut table = open(&fixture("cut.tdms"), &Hints::default()).unwrap();
     assert_eq!(table.description().rows, Some(99));
     assert!(table.description().recognised.contains("was not ended"));
-    let wanted = [Wanted::Number { column: column(&*table, "cap_V"), power: 0 }];
+    let wanted = [WantedColumn::Number { column: column(&*table, "cap_V"), power: 0 }];
     let content = content(&mut *table, &wanted, 50).unwrap();
     for (found, text) in content.numbers[0].iter().zip(&reference()["cap_V"]) {
         assert_eq!(found.to_bits(), text.parse::<f64>().unwrap().to_bits());
@@ -278,12 +281,13 @@ fn sound_is_in_parts_of_full_scale() {
     let names: Vec<String> = (0..10).map(|column| format!("c{column}_1")).collect();
     let hints = Hints { columns: Some(names), ..Hints::default() };
     let mut table = open(&fixture("sound.npy"), &hints).unwrap();
-    let wanted: Vec<Wanted> = (0..10).map(|column| Wanted::Number { column, power: 0 }).collect();
+    let wanted: Vec<WantedColumn> = (0..10).map(|column| WantedColumn::Number { column, power: 0 }).collect();
     let expected = content(&mut *table, &wanted, 120).unwrap().numbers;
     for (place, name) in ["u8", "i16", "i32", "f32", "f64"].iter().enumerate() {
         let mut table = open(&fixture(&format!("{name}.wav")), &Hints::default()).unwrap();
         assert!(table.description().recognised.contains("time_s = k/(48000 Hz)"));
-        let wanted: Vec<Wanted> = (0..3).map(|column| Wanted::Number { column, power: 0 }).collect();
+        let wanted: Vec<WantedColumn> =
+            (0..3).map(|column| WantedColumn::Number { column, power: 0 }).collect();
         let found = content(&mut *table, &wanted, 50).unwrap().numbers;
         assert_eq!(found[0], (0..120).map(|k| f64::from(k) / 48_000.0).collect::<Vec<f64>>());
         assert_eq!(found[1..], expected[2 * place..2 * place + 2], "{name}");
@@ -291,7 +295,7 @@ fn sound_is_in_parts_of_full_scale() {
     for name in ["i24", "rf64", "bw64"] {
         let mut table = open(&fixture(&format!("{name}.wav")), &named(&["cap_V", "drive_V"])).unwrap();
         let wanted =
-            ["cap_V", "drive_V"].map(|name| Wanted::Number { column: column(&*table, name), power: 0 });
+            ["cap_V", "drive_V"].map(|name| WantedColumn::Number { column: column(&*table, name), power: 0 });
         let found = content(&mut *table, &wanted, 50).unwrap().numbers;
         for (found, expected) in found.iter().zip(&expected[4..6]) {
             // The upper 24 bits of 32.
@@ -386,10 +390,12 @@ fn names_and_contents_that_contradict_are_refused() {
 #[test]
 fn columns_that_do_not_belong_together_are_refused() {
     let mut table = open(&fixture("fields.npy"), &Hints::default()).unwrap();
-    let error = table.want(&[Wanted::Number { column: column(&*table, "phase"), power: 0 }]).unwrap_err();
+    let error =
+        table.want(&[WantedColumn::Number { column: column(&*table, "phase"), power: 0 }]).unwrap_err();
     assert!(error.to_string().contains("text where numbers belong, in column `phase`"), "{error}");
     let mut table = open(&fixture("snappy.parquet"), &Hints::default()).unwrap();
-    let error = table.want(&[Wanted::Number { column: column(&*table, "phase"), power: 0 }]).unwrap_err();
+    let error =
+        table.want(&[WantedColumn::Number { column: column(&*table, "phase"), power: 0 }]).unwrap_err();
     assert!(error.to_string().contains("text where numbers belong, in column `phase`"), "{error}");
 }
 
@@ -398,7 +404,7 @@ fn columns_that_do_not_belong_together_are_refused() {
 fn numbers_serve_as_labels() {
     for name in ["fields.npy", "none.parquet", "columns.h5", "variables.mat"] {
         let mut table = open(&fixture(name), &Hints::default()).unwrap();
-        let wanted = [Wanted::Label { column: column(&*table, "count_1") }];
+        let wanted = [WantedColumn::Label { column: column(&*table, "count_1") }];
         let content = content(&mut *table, &wanted, 64).unwrap();
         assert_eq!(content.labels[0], reference()["count_1"], "{name}");
     }

@@ -2,7 +2,7 @@
 //! the times from the start on that they stand for.
 
 use super::{column, content, fixture, npy_array};
-use kalmems_formats::{Block, Hints, Instant, Table, TimeKind, TimeUnit, Wanted, open, open_reader};
+use kalmems_formats::{Block, Hints, Instant, Table, TimeKind, TimeUnit, WantedColumn, open, open_reader};
 use std::io::Cursor;
 
 /// When the first row was sampled, in µs since 1970.
@@ -10,7 +10,7 @@ const START_US: i64 = 1_763_834_400_123_456;
 
 /// The times of a column and where they count from.
 fn times(table: &mut dyn Table, name: &str, unit: TimeUnit, origin: Option<Instant>) -> (Vec<f64>, Instant) {
-    let wanted = [Wanted::Time { column: column(table, name), unit, origin }];
+    let wanted = [WantedColumn::Time { column: column(table, name), unit, origin }];
     table.want(&wanted).unwrap_or_else(|error| panic!("{name}: {error}"));
     let (mut times, mut block) = (Vec::new(), Block::with_capacity(37));
     loop {
@@ -76,7 +76,7 @@ fn integers_and_rounded_numbers_of_hdf5_count_from_the_first() {
     // 1.7e9 s as f64 stands for its shortest decimal digits, which are the microseconds.
     let mut table = open(&fixture("times.h5"), &Hints::default()).unwrap();
     let time = column(&*table, "time_s");
-    table.want(&[Wanted::Time { column: time, unit: TimeUnit::SECOND, origin: None }]).unwrap();
+    table.want(&[WantedColumn::Time { column: time, unit: TimeUnit::SECOND, origin: None }]).unwrap();
     let mut block = Block::with_capacity(2000);
     table.read(&mut block).unwrap();
     assert_counts_from_start("time_s", &block.numbers[0], block.origin, 2000);
@@ -98,9 +98,9 @@ fn what_a_date_is_as_a_number_a_duration_and_a_label() {
     );
     assert_eq!(table.time_kind(column(&*table, "cap_V")), None);
     let wanted = [
-        Wanted::Number { column: ms, power: 0 },
-        Wanted::Number { column: day, power: 0 },
-        Wanted::Label { column: date },
+        WantedColumn::Number { column: ms, power: 0 },
+        WantedColumn::Number { column: day, power: 0 },
+        WantedColumn::Label { column: date },
     ];
     let found = content(&mut *table, &wanted, 100).unwrap();
     assert_eq!(found.numbers[0][0], 1_763_834_400.123);
@@ -108,8 +108,8 @@ fn what_a_date_is_as_a_number_a_duration_and_a_label() {
     assert_eq!(found.labels[0][2], "2025-11-22T18:00:00.123458Z");
     let mut table = open(&fixture("times.npy"), &Hints::default()).unwrap();
     let wanted = [
-        Wanted::Label { column: column(&*table, "since") },
-        Wanted::Number { column: column(&*table, "since"), power: 0 },
+        WantedColumn::Label { column: column(&*table, "since") },
+        WantedColumn::Number { column: column(&*table, "since"), power: 0 },
     ];
     let found = content(&mut *table, &wanted, 100).unwrap();
     assert_eq!((found.labels[0][2].as_str(), found.numbers[0][2]), ("0.000002", 2e-6));
@@ -220,7 +220,7 @@ fn one_wild_time_does_not_say_where_the_others_count_from() {
 #[test]
 fn a_second_column_of_times_is_refused() {
     let mut table = open_reader(Cursor::new(b"a,b\n1,2\n".to_vec()), "a.csv", &Hints::default()).unwrap();
-    let time = |column| Wanted::Time { column, unit: TimeUnit::SECOND, origin: None };
+    let time = |column| WantedColumn::Time { column, unit: TimeUnit::SECOND, origin: None };
     let error = table.want(&[time(0), time(1)]).unwrap_err();
     assert_eq!(error.to_string(), "CSV: a second column as the times of the rows is not read; name one");
 }

@@ -1,7 +1,7 @@
 //! The threshold-sensing scanner's free decay at 500 kHz: the plain filter, and what the crossings cost beside it.
 
 use crate::system::signal::Noise;
-use kalmems_core::detect::{CubicFit, Detector, Hold, SlopeKernel, Threshold, angle_at, angle_variance};
+use kalmems_core::detect::{CubicFit, Detector, HoldLevel, SlopeKernel, Threshold, angle_at, angle_variance};
 use kalmems_core::update::Gate;
 use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearProcess, Mat, Measurement, Process, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
@@ -50,7 +50,7 @@ impl<T: Scalar<Mask = bool>> FreeDecay<T> {
             })
             .collect();
         let kernel = SlopeKernel::new(15.0).expect("a width");
-        let hold = Hold { deviations: 2.0, samples: 600 };
+        let hold = HoldLevel { deviations: 2.0, samples: 600 };
         let rate = 10.0 * INTERVAL;
         let threshold = Threshold::for_false_alarms(&kernel, NOISE, rate, REACH, Some(hold)).expect("a rate");
         Self {

@@ -46,11 +46,11 @@ impl CoaxialDisks {
 
 /// Love's f at the nodes.
 struct Solution {
-    nodes: [Node; HALF],
+    nodes: [QuadratureNode; HALF],
 }
 
 #[derive(Clone, Copy, Default)]
-struct Node {
+struct QuadratureNode {
     x: f64,
     weight: f64,
     value: f64,
@@ -90,9 +90,9 @@ impl Solution {
 }
 
 /// The positive ones of 2·HALF nodes on [−1, 1], with their weights: zeros of the Legendre polynomial by Newton's method.
-fn gauss_legendre() -> [Node; HALF] {
+fn gauss_legendre() -> [QuadratureNode; HALF] {
     let order = 2.0 * HALF as f64;
-    let mut nodes = [Node::default(); HALF];
+    let mut nodes = [QuadratureNode::default(); HALF];
     for (i, node) in nodes.iter_mut().enumerate() {
         let mut x = Scalar::cos(PI * (i as f64 + 0.75) / (order + 0.5));
         let mut slope = 0.0;
@@ -107,7 +107,7 @@ fn gauss_legendre() -> [Node; HALF] {
             slope = order * (x * polynomial - before) / (x * x - 1.0);
             x -= polynomial / slope;
         }
-        *node = Node { x, weight: 2.0 / ((1.0 - x * x) * slope * slope), value: 0.0 };
+        *node = QuadratureNode { x, weight: 2.0 / ((1.0 - x * x) * slope * slope), value: 0.0 };
     }
     nodes
 }

@@ -10,10 +10,10 @@ mod sampled;
 mod trigger;
 
 pub use complex::Complex;
-pub use oscillator::{Ahead, Onward, Oscillator};
+pub use oscillator::{Oscillator, StateStep, StepsAhead};
 pub use phase::MotionPhase;
 pub use pi::PiController;
 pub use rebalance::{Margins, RebalanceLoop};
-pub use regulator::{Command, Limits, Regulator, RegulatorSettings, Stage, StartUp, Tolerance};
-pub use sampled::{Comparator, STOP, SampledRebalance, Stopped};
-pub use trigger::{Crossing, Mark, NoCrossing, Trigger, TriggerEvent, TriggerSettings, UnusableTrigger};
+pub use regulator::{DriveCommand, Limits, Regulator, RegulatorSettings, RegulatorStage, StartUp, Tolerance};
+pub use sampled::{Comparator, LoopStop, STOP, SampledRebalance};
+pub use trigger::{Mark, MarkCrossing, NoCrossing, Trigger, TriggerEvent, TriggerSettings, UnusableTrigger};

@@ -51,13 +51,13 @@ impl<P: Scalar<Mask = bool>> Oscillator<P> {
 }
 
 /// What will drive a device: the input of each of the steps to come.
-pub trait Ahead<I> {
+pub trait StepsAhead<I> {
     /// The input of the step with this number, 0 for the one that begins now.
     fn input(&self, step: u32) -> I;
 }
 
 /// A drive that goes on as it is, in steps of so many seconds.
-impl<P: Scalar<Mask = bool>> Ahead<Nodes<P>> for (Oscillator<P>, P) {
+impl<P: Scalar<Mask = bool>> StepsAhead<Nodes<P>> for (Oscillator<P>, P) {
     fn input(&self, step: u32) -> Nodes<P> {
         let (drive, interval) = self;
         let start = *interval * P::of(f64::from(step));
@@ -70,14 +70,14 @@ impl<P: Scalar<Mask = bool>> Ahead<Nodes<P>> for (Oscillator<P>, P) {
 }
 
 /// The same input for ever.
-impl<I: Copy> Ahead<Nodes<I>> for Nodes<I> {
+impl<I: Copy> StepsAhead<Nodes<I>> for Nodes<I> {
     fn input(&self, _: u32) -> Self {
         *self
     }
 }
 
 /// How a state goes on from now, step by step.
-pub trait Onward<P, const N: usize> {
+pub trait StateStep<P, const N: usize> {
     /// The state after the step with this number, 0 for the one that begins now.
     fn step(&self, x: &[P; N], step: u32) -> [P; N];
 
@@ -89,7 +89,7 @@ pub trait Onward<P, const N: usize> {
 }
 
 /// A process under the drive that is to come.
-impl<P: Scalar, Q: Process<P, N>, A: Ahead<Q::Input>, const N: usize> Onward<P, N> for (&Q, &A) {
+impl<P: Scalar, Q: Process<P, N>, A: StepsAhead<Q::Input>, const N: usize> StateStep<P, N> for (&Q, &A) {
     fn step(&self, x: &[P; N], step: u32) -> [P; N] {
         self.0.step(x, &self.1.input(step))
     }

@@ -29,7 +29,7 @@ use kalmems_core::Scalar;
 /// Each limit is kept by stopping the integral that would go on beyond it.
 ///
 /// ```
-/// use kalmems_models::control::{Limits, PiController, Regulator, RegulatorSettings, Stage, StartUp, Tolerance};
+/// use kalmems_models::control::{Limits, PiController, Regulator, RegulatorSettings, RegulatorStage, StartUp, Tolerance};
 /// let settings = RegulatorSettings {
 ///     interval: 1e-6,
 ///     amplitude: 0.19,
@@ -46,7 +46,7 @@ use kalmems_core::Scalar;
 /// let mut regulator = Regulator::new(settings);
 /// let command = regulator.step(None);
 /// // Nothing moves yet: the sweep has begun.
-/// assert_eq!((regulator.stage(), command.voltage), (Stage::Sweeping, 90.0));
+/// assert_eq!((regulator.stage(), command.voltage), (RegulatorStage::Sweeping, 90.0));
 /// assert!(command.rate < 9.92e4 && command.rate > 9.9199e4);
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -54,11 +54,11 @@ pub struct Regulator<P> {
     settings: RegulatorSettings<P>,
     /// What is being synthesised, up to the sample that the next step is about.
     drive: Oscillator<P>,
-    stage: Stage,
+    stage: RegulatorStage,
     /// z behind the low-pass.
     turned: Complex<P>,
     /// ω₀ and V_0.
-    base: Command<P>,
+    base: DriveCommand<P>,
     phase_integral: P,
     amplitude_integral: P,
     /// What the amplitude is to be now, on its way to A*.
@@ -134,7 +134,7 @@ pub struct Tolerance<P> {
 
 /// What a regulator is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
+pub enum RegulatorStage {
     /// The frequency is swept; no motion is there yet.
     Sweeping,
     /// Both loops are closed, and the motion is on its way to what is wanted.
@@ -145,7 +145,7 @@ pub enum Stage {
 
 /// What the drive is to do from the next sample on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Command<P> {
+pub struct DriveCommand<P> {
     /// ω in rad/s: π times the frequency of the drive in Hz.
     pub rate: P,
     /// V_1 in V.
@@ -156,7 +156,7 @@ impl<P: Scalar<Mask = bool>> Regulator<P> {
     /// At rest, at the beginning of the sweep.
     pub fn new(settings: RegulatorSettings<P>) -> Self {
         let (zero, start) = (P::of(0.0), &settings.start);
-        let base = Command { rate: start.from, voltage: start.voltage };
+        let base = DriveCommand { rate: start.from, voltage: start.voltage };
         Self {
             drive: Oscillator {
                 offset: settings.offset,
@@ -165,7 +165,7 @@ impl<P: Scalar<Mask = bool>> Regulator<P> {
                 phase: zero,
             },
             settings,
-            stage: Stage::Sweeping,
+            stage: RegulatorStage::Sweeping,
             turned: Complex::real(zero),
             base,
             phase_integral: zero,
@@ -182,7 +182,7 @@ impl<P: Scalar<Mask = bool>> Regulator<P> {
     }
 
     /// What it is doing.
-    pub fn stage(&self) -> Stage {
+    pub fn stage(&self) -> RegulatorStage {
         self.stage
     }
 
@@ -204,13 +204,13 @@ impl<P: Scalar<Mask = bool>> Regulator<P> {
     /// One sample: the estimate of angle in rad and rate in rad/s now, where there is one, gives what the drive does from
     /// the next sample on. What it does up to there was said a sample before, so that a whole interval is left to
     /// compute in.
-    pub fn step(&mut self, motion: Option<[P; 2]>) -> Command<P> {
+    pub fn step(&mut self, motion: Option<[P; 2]>) -> DriveCommand<P> {
         let command = match (self.stage, motion.map(|motion| self.turned_back(motion))) {
-            (Stage::Sweeping, Some(z)) if z.size().gt(self.settings.start.caught) => {
+            (RegulatorStage::Sweeping, Some(z)) if z.size().gt(self.settings.start.caught) => {
                 self.close(z);
                 self.regulate(z)
             }
-            (Stage::Sweeping, _) => self.sweep(),
+            (RegulatorStage::Sweeping, _) => self.sweep(),
             (_, Some(z)) => self.regulate(z),
             (_, None) => self.sweep_again(),
         };
@@ -225,19 +225,19 @@ impl<P: Scalar<Mask = bool>> Regulator<P> {
         z * Complex::turned(self.settings.phase - self.drive.phase)
     }
 
-    fn sweep(&mut self) -> Command<P> {
+    fn sweep(&mut self) -> DriveCommand<P> {
         let start = &self.settings.start;
         let rate = self.drive.rate - start.slope * self.settings.interval;
         if rate.lt(start.to) {
             return self.sweep_again();
         }
-        Command { rate, voltage: start.voltage }
+        DriveCommand { rate, voltage: start.voltage }
     }
 
     /// From its beginning.
-    fn sweep_again(&mut self) -> Command<P> {
+    fn sweep_again(&mut self) -> DriveCommand<P> {
         let (again, start) = (self.sweeps.saturating_add(1), &self.settings.start);
-        let command = Command { rate: start.from, voltage: start.voltage };
+        let command = DriveCommand { rate: start.from, voltage: start.voltage };
         let drive = self.drive;
         *self = Self { drive, sweeps: again, ..Self::new(self.settings) };
         command
@@ -245,13 +245,13 @@ impl<P: Scalar<Mask = bool>> Regulator<P> {
 
     /// The loops begin where the sweep is.
     fn close(&mut self, z: Complex<P>) {
-        self.stage = Stage::Closing;
+        self.stage = RegulatorStage::Closing;
         self.turned = z;
         self.wanted = z.size();
-        self.base = Command { rate: self.drive.rate, voltage: self.drive.amplitude };
+        self.base = DriveCommand { rate: self.drive.rate, voltage: self.drive.amplitude };
     }
 
-    fn regulate(&mut self, z: Complex<P>) -> Command<P> {
+    fn regulate(&mut self, z: Complex<P>) -> DriveCommand<P> {
         let s = self.settings;
         let share = s.smoothing_rate * s.interval;
         let share = share / (P::of(1.0) + share);
@@ -279,9 +279,9 @@ impl<P: Scalar<Mask = bool>> Regulator<P> {
             && !off_phase.abs().gt(s.tolerance.phase);
         self.within = if near { self.within + s.interval } else { P::of(0.0) };
         if self.within.gt(s.tolerance.lasting) {
-            self.stage = Stage::Regulated;
+            self.stage = RegulatorStage::Regulated;
         }
-        Command { rate, voltage }
+        DriveCommand { rate, voltage }
     }
 
     /// sin(φ − φ*), of the mirror image where that is nearer.

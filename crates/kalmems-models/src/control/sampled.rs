@@ -21,7 +21,7 @@ pub struct SampledRebalance {
     is_late: bool,
     interval_s: f64,
     steps: u32,
-    carrier: Option<Carrier>,
+    carrier: Option<SampledCarrier>,
     state: [f64; 2],
     integral: f64,
     seen: f64,
@@ -45,14 +45,14 @@ pub struct Comparator {
 
 /// The carrier of a run that does not average it.
 #[derive(Clone, Copy, Debug)]
-struct Carrier {
+struct SampledCarrier {
     amplitude: f64,
     frequency_hz: f64,
 }
 
 /// Why a run of a loop ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Stopped {
+pub enum LoopStop {
     /// The mass has gone to a plate, and stays there.
     PulledIn {
         /// When, in s.
@@ -62,7 +62,7 @@ pub enum Stopped {
     },
 }
 
-impl fmt::Display for Stopped {
+impl fmt::Display for LoopStop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self::PulledIn { time_s, plate } = self;
         let plate = match plate {
@@ -73,7 +73,7 @@ impl fmt::Display for Stopped {
     }
 }
 
-impl core::error::Error for Stopped {}
+impl core::error::Error for LoopStop {}
 
 /// The share of the gap at which stops end the motion: ASSUMED, the thesis says nothing of its stops.
 pub const STOP: f64 = 0.9;
@@ -111,7 +111,7 @@ impl SampledRebalance {
     /// against its period.
     #[must_use]
     pub fn with_carrier(mut self, frequency_hz: f64) -> Self {
-        self.carrier = Some(Carrier { amplitude: self.readout.carrier_amplitude, frequency_hz });
+        self.carrier = Some(SampledCarrier { amplitude: self.readout.carrier_amplitude, frequency_hz });
         self.device.device.carrier_mean_square = 0.0;
         self
     }
@@ -141,7 +141,7 @@ impl SampledRebalance {
 
     /// To the next sample under this feedback in V, an acceleration in m/s² that goes straight from one value to another,
     /// and a Brownian force in N on each integration step; none where there are fewer.
-    pub fn advance(&mut self, feedback: f64, acceleration: [f64; 2], forces: &[f64]) -> Result<(), Stopped> {
+    pub fn advance(&mut self, feedback: f64, acceleration: [f64; 2], forces: &[f64]) -> Result<(), LoopStop> {
         let h = self.interval_s / f64::from(self.steps);
         let process = Rk4::new(self.device, h, &NoiseDensity::none(), (&[0.0; 2], &[0.0; 3]));
         let start = self.time_s();
@@ -158,7 +158,7 @@ impl SampledRebalance {
             let [start_input, middle, end] = inputs;
             self.state = process.step(&self.state, &Nodes { start: start_input, middle, end });
             if let Some(plate) = self.device.device.plates.touched(self.state[0], STOP) {
-                return Err(Stopped::PulledIn { time_s: start + h * f64::from(step + 1), plate });
+                return Err(LoopStop::PulledIn { time_s: start + h * f64::from(step + 1), plate });
             }
         }
         self.samples += 1;

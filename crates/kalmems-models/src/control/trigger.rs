@@ -1,6 +1,6 @@
 //! When a motion will next pass a phase.
 
-use super::{Complex, Onward};
+use super::{Complex, StateStep};
 use core::f64::consts::{FRAC_PI_2, TAU};
 use core::fmt;
 use kalmems_core::{Covariance, Mat, Scalar};
@@ -19,7 +19,7 @@ pub enum Mark<P> {
 /// What a [`Trigger`] goes by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriggerSettings<P> {
-    /// Between two samples, and the interval of the process that foretells, in s.
+    /// Between two samples, and the interval of the process that predicts, in s.
     pub interval: P,
     /// ω in rad/s, to a tenth: what weighs θ̇ against θ, and says when to look.
     pub rate: P,
@@ -60,7 +60,7 @@ impl core::error::Error for UnusableTrigger {}
 
 /// When the mark will be passed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Crossing<P> {
+pub struct MarkCrossing<P> {
     /// In how many seconds.
     pub after: P,
     /// The standard deviation of that, in s.
@@ -82,10 +82,10 @@ pub struct TriggerEvent<P> {
     /// At which sample it was told, counted from 0.
     pub sample: u64,
     /// When it will happen, and how sure that is.
-    pub crossing: Crossing<P>,
+    pub crossing: MarkCrossing<P>,
 }
 
-/// Foretells when a motion passes a mark, by the model that a filter has of it.
+/// Predicts when a motion passes a mark, by the model that a filter has of it.
 ///
 /// The event is a zero of e = cᵀx with c = [−sin β₀, −cos β₀/ω] on angle and rate, rising. The filter's process steps the
 /// mean ahead under the drive that is to come until e changes its sign; where exactly is read from the cubic through
@@ -143,7 +143,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
         Ok(Self { settings, weights, cycle, samples: 0, told: None, rest: zero, before: None, missed: 0 })
     }
 
-    /// Goes on where another one was left, by what its [`told`](Self::told) was at the sample before the next one.
+    /// Goes on where another one was left, by what its [`last_predicted`](Self::last_predicted) was at the sample before the next one.
     #[must_use]
     pub fn resumed(self, told: Option<P>) -> Self {
         Self { told, ..self }
@@ -155,7 +155,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
     }
 
     /// In how many seconds from the last sample the event is that was told last, below 0 when it has been.
-    pub fn told(&self) -> Option<P> {
+    pub fn last_predicted(&self) -> Option<P> {
         self.told
     }
 
@@ -166,7 +166,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
 
     /// One sample, an interval after the last one: the filter's mean and covariance now, and how they go on. An event is told
     /// once.
-    pub fn step<M: Onward<P, N> + ?Sized, const N: usize>(
+    pub fn step<M: StateStep<P, N> + ?Sized, const N: usize>(
         &mut self,
         onward: &M,
         (mean, covariance): (&[P; N], &Covariance<P, N>),
@@ -180,7 +180,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
         // Beyond the lead it is looked by a tenth of a cycle, to know when to look again.
         let margin = larger(interval.twice(), self.cycle * P::of(0.1));
         let from = self.told.map_or(zero, |told| larger(zero, told + self.cycle.half()));
-        match self.foretell((onward, (mean, covariance)), from, lead + margin) {
+        match self.predict((onward, (mean, covariance)), from, lead + margin) {
             Ok(crossing) if !crossing.after.gt(lead) => {
                 self.told = Some(crossing.after);
                 self.rest = crossing.after - lead + self.cycle * P::of(0.9);
@@ -197,7 +197,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
         }
     }
 
-    /// One sample so many seconds after the last one, from which nothing is foretold, such as that after a gap or one for which
+    /// One sample so many seconds after the last one, from which nothing is predicted, such as that after a gap or one for which
     /// it is not known what drives the motion. What passes is counted; whether there is a motion.
     pub fn passes<const N: usize>(&mut self, mean: &[P; N], elapsed: P) -> bool {
         self.samples = self.samples.saturating_add(1);
@@ -245,12 +245,12 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
     }
 
     /// When the mark is first passed that many seconds from now or later, at most so many seconds ahead.
-    pub fn foretell<M: Onward<P, N> + ?Sized, const N: usize>(
+    pub fn predict<M: StateStep<P, N> + ?Sized, const N: usize>(
         &self,
         (onward, (mean, covariance)): (&M, (&[P; N], &Covariance<P, N>)),
         from: P,
         horizon: P,
-    ) -> Result<Crossing<P>, NoCrossing> {
+    ) -> Result<MarkCrossing<P>, NoCrossing> {
         if self.is_small(mean) {
             return Err(NoCrossing::TooSmall);
         }
@@ -285,7 +285,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
             return if after.gt(horizon) {
                 Err(NoCrossing::BeyondHorizon)
             } else {
-                Ok(Crossing { after, sd })
+                Ok(MarkCrossing { after, sd })
             };
         }
         Err(NoCrossing::BeyondHorizon)
@@ -303,7 +303,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
     }
 
     /// The variance of e that part of the way into the step of this number.
-    fn variance<M: Onward<P, N> + ?Sized, const N: usize>(
+    fn variance<M: StateStep<P, N> + ?Sized, const N: usize>(
         &self,
         onward: &M,
         (mean, covariance): (&[P; N], &Covariance<P, N>),

@@ -2,8 +2,8 @@
 
 use kalmems_core::{
     AddedState, Augmented, AugmentedMeasurement, ContinuousDiscrete, Covariance, Drift, Dynamics, Euler,
-    Filter, FilterError, LinearMeasurement, LinearProcess, Link, Mat, Measurement, Nodes, NoiseDensity, Over,
-    Parameters, Process, Rk4, Scalar, Scaled, ScaledProcess, Scales,
+    Filter, FilterError, LinearMeasurement, LinearProcess, Mat, Measurement, Nodes, NoiseDensity, Over,
+    Parameters, Process, Rk4, Scalar, Scaled, ScaledProcess, Scales, StateTransition,
 };
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{Duffing, ParametricScanner, TorsionalResonator};
@@ -25,7 +25,11 @@ pub trait Device<T: Number, const N: usize, const M: usize> {
     /// The covariance of the sensor's noise.
     fn noise(&self) -> &Covariance<T, M>;
     /// Moves a filter from sample `sample` − 1 to `sample`.
-    fn advance<F: Filter<T, N>>(&self, filter: &mut F, sample: usize) -> Result<Link<T, N>, FilterError>;
+    fn advance<F: Filter<T, N>>(
+        &self,
+        filter: &mut F,
+        sample: usize,
+    ) -> Result<StateTransition<T, N>, FilterError>;
 }
 
 /// One process for all intervals, which are all of the same length.
@@ -54,7 +58,11 @@ where
         &self.noise
     }
     #[inline(never)]
-    fn advance<F: Filter<T, N>>(&self, filter: &mut F, sample: usize) -> Result<Link<T, N>, FilterError> {
+    fn advance<F: Filter<T, N>>(
+        &self,
+        filter: &mut F,
+        sample: usize,
+    ) -> Result<StateTransition<T, N>, FilterError> {
         filter.predict_linked(&self.process, &(self.input)(sample))
     }
 }
@@ -84,7 +92,11 @@ where
         &self.noise
     }
     #[inline(never)]
-    fn advance<F: Filter<T, N>>(&self, filter: &mut F, sample: usize) -> Result<Link<T, N>, FilterError> {
+    fn advance<F: Filter<T, N>>(
+        &self,
+        filter: &mut F,
+        sample: usize,
+    ) -> Result<StateTransition<T, N>, FilterError> {
         let (from, to) = (irregular(sample - 1), irregular(sample));
         let process = self.model.over(to - from, filter.mean(), |t| T::of(volts(from + t))).unwrap();
         filter.predict_linked(&process, &())

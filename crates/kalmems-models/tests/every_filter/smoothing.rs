@@ -5,8 +5,8 @@ use crate::filters::{Cell, every_filter};
 use crate::follow::{Corrections, PLAIN, Picky, Said, correct, follow, missing, narrow, said, takes_all};
 use crate::judge::error;
 use crate::recording::{Noise, Recording, SAMPLES, simulate};
-use kalmems_core::smooth::{Backward, Course, FixedLag, Smoothed, smooth_interval};
-use kalmems_core::{Filter, FilterError, Link};
+use kalmems_core::smooth::{Backward, FixedLag, Smoothed, SmoothingCourse, smooth_interval};
+use kalmems_core::{Filter, FilterError, StateTransition};
 use std::marker::PhantomData;
 
 struct Smoothing<'a, D, T, const N: usize, const M: usize> {
@@ -32,7 +32,7 @@ struct Samples<'a, D, T, const N: usize, const M: usize> {
     policy: Picky<T>,
 }
 
-impl<T, F, D, const N: usize, const M: usize> Course<T, F, N> for Samples<'_, D, T, N, M>
+impl<T, F, D, const N: usize, const M: usize> SmoothingCourse<T, F, N> for Samples<'_, D, T, N, M>
 where
     T: Number,
     F: Filter<T, N>,
@@ -44,7 +44,7 @@ where
         SAMPLES
     }
 
-    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<Link<T, N>, FilterError> {
+    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<StateTransition<T, N>, FilterError> {
         self.device.advance(filter, sample)
     }
 

@@ -4,7 +4,7 @@
 use kalmems_models::capacitance::{DifferentialPlates, FixedPlate};
 use kalmems_models::constants::{STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
 use kalmems_models::control::{
-    Comparator, Complex, Margins, PiController, RebalanceLoop, SampledRebalance, Stopped,
+    Comparator, Complex, LoopStop, Margins, PiController, RebalanceLoop, SampledRebalance,
 };
 use kalmems_models::dynamics::{Accelerometer, ProofMass};
 use kalmems_models::readout::DifferentialReadout;
@@ -191,7 +191,7 @@ fn pull_in_during_a_run_is_named() {
         (open(4.0), -12.5, FixedPlate::Second),
         (rebalanced(4.0, -10.0), 0.01, FixedPlate::First),
     ] {
-        let Err(Stopped::PulledIn { time_s, plate }) = end(&closed, acceleration) else {
+        let Err(LoopStop::PulledIn { time_s, plate }) = end(&closed, acceleration) else {
             panic!("{acceleration}")
         };
         assert_eq!(plate, expected);
@@ -300,7 +300,11 @@ fn a_loop_that_is_computed_often_is_the_continuous_one() {
 }
 
 /// One bit at 1 MHz: the bits under a constant acceleration, and the mean displacement over the second half.
-fn one_bit(closed: &RebalanceLoop<f64>, comparator: Comparator, gn: f64) -> Result<(Vec<f64>, f64), Stopped> {
+fn one_bit(
+    closed: &RebalanceLoop<f64>,
+    comparator: Comparator,
+    gn: f64,
+) -> Result<(Vec<f64>, f64), LoopStop> {
     let mut run = SampledRebalance::new(closed, 1e-6, 2).with_comparator(comparator);
     let (mut bits, mut displacement) = (Vec::new(), 0.0);
     for k in 0..80_000 {

@@ -2,7 +2,7 @@
 //! many it makes up, and how well it knows their times.
 
 use crate::chance::{Chance, spread};
-use kalmems_core::detect::{CubicFit, Hold, Peak, SlopeKernel, Threshold, peaks};
+use kalmems_core::detect::{CubicFit, HoldLevel, Peak, SlopeKernel, Threshold, peaks};
 use kalmems_core::{Measurement, Process};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
 use kalmems_models::dynamics::MirrorResonator;
@@ -156,11 +156,11 @@ fn alarms(chance: &mut Chance, records: usize, threshold: Threshold<f64>) -> usi
     (0..records).map(|_| record(chance)).sum()
 }
 
-fn rare(hold: Option<Hold>) -> Threshold<f64> {
+fn rare(hold: Option<HoldLevel>) -> Threshold<f64> {
     Threshold::for_false_alarms(&kernel(), NOISE, RARE, REACH, hold).unwrap()
 }
 
-const FOLLOW: Hold = Hold { deviations: 2.0, samples: 600 };
+const FOLLOW: HoldLevel = HoldLevel { deviations: 2.0, samples: 600 };
 
 #[test]
 #[ignore = "slow"]
@@ -236,8 +236,8 @@ fn slow_false_alarms_are_as_many_as_were_asked_for() {
 struct Errors {
     /// Of the parabola through the maximum, in samples.
     slope: [Vec<f64>; 4],
-    /// Its variance as foretold, Canny's, and the square of the maximum's bias by its formula, in samples².
-    foretold: [Vec<[f64; 3]>; 4],
+    /// Its variance as predicted, Canny's, and the square of the maximum's bias by its formula, in samples².
+    predicted: [Vec<[f64; 3]>; 4],
     /// Of the zero crossing: the angle, in rad; times σ of the time as told.
     zero: [Vec<f64>; 4],
     told: [Vec<f64>; 4],
@@ -252,7 +252,7 @@ fn bias(crossing: Crossing) -> f64 {
     -3.0 * late / (comb.steepness.powi(2) * square / 2.0 + 4.0) / INTERVAL
 }
 
-/// The variance as the kernel foretells it and Canny's, in samples², for the edge without noise.
+/// The variance as the kernel predicts it and Canny's, in samples², for the edge without noise.
 fn variances(clean: &[f64], crossing: Crossing) -> [f64; 2] {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // within the record
     let k = (crossing.time + bias(crossing)).round() as usize;
@@ -279,8 +279,8 @@ fn errors(records: u32) -> Errors {
             let Some(crossing) = decay.nearest(time) else { continue };
             let i = segment(crossing.time);
             errors.slope[i].push(time - crossing.time);
-            let [foretold, canny] = variances(&clean, crossing);
-            errors.foretold[i].push([foretold, canny, bias(crossing).powi(2)]);
+            let [predicted, canny] = variances(&clean, crossing);
+            errors.predicted[i].push([predicted, canny, bias(crossing).powi(2)]);
             if let Some(zero) = fit.crossing(&signal, place, offset, NOISE * NOISE) {
                 let time = place as f64 + zero.displacement;
                 errors.zero[i].push(decay.angle(time) - comb().centre);
@@ -313,27 +313,27 @@ fn a_few_records_have_all_crossings_at_the_right_angle() {
 
 #[test]
 #[ignore = "slow"]
-fn slow_times_and_angles_are_as_well_known_as_foretold() {
+fn slow_times_and_angles_are_as_well_known_as_predicted() {
     let errors = errors(200);
     for (i, bar) in ANGLES.into_iter().enumerate() {
         let seen = root_mean(errors.slope[i].iter().map(|e| e * e));
-        let foretold = root_mean(errors.foretold[i].iter().map(|[variance, _, bias]| variance + bias));
-        let canny = root_mean(errors.foretold[i].iter().map(|[_, canny, bias]| canny + bias));
+        let predicted = root_mean(errors.predicted[i].iter().map(|[variance, _, bias]| variance + bias));
+        let canny = root_mean(errors.predicted[i].iter().map(|[_, canny, bias]| canny + bias));
         let (mean, deviation) = spread(&errors.zero[i]);
         let told = root_mean(errors.told[i].iter().copied());
         println!(
-            "segment {i}: {} times off by {:.3} us rms, foretold {:.3} (by Canny {:.3}); {} zero crossings: bias \
+            "segment {i}: {} times off by {:.3} us rms, predicted {:.3} (by Canny {:.3}); {} zero crossings: bias \
              {:.3} mrad, sd {:.3}, told {:.3}",
             errors.slope[i].len(),
             seen * INTERVAL * 1e6,
-            foretold * INTERVAL * 1e6,
+            predicted * INTERVAL * 1e6,
             canny * INTERVAL * 1e6,
             errors.zero[i].len(),
             mean * 1e3,
             deviation * 1e3,
             told * 1e3,
         );
-        assert!((seen / foretold - 1.0).abs() < 0.15, "{i}: {seen} {foretold}");
+        assert!((seen / predicted - 1.0).abs() < 0.15, "{i}: {seen} {predicted}");
         // Canny's alone is that of small displacements.
         assert_eq!((seen / canny - 1.0).abs() < 0.15, i < 2, "{i}: {seen} {canny}");
         assert!(mean.abs() < ANGLE_BIAS, "{i}: {mean:e}");

@@ -8,7 +8,7 @@ use kalmems_core::{
 };
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::control::{
-    Limits, Mark, PiController, Regulator, RegulatorSettings, Stage, StartUp, Tolerance, Trigger,
+    Limits, Mark, PiController, Regulator, RegulatorSettings, RegulatorStage, StartUp, Tolerance, Trigger,
     TriggerSettings,
 };
 use kalmems_models::dynamics::{DriveGain, ParametricScanner, TorsionalResonator};
@@ -99,7 +99,7 @@ struct Outcome {
     nis: f64,
     trigger_nees: f64,
     trigger_mean_s: f64,
-    stage: Stage,
+    stage: RegulatorStage,
 }
 
 /// Told 8 µs before the angle rises through 0.
@@ -155,7 +155,7 @@ fn run(case: &Case) -> Outcome {
         nis: 0.0,
         trigger_nees: 0.0,
         trigger_mean_s: 0.0,
-        stage: Stage::Sweeping,
+        stage: RegulatorStage::Sweeping,
     };
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let samples = ((SETTLING_S + case.ramp_s + 0.03) / INTERVAL) as u64;
@@ -228,7 +228,7 @@ fn a_short_ramp_is_held() {
     // As fast as the long one.
     let outcome = run(&Case { kelvin: -3.0, ramp_s: 0.15, ..USUAL });
     assert!(outcome.amplitude < 5e-3 && outcome.phase < 0.1, "{outcome:?}");
-    assert_eq!(outcome.stage, Stage::Regulated);
+    assert_eq!(outcome.stage, RegulatorStage::Regulated);
     assert!((outcome.nis - 1.0).abs() < 0.02, "{outcome:?}");
 }
 
@@ -257,7 +257,7 @@ fn slow_twenty_kelvin_either_way() {
                 1e9 * outcome.trigger_mean_s
             );
             assert!(outcome.amplitude < 5e-3 && outcome.phase < 0.1);
-            assert_eq!(outcome.stage, Stage::Regulated);
+            assert_eq!(outcome.stage, RegulatorStage::Regulated);
         }
     }
 }

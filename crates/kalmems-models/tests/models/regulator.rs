@@ -3,7 +3,7 @@
 use kalmems_core::{NoiseDensity, Over, Process, Rk4, Scalar};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::control::{
-    Limits, PiController, Regulator, RegulatorSettings, Stage, StartUp, Tolerance,
+    Limits, PiController, Regulator, RegulatorSettings, RegulatorStage, StartUp, Tolerance,
 };
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 
@@ -97,7 +97,7 @@ impl<P: Scalar<Mask = bool> + Over<P>> Bench<P> {
 fn it_starts_onto_the_upper_branch_and_holds() {
     let mut bench = Bench::<f64>::new(settings());
     bench.run(&scanner(1.0, 1.0), 120_000);
-    assert_eq!((bench.regulator.stage(), bench.regulator.sweeps_again()), (Stage::Regulated, 0));
+    assert_eq!((bench.regulator.stage(), bench.regulator.sweeps_again()), (RegulatorStage::Regulated, 0));
     let [amplitude, phase] = bench.run(&scanner(1.0, 1.0), 5_000);
     assert!((amplitude / TARGET - 1.0).abs() < 1e-3, "{amplitude}");
     assert!(phase.abs() < 2e-4, "{phase}");
@@ -149,12 +149,12 @@ fn it_sweeps_again() {
     let mut bench = Bench::<f64>::new(settings());
     // So much damping that nothing pumps it.
     bench.run(&scanner(1.0, 3.0), 200_000);
-    assert_eq!(bench.regulator.stage(), Stage::Sweeping);
+    assert_eq!(bench.regulator.stage(), RegulatorStage::Sweeping);
     let sweeps = bench.regulator.sweeps_again();
     assert!((2..=3).contains(&sweeps), "{sweeps}");
     bench.state = [1e-4, 0.0];
     bench.run(&scanner(1.0, 1.0), 250_000);
-    assert_eq!(bench.regulator.stage(), Stage::Regulated);
+    assert_eq!(bench.regulator.stage(), RegulatorStage::Regulated);
     let before = bench.regulator.sweeps_again();
     // Without an estimate, and with one that says rest, and with one that is none.
     for lost in [None, Some([1e-4, 0.0]), Some([f64::NAN, 0.0])] {
@@ -162,7 +162,11 @@ fn it_sweeps_again() {
         for _ in 0..2000 {
             regulator.step(lost);
         }
-        assert_eq!((regulator.stage(), regulator.sweeps_again()), (Stage::Sweeping, before + 1), "{lost:?}");
+        assert_eq!(
+            (regulator.stage(), regulator.sweeps_again()),
+            (RegulatorStage::Sweeping, before + 1),
+            "{lost:?}"
+        );
     }
 }
 
@@ -183,7 +187,7 @@ fn the_sign_of_the_motion_does_not_matter() {
 fn single_precision_regulates_as_well() {
     let mut bench = Bench::<f32>::new(settings());
     bench.run(&scanner(1.0, 1.0), 150_000);
-    assert_eq!(bench.regulator.stage(), Stage::Regulated);
+    assert_eq!(bench.regulator.stage(), RegulatorStage::Regulated);
     let [amplitude, phase] = bench.run(&scanner(1.0, 1.0), 5_000);
     assert!((f64::from(amplitude) / TARGET - 1.0).abs() < 1e-3 && phase.abs() < 2e-4, "{amplitude} {phase}");
 }

@@ -50,7 +50,7 @@ fn a_harmonic_motion_passes_when_the_closed_form_says() {
             let now = TAU * (f64::from(k) + 0.37) / 40.0;
             let mean = [amplitude * now.cos(), -amplitude * rate * now.sin()];
             let onward = (&process, &Nodes::held(0.0));
-            let crossing = trigger.foretell((&onward, (&mean, &covariance)), 0.0, 80e-6).unwrap();
+            let crossing = trigger.predict((&onward, (&mean, &covariance)), 0.0, 80e-6).unwrap();
             let turn = (phase - now).rem_euclid(TAU);
             let off = crossing.after - turn / rate;
             // RK4 loses (ωh)⁵/120 of the phase in each step; the cubic is off by 0.02·(ωh)⁴/ω.
@@ -80,7 +80,7 @@ fn process_noise_widens_what_lies_ahead() {
         let mean = [0.2 * now.cos(), -0.2 * rate * now.sin()];
         let known = Covariance::from_standard_deviations([1e-12, 1e-9]);
         let onward = (&process, &Nodes::held(0.0));
-        let crossing = trigger.foretell((&onward, (&mean, &known)), 0.0, 40e-6).unwrap();
+        let crossing = trigger.predict((&onward, (&mean, &known)), 0.0, 40e-6).unwrap();
         let turned = 2.0 * rate * after;
         let variance = density / (rate * rate) * 0.5 * (after - turned.sin() / (2.0 * rate));
         let exact = variance.sqrt() / (0.2 * rate);
@@ -96,17 +96,17 @@ fn what_cannot_be_told_is_refused() {
     let covariance = Covariance::from_standard_deviations([1e-4, 10.0]);
     let trigger = Trigger::new(settings(rate, Mark::Rising, 10e-6)).unwrap();
     let onward = (&process, &Nodes::held(0.0));
-    let foretell =
-        |mean: [f64; 2], from, horizon| trigger.foretell((&onward, (&mean, &covariance)), from, horizon);
-    assert_eq!(foretell([5e-4, 0.0], 0.0, 100e-6), Err(NoCrossing::TooSmall));
-    assert_eq!(foretell([f64::NAN, 0.0], 0.0, 100e-6), Err(NoCrossing::TooSmall));
+    let predict =
+        |mean: [f64; 2], from, horizon| trigger.predict((&onward, (&mean, &covariance)), from, horizon);
+    assert_eq!(predict([5e-4, 0.0], 0.0, 100e-6), Err(NoCrossing::TooSmall));
+    assert_eq!(predict([f64::NAN, 0.0], 0.0, 100e-6), Err(NoCrossing::TooSmall));
     // From the positive turning point it rises again three quarters of 62.8 µs later.
-    assert_eq!(foretell([0.1, 0.0], 0.0, 47.1e-6), Err(NoCrossing::BeyondHorizon));
-    assert!((foretell([0.1, 0.0], 0.0, 47.2e-6).unwrap().after - 0.75 * TAU / rate).abs() < 1e-10);
+    assert_eq!(predict([0.1, 0.0], 0.0, 47.1e-6), Err(NoCrossing::BeyondHorizon));
+    assert!((predict([0.1, 0.0], 0.0, 47.2e-6).unwrap().after - 0.75 * TAU / rate).abs() < 1e-10);
     // And once more in each cycle.
     for cycles in [1.0, 20.0] {
         let from = (cycles + 0.25) * TAU / rate;
-        let after = foretell([0.1, 0.0], from, 2e-3).unwrap().after;
+        let after = predict([0.1, 0.0], from, 2e-3).unwrap().after;
         assert!((after - (cycles + 0.75) * TAU / rate).abs() < 1e-9 * cycles, "{after}");
     }
     let unusable = |lead, rate| Trigger::new(settings(rate, Mark::Rising, lead)).err();
@@ -304,7 +304,7 @@ fn what_passes_in_a_gap_is_counted() {
     assert!(after.len() > 4 && trigger.missed() == missed);
     // Another one that knows what was told goes on where this one is.
     let mut resumed =
-        Trigger::new(settings(rate, Mark::Rising, 2.5 * cycle)).unwrap().resumed(trigger.told());
+        Trigger::new(settings(rate, Mark::Rising, 2.5 * cycle)).unwrap().resumed(trigger.last_predicted());
     for _ in 0..200 {
         time += INTERVAL;
         let events = [&mut trigger, &mut resumed].map(|t| t.step(&onward, (&mean(time), &covariance)));
@@ -335,7 +335,7 @@ fn single_precision_tells_the_same_time() {
         let trigger = Trigger::new(settings).unwrap();
         let onward = (&process, &(drive, p(INTERVAL)));
         let state = (&[p(0.17), p(-9e3)], &covariance);
-        trigger.foretell((&onward, state), p(0.0), p(40e-6)).unwrap().after
+        trigger.predict((&onward, state), p(0.0), p(40e-6)).unwrap().after
     }
     let (double, single) = (after::<f64>(), after::<f32>());
     assert!((double - f64::from(single)).abs() < 2e-11, "{double} {single}");

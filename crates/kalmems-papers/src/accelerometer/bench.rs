@@ -1,14 +1,14 @@
 //! The thesis's instrument on the bench: runs of it, and the filters at work on them.
 
 use super::{failed, published::noise};
-use crate::estimate::{Past, Samples, Trajectory};
+use crate::estimate::{Past, SampleSelection, Trajectory};
 use crate::program::ReproduceError;
 use crate::progress::Silent;
 use kalmems_models::constants::{STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
 use kalmems_models::control::{PiController, RebalanceLoop};
 use kalmems_rigs::accelerometer::{
-    Acceleration, Acting, Hardware, Moment, Observed, Run, SegmentData, Settings, closed_loop,
-    estimate_segment,
+    Acceleration, AccelerometerHardware, AccelerometerRun, AccelerometerSegment, AccelerometerSettings,
+    ControllerInput, ControllerTiming, Moment, closed_loop, estimate_segment,
 };
 use kalmems_rigs::published;
 use std::ops::ControlFlow;
@@ -23,29 +23,29 @@ pub const SIGNAL_HZ: f64 = 10.0;
 
 /// The instrument, in its loop.
 #[derive(Clone)]
-pub struct Bench {
+pub struct AccelerometerBench {
     /// The filters, told the truth unless a caller changes it.
-    pub settings: Settings,
+    pub settings: AccelerometerSettings,
     /// The loop.
     pub closed: RebalanceLoop<f64>,
 }
 
 /// A filter, by its name in `device.toml`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Filter {
+pub enum BenchFilter {
     /// The thesis's hybrid filter, which has the acceleration as an input.
     Told,
     /// The settled filter that has it as a state.
     Honest,
 }
 
-impl Bench {
+impl AccelerometerBench {
     /// Tables I and II at this permittivity, biased for 10 g by equation 2-18.
     pub fn new(relative_permittivity: f64) -> Result<Self, ReproduceError> {
         let wrong = |e: crate::config::ConfigError| failed("the published instrument")(e.into());
         let path = Path::new("accelerometer/device.toml");
         let experiment = published().parse(include_str!("device.toml"), path).map_err(wrong)?;
-        let mut settings = Settings::of(&experiment).map_err(wrong)?;
+        let mut settings = AccelerometerSettings::of(&experiment).map_err(wrong)?;
         let mut closed = closed_loop(&experiment, INTERVAL_S).map_err(wrong)?;
         let hardware = &mut settings.hardware;
         let device = &mut hardware.sensed.device;
@@ -77,25 +77,25 @@ impl Bench {
     }
 
     /// The hardware.
-    pub fn hardware(&self) -> &Hardware {
+    pub fn hardware(&self) -> &AccelerometerHardware {
         &self.settings.hardware
     }
 
     /// A run of `duration_s` under 10 Hz of this amplitude in g, with the noise of the settings.
-    pub fn sine(&self, amplitude_g: f64, duration_s: f64, seed: u64) -> Run {
+    pub fn sine(&self, amplitude_g: f64, duration_s: f64, seed: u64) -> AccelerometerRun {
         let amplitude = amplitude_g * STANDARD_GRAVITY;
         self.run(Acceleration::Sine { amplitude, frequency_hz: SIGNAL_HZ }, duration_s, seed)
     }
 
     /// A run of `duration_s`.
-    pub fn run(&self, acceleration: Acceleration, duration_s: f64, seed: u64) -> Run {
+    pub fn run(&self, acceleration: Acceleration, duration_s: f64, seed: u64) -> AccelerometerRun {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some 10⁵
         let samples = (duration_s / INTERVAL_S).round() as u64;
-        Run {
+        AccelerometerRun {
             hardware: *self.hardware(),
             closed: self.closed,
-            acting: Acting::Sampled,
-            observer: Observed::Output,
+            acting: ControllerTiming::Sampled,
+            observer: ControllerInput::Output,
             acceleration,
             samples,
             interval_s: INTERVAL_S,
@@ -116,17 +116,17 @@ impl Bench {
     }
 
     /// What a filter makes of a recording. `None` where it refuses, or was stopped.
-    pub fn estimate(&self, filter: Filter, record: &Record) -> Option<Trajectory> {
+    pub fn estimate(&self, filter: BenchFilter, record: &BenchRecord) -> Option<Trajectory> {
         let mut settings = self.settings.clone();
-        settings.filters.retain(|candidate| candidate.known_acceleration == (filter == Filter::Told));
-        let data = SegmentData {
+        settings.filters.retain(|candidate| candidate.known_acceleration == (filter == BenchFilter::Told));
+        let data = AccelerometerSegment {
             time_s: &record.time_s,
             signal: &record.output,
             feedback: Some(&record.feedback),
             acceleration: Some(&record.acceleration),
             interval_s: record.interval_s,
         };
-        let samples = Samples::whole(record.time_s.len(), record.interval_s);
+        let samples = SampleSelection::whole(record.time_s.len(), record.interval_s);
         let found = estimate_segment(&settings, &data, &samples, &mut Past::default(), "the bench", &Silent);
         found.ok()?.into_iter().next()
     }
@@ -134,7 +134,7 @@ impl Bench {
 
 /// A run, column by column.
 #[derive(Clone, Debug, Default)]
-pub struct Record {
+pub struct BenchRecord {
     /// Between two samples, in s.
     pub interval_s: f64,
     /// In s.
@@ -153,9 +153,9 @@ pub struct Record {
     pub stopped: Option<String>,
 }
 
-impl Record {
+impl BenchRecord {
     /// Of a whole run, or of one up to its pull-in.
-    pub fn of(run: &Run) -> Self {
+    pub fn of(run: &AccelerometerRun) -> Self {
         let mut record = Self { interval_s: run.interval_s, ..Self::default() };
         let ended = run.follow(&mut |moment: &Moment| {
             record.time_s.push(moment.time_s);

@@ -1,33 +1,35 @@
 //! What the thesis names and does not do: a loop of one bit, and a digital observer with fewer samples.
 
-use super::bench::{Bench, Filter, INTERVAL_S, Record, SKIP_S, differences, rms};
+use super::bench::{AccelerometerBench, BenchFilter, BenchRecord, INTERVAL_S, SKIP_S, differences, rms};
 use super::failed;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use kalmems_models::control::{Comparator, PiController};
-use kalmems_rigs::accelerometer::{Acceleration, Acting, settled_acceleration_sd};
+use kalmems_rigs::accelerometer::{Acceleration, ControllerTiming, settled_acceleration_sd};
 
 /// The alternative.
-pub static ONE_BIT: Head = Head {
+pub static ONE_BIT: ItemHead = ItemHead {
     key: "one-bit-loop",
     title: "the loop of one bit",
-    kind: Kind::Figure,
-    places: &[Place { paper: "Z", label: "Section 1.2", page: "pages 4 and 5" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "Z", label: "Section 1.2", page: "pages 4 and 5" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// Fewer samples.
-pub static DECIMATION: Head = Head {
+pub static DECIMATION: ItemHead = ItemHead {
     key: "digital-observer",
     title: "the digital observer: interval, steps and decimation",
-    kind: Kind::Table,
-    places: &[Place { paper: "Z", label: "Section 6.2", page: "page 72" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "Z", label: "Section 6.2", page: "page 72" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// Computes both.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     Ok(vec![one_bit(work)?, decimation(work)?])
 }
 
@@ -39,7 +41,7 @@ const WINDOWS: [usize; 6] = [50, 100, 200, 500, 1000, 2000];
 const ORDERS: usize = 3;
 
 /// What is left in means of bits, in m/s², by window and order; and the filter's.
-struct Bits {
+struct BitMeans {
     left: [[f64; ORDERS]; WINDOWS.len()],
     filter: f64,
 }
@@ -58,11 +60,11 @@ fn means(values: &[f64], count: usize) -> Vec<f64> {
     means
 }
 
-fn bits(bench: &Bench, comparator: Comparator, (noise, seed): (bool, u64)) -> Option<Bits> {
+fn bits(bench: &AccelerometerBench, comparator: Comparator, (noise, seed): (bool, u64)) -> Option<BitMeans> {
     let mut run = bench.run(Acceleration::Chance, SKIP_S + 0.2, seed);
-    (run.acting, run.noise) = (Acting::OneBit(comparator), noise);
+    (run.acting, run.noise) = (ControllerTiming::OneBit(comparator), noise);
     run.closed.controller = PiController { proportional: 10.0, integral: 0.0 };
-    let record = Record::of(&run);
+    let record = BenchRecord::of(&run);
     let from = record.from();
     let per_volt = bench.closed.device.feedback_gain() / bench.closed.device.mass.mass;
     let over: Vec<f64> = record
@@ -79,13 +81,13 @@ fn bits(bench: &Bench, comparator: Comparator, (noise, seed): (bool, u64)) -> Op
             rms(values.iter().copied())
         })
     });
-    let trajectory = bench.estimate(Filter::Honest, &record)?;
+    let trajectory = bench.estimate(BenchFilter::Honest, &record)?;
     let filter = rms(differences(&trajectory.state("acceleration")?.mean, &record.acceleration, from));
-    Some(Bits { left, filter })
+    Some(BitMeans { left, filter })
 }
 
-fn one_bit(work: &Work) -> Result<Item, ReproduceError> {
-    let bench = Bench::new(4.0)?;
+fn one_bit(work: &PartWork) -> Result<Item, ReproduceError> {
+    let bench = AccelerometerBench::new(4.0)?;
     let comparator = Comparator { level: 0.5 * bench.closed.device.bias, lead_s: 5.6e-6 };
     let seeds = match work.effort {
         Effort::Quick => 2,
@@ -95,23 +97,23 @@ fn one_bit(work: &Work) -> Result<Item, ReproduceError> {
     let found = work.map("the loop of one bit", (2 * seeds, 1), |index, _| {
         Some(bits(&bench, comparator, (index % 2 == 1, first_seed + (index / 2) as u64)))
     })?;
-    let spread = |noisy: bool, of: &dyn Fn(&Bits) -> f64| {
+    let spread = |noisy: bool, of: &dyn Fn(&BitMeans) -> f64| {
         let runs = found.iter().skip(usize::from(noisy)).step_by(2);
-        Spread::of(runs.map(|bits| bits.as_ref().map_or(f64::NAN, of) / MILLI_G))
+        SeedSpread::of(runs.map(|bits| bits.as_ref().map_or(f64::NAN, of) / MILLI_G))
     };
     let bound = settled_sd(&bench, INTERVAL_S)? / MILLI_G;
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "What is left of the acceleration's error in decimated bits, in mg",
         [
-            Column::text("decimated by"),
-            Column::number("window", "µs"),
-            Column::number("without noise", "mg"),
-            Column::number("with noise", "mg"),
+            ColumnHead::text("decimated by"),
+            ColumnHead::number("window", "µs"),
+            ColumnHead::number("without noise", "mg"),
+            ColumnHead::number("with noise", "mg"),
         ],
     );
     let mut panel = Panel::new(Axis::new("window", "s").log(), Axis::new("error that is left", "g").log());
     let names = ["means", "means of means", "means of means of means"];
-    let roles = [Role::Measured, Role::Model, Role::Estimate];
+    let roles = [SeriesRole::Measured, SeriesRole::Model, SeriesRole::Estimate];
     for ((order, name), role) in names.into_iter().enumerate().zip(roles) {
         for (place, count) in WINDOWS.iter().enumerate() {
             table.push([
@@ -129,7 +131,7 @@ fn one_bit(work: &Work) -> Result<Item, ReproduceError> {
         };
         panel = panel.with(Series::line(name, role, line(true)));
         if order == ORDERS - 1 {
-            panel = panel.with(Series::line("the last, without noise", Role::Bound, line(false)));
+            panel = panel.with(Series::line("the last, without noise", SeriesRole::Bound, line(false)));
         }
     }
     let quiet = |place: usize| spread(false, &|bits| bits.left[place][2]).median;
@@ -174,7 +176,7 @@ fn one_bit(work: &Work) -> Result<Item, ReproduceError> {
 }
 
 /// The standard deviation of the acceleration that the honest filter claims once it has settled, in m/s².
-fn settled_sd(bench: &Bench, interval_s: f64) -> Result<f64, ReproduceError> {
+fn settled_sd(bench: &AccelerometerBench, interval_s: f64) -> Result<f64, ReproduceError> {
     settled_acceleration_sd(bench.hardware(), interval_s).map_err(|e| failed("the settled filter")(e.into()))
 }
 
@@ -182,11 +184,11 @@ fn settled_sd(bench: &Bench, interval_s: f64) -> Result<f64, ReproduceError> {
 const FEWER: [usize; 4] = [1, 5, 51, 501];
 
 /// An error in m/s², and what the filter claims.
-type Judged = (f64, f64);
+type ErrorAndClaim = (f64, f64);
 
 /// Without and with an averaging filter, for each of [`FEWER`].
-fn decimated(bench: &Bench, seed: u64) -> Option<[[Judged; 2]; FEWER.len()]> {
-    let record = Record::of(&bench.run(Acceleration::Chance, SKIP_S + 0.4, seed));
+fn decimated(bench: &AccelerometerBench, seed: u64) -> Option<[[ErrorAndClaim; 2]; FEWER.len()]> {
+    let record = BenchRecord::of(&bench.run(Acceleration::Chance, SKIP_S + 0.4, seed));
     let mut judged = [[(f64::NAN, f64::NAN); 2]; FEWER.len()];
     for (row, count) in judged.iter_mut().zip(FEWER) {
         for (entry, averaged) in row.iter_mut().zip([false, true]) {
@@ -195,7 +197,7 @@ fn decimated(bench: &Bench, seed: u64) -> Option<[[Judged; 2]; FEWER.len()]> {
             if averaged {
                 told.settings.hardware.noise_variance /= count as f64;
             }
-            let trajectory = told.estimate(Filter::Honest, &fewer)?;
+            let trajectory = told.estimate(BenchFilter::Honest, &fewer)?;
             let estimated = &trajectory.state("acceleration")?.mean;
             let error = rms(differences(estimated, &fewer.acceleration, fewer.from()));
             *entry = (error, settled_sd(&told, fewer.interval_s).ok()?);
@@ -204,8 +206,8 @@ fn decimated(bench: &Bench, seed: u64) -> Option<[[Judged; 2]; FEWER.len()]> {
     Some(judged)
 }
 
-fn decimation(work: &Work) -> Result<Item, ReproduceError> {
-    let closed = Bench::new(4.0)?;
+fn decimation(work: &PartWork) -> Result<Item, ReproduceError> {
+    let closed = AccelerometerBench::new(4.0)?;
     let benches = [closed.open(), closed.clone()];
     let seeds = match work.effort {
         Effort::Quick => 3,
@@ -215,20 +217,20 @@ fn decimation(work: &Work) -> Result<Item, ReproduceError> {
     let found = work.map("decimation", (2 * seeds, 1), |index, _| {
         Some(decimated(&benches[index % 2], first_seed + (index / 2) as u64))
     })?;
-    let spread = |loop_is_closed: bool, of: &dyn Fn(&[[Judged; 2]; FEWER.len()]) -> f64| {
+    let spread = |loop_is_closed: bool, of: &dyn Fn(&[[ErrorAndClaim; 2]; FEWER.len()]) -> f64| {
         let runs = found.iter().skip(usize::from(loop_is_closed)).step_by(2);
-        Spread::of(runs.map(|found| found.as_ref().map_or(f64::NAN, of) / MILLI_G))
+        SeedSpread::of(runs.map(|found| found.as_ref().map_or(f64::NAN, of) / MILLI_G))
     };
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "The acceleration by the honest filter, from fewer samples (1 MHz before), in mg",
         [
-            Column::text("structure"),
-            Column::number("samples made one", ""),
-            Column::number("interval", "µs"),
-            Column::number("one of them taken", "mg"),
-            Column::number("claimed", "mg"),
-            Column::number("their mean taken", "mg"),
-            Column::number("claimed", "mg"),
+            ColumnHead::text("structure"),
+            ColumnHead::number("samples made one", ""),
+            ColumnHead::number("interval", "µs"),
+            ColumnHead::number("one of them taken", "mg"),
+            ColumnHead::number("claimed", "mg"),
+            ColumnHead::number("their mean taken", "mg"),
+            ColumnHead::number("claimed", "mg"),
         ],
     );
     for (closed, name) in [(false, "open loop"), (true, "closed loop")] {

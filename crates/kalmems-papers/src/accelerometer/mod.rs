@@ -9,10 +9,10 @@ mod responses;
 mod structures;
 mod tuning;
 
-use crate::program::{Paper, Part, Program, ReproduceError};
+use crate::program::{Paper, PaperProgram, ProgramPart, ReproduceError};
 
 /// All that is reproduced.
-pub const PROGRAM: Program = Program {
+pub const PROGRAM: PaperProgram = PaperProgram {
     title: "Force-rebalance accelerometer",
     papers: &[Paper {
         key: "Z",
@@ -31,12 +31,12 @@ pub const PROGRAM: Program = Program {
         "Not among these: Figures 1 to 7, 9, 11, 13 to 17, which are photographs and diagrams.",
     ],
     parts: &[
-        Part { heads: &[&parameters::TABLE_I, &parameters::TABLE_II], run: parameters::run },
-        Part { heads: &[&responses::OPEN, &responses::CLOSED], run: responses::run },
-        Part { heads: &[&noise::FIGURE_12, &noise::RATIOS], run: noise::run },
-        Part { heads: &[&structures::TABLE_III, &structures::FIGURES], run: structures::run },
-        Part { heads: &[&tuning::TABLE_IV, &tuning::FIGURES], run: tuning::run },
-        Part { heads: &[&digital::ONE_BIT, &digital::DECIMATION], run: digital::run },
+        ProgramPart { heads: &[&parameters::TABLE_I, &parameters::TABLE_II], run: parameters::run },
+        ProgramPart { heads: &[&responses::OPEN, &responses::CLOSED], run: responses::run },
+        ProgramPart { heads: &[&noise::FIGURE_12, &noise::RATIOS], run: noise::run },
+        ProgramPart { heads: &[&structures::TABLE_III, &structures::FIGURES], run: structures::run },
+        ProgramPart { heads: &[&tuning::TABLE_IV, &tuning::FIGURES], run: tuning::run },
+        ProgramPart { heads: &[&digital::ONE_BIT, &digital::DECIMATION], run: digital::run },
     ],
 };
 

@@ -1,11 +1,13 @@
 //! Figure 12, and the ratios of signal and noise in equations 3-11 to 3-17.
 
-use super::bench::{Bench, Record, SKIP_S, decibels};
+use super::bench::{AccelerometerBench, BenchRecord, SKIP_S, decibels};
 use super::published::device;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::signal::fit_sine_at;
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use kalmems_models::control::{PiController, RebalanceLoop};
 use kalmems_models::noise::Mosfet;
@@ -13,36 +15,36 @@ use kalmems_rigs::accelerometer::Acceleration;
 use std::f64::consts::TAU;
 
 /// The electronics.
-pub static FIGURE_12: Head = Head {
+pub static FIGURE_12: ItemHead = ItemHead {
     key: "figure-12",
     title: "electronic noise over frequency",
-    kind: Kind::Figure,
-    places: &[Place { paper: "Z", label: "Figure 12", page: "page 28" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "Z", label: "Figure 12", page: "page 28" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// What a loop does to signal and noise.
-pub static RATIOS: Head = Head {
+pub static RATIOS: ItemHead = ItemHead {
     key: "signal-to-noise",
     title: "signal and noise in the open and the closed loop",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "Z", label: "Equation 3-13", page: "page 30" },
-        Place { paper: "Z", label: "Equation 3-17", page: "page 31" },
+        PaperPlace { paper: "Z", label: "Equation 3-13", page: "page 30" },
+        PaperPlace { paper: "Z", label: "Equation 3-17", page: "page 31" },
     ],
-    origin: Origin::Computed,
+    origin: ValueOrigin::Computed,
 };
 
 /// Computes both.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let bench = Bench::new(4.0)?;
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let bench = AccelerometerBench::new(4.0)?;
     Ok(vec![electronics(&bench), ratios(&bench, work)?])
 }
 
 const TEMPERATURE: f64 = 300.0;
 const CARRIER_HZ: f64 = 1e6;
 
-fn electronics(bench: &Bench) -> Item {
+fn electronics(bench: &AccelerometerBench) -> Item {
     let stage = Mosfet::ASSUMED;
     let grid = || (0..=240).map(|k| 10_f64.powf(1.0 + f64::from(k) / 30.0));
     let line = |label: &str, role, of: &dyn Fn(f64) -> f64| {
@@ -56,10 +58,10 @@ fn electronics(bench: &Bench) -> Item {
     )
     .with(
         Panel::new(Axis::new("frequency", "Hz").log(), Axis::new("noise", "V/√Hz").log())
-            .with(line("all", Role::Estimate, &|hz| stage.total(hz, TEMPERATURE)))
-            .with(line("thermal", Role::Model, &thermal))
-            .with(line("flicker", Role::Input, &|hz| stage.flicker(hz)))
-            .with(line("leakage", Role::Bound, &|hz| stage.leakage(hz))),
+            .with(line("all", SeriesRole::Estimate, &|hz| stage.total(hz, TEMPERATURE)))
+            .with(line("thermal", SeriesRole::Model, &thermal))
+            .with(line("flicker", SeriesRole::Input, &|hz| stage.flicker(hz)))
+            .with(line("leakage", SeriesRole::Bound, &|hz| stage.leakage(hz))),
     );
     let closed = &bench.closed;
     let divided = 1.0 + 2.0 * closed.readout.plates.at_rest() / closed.readout.feedback_capacitance;
@@ -82,7 +84,7 @@ fn electronics(bench: &Bench) -> Item {
             "at the input, 1 MHz carrier",
             "µg/√Hz",
             1e6 * device::ELECTRONIC_G_PER_ROOT_HZ,
-            Spread::exact(1e6 * at_input),
+            SeedSpread::exact(1e6 * at_input),
             0.3,
         ))
         .remark(
@@ -100,7 +102,7 @@ struct Ratio {
 }
 
 /// The loop, the same device with the same bias and without feedback, and the same without a bias.
-fn kinds(bench: &Bench) -> [(&'static str, RebalanceLoop<f64>); 3] {
+fn kinds(bench: &AccelerometerBench) -> [(&'static str, RebalanceLoop<f64>); 3] {
     let still =
         RebalanceLoop { controller: PiController { proportional: 0.0, integral: 0.0 }, ..bench.closed };
     [("closed", bench.closed), ("open, biased", still), ("open, no bias", bench.open().closed)]
@@ -108,7 +110,7 @@ fn kinds(bench: &Bench) -> [(&'static str, RebalanceLoop<f64>); 3] {
 
 const AMPLITUDE: f64 = 0.1 * STANDARD_GRAVITY;
 
-fn ratio(bench: &Bench, closed: &RebalanceLoop<f64>, hz: f64) -> Ratio {
+fn ratio(bench: &AccelerometerBench, closed: &RebalanceLoop<f64>, hz: f64) -> Ratio {
     let brownian = 2.0 * closed.device.mass.acceleration_density(bench.hardware().force_density);
     let density = (2.0 * bench.hardware().noise_variance * super::bench::INTERVAL_S).sqrt();
     let rms = AMPLITUDE * std::f64::consts::FRAC_1_SQRT_2;
@@ -128,13 +130,13 @@ const NEIGHBOURS: u32 = 20;
 const FEWER: usize = 51;
 
 /// Signal over the readout's noise in 1 Hz, in dB, of the output of a run without the molecules' push.
-fn of_run(bench: &Bench, closed: &RebalanceLoop<f64>, seed: u64) -> Option<f64> {
+fn of_run(bench: &AccelerometerBench, closed: &RebalanceLoop<f64>, seed: u64) -> Option<f64> {
     let acceleration = Acceleration::Sine { amplitude: AMPLITUDE, frequency_hz: RUN_HZ };
     let mut run = bench.run(acceleration, SKIP_S + JUDGED_S, seed);
     run.closed = *closed;
     run.hardware.sensed.device = closed.device;
     run.hardware.force_density = 0.0;
-    let record = Record::of(&run).decimated(FEWER, true);
+    let record = BenchRecord::of(&run).decimated(FEWER, true);
     let (time_s, output) = (&record.time_s[record.from()..], &record.output[record.from()..]);
     let signal = fit_sine_at(time_s, output, RUN_HZ)?;
     let noise: Vec<f64> =
@@ -151,7 +153,7 @@ fn of_run(bench: &Bench, closed: &RebalanceLoop<f64>, seed: u64) -> Option<f64> 
     Some(decibels(signal.amplitude * std::f64::consts::FRAC_1_SQRT_2 / density.sqrt()))
 }
 
-fn ratios(bench: &Bench, work: &Work) -> Result<Item, ReproduceError> {
+fn ratios(bench: &AccelerometerBench, work: &PartWork) -> Result<Item, ReproduceError> {
     let runs = match work.effort {
         Effort::Quick => 6,
         Effort::Full => 60,
@@ -161,19 +163,19 @@ fn ratios(bench: &Bench, work: &Work) -> Result<Item, ReproduceError> {
     let found = work.map("signal and noise", (3 * runs, 1), |index, _| {
         Some(of_run(bench, &kinds[index % 3].1, first_seed + (index / 3) as u64))
     })?;
-    let simulated: Vec<Spread> = (0..3)
-        .map(|kind| Spread::of(found.iter().skip(kind).step_by(3).map(|db| db.unwrap_or(f64::NAN))))
+    let simulated: Vec<SeedSpread> = (0..3)
+        .map(|kind| SeedSpread::of(found.iter().skip(kind).step_by(3).map(|db| db.unwrap_or(f64::NAN))))
         .collect();
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "A sine of 0.1 g over the noise of 1 Hz",
         [
-            Column::text("structure"),
-            Column::number("molecules, any frequency", "dB"),
-            Column::number("readout, 10 Hz", "dB"),
-            Column::number("readout, 1 kHz", "dB"),
-            Column::number("readout, 10 kHz", "dB"),
-            Column::number("readout, 100 Hz", "dB"),
-            Column::number("readout, 100 Hz, simulated", "dB"),
+            ColumnHead::text("structure"),
+            ColumnHead::number("molecules, any frequency", "dB"),
+            ColumnHead::number("readout, 10 Hz", "dB"),
+            ColumnHead::number("readout, 1 kHz", "dB"),
+            ColumnHead::number("readout, 10 kHz", "dB"),
+            ColumnHead::number("readout, 100 Hz", "dB"),
+            ColumnHead::number("readout, 100 Hz, simulated", "dB"),
         ],
     );
     let of = |closed: &RebalanceLoop<f64>, hz| ratio(bench, closed, hz);

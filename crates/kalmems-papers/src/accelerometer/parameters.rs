@@ -1,56 +1,58 @@
 //! Tables I and II: what the instrument is, and what follows from it.
 
-use super::bench::{Bench, INTERVAL_S};
+use super::bench::{AccelerometerBench, INTERVAL_S};
 use super::published::{device, noise};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_core::{Covariance, Exponential, Measurement, NoiseDensity, Observability, Process};
 use kalmems_figures::significant;
-use kalmems_figures::{Column, Table};
+use kalmems_figures::{ColumnHead, TextTable};
 use kalmems_models::constants::STANDARD_GRAVITY;
 
 /// The instrument.
-pub static TABLE_I: Head = Head {
+pub static TABLE_I: ItemHead = ItemHead {
     key: "table-i",
     title: "the instrument, and what follows from it",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "Z", label: "Table I", page: "page 18" },
-        Place { paper: "Z", label: "Equation 5-4", page: "page 53" },
-        Place { paper: "Z", label: "Equation 5-5", page: "page 53" },
+        PaperPlace { paper: "Z", label: "Table I", page: "page 18" },
+        PaperPlace { paper: "Z", label: "Equation 5-4", page: "page 53" },
+        PaperPlace { paper: "Z", label: "Equation 5-5", page: "page 53" },
     ],
-    origin: Origin::Computed,
+    origin: ValueOrigin::Computed,
 };
 
 /// The noise.
-pub static TABLE_II: Head = Head {
+pub static TABLE_II: ItemHead = ItemHead {
     key: "table-ii",
     title: "the noise that the filter is told",
-    kind: Kind::Table,
-    places: &[Place { paper: "Z", label: "Table II", page: "page 52" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "Z", label: "Table II", page: "page 52" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// Computes both.
-pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let filled = [Bench::new(4.0)?, Bench::new(1.0)?];
+pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let filled = [AccelerometerBench::new(4.0)?, AccelerometerBench::new(1.0)?];
     Ok(vec![table_i(&filled), table_ii(&filled[0])])
 }
 
-fn table_i(benches: &[Bench; 2]) -> Item {
+fn table_i(benches: &[AccelerometerBench; 2]) -> Item {
     let [four, _] = benches;
     let mass = &four.closed.device.mass;
     let [slow, fast] = mass.eigenvalues(mass.spring);
-    let exact = Spread::exact;
+    let exact = SeedSpread::exact;
     let damping_ratio = mass.damping_ratio(mass.spring);
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "What follows from Table I, by the permittivity in the gap",
         [
-            Column::text("quantity"),
-            Column::number("ε_r = 4 (Table I)", ""),
-            Column::number("ε_r = 1 (air)", ""),
+            ColumnHead::text("quantity"),
+            ColumnHead::number("ε_r = 4 (Table I)", ""),
+            ColumnHead::number("ε_r = 1 (air)", ""),
         ],
     );
-    let mut row = |name: &str, of: &dyn Fn(&Bench) -> f64| {
+    let mut row = |name: &str, of: &dyn Fn(&AccelerometerBench) -> f64| {
         table.push([name.to_owned(), significant(of(&benches[0])), significant(of(&benches[1]))]);
     };
     row("spring that the carrier takes, N/m", &|bench| bench.open().closed.device.electrostatic_spring(0.0));
@@ -95,7 +97,7 @@ fn table_i(benches: &[Bench; 2]) -> Item {
 }
 
 /// Of the two states, sampled.
-fn rank(bench: &Bench) -> f64 {
+fn rank(bench: &AccelerometerBench) -> f64 {
     let device = bench.closed.device;
     let process = Exponential::new(device, INTERVAL_S, &NoiseDensity::none(), (&[0.0; 2], &[0.0; 2]));
     let (_, transition) = process.linearize(&[0.0; 2], &[0.0; 2]);
@@ -108,17 +110,17 @@ fn rank(bench: &Bench) -> f64 {
     f64::from(u8::try_from(seen.rank(1e-12)).unwrap_or(u8::MAX))
 }
 
-fn pull_in_g(bench: &Bench) -> f64 {
+fn pull_in_g(bench: &AccelerometerBench) -> f64 {
     let held = bench.open().closed.device.static_pull_in(0.0);
     held.map_or(f64::NAN, |held| held.acceleration / STANDARD_GRAVITY)
 }
 
 /// How far 1 g moves the mass, slowly, in m.
-fn at_one_g(bench: &Bench) -> f64 {
+fn at_one_g(bench: &AccelerometerBench) -> f64 {
     bench.closed.displacement(1e2).size() * STANDARD_GRAVITY
 }
 
-fn table_ii(bench: &Bench) -> Item {
+fn table_ii(bench: &AccelerometerBench) -> Item {
     let mass = &bench.closed.device.mass;
     let weight = mass.mass * STANDARD_GRAVITY;
     let brownian = (2.0 * bench.hardware().force_density).sqrt() / weight;
@@ -129,21 +131,21 @@ fn table_ii(bench: &Bench) -> Item {
             "Brownian noise that is simulated, against 4·k_B·T·b",
             "µg/√Hz",
             1e6 * device::BROWNIAN_G,
-            Spread::exact(1e6 * brownian),
+            SeedSpread::exact(1e6 * brownian),
             0.1,
         ))
         .check(Check::value(
             "the same, against √Q of Table II",
             "µg/√Hz",
             1e6 * device::BROWNIAN_G,
-            Spread::exact(1e6 * stated_q),
+            SeedSpread::exact(1e6 * stated_q),
             0.1,
         ))
         .check(Check::value(
             "electronic noise that is simulated, against √R of Table II",
             "g",
             device::ELECTRONIC_G,
-            Spread::exact(stated_r),
+            SeedSpread::exact(stated_r),
             0.2,
         ))
         .check(Check::claim(

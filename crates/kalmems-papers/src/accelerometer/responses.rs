@@ -1,35 +1,37 @@
 //! Figures 8 and 10: the frequency responses.
 
-use super::bench::Bench;
+use super::bench::AccelerometerBench;
 use super::published::device;
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use kalmems_models::control::{PiController, RebalanceLoop};
 use std::f64::consts::TAU;
 
 /// Without a loop.
-pub static OPEN: Head = Head {
+pub static OPEN: ItemHead = ItemHead {
     key: "figure-8",
     title: "the open loop over frequency",
-    kind: Kind::Figure,
-    places: &[Place { paper: "Z", label: "Figure 8", page: "page 19" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "Z", label: "Figure 8", page: "page 19" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// With it.
-pub static CLOSED: Head = Head {
+pub static CLOSED: ItemHead = ItemHead {
     key: "figure-10",
     title: "the closed loop over frequency",
-    kind: Kind::Figure,
-    places: &[Place { paper: "Z", label: "Figure 10", page: "page 22" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "Z", label: "Figure 10", page: "page 22" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// Computes both.
-pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let benches = [Bench::new(4.0)?, Bench::new(1.0)?];
+pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let benches = [AccelerometerBench::new(4.0)?, AccelerometerBench::new(1.0)?];
     Ok(vec![open(&benches), closed(&benches)])
 }
 
@@ -39,11 +41,11 @@ fn bandwidth(closed: &RebalanceLoop<f64>) -> f64 {
 }
 
 /// A loop that is computed without a delay, as the thesis's figures are.
-fn continuous(bench: &Bench) -> RebalanceLoop<f64> {
+fn continuous(bench: &AccelerometerBench) -> RebalanceLoop<f64> {
     RebalanceLoop { delay: 0.0, ..bench.closed }
 }
 
-fn with_gain(bench: &Bench, proportional: f64) -> RebalanceLoop<f64> {
+fn with_gain(bench: &AccelerometerBench, proportional: f64) -> RebalanceLoop<f64> {
     RebalanceLoop {
         controller: PiController { proportional, ..bench.closed.controller },
         ..continuous(bench)
@@ -51,7 +53,7 @@ fn with_gain(bench: &Bench, proportional: f64) -> RebalanceLoop<f64> {
 }
 
 /// The proportional gain that gives this bandwidth in Hz.
-fn gain_for(bench: &Bench, wanted_hz: f64) -> f64 {
+fn gain_for(bench: &AccelerometerBench, wanted_hz: f64) -> f64 {
     let (mut low, mut high) = (1.0, 1e5);
     for _ in 0..60 {
         let middle = f64::sqrt(low * high);
@@ -60,7 +62,7 @@ fn gain_for(bench: &Bench, wanted_hz: f64) -> f64 {
     low
 }
 
-fn open(benches: &[Bench; 2]) -> Item {
+fn open(benches: &[AccelerometerBench; 2]) -> Item {
     let [four, one] = benches.each_ref().map(|bench| continuous(&bench.open()));
     let stiff = continuous(&{
         let mut bench = benches[0].open();
@@ -69,7 +71,7 @@ fn open(benches: &[Bench; 2]) -> Item {
     });
     let found = [&four, &one, &stiff].map(bandwidth);
     Item::new(&OPEN)
-        .check(Check::value("bandwidth, ε_r = 4", "Hz", device::OPEN_BANDWIDTH_HZ, Spread::exact(found[0]), 0.1))
+        .check(Check::value("bandwidth, ε_r = 4", "Hz", device::OPEN_BANDWIDTH_HZ, SeedSpread::exact(found[0]), 0.1))
         .check(Check::claim(
             "the open loop is over-damped and a low-pass",
             "\"over-damped performance and works as a low pass filter\"",
@@ -85,19 +87,19 @@ fn open(benches: &[Bench; 2]) -> Item {
             "figure-8_bode",
             "Open loop",
             "The displacement for an acceleration, and its phase.",
-            &[("ε_r = 4", Role::Estimate, four), ("ε_r = 1", Role::Model, one), ("ε_r = 4, no pull", Role::Bound, stiff)],
+            &[("ε_r = 4", SeriesRole::Estimate, four), ("ε_r = 1", SeriesRole::Model, one), ("ε_r = 4, no pull", SeriesRole::Bound, stiff)],
         ))
 }
 
-fn closed(benches: &[Bench; 2]) -> Item {
+fn closed(benches: &[AccelerometerBench; 2]) -> Item {
     let [four, one] = benches.each_ref().map(continuous);
     let found = [&four, &one].map(bandwidth);
     let needed = benches.each_ref().map(|bench| gain_for(bench, device::CLOSED_BANDWIDTH_HZ));
     let fast = with_gain(&benches[0], needed[0]);
     let sensitivity = [&four, &one].map(|closed| closed.response(TAU).size() * STANDARD_GRAVITY);
-    let table = Table::new(
+    let table = TextTable::new(
         "The closed loop",
-        [Column::text("quantity"), Column::number("ε_r = 4", ""), Column::number("ε_r = 1", "")],
+        [ColumnHead::text("quantity"), ColumnHead::number("ε_r = 4", ""), ColumnHead::number("ε_r = 1", "")],
     )
     .row(["bandwidth with K_p = 10, Hz".to_owned(), significant(found[0]), significant(found[1])])
     .row(["K_p for 80 kHz".to_owned(), significant(needed[0]), significant(needed[1])])
@@ -111,14 +113,14 @@ fn closed(benches: &[Bench; 2]) -> Item {
             "bandwidth with K_p = 10, ε_r = 4",
             "Hz",
             device::CLOSED_BANDWIDTH_HZ,
-            Spread::exact(found[0]),
+            SeedSpread::exact(found[0]),
             0.1,
         ))
         .check(Check::value(
             "sensitivity, ε_r = 1",
             "V/g",
             device::CLOSED_SENSITIVITY_V_PER_G,
-            Spread::exact(sensitivity[1]),
+            SeedSpread::exact(sensitivity[1]),
             0.2,
         ))
         .check(Check::claim(
@@ -143,16 +145,16 @@ fn closed(benches: &[Bench; 2]) -> Item {
             "Closed loop",
             "The displacement for an acceleration, and its phase.",
             &[
-                ("K_p = 10, ε_r = 4", Role::Estimate, four),
-                ("K_p = 10, ε_r = 1", Role::Model, one),
-                ("80 kHz, ε_r = 4", Role::Bound, fast),
+                ("K_p = 10, ε_r = 4", SeriesRole::Estimate, four),
+                ("K_p = 10, ε_r = 1", SeriesRole::Model, one),
+                ("80 kHz, ε_r = 4", SeriesRole::Bound, fast),
             ],
         ))
 }
 
-type Curve<'a> = (&'a str, Role, RebalanceLoop<f64>);
+type ResponseCurve<'a> = (&'a str, SeriesRole, RebalanceLoop<f64>);
 
-fn bode(id: &str, title: &str, caption: &str, curves: &[Curve]) -> Figure {
+fn bode(id: &str, title: &str, caption: &str, curves: &[ResponseCurve]) -> Figure {
     let grid = || (0..=280).map(|k| 10_f64.powf(f64::from(k) / 40.0));
     let frequency = || Axis::new("frequency", "Hz").log();
     let mut size = Panel::new(frequency(), Axis::new("displacement", "m/g").log());

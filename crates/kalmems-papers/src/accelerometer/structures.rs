@@ -1,39 +1,41 @@
 //! Table III and Figures 18 to 26: open loop, closed loop, and an observer in the loop.
 
-use super::bench::{Bench, Filter, Record, SKIP_S, decibels, differences, rms};
+use super::bench::{AccelerometerBench, BenchFilter, BenchRecord, SKIP_S, decibels, differences, rms};
 use super::published::{STRUCTURES, device};
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::constants::STANDARD_GRAVITY;
-use kalmems_rigs::accelerometer::Observed;
+use kalmems_rigs::accelerometer::ControllerInput;
 
 /// Numbers.
-pub static TABLE_III: Head = Head {
+pub static TABLE_III: ItemHead = ItemHead {
     key: "table-iii",
     title: "three structures: signal to noise and displacement",
-    kind: Kind::Table,
-    places: &[Place { paper: "Z", label: "Table III", page: "page 61" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "Z", label: "Table III", page: "page 61" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// Pictures.
-pub static FIGURES: Head = Head {
+pub static FIGURES: ItemHead = ItemHead {
     key: "figures-18-26",
     title: "three structures over time",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "Z", label: "Figure 18", page: "page 55" },
-        Place { paper: "Z", label: "Figure 19", page: "page 55" },
-        Place { paper: "Z", label: "Figure 20", page: "page 56" },
-        Place { paper: "Z", label: "Figure 21", page: "page 56" },
-        Place { paper: "Z", label: "Figure 22", page: "page 57" },
-        Place { paper: "Z", label: "Figure 23", page: "page 57" },
-        Place { paper: "Z", label: "Figure 24", page: "page 58" },
-        Place { paper: "Z", label: "Figure 25", page: "page 59" },
-        Place { paper: "Z", label: "Figure 26", page: "page 60" },
+        PaperPlace { paper: "Z", label: "Figure 18", page: "page 55" },
+        PaperPlace { paper: "Z", label: "Figure 19", page: "page 55" },
+        PaperPlace { paper: "Z", label: "Figure 20", page: "page 56" },
+        PaperPlace { paper: "Z", label: "Figure 21", page: "page 56" },
+        PaperPlace { paper: "Z", label: "Figure 22", page: "page 57" },
+        PaperPlace { paper: "Z", label: "Figure 23", page: "page 57" },
+        PaperPlace { paper: "Z", label: "Figure 24", page: "page 58" },
+        PaperPlace { paper: "Z", label: "Figure 25", page: "page 59" },
+        PaperPlace { paper: "Z", label: "Figure 26", page: "page 60" },
     ],
-    origin: Origin::Computed,
+    origin: ValueOrigin::Computed,
 };
 
 /// A structure of the thesis.
@@ -59,15 +61,15 @@ impl Structure {
         }
     }
 
-    fn record(self, bench: &Bench, amplitude_g: f64, seed: u64) -> Record {
+    fn record(self, bench: &AccelerometerBench, amplitude_g: f64, seed: u64) -> BenchRecord {
         let bench = if self == Self::Open { bench.open() } else { bench.clone() };
         let mut run = bench.sine(amplitude_g, DURATION_S, seed);
         run.observer = match self {
-            Self::Open | Self::Closed => Observed::Output,
-            Self::Told => Observed::Told,
-            Self::Honest => Observed::Estimate,
+            Self::Open | Self::Closed => ControllerInput::Output,
+            Self::Told => ControllerInput::Told,
+            Self::Honest => ControllerInput::Estimate,
         };
-        Record::of(&run)
+        BenchRecord::of(&run)
     }
 }
 
@@ -77,7 +79,7 @@ const AMPLITUDES_G: [f64; 4] = [0.1, 1.0, 5.0, 10.0];
 
 /// What is said of one run.
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct StructureResult {
     /// Of what the controller acts on, or would.
     snr_db: f64,
     largest_m: f64,
@@ -86,7 +88,12 @@ struct Found {
     stopped: bool,
 }
 
-fn found(bench: &Bench, structure: Structure, amplitude_g: f64, record: &Record) -> Option<Found> {
+fn found(
+    bench: &AccelerometerBench,
+    structure: Structure,
+    amplitude_g: f64,
+    record: &BenchRecord,
+) -> Option<StructureResult> {
     let from = record.from();
     let readout = bench.closed.readout;
     let clean: Vec<f64> = record.displacement.iter().map(|x| readout.voltage(*x)).collect();
@@ -94,38 +101,38 @@ fn found(bench: &Bench, structure: Structure, amplitude_g: f64, record: &Record)
     let largest_m = record.displacement[from..].iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     let mut told = if structure == Structure::Open { bench.open() } else { bench.clone() };
     told.settings.hardware.sensed.prior.rms = amplitude_g * STANDARD_GRAVITY;
-    let trajectory = told.estimate(Filter::Honest, record)?;
+    let trajectory = told.estimate(BenchFilter::Honest, record)?;
     let estimated = &trajectory.state("acceleration")?.mean;
     let errors = rms(differences(estimated, &record.acceleration, from));
     let acceleration_db = decibels(rms(record.acceleration[from..].iter().copied()) / errors);
-    Some(Found { snr_db, largest_m, acceleration_db, stopped: record.stopped.is_some() })
+    Some(StructureResult { snr_db, largest_m, acceleration_db, stopped: record.stopped.is_some() })
 }
 
 /// All runs: permittivity, structure, amplitude, in this order, seed by seed.
-struct Runs {
-    found: Vec<Option<Found>>,
+struct StructureRuns {
+    found: Vec<Option<StructureResult>>,
     seeds: usize,
 }
 
-impl Runs {
+impl StructureRuns {
     fn of(
         &self,
         filled: usize,
         structure: Structure,
         amplitude: usize,
-        value: impl Fn(&Found) -> f64,
-    ) -> Spread {
+        value: impl Fn(&StructureResult) -> f64,
+    ) -> SeedSpread {
         let first = ((filled * Structure::ALL.len() + structure as usize) * AMPLITUDES_G.len() + amplitude)
             * self.seeds;
-        Spread::of(
+        SeedSpread::of(
             self.found[first..first + self.seeds].iter().map(|found| found.as_ref().map_or(f64::NAN, &value)),
         )
     }
 }
 
 /// Computes both.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let benches = [Bench::new(4.0)?, Bench::new(1.0)?];
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let benches = [AccelerometerBench::new(4.0)?, AccelerometerBench::new(1.0)?];
     let seeds = match work.effort {
         Effort::Quick => 1,
         Effort::Full => 10,
@@ -140,11 +147,11 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         let record = structure.record(bench, amplitude_g, seed);
         Some(found(bench, structure, amplitude_g, &record))
     })?;
-    let runs = Runs { found, seeds };
+    let runs = StructureRuns { found, seeds };
     Ok(vec![table(&runs), figures(&benches[0], work.seed)])
 }
 
-fn table(runs: &Runs) -> Item {
+fn table(runs: &StructureRuns) -> Item {
     let mut item = Item::new(&TABLE_III);
     for (amplitude, row) in STRUCTURES.iter().enumerate() {
         for (structure, printed) in
@@ -207,20 +214,20 @@ fn table(runs: &Runs) -> Item {
     .table(ours(runs, 1, "ε_r = 1"))
 }
 
-fn ours(runs: &Runs, filled: usize, words: &str) -> Table {
-    let mut table = Table::new(
+fn ours(runs: &StructureRuns, filled: usize, words: &str) -> TextTable {
+    let mut table = TextTable::new(
         format!("All structures, {words}"),
         [
-            Column::text("structure"),
-            Column::number("acceleration", "g"),
-            Column::number("SNR of what the controller has", "dB"),
-            Column::number("largest displacement", "nm"),
-            Column::number("SNR of the acceleration, honest filter", "dB"),
+            ColumnHead::text("structure"),
+            ColumnHead::number("acceleration", "g"),
+            ColumnHead::number("SNR of what the controller has", "dB"),
+            ColumnHead::number("largest displacement", "nm"),
+            ColumnHead::number("SNR of the acceleration, honest filter", "dB"),
         ],
     );
     for structure in Structure::ALL {
         for (amplitude, amplitude_g) in AMPLITUDES_G.iter().enumerate() {
-            let of = |value: fn(&Found) -> f64| runs.of(filled, structure, amplitude, value);
+            let of = |value: fn(&StructureResult) -> f64| runs.of(filled, structure, amplitude, value);
             table.push([
                 structure.name().to_owned(),
                 significant(*amplitude_g),
@@ -233,7 +240,7 @@ fn ours(runs: &Runs, filled: usize, words: &str) -> Table {
     table
 }
 
-fn figures(bench: &Bench, seed: u64) -> Item {
+fn figures(bench: &AccelerometerBench, seed: u64) -> Item {
     let mut item = Item::new(&FIGURES);
     // The noise against the signal at 0.1 g: what the pictures show.
     let mut hidden = Vec::new();
@@ -259,13 +266,13 @@ fn figures(bench: &Bench, seed: u64) -> Item {
             let name = |name: &'static str| if place == 0 { name } else { "" };
             let mut panel = Panel::new(Axis::new("time", "s"), axis).with(line(
                 name("output"),
-                Role::Measured,
+                SeriesRole::Measured,
                 &record.output,
             ));
             if structure == Structure::Told {
-                panel = panel.with(line(name("estimated output"), Role::Estimate, &record.seen));
+                panel = panel.with(line(name("estimated output"), SeriesRole::Estimate, &record.seen));
             }
-            panel = panel.with(line(name("without noise"), Role::Bound, &clean));
+            panel = panel.with(line(name("without noise"), SeriesRole::Bound, &clean));
             figure = figure.with(if place == 0 { panel } else { panel.sharing_x() });
             if place == 0 {
                 let (from, signal) = (record.from(), rms(clean[record.from()..].iter().copied()));

@@ -1,34 +1,36 @@
 //! Table IV and Figures 27 to 31: a filter that is told other noise than there is.
 
-use super::bench::{Bench, Filter, Record, SKIP_S, decibels, differences, rms};
+use super::bench::{AccelerometerBench, BenchFilter, BenchRecord, SKIP_S, decibels, differences, rms};
 use super::published::TUNINGS;
 use crate::estimate::Trajectory;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 
 /// Numbers.
-pub static TABLE_IV: Head = Head {
+pub static TABLE_IV: ItemHead = ItemHead {
     key: "table-iv",
     title: "the filter told other noise than there is",
-    kind: Kind::Table,
-    places: &[Place { paper: "Z", label: "Table IV", page: "page 69" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "Z", label: "Table IV", page: "page 69" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// Pictures.
-pub static FIGURES: Head = Head {
+pub static FIGURES: ItemHead = ItemHead {
     key: "figures-27-31",
     title: "the estimated output, told other noise than there is",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "Z", label: "Figure 27", page: "page 64" },
-        Place { paper: "Z", label: "Figure 28", page: "page 65" },
-        Place { paper: "Z", label: "Figure 29", page: "page 66" },
-        Place { paper: "Z", label: "Figure 30", page: "page 67" },
-        Place { paper: "Z", label: "Figure 31", page: "page 68" },
+        PaperPlace { paper: "Z", label: "Figure 27", page: "page 64" },
+        PaperPlace { paper: "Z", label: "Figure 28", page: "page 65" },
+        PaperPlace { paper: "Z", label: "Figure 29", page: "page 66" },
+        PaperPlace { paper: "Z", label: "Figure 30", page: "page 67" },
+        PaperPlace { paper: "Z", label: "Figure 31", page: "page 68" },
     ],
-    origin: Origin::Computed,
+    origin: ValueOrigin::Computed,
 };
 
 /// One period of the signal after the settling.
@@ -39,7 +41,7 @@ const DECADES: std::ops::RangeInclusive<i32> = -6..=4;
 
 /// How a filter has the acceleration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Knows {
+enum AccelerationModel {
     /// As a true input.
     Acceleration,
     /// As an input that is always 0: the same filter, without the answer.
@@ -48,32 +50,38 @@ enum Knows {
     ThatThereIsOne,
 }
 
-const KINDS: [Knows; 3] = [Knows::Acceleration, Knows::Nothing, Knows::ThatThereIsOne];
+const KINDS: [AccelerationModel; 3] =
+    [AccelerationModel::Acceleration, AccelerationModel::Nothing, AccelerationModel::ThatThereIsOne];
 
 /// The linear instrument in its loop: with readout noise, and no push of the molecules, which is what Table IV tells of.
-fn record(seed: u64) -> Result<(Bench, Record), ReproduceError> {
-    let mut bench = Bench::linear()?;
+fn record(seed: u64) -> Result<(AccelerometerBench, BenchRecord), ReproduceError> {
+    let mut bench = AccelerometerBench::linear()?;
     bench.settings.hardware.force_density = 0.0;
-    let record = Record::of(&bench.sine(AMPLITUDE_G, DURATION_S, seed));
+    let record = BenchRecord::of(&bench.sine(AMPLITUDE_G, DURATION_S, seed));
     Ok((bench, record))
 }
 
 /// What a filter that is told these factors of Q and R makes of a record.
-fn estimate(bench: &Bench, record: &Record, knows: Knows, factors: [f64; 2]) -> Option<Trajectory> {
+fn estimate(
+    bench: &AccelerometerBench,
+    record: &BenchRecord,
+    knows: AccelerationModel,
+    factors: [f64; 2],
+) -> Option<Trajectory> {
     let tuned = bench.tuned(factors);
     match knows {
-        Knows::Acceleration => tuned.estimate(Filter::Told, record),
-        Knows::ThatThereIsOne => tuned.estimate(Filter::Honest, record),
-        Knows::Nothing => {
-            let blind = Record { acceleration: vec![0.0; record.acceleration.len()], ..record.clone() };
-            tuned.estimate(Filter::Told, &blind)
+        AccelerationModel::Acceleration => tuned.estimate(BenchFilter::Told, record),
+        AccelerationModel::ThatThereIsOne => tuned.estimate(BenchFilter::Honest, record),
+        AccelerationModel::Nothing => {
+            let blind = BenchRecord { acceleration: vec![0.0; record.acceleration.len()], ..record.clone() };
+            tuned.estimate(BenchFilter::Told, &blind)
         }
     }
 }
 
 /// The error of the displacement.
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct TuningResult {
     sd_m: f64,
     largest_m: f64,
     snr_db: f64,
@@ -81,13 +89,18 @@ struct Found {
     is_positive: bool,
 }
 
-fn found(bench: &Bench, record: &Record, knows: Knows, factors: [f64; 2]) -> Option<Found> {
+fn found(
+    bench: &AccelerometerBench,
+    record: &BenchRecord,
+    knows: AccelerationModel,
+    factors: [f64; 2],
+) -> Option<TuningResult> {
     let trajectory = estimate(bench, record, knows, factors)?;
     let displacement = trajectory.state("displacement")?;
     let from = record.from();
     let errors = || differences(&displacement.mean, &record.displacement, from);
     let sd_m = rms(errors());
-    Some(Found {
+    Some(TuningResult {
         sd_m,
         largest_m: errors().fold(0.0, |most: f64, error| most.max(error.abs())),
         snr_db: decibels(rms(record.displacement[from..].iter().copied()) / sd_m),
@@ -103,26 +116,26 @@ fn factors(decades: i32) -> [f64; 2] {
 }
 
 /// Computes both.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let seeds: usize = match work.effort {
         Effort::Quick => 2,
         Effort::Full => 20,
     };
-    let records: Vec<(Bench, Record)> =
+    let records: Vec<(AccelerometerBench, BenchRecord)> =
         (0..seeds as u64).map(|seed| record(work.seed + seed)).collect::<Result<_, _>>()?;
     // The six rows of the table, then every ratio for every kind of filter.
-    let asked: Vec<(Knows, [f64; 2])> = TUNINGS
+    let asked: Vec<(AccelerationModel, [f64; 2])> = TUNINGS
         .iter()
-        .map(|row| (Knows::Acceleration, row.factors))
+        .map(|row| (AccelerationModel::Acceleration, row.factors))
         .chain(KINDS.iter().flat_map(|kind| DECADES.map(|decades| (*kind, factors(decades)))))
         .collect();
     let found = work.map("tunings", (asked.len() * seeds, 1), |index, _| {
         let ((bench, record), (knows, factors)) = (&records[index % seeds], asked[index / seeds]);
         Some(found(bench, record, knows, factors))
     })?;
-    let spread = |place: usize, of: &dyn Fn(&Found) -> f64| {
+    let spread = |place: usize, of: &dyn Fn(&TuningResult) -> f64| {
         let runs = &found[place * seeds..(place + 1) * seeds];
-        Spread::of(runs.iter().map(|found| found.as_ref().map_or(f64::NAN, of)))
+        SeedSpread::of(runs.iter().map(|found| found.as_ref().map_or(f64::NAN, of)))
     };
     let is_positive = found[..].iter().flatten().all(|found| found.is_positive);
     let (bench, record) = &records[0];
@@ -130,27 +143,27 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
 }
 
 /// Where a kind's run at this ratio is among all that is asked.
-fn place(knows: Knows, decades: i32) -> usize {
+fn place(knows: AccelerationModel, decades: i32) -> usize {
     let kind = KINDS.iter().position(|kind| *kind == knows).unwrap_or(0);
     let each = DECADES.count();
     let passed = DECADES.take_while(|other| *other < decades).count();
     TUNINGS.len() + kind * each + passed
 }
 
-type Spreads<'a> = &'a dyn Fn(usize, &dyn Fn(&Found) -> f64) -> Spread;
+type Spreads<'a> = &'a dyn Fn(usize, &dyn Fn(&TuningResult) -> f64) -> SeedSpread;
 
 fn table(spread: Spreads, is_positive: bool) -> Item {
     let mut item = Item::new(&TABLE_IV);
-    let mut rows = Table::new(
+    let mut rows = TextTable::new(
         "Table IV, told the acceleration",
         [
-            Column::text("told"),
-            Column::number("standard deviation, thesis", "pm"),
-            Column::number("ours", "pm"),
-            Column::number("largest error, thesis", "pm"),
-            Column::number("ours", "pm"),
-            Column::number("SNR, thesis", "dB"),
-            Column::number("ours", "dB"),
+            ColumnHead::text("told"),
+            ColumnHead::number("standard deviation, thesis", "pm"),
+            ColumnHead::number("ours", "pm"),
+            ColumnHead::number("largest error, thesis", "pm"),
+            ColumnHead::number("ours", "pm"),
+            ColumnHead::number("SNR, thesis", "dB"),
+            ColumnHead::number("ours", "dB"),
         ],
     );
     for (place, row) in TUNINGS.iter().enumerate() {
@@ -171,14 +184,14 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
     let sd = |knows, decades| spread(place(knows, decades), &|f| 1e12 * f.sd_m).median;
     let falls = |knows| DECADES.zip(DECADES.skip(1)).all(|(less, more)| sd(knows, less) < sd(knows, more));
     let lowest = |knows| DECADES.min_by(|a, b| sd(knows, *a).total_cmp(&sd(knows, *b))).unwrap_or(0);
-    let further = sd(Knows::Acceleration, -2) / sd(Knows::Acceleration, -4);
-    let blind = sd(Knows::Nothing, -2) / sd(Knows::Nothing, 0);
-    let honest = sd(Knows::ThatThereIsOne, lowest(Knows::ThatThereIsOne));
+    let further = sd(AccelerationModel::Acceleration, -2) / sd(AccelerationModel::Acceleration, -4);
+    let blind = sd(AccelerationModel::Nothing, -2) / sd(AccelerationModel::Nothing, 0);
+    let honest = sd(AccelerationModel::ThatThereIsOne, lowest(AccelerationModel::ThatThereIsOne));
     item.check(Check::claim(
         "told the acceleration, a smaller Q and a larger R are better",
         "section 5.3",
         "from one ratio to the next, over ten decades",
-        falls(Knows::Acceleration),
+        falls(AccelerationModel::Acceleration),
     ))
     .check(Check::claim(
         "more than ten times changes nothing",
@@ -191,7 +204,7 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
         "an accelerometer is to measure it",
         format!(
             "the same filter without it: {blind:.0} times worse with Q/10 and R·10; its best is at {} decades",
-            signed(lowest(Knows::Nothing))
+            signed(lowest(AccelerationModel::Nothing))
         ),
         blind < 1.0,
     ))
@@ -207,7 +220,7 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
          is tuned better. With the acceleration as a state the error is {} pm at best, at {} decades, where the molecules that are not there \
          count for little.",
         significant(honest),
-        signed(lowest(Knows::ThatThereIsOne))
+        signed(lowest(AccelerationModel::ThatThereIsOne))
     ))
     .remark(
         "Run without the molecules' push, which alone gives the printed standard deviations; on the linear device of equation \
@@ -230,9 +243,9 @@ fn figure(spread: Spreads) -> Figure {
         Axis::new("rms error of the displacement", "m").log(),
     );
     for (knows, label, role) in [
-        (Knows::Acceleration, "told the acceleration", Role::Model),
-        (Knows::Nothing, "the same filter, not told", Role::Measured),
-        (Knows::ThatThereIsOne, "acceleration as a state", Role::Estimate),
+        (AccelerationModel::Acceleration, "told the acceleration", SeriesRole::Model),
+        (AccelerationModel::Nothing, "the same filter, not told", SeriesRole::Measured),
+        (AccelerationModel::ThatThereIsOne, "acceleration as a state", SeriesRole::Estimate),
     ] {
         let points =
             DECADES.map(|decades| (10_f64.powi(decades), spread(place(knows, decades), &|f| f.sd_m).median));
@@ -240,7 +253,7 @@ fn figure(spread: Spreads) -> Figure {
     }
     let printed =
         TUNINGS.iter().map(|row| (row.factors[0] / row.factors[1], 1e-12 * row.sd_pm)).collect::<Vec<_>>();
-    panel = panel.with(Series::points("thesis, Table IV", Role::Reference, printed));
+    panel = panel.with(Series::points("thesis, Table IV", SeriesRole::Reference, printed));
     Figure::new(
         "table-iv_trend",
         "Table IV, and its reversal",
@@ -250,7 +263,7 @@ fn figure(spread: Spreads) -> Figure {
     .with(panel)
 }
 
-fn figures(bench: &Bench, record: &Record) -> Item {
+fn figures(bench: &AccelerometerBench, record: &BenchRecord) -> Item {
     let mut figure = Figure::new(
         "figures-27-31_outputs",
         "Figures 27 to 31: error of the estimated output",
@@ -258,14 +271,16 @@ fn figures(bench: &Bench, record: &Record) -> Item {
     );
     let mut left = Vec::new();
     for (place, row) in TUNINGS.iter().enumerate().skip(1) {
-        let Some(trajectory) = estimate(bench, record, Knows::Acceleration, row.factors) else { continue };
+        let Some(trajectory) = estimate(bench, record, AccelerationModel::Acceleration, row.factors) else {
+            continue;
+        };
         let Some(displacement) = trajectory.state("displacement") else { continue };
         let readout = bench.closed.readout;
         let errors = displacement.mean.iter().zip(&record.displacement);
         let volts = errors.map(|(estimated, x)| readout.voltage(*estimated) - readout.voltage(*x));
         let points: Vec<(f64, f64)> = record.time_s.iter().copied().zip(volts).step_by(20).collect();
         let panel = Panel::new(Axis::new("time", "s"), Axis::new(row.words, "V").between(-2e-4, 2e-4))
-            .with(Series::line("", Role::Estimate, points));
+            .with(Series::line("", SeriesRole::Estimate, points));
         figure = figure.with(if place == 1 { panel } else { panel.sharing_x() });
         left.push(rms(differences(&displacement.mean, &record.displacement, record.from())));
     }

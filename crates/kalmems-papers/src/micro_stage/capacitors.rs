@@ -1,51 +1,53 @@
 //! Gaps and gains from the printed experiment, and what a tilt about the other axis does.
 
 use super::failed;
-use super::sets::{DRIVE_HZ, GAIN, GAP, NOISE_V, angle, channels, records};
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use super::record_sets::{DRIVE_HZ, GAIN, GAP, NOISE_V, angle, channels, records};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_rigs::micro_stage::identification::{
-    Sought, Waveforms, by_crests, correlation, crests, expected, unknown,
+    ElectrodeUnknowns, Waveforms, by_crests, correlation, crests, expected, unknown,
 };
 use std::f64::consts::TAU;
 
 /// Gap and gain.
-pub static PARAMETERS: Head = Head {
+pub static PARAMETERS: ItemHead = ItemHead {
     key: "table-3-3",
     title: "gap and gain of the electrodes",
-    kind: Kind::Table,
-    places: &[Place { paper: "D", label: "Table 3.3", page: "page 43" }],
-    origin: Origin::Measured,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "D", label: "Table 3.3", page: "page 43" }],
+    origin: ValueOrigin::Measured,
 };
 
 /// The feature that tells the gap.
-pub static CRESTS: Head = Head {
+pub static CRESTS: ItemHead = ItemHead {
     key: "figure-3-12",
     title: "crest-to-trough distance over the gap",
-    kind: Kind::Figure,
-    places: &[Place { paper: "D", label: "Figure 3.12", page: "page 44" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "D", label: "Figure 3.12", page: "page 44" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// Off-axis motion.
-pub static REJECTION: Head = Head {
+pub static REJECTION: ItemHead = ItemHead {
     key: "table-3-4",
     title: "rejection of off-axis motion",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "D", label: "Table 3.4", page: "page 45" },
-        Place { paper: "D", label: "Figure 3.13", page: "page 46" },
+        PaperPlace { paper: "D", label: "Table 3.4", page: "page 45" },
+        PaperPlace { paper: "D", label: "Figure 3.13", page: "page 46" },
     ],
-    origin: Origin::Computed,
+    origin: ValueOrigin::Computed,
 };
 
 /// All three.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     Ok(vec![parameters(work)?, crest_distance(), rejection()])
 }
 
-fn parameters(work: &Work) -> Result<Item, ReproduceError> {
+fn parameters(work: &PartWork) -> Result<Item, ReproduceError> {
     let sets = if work.effort == Effort::Quick { 3 } else { 12 };
     let plates = channels().map(|channel| TiltingPlate { gap: 19e-6, ..channel.plate });
     let noise = [NOISE_V[0]; 4];
@@ -59,7 +61,7 @@ fn parameters(work: &Work) -> Result<Item, ReproduceError> {
             records: &records,
             delay_s: 0.0,
             scale_known: true,
-            sought: Sought::Both,
+            unknowns: ElectrodeUnknowns::Both,
             feedthrough: false,
         };
         let fit = waveforms.fit();
@@ -80,11 +82,11 @@ fn parameters(work: &Work) -> Result<Item, ReproduceError> {
             by_distance.push(1e6 * features.map_err(failed("table-3-3"))?.gap.value);
         }
     }
-    let together = Spread::of(together);
+    let together = SeedSpread::of(together);
     Ok(Item::new(&PARAMETERS)
-        .check(Check::value("D_n of 2A by the waveforms", "um", 1e6 * GAP, Spread::of(gaps), 0.01))
-        .check(Check::value("D_n of 2A by crest and trough", "um", 1e6 * GAP, Spread::of(by_distance), 0.02))
-        .check(Check::value("eta of 2A by the waveforms", "V ohm", GAIN, Spread::of(gains), 0.01))
+        .check(Check::value("D_n of 2A by the waveforms", "um", 1e6 * GAP, SeedSpread::of(gaps), 0.01))
+        .check(Check::value("D_n of 2A by crest and trough", "um", 1e6 * GAP, SeedSpread::of(by_distance), 0.02))
+        .check(Check::value("eta of 2A by the waveforms", "V ohm", GAIN, SeedSpread::of(gains), 0.01))
         .remark(format!(
             "Ours are simulated sets of the printed experiment, four drives with a vibrometer. Errors of gap and gain are \
              correlated by {}: the dissertation's two features decouple their search, not their errors.",
@@ -101,7 +103,7 @@ fn crest_distance() -> Item {
     let mut panel = Panel::new(Axis::new("gap", "m"), Axis::new("crest to trough, of the cycle", "%"));
     for volts in [1.0, 1.3] {
         let curve: Vec<(f64, f64)> = gaps.clone().map(|gap| (gap, at(gap, volts))).collect();
-        panel = panel.with(Series::line(format!("{volts} V"), Role::Model, curve));
+        panel = panel.with(Series::line(format!("{volts} V"), SeriesRole::Model, curve));
     }
     let (small, large) = (at(0.9 * GAP, 1.3), at(1.1 * GAP, 1.3));
     let is_monotonic = (at(GAP, 1.3) - 50.0).abs() < (small - 50.0).abs()
@@ -151,7 +153,7 @@ fn rejection() -> Item {
         // What gets through: the rejections differ in their last digits alone.
         let passed = 100.0 * (apart / alone).sqrt() / ratio;
         let what = format!("100 % less the rejection at {} % off-axis motion", 100.0 * ratio);
-        item = item.check(Check::value(what, "%", printed, Spread::exact(passed), 0.3));
+        item = item.check(Check::value(what, "%", printed, SeedSpread::exact(passed), 0.3));
     }
     item.figure(profiles()).remark(
         "The difference of the two signals is divided by the root mean square of the signal, which D (57) leaves out; without \
@@ -166,9 +168,10 @@ fn profiles() -> Figure {
     let [_, _, outer, inner] = channels();
     let mut curves = Panel::new(Axis::new("tilt", "rad"), Axis::new("capacitance", "F"));
     let mut waves = Panel::new(Axis::new("time", "s"), Axis::new("signal", "V"));
-    for (name, channel, roles) in
-        [("2A", outer, [Role::Model, Role::Measured]), ("2B", inner, [Role::Estimate, Role::Reference])]
-    {
+    for (name, channel, roles) in [
+        ("2A", outer, [SeriesRole::Model, SeriesRole::Measured]),
+        ("2B", inner, [SeriesRole::Estimate, SeriesRole::Reference]),
+    ] {
         let over_tilt = |of_x: f64| -> Vec<(f64, f64)> {
             let tilts = (-50..=50_i32).map(|k| MAIN * f64::from(k) / 50.0);
             tilts.map(|y| (y, channel.plate.capacitance_of_both(of_x * y, y))).collect()

@@ -1,26 +1,28 @@
 //! How well the estimate knows the rate.
 
 use super::failed;
-use super::sets::{DRIVE_HZ, DRIVES_V, PRINTED, experiment};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use super::record_sets::{DRIVE_HZ, DRIVES_V, PRINTED, experiment};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::progress::Silent;
-use crate::simulate::{SimulateError, Unwritten, described};
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use crate::simulate::{ComputedRecording, SimulateError, described};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems_rigs::Rig;
 use kalmems_rigs::micro_stage::MicroStageRig;
 use kalmems_rigs::published;
 use kalmems_rigs::workflow::{self, Outcome};
 
 /// The validation.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "table-3-5",
     title: "error, scale factor and bias of the estimated rate",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "D", label: "Table 3.5", page: "page 47" },
-        Place { paper: "D", label: "Figure 3.14", page: "page 47" },
+        PaperPlace { paper: "D", label: "Table 3.5", page: "page 47" },
+        PaperPlace { paper: "D", label: "Figure 3.14", page: "page 47" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// D Table 3.5.
@@ -32,14 +34,15 @@ const BETA: f64 = -0.0207;
 fn outcome(volts: f64, seed: u64) -> Result<Outcome, ReproduceError> {
     let experiment = experiment(HEAD.key, volts, seed, &PRINTED)?;
     let simulation = MicroStageRig.simulate(&experiment).map_err(failed(HEAD.key))?;
-    let unwritten: Result<Unwritten, SimulateError> = Unwritten::of(simulation.as_ref(), &Silent);
+    let unwritten: Result<ComputedRecording, SimulateError> =
+        ComputedRecording::of(simulation.as_ref(), &Silent);
     let recorded = described(&experiment, simulation.as_ref());
-    workflow::estimate_unwritten(published(), &recorded, &unwritten.map_err(failed(HEAD.key))?, &Silent)
+    workflow::estimate_computed(published(), &recorded, &unwritten.map_err(failed(HEAD.key))?, &Silent)
         .map_err(failed(HEAD.key))
 }
 
 /// The item.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let (mut errors, mut scales, mut biases, mut figure) = (Vec::new(), Vec::new(), Vec::new(), None);
     for (index, volts) in DRIVES_V.into_iter().enumerate() {
         let outcome = outcome(volts, work.seed + index as u64)?;
@@ -74,19 +77,19 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
                     )
                     .with(Panel::new(Axis::new("time", "s"), Axis::new("rate", "rad/s")).with(Series::line(
                         "estimated",
-                        Role::Estimate,
+                        SeriesRole::Estimate,
                         estimate,
                     )))
                     .with(
                         Panel::new(Axis::new("time", "s"), Axis::new("error", "rad/s"))
-                            .with(Series::line("error", Role::Estimate, error))
+                            .with(Series::line("error", SeriesRole::Estimate, error))
                             .sharing_x(),
                     ),
                 );
             }
         }
     }
-    let (rmse, alpha, beta) = (Spread::of(errors), Spread::of(scales), Spread::of(biases));
+    let (rmse, alpha, beta) = (SeedSpread::of(errors), SeedSpread::of(scales), SeedSpread::of(biases));
     let item = Item::new(&HEAD)
         .check(Check::value("RMSE of the rate", "rad/s", RMSE, rmse, 0.1))
         .check(Check::value("scale factor alpha", "", ALPHA, alpha, 1e-3))

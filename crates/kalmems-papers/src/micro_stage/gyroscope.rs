@@ -1,20 +1,24 @@
 //! The gyroscope that is calibrated: what its data sheet says, and what is simulated.
 
 use super::failed;
-use super::sets::{DRIVE_HZ, DRIVES_V, angle};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use super::record_sets::{DRIVE_HZ, DRIVES_V, angle};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::simulate::WhiteNoise;
-use kalmems_applications::calibration::{CalibrationError, Instrument, Rest, SimulatedUnit, Vibration};
+use kalmems_applications::calibration::{
+    AxisAtRest, CalibrationError, SimulatedInstrument, SimulatedUnit, Vibration,
+};
 use kalmems_models::inertial::{SampleClock, Triad};
 use std::f64::consts::TAU;
 
 /// The data sheet.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "table-3-1",
     title: "the gyroscope's specifications",
-    kind: Kind::Table,
-    places: &[Place { paper: "D", label: "Table 3.1", page: "page 37" }],
-    origin: Origin::Measured,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "D", label: "Table 3.1", page: "page 37" }],
+    origin: ValueOrigin::Measured,
 };
 
 /// D Table 3.1 in degrees per second: the largest and the smallest full scale, and the total noise rms.
@@ -29,14 +33,15 @@ const COUNTS: f64 = 65536.0;
 
 /// The unit with this scale factor about y, on a clock that is 0.31 % fast.
 pub fn unit(scale_factor: f64) -> SimulatedUnit {
-    let triad = Triad { y: [0.0, scale_factor, 0.0], bias: [0.0, 0.0312, 0.0], ..Instrument::IDEAL.triad };
+    let triad =
+        Triad { y: [0.0, scale_factor, 0.0], bias: [0.0, 0.0312, 0.0], ..SimulatedInstrument::IDEAL.triad };
     let full_scale = FULL_SCALE_DPS.to_radians();
-    let gyroscopes = Instrument {
+    let gyroscopes = SimulatedInstrument {
         triad,
         noise: NOISE_DPS.to_radians(),
         step: 2.0 * full_scale / COUNTS,
         full_scale,
-        ..Instrument::IDEAL
+        ..SimulatedInstrument::IDEAL
     };
     SimulatedUnit {
         clock: SampleClock { start: 3.3e-5, rate: 8000.0, skew: 3.1e-3 },
@@ -46,11 +51,11 @@ pub fn unit(scale_factor: f64) -> SimulatedUnit {
 }
 
 /// The item.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let still = Vibration { frequency_hz: DRIVE_HZ, amplitude: [0.0; 3], phase_rad: [0.0; 3] };
     let [rates, _] = unit(1.0).record(&still, 8000, &mut WhiteNoise::new(work.seed, 0));
     let values = rates.axes[1].as_deref().unwrap_or_default();
-    let found = Rest::of("y", values, 1.0 / 8000.0).ok_or_else(|| {
+    let found = AxisAtRest::of("y", values, 1.0 / 8000.0).ok_or_else(|| {
         let place = "the simulated record at rest".to_owned();
         failed(HEAD.key)(CalibrationError::Rest { place, samples: values.len() })
     })?;
@@ -59,19 +64,19 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     let full = FULL_SCALE_DPS.to_radians();
     Ok(vec![
         Item::new(&HEAD)
-            .check(Check::value("largest full scale", "rad/s", 34.9, Spread::exact(full), 2e-3))
+            .check(Check::value("largest full scale", "rad/s", 34.9, SeedSpread::exact(full), 2e-3))
             .check(Check::value(
                 "smallest full scale",
                 "rad/s",
                 4.4,
-                Spread::exact(LEAST_SCALE_DPS.to_radians()),
+                SeedSpread::exact(LEAST_SCALE_DPS.to_radians()),
                 1e-2,
             ))
             .check(Check::value(
                 "total noise, of 8000 samples at rest",
                 "deg/s",
                 NOISE_DPS,
-                Spread::exact(found.noise.to_degrees()),
+                SeedSpread::exact(found.noise.to_degrees()),
                 0.05,
             ))
             .check(Check::claim(

@@ -4,14 +4,14 @@ mod capacitors;
 mod estimates;
 mod gyroscope;
 mod noise;
+mod record_sets;
 mod resonance;
-mod sets;
 mod temperatures;
 
-use crate::program::{Paper, Part, Program, ReproduceError};
+use crate::program::{Paper, PaperProgram, ProgramPart, ReproduceError};
 
 /// All that is reproduced.
-pub const PROGRAM: Program = Program {
+pub const PROGRAM: PaperProgram = PaperProgram {
     title: "Micro-stage",
     papers: &[Paper {
         key: "D",
@@ -29,15 +29,15 @@ pub const PROGRAM: Program = Program {
         "Not among these: D Figures 3.3 to 3.10, which are drawings and photographs.",
     ],
     parts: &[
-        Part { heads: &[&resonance::SETTINGS, &resonance::HEAD], run: resonance::run },
-        Part {
+        ProgramPart { heads: &[&resonance::SETTINGS, &resonance::HEAD], run: resonance::run },
+        ProgramPart {
             heads: &[&capacitors::PARAMETERS, &capacitors::CRESTS, &capacitors::REJECTION],
             run: capacitors::run,
         },
-        Part { heads: &[&estimates::HEAD], run: estimates::run },
-        Part { heads: &[&gyroscope::HEAD], run: gyroscope::run },
-        Part { heads: &[&temperatures::HEAD, &temperatures::BENCHMARKS], run: temperatures::run },
-        Part { heads: &[&noise::HEAD], run: noise::run },
+        ProgramPart { heads: &[&estimates::HEAD], run: estimates::run },
+        ProgramPart { heads: &[&gyroscope::HEAD], run: gyroscope::run },
+        ProgramPart { heads: &[&temperatures::HEAD, &temperatures::BENCHMARKS], run: temperatures::run },
+        ProgramPart { heads: &[&noise::HEAD], run: noise::run },
     ],
 };
 

@@ -1,22 +1,24 @@
 //! From the sensors' noise to the scale factor.
 
 use super::failed;
-use super::sets::{
+use super::record_sets::{
     DAMPING_RATIO, DRIVE_GAIN, DRIVE_HZ, DRIVES_V, NATURAL_HZ, NOISE_V, RATE_HZ, angle, channels,
 };
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin,
+};
 use kalmems_applications::calibration::{NoiseShare, NoiseStudy};
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems_models::dynamics::TorsionalResonator;
 use std::f64::consts::TAU;
 
 /// The study.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "figure-3-16",
     title: "standard deviation of the scale factor over the noise of the sensors",
-    kind: Kind::Figure,
-    places: &[Place { paper: "D", label: "Figure 3.16", page: "page 51" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "D", label: "Figure 3.16", page: "page 51" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// Standard deviations of a sample in V.
@@ -25,7 +27,7 @@ const LEVELS: [f64; 5] = [1e-6, 3e-6, 1e-5, 3e-5, 1e-4];
 const SAMPLES: usize = 735;
 
 /// The item.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let natural = TAU * NATURAL_HZ;
     let study = NoiseStudy {
         channels: channels().map(|channel| (channel.plate, channel.gain)).to_vec(),
@@ -80,7 +82,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
 }
 
 fn figure(shares: &[NoiseShare]) -> Figure {
-    let line = |label: &str, role: Role, of: fn(&NoiseShare) -> f64| {
+    let line = |label: &str, role: SeriesRole, of: fn(&NoiseShare) -> f64| {
         let points: Vec<(f64, f64)> = shares.iter().map(|s| (s.noise_v.powi(2), 1e6 * of(s))).collect();
         Series::line(label, role, points)
     };
@@ -88,10 +90,10 @@ fn figure(shares: &[NoiseShare]) -> Figure {
         Axis::new("variance of the sensor noise", "V^2").log(),
         Axis::new("standard deviation of the scale factor", "ppm").log(),
     )
-    .with(line("identified gaps, true gains", Role::Measured, |s| s.by_gap))
-    .with(line("identified gains, true gaps", Role::Model, |s| s.by_gain))
-    .with(line("both, as identified together", Role::Estimate, |s| s.by_both))
-    .with(line("filter with the right model", Role::Bound, |s| s.by_filter));
+    .with(line("identified gaps, true gains", SeriesRole::Measured, |s| s.by_gap))
+    .with(line("identified gains, true gaps", SeriesRole::Model, |s| s.by_gain))
+    .with(line("both, as identified together", SeriesRole::Estimate, |s| s.by_both))
+    .with(line("filter with the right model", SeriesRole::Bound, |s| s.by_filter));
     Figure::new(
         "figure-3-16_noise",
         "From sensor noise to the scale factor",

@@ -1,31 +1,33 @@
 //! The resonance, and how far the stage moves.
 
 use super::failed;
-use super::sets::{DAMPING_RATIO, DRIVE_GAIN, NATURAL_HZ, NOISE_V, VOLTS_PER_RATE, angle, stage};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use super::record_sets::{DAMPING_RATIO, DRIVE_GAIN, NATURAL_HZ, NOISE_V, VOLTS_PER_RATE, angle, stage};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::simulate::WhiteNoise;
-use kalmems_rigs::micro_stage::identification::{SweepPoint, fit_sweep, sweep_figure};
+use kalmems_rigs::micro_stage::identification::{StageSweepPoint, fit_sweep, sweep_figure};
 use std::f64::consts::TAU;
 
 /// How far the stage moves under the printed drives.
-pub static SETTINGS: Head = Head {
+pub static SETTINGS: ItemHead = ItemHead {
     key: "table-3-2",
     title: "range of the motion in the experiments",
-    kind: Kind::Table,
-    places: &[Place { paper: "D", label: "Table 3.2", page: "page 41" }],
-    origin: Origin::Measured,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "D", label: "Table 3.2", page: "page 41" }],
+    origin: ValueOrigin::Measured,
 };
 
 /// The sweep and its fit.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "figure-3-11",
     title: "resonance of the tilting mode",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "D", label: "Figure 3.11", page: "page 43" },
-        Place { paper: "D", label: "Table 3.3, the stage", page: "page 43" },
+        PaperPlace { paper: "D", label: "Figure 3.11", page: "page 43" },
+        PaperPlace { paper: "D", label: "Table 3.3, the stage", page: "page 43" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// D Table 3.2: peak to peak in rad/s, smallest and largest, over the sweep and with the sensors.
@@ -48,7 +50,7 @@ fn response(frequency_hz: f64) -> (f64, f64) {
 }
 
 /// Both items.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     Ok(vec![settings(), sweep(work.seed)?])
 }
 
@@ -60,7 +62,7 @@ fn settings() -> Item {
     let (low, high) =
         over_sweep.fold((f64::INFINITY, 0.0_f64), |(low, high), pp| (low.min(pp), high.max(pp)));
     let with_sensors = |volts: f64| 2.0 * angle(volts).amplitude * TAU * 1700.0;
-    let value = |what: &str, paper, ours| Check::value(what, "rad/s", paper, Spread::exact(ours), 0.05);
+    let value = |what: &str, paper, ours| Check::value(what, "rad/s", paper, SeedSpread::exact(ours), 0.05);
     let ratio = SENSORS_PP[1] / SENSORS_PP[0];
     Item::new(&SETTINGS)
         .check(value("1711 to 1719 Hz at 0.8 V, smallest", SWEEP_PP[0], low))
@@ -81,17 +83,17 @@ fn sweep(seed: u64) -> Result<Item, ReproduceError> {
         let relative = (NOISE_V[1] / (VOLTS_PER_RATE * SWEEP_V * size)).hypot(NOISE_V[2] / SWEEP_V);
         size * relative * (2.0 / SAMPLES).sqrt()
     };
-    let points: Vec<SweepPoint> = steps()
+    let points: Vec<StageSweepPoint> = steps()
         .map(|frequency_hz| {
             let (re, im) = response(frequency_hz);
             let deviation = deviation(re.hypot(im));
             let mut noisy = |part: f64| part + deviation * noise.sample();
-            SweepPoint { frequency_hz, re: noisy(re), im: noisy(im), deviation }
+            StageSweepPoint { frequency_hz, re: noisy(re), im: noisy(im), deviation }
         })
         .collect();
     let fitted = fit_sweep(&points).map_err(failed("figure-3-11"))?;
     let value = |what: &str, unit, paper, ours, tolerance| {
-        Check::value(what, unit, paper, Spread::exact(ours), tolerance)
+        Check::value(what, unit, paper, SeedSpread::exact(ours), tolerance)
     };
     Ok(Item::new(&HEAD)
         .check(value("natural frequency by the circle", "Hz", NATURAL_HZ, fitted.circle_frequency_hz().value, 1e-5))

@@ -3,44 +3,48 @@
 
 use super::failed;
 use super::gyroscope::unit;
-use super::sets::{
+use super::record_sets::{
     DRIVE_HZ, DRIVES_V, GAIN, GAP, NOISE_V, RATE_HZ, VOLTS_PER_RATE, angle, channels, experiment, records_of,
 };
-use crate::config::Trusted;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::config::TrustedNumber;
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::progress::Silent;
 use crate::signal::fit_sine_at;
-use crate::simulate::{Unwritten, WhiteNoise, described};
-use kalmems_applications::calibration::{HALF_WINDOW, PeakToPeak, Signals, Vibration};
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use crate::simulate::{ComputedRecording, WhiteNoise, described};
+use kalmems_applications::calibration::{AxisSignals, HALF_WINDOW, PeakToPeak, Vibration};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_models::readout::PlateCurrent;
 use kalmems_rigs::Rig;
 use kalmems_rigs::micro_stage::MicroStageRig;
-use kalmems_rigs::micro_stage::identification::{Sought, WaveRecord, Waveforms, in_situ, motion_by, unknown};
+use kalmems_rigs::micro_stage::identification::{
+    ElectrodeUnknowns, WaveRecord, Waveforms, in_situ, motion_by, unknown,
+};
 use kalmems_rigs::published;
 use kalmems_rigs::workflow;
 use std::f64::consts::TAU;
 
 /// The scale factors.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "table-3-6",
     title: "scale factor of the gyroscope at two temperatures",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "D", label: "Table 3.6", page: "page 49" },
-        Place { paper: "D", label: "Figure 3.15", page: "page 49" },
+        PaperPlace { paper: "D", label: "Table 3.6", page: "page 49" },
+        PaperPlace { paper: "D", label: "Figure 3.15", page: "page 49" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// Beside other ways to calibrate in place.
-pub static BENCHMARKS: Head = Head {
+pub static BENCHMARKS: ItemHead = ItemHead {
     key: "table-3-7",
     title: "error of a scale factor that is calibrated in place",
-    kind: Kind::Table,
-    places: &[Place { paper: "D", label: "Table 3.7", page: "page 50" }],
-    origin: Origin::Measured,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "D", label: "Table 3.7", page: "page 50" }],
+    origin: ValueOrigin::Measured,
 };
 
 /// What is different at a temperature: gaps and gains by those at room temperature, and the gyroscope.
@@ -78,7 +82,7 @@ type Electrodes = [[f64; 2]; 4];
 
 /// A scale factor over its true value, less 1, in ppm.
 #[derive(Clone, Copy)]
-struct Errors {
+struct ScaleFactorErrors {
     /// By the amplitudes of fitted sines.
     by_sines: f64,
     /// From crest to trough with an intercept, as printed.
@@ -86,8 +90,8 @@ struct Errors {
 }
 
 /// One set of records: the errors by each way, and [reference, gyroscope] from crest to trough in each record.
-struct Set {
-    errors: Vec<Errors>,
+struct RecordSet {
+    errors: Vec<ScaleFactorErrors>,
     crests: Vec<Vec<[f64; 2]>>,
 }
 
@@ -112,7 +116,7 @@ impl Temperature {
     }
 
     /// Test records: the gyroscope's, and the vibrometer's beside them.
-    fn test(self, seed: u64) -> [Vec<Signals>; 2] {
+    fn test(self, seed: u64) -> [Vec<AxisSignals>; 2] {
         let mut noise = WhiteNoise::new(seed, 2);
         let [mut shown, mut known] = [Vec::new(), Vec::new()];
         for volts in DRIVES_V {
@@ -123,7 +127,7 @@ impl Temperature {
             };
             let [rates, _] = unit(self.scale_factor).record(&vibration, GYROSCOPE_SAMPLES, &mut noise);
             let [_, y, _] = rates.axes;
-            shown.push(Signals { axes: [None, y, None], ..rates });
+            shown.push(AxisSignals { axes: [None, y, None], ..rates });
             let times = (0..2300_u32).map(|k| f64::from(k) / RATE_HZ);
             let deviation = NOISE_V[1] / VOLTS_PER_RATE;
             known.push(vibration.reference(times, [false, true, false], deviation, &mut noise));
@@ -132,16 +136,16 @@ impl Temperature {
     }
 
     /// The rate in the test records as the stage estimates it, with what is believed of its gaps and gains.
-    fn by_stage(self, believed: &Electrodes, seed: u64) -> Result<Vec<Signals>, ReproduceError> {
+    fn by_stage(self, believed: &Electrodes, seed: u64) -> Result<Vec<AxisSignals>, ReproduceError> {
         let truth = self.channels().map(|channel| [channel.plate.gap, channel.gain]);
         let mut all = Vec::new();
         for (index, volts) in DRIVES_V.into_iter().enumerate() {
             let seed = seed + 1000 * (1 + index as u64);
             let simulated = experiment(HEAD.key, volts, seed, &truth)?;
             let simulation = MicroStageRig.simulate(&simulated).map_err(failed(HEAD.key))?;
-            let unwritten = Unwritten::of(simulation.as_ref(), &Silent).map_err(failed(HEAD.key))?;
+            let unwritten = ComputedRecording::of(simulation.as_ref(), &Silent).map_err(failed(HEAD.key))?;
             let estimated = experiment(HEAD.key, volts, seed, believed)?;
-            let outcome = workflow::estimate_unwritten(
+            let outcome = workflow::estimate_computed(
                 published(),
                 &described(&estimated, simulation.as_ref()),
                 &unwritten,
@@ -153,7 +157,7 @@ impl Temperature {
                 let Some(trajectory) = estimate.trajectories.first() else { continue };
                 let Some(rate) = trajectory.state("rate") else { continue };
                 let from = trajectory.time_s.partition_point(|t| *t < estimate.from_s());
-                all.push(Signals {
+                all.push(AxisSignals {
                     time_s: trajectory.time_s[from..].to_vec(),
                     axes: [None, Some(rate.mean[from..].to_vec()), None],
                 });
@@ -172,7 +176,7 @@ impl Temperature {
             records: &self.training(seed),
             delay_s: 0.0,
             scale_known: true,
-            sought: Sought::Both,
+            unknowns: ElectrodeUnknowns::Both,
             feedthrough: false,
         };
         let fit = waveforms.fit().map_err(failed(HEAD.key))?;
@@ -183,7 +187,7 @@ impl Temperature {
     fn found_in_place(
         self,
         before: &Electrodes,
-        trusted: Trusted,
+        trusted: TrustedNumber,
         seed: u64,
     ) -> Result<Electrodes, ReproduceError> {
         let mut plates = channels().map(|channel| channel.plate);
@@ -207,9 +211,9 @@ impl Temperature {
 /// The scale factor of a gyroscope against a reference, record by record.
 fn compare(
     truth: f64,
-    shown: &[Signals],
-    known: &[Signals],
-) -> Result<(Errors, Vec<[f64; 2]>), ReproduceError> {
+    shown: &[AxisSignals],
+    known: &[AxisSignals],
+) -> Result<(ScaleFactorErrors, Vec<[f64; 2]>), ReproduceError> {
     let (mut up, mut down) = (0.0, 0.0);
     let mut crests = Vec::new();
     let half = HALF_WINDOW / RATE_HZ * DRIVE_HZ;
@@ -232,17 +236,17 @@ fn compare(
     let pairs: Vec<(f64, f64)> = crests.iter().map(|[x, y]| (*x, *y)).collect();
     let printed = PeakToPeak::of(&pairs).and_then(|found| found.slope).unwrap_or(f64::NAN);
     let ppm = |found: f64| 1e6 * (found / truth - 1.0);
-    Ok((Errors { by_sines: ppm(up / down), as_printed: ppm(printed) }, crests))
+    Ok((ScaleFactorErrors { by_sines: ppm(up / down), as_printed: ppm(printed) }, crests))
 }
 
 /// All the ways, with one set of records.
-fn set(seed: u64) -> Result<Set, ReproduceError> {
+fn set(seed: u64) -> Result<RecordSet, ReproduceError> {
     let [room, warm] = [10 * seed, 10 * seed + 5];
     let known_at_room = ROOM.identified(room)?;
     let anew = WARM.identified(warm)?;
-    let gaps_anew = WARM.found_in_place(&known_at_room, Trusted::Gain, warm)?;
-    let gains_anew = WARM.found_in_place(&known_at_room, Trusted::Gap, warm)?;
-    let mut set = Set { errors: Vec::new(), crests: Vec::new() };
+    let gaps_anew = WARM.found_in_place(&known_at_room, TrustedNumber::Gain, warm)?;
+    let gains_anew = WARM.found_in_place(&known_at_room, TrustedNumber::Gap, warm)?;
+    let mut set = RecordSet { errors: Vec::new(), crests: Vec::new() };
     let ways: [(Temperature, u64, &[Electrodes]); 2] =
         [(ROOM, room + 1, &[known_at_room]), (WARM, warm + 1, &[anew, gaps_anew, gains_anew, known_at_room])];
     for (temperature, seed, believed) in ways {
@@ -261,18 +265,19 @@ fn set(seed: u64) -> Result<Set, ReproduceError> {
 }
 
 /// Both items.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let count = if work.effort == Effort::Quick { 2 } else { 24 };
     let seed = work.seed;
     let sets = work.map("two temperatures", (count, 1), |index, _| Some(set(seed + index as u64)))?;
-    let sets: Vec<Set> = sets.into_iter().collect::<Result<_, _>>()?;
-    let over = |of: &dyn Fn(&[Errors]) -> f64| Spread::of(sets.iter().map(|set| of(&set.errors)));
-    let mut table = Table::new(
+    let sets: Vec<RecordSet> = sets.into_iter().collect::<Result<_, _>>()?;
+    let over =
+        |of: &dyn Fn(&[ScaleFactorErrors]) -> f64| SeedSpread::of(sets.iter().map(|set| of(&set.errors)));
+    let mut table = TextTable::new(
         "Error of the scale factor, simulated: median and ends over the sets of records",
         [
-            Column::text("temperature and reference"),
-            Column::number("by fitted sines", "ppm"),
-            Column::number("crest to trough, as printed", "ppm"),
+            ColumnHead::text("temperature and reference"),
+            ColumnHead::number("by fitted sines", "ppm"),
+            ColumnHead::number("crest to trough, as printed", "ppm"),
         ],
     );
     for (way, name) in WAYS.into_iter().enumerate() {
@@ -318,7 +323,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         Some(first) => item.figure(figure(&first.crests)),
         None => item,
     };
-    let root = |of: &dyn Fn(&Errors) -> f64| {
+    let root = |of: &dyn Fn(&ScaleFactorErrors) -> f64| {
         over(&|e| {
             let apart = [1, 3].map(|way| (of(&e[way]) - of(&e[way - 1])).powi(2));
             (0.5 * (apart[0] + apart[1])).sqrt()
@@ -341,7 +346,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
 }
 
 fn figure(crests: &[Vec<[f64; 2]>]) -> Figure {
-    let of = |way: usize, label: &str, role: Role, is_line: bool| {
+    let of = |way: usize, label: &str, role: SeriesRole, is_line: bool| {
         let points: Vec<(f64, f64)> = crests[way].iter().map(|[x, y]| (*x, *y)).collect();
         if is_line { Series::line(label, role, points) } else { Series::points(label, role, points) }
     };
@@ -349,10 +354,10 @@ fn figure(crests: &[Vec<[f64; 2]>]) -> Figure {
         Axis::new("reference, from crest to trough", "rad/s"),
         Axis::new("gyroscope, from crest to trough", "rad/s"),
     )
-    .with(of(0, "22.9 °C, vibrometer", Role::Reference, true))
-    .with(of(1, "22.9 °C, stage", Role::Estimate, false))
-    .with(of(2, "35.7 °C, vibrometer", Role::Input, true))
-    .with(of(3, "35.7 °C, stage", Role::Measured, false));
+    .with(of(0, "22.9 °C, vibrometer", SeriesRole::Reference, true))
+    .with(of(1, "22.9 °C, stage", SeriesRole::Estimate, false))
+    .with(of(2, "35.7 °C, vibrometer", SeriesRole::Input, true))
+    .with(of(3, "35.7 °C, stage", SeriesRole::Measured, false));
     Figure::new(
         "table-3-6_crests",
         "Gyroscope over reference at two temperatures",

@@ -1,12 +1,12 @@
 //! The published mirror, moved, read and estimated.
 
 use super::published::{circuit, results};
-use crate::estimate::{Around, Past, Samples, Trajectory};
+use crate::estimate::{Past, RowsAround, SampleSelection, Trajectory};
 use crate::program::ReproduceError;
 use crate::progress::Progress;
 use crate::simulate::WhiteNoise;
 use kalmems_rigs::piston_mirror::{
-    COEFFICIENTS, Motion, PartData, Plates, SegmentData, Settings, estimate_segment,
+    COEFFICIENTS, MotionKnowledge, PartData, PistonSegment, PistonSettings, Plates, estimate_segment,
 };
 use kalmems_rigs::published;
 use std::f64::consts::TAU;
@@ -35,7 +35,7 @@ pub fn rate(drift: f64) -> f64 {
 
 /// What is moved and read.
 #[derive(Clone, Copy)]
-pub struct Run {
+pub struct PistonRun {
     /// Relative, per minute.
     pub drift: f64,
     /// In Hz.
@@ -49,7 +49,7 @@ pub struct Run {
 }
 
 /// That of P Figure 6, as short as a settled filter allows.
-pub const RUN: Run = Run {
+pub const RUN: PistonRun = PistonRun {
     drift: results::DRIFT,
     sampling_hz: results::SAMPLING_HZ,
     noise: circuit::NOISE,
@@ -58,7 +58,7 @@ pub const RUN: Run = Run {
 };
 
 /// What came of one filter.
-pub struct Judged {
+pub struct PistonFilterResult {
     /// What it says.
     pub trajectory: Trajectory,
     /// True minus estimated position in m, from [`SKIP_S`] on, and the true position.
@@ -69,7 +69,7 @@ pub struct Judged {
     pub claim: f64,
 }
 
-impl Judged {
+impl PistonFilterResult {
     /// The root mean square of the position's error in m.
     pub fn rms(&self) -> f64 {
         (self.errors.iter().map(|[e, _]| e * e).sum::<f64>() / self.errors.len() as f64).sqrt()
@@ -77,28 +77,28 @@ impl Judged {
 }
 
 /// The filters: three states as published, with this density of the amplitude in m²/s, and five, both smoothed or not.
-pub fn settings(amplitude_density: f64) -> Result<Settings, ReproduceError> {
+pub fn settings(amplitude_density: f64) -> Result<PistonSettings, ReproduceError> {
     let text = include_str!("device.toml");
     let failed = super::failed("the published mirror");
     let experiment =
         published().parse(text, Path::new("piston_mirror/device.toml")).map_err(|e| failed(e.into()))?;
-    let mut settings = Settings::of(&experiment).map_err(|e| failed(e.into()))?;
+    let mut settings = PistonSettings::of(&experiment).map_err(|e| failed(e.into()))?;
     for filter in &mut settings.filters {
-        if let Motion::Steady { density: [amplitude, _], .. } = &mut filter.motion {
+        if let MotionKnowledge::Steady { density: [amplitude, _], .. } = &mut filter.motion {
             *amplitude = amplitude_density;
         }
     }
     Ok(settings)
 }
 
-impl Run {
+impl PistonRun {
     /// What the filters make of it; only those of these keys. `None` where the work was stopped.
     pub fn estimate(
         &self,
-        settings: &Settings,
+        settings: &PistonSettings,
         keys: &[&str],
         progress: &dyn Progress,
-    ) -> Option<Vec<Judged>> {
+    ) -> Option<Vec<PistonFilterResult>> {
         let plates = plates();
         let interval_s = 1.0 / self.sampling_hz;
         let deviation = self.noise * (0.5 * self.sampling_hz).sqrt();
@@ -113,7 +113,7 @@ impl Run {
         };
         let signal: Vec<f64> =
             time_s.iter().map(|t| plates.capacitance(position(*t)) + deviation * noise.sample()).collect();
-        let data = SegmentData {
+        let data = PistonSegment {
             time_s: &time_s,
             signal: &signal,
             interval_s,
@@ -124,14 +124,14 @@ impl Run {
         settings.hardware.noise_density = self.noise;
         settings.filters.retain(|filter| keys.contains(&filter.basics.key.as_str()));
         for filter in &mut settings.filters {
-            if let Motion::Steady { start: Some((mean, ..)), .. } = &mut filter.motion {
+            if let MotionKnowledge::Steady { start: Some((mean, ..)), .. } = &mut filter.motion {
                 mean[2] = PHASE;
             }
         }
         let whole = PartData {
             data,
-            samples: Samples::whole(time_s.len(), interval_s),
-            head: 0..time_s.len().min(Around::LONGEST_HEAD),
+            samples: SampleSelection::whole(time_s.len(), interval_s),
+            head: 0..time_s.len().min(RowsAround::LONGEST_HEAD),
             place: "the simulated recording",
         };
         let (trajectories, _) = estimate_segment(&settings, &whole, &mut Past::default(), progress).ok()?;
@@ -149,7 +149,7 @@ impl Run {
             let late = |k: usize| amplitude + rate(self.drift) * time_s[k] - state.mean[k];
             let lag = scored.clone().map(late).sum::<f64>() / scored.len() as f64;
             let claim = state.sd.last().copied()?;
-            Some(Judged { trajectory, errors, lag, claim })
+            Some(PistonFilterResult { trajectory, errors, lag, claim })
         });
         Some(judged.collect())
     }

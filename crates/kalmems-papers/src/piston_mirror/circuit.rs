@@ -1,18 +1,20 @@
 //! The noise of the front end.
 
 use super::published::circuit;
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_models::capacitance::VACUUM_PERMITTIVITY;
 use kalmems_models::readout::CarrierDivider;
 use std::f64::consts::{PI, TAU};
 
 /// P equations 5 to 8.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "front-end",
     title: "noise of the front end as a capacitance",
-    kind: Kind::Table,
-    places: &[Place { paper: "P", label: "Equation 5", page: "section II-D" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "P", label: "Equation 5", page: "section II-D" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// P equation 6 as it is printed, in V/F.
@@ -27,7 +29,7 @@ fn printed_slope() -> f64 {
 
 /// The density, three ways.
 #[allow(clippy::unnecessary_wraps)] // the signature of every part
-pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let divider = CarrierDivider {
         excitation: circuit::EXCITATION,
         carrier_rate: TAU * circuit::CARRIER_HZ,
@@ -42,8 +44,8 @@ pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
     let area = circuit::BASE * 1e-3 / VACUUM_PERMITTIVITY;
     Ok(vec![
         Item::new(&HEAD)
-            .check(Check::value("C_n by equations 7 and 8, put right", "aF/√Hz", paper, Spread::exact(exact * 1e18), 0.05))
-            .check(Check::value("C_n by equation 6 as printed", "aF/√Hz", paper, Spread::exact(printed * 1e18), 0.05))
+            .check(Check::value("C_n by equations 7 and 8, put right", "aF/√Hz", paper, SeedSpread::exact(exact * 1e18), 0.05))
+            .check(Check::value("C_n by equation 6 as printed", "aF/√Hz", paper, SeedSpread::exact(printed * 1e18), 0.05))
             .remark(format!(
                 "Equation 8 prints an admittance as an impedance. With Z_p = 1/(1/R_s + jωC_p) the divider of equation 7 has \
                  a slope of {:.2e} V/F, and 2.09 nV/√Hz are {:.3} aF/√Hz, or {:.3} if the 1 V is an amplitude. Equation 6 as \

@@ -1,46 +1,50 @@
 //! An amplitude that drifts: Figures 6 to 9.
 
-use super::bench::{COMPUTED_NOISE, Judged, MIRROR, RUN, Run, density_for_lag, one_second, rate, settings};
+use super::bench::{
+    COMPUTED_NOISE, MIRROR, PistonFilterResult, PistonRun, RUN, density_for_lag, one_second, rate, settings,
+};
 use super::published::{circuit, results};
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_applications::spectrum::{line_height, line_shift};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 
 /// P Figure 6.
-pub static SNAPSHOT: Head = Head {
+pub static SNAPSHOT: ItemHead = ItemHead {
     key: "figure-6",
     title: "error at a drift of 20 % per minute",
-    kind: Kind::Figure,
-    places: &[Place { paper: "P", label: "Figure 6", page: "section IV" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "P", label: "Figure 6", page: "section IV" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// P Figure 7.
-pub static LINE: Head = Head {
+pub static LINE: ItemHead = ItemHead {
     key: "figure-7",
     title: "estimated against true distance",
-    kind: Kind::Figure,
-    places: &[Place { paper: "P", label: "Figure 7", page: "section IV" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "P", label: "Figure 7", page: "section IV" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// P Figure 8.
-pub static RATES: Head = Head {
+pub static RATES: ItemHead = ItemHead {
     key: "figure-8",
     title: "error over the amplitude's drift",
-    kind: Kind::Figure,
-    places: &[Place { paper: "P", label: "Figure 8", page: "section IV" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "P", label: "Figure 8", page: "section IV" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// P Figure 9.
-pub static SAMPLING: Head = Head {
+pub static SAMPLING: ItemHead = ItemHead {
     key: "figure-9",
     title: "error over the sampling rate",
-    kind: Kind::Figure,
-    places: &[Place { paper: "P", label: "Figure 9", page: "section IV" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "P", label: "Figure 9", page: "section IV" }],
+    origin: ValueOrigin::Computed,
 };
 
 const NM: f64 = 1e9;
@@ -52,41 +56,47 @@ const DRIFTS: [f64; 5] = [0.0, 0.1, 0.2, 0.27, 0.3];
 const RATES_HZ: [f64; 4] = [20e3, 194e3, 600e3, 1.4e6];
 
 /// The filters' root mean squares in nm over the seeds: three states, five, five smoothed.
-struct Errors {
-    three: Spread,
-    five: Spread,
-    smoothed: Spread,
+struct DriftErrors {
+    three: SeedSpread,
+    five: SeedSpread,
+    smoothed: SeedSpread,
 }
 
-fn errors(work: &Work, run: Run, seeds: usize, density: f64, what: &str) -> Result<Errors, ReproduceError> {
+fn errors(
+    work: &PartWork,
+    run: PistonRun,
+    seeds: usize,
+    density: f64,
+    what: &str,
+) -> Result<DriftErrors, ReproduceError> {
     let settings = settings(density)?;
     let first = work.seed;
     let all = work.map(what, (seeds, 1), |i, progress| {
-        let run = Run { seed: first + i as u64, ..run };
+        let run = PistonRun { seed: first + i as u64, ..run };
         let judged = run.estimate(&settings, &["three", "five"], progress)?;
         let [three, five, smoothed] = judged.as_slice() else { return None };
         Some([three, five, smoothed].map(|j| j.rms() * NM))
     })?;
-    let of = |i: usize| Spread::of(all.iter().map(|rms| rms[i]));
-    Ok(Errors { three: of(0), five: of(1), smoothed: of(2) })
+    let of = |i: usize| SeedSpread::of(all.iter().map(|rms| rms[i]));
+    Ok(DriftErrors { three: of(0), five: of(1), smoothed: of(2) })
 }
 
 /// One recording with three and five states.
-fn single(work: &Work, run: Run, density: f64) -> Result<Vec<Judged>, ReproduceError> {
+fn single(work: &PartWork, run: PistonRun, density: f64) -> Result<Vec<PistonFilterResult>, ReproduceError> {
     let settings = settings(density)?;
-    let run = Run { seed: work.seed, ..run };
+    let run = PistonRun { seed: work.seed, ..run };
     let judged = run.estimate(&settings, &["three", "five"], work.progress);
     judged.filter(|judged| judged.len() == 3).ok_or(ReproduceError::Interrupted)
 }
 
 /// All four.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let seeds = if work.effort == Effort::Full { 20 } else { 3 };
     // The paper's error at the turning points is a lag of 20 nm.
     let density = density_for_lag(results::ERROR_NM / NM, circuit::NOISE);
     let shown = single(work, RUN, density)?;
     let both = [circuit::NOISE, COMPUTED_NOISE].map(|noise| {
-        let run = Run { noise, ..RUN };
+        let run = PistonRun { noise, ..RUN };
         errors(work, run, seeds, density_for_lag(results::ERROR_NM / NM, noise), "20 % per minute")
     });
     let [printed, computed] = both;
@@ -98,26 +108,26 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     ])
 }
 
-fn thinned(judged: &Judged, what: fn(&[f64; 2]) -> (f64, f64)) -> Vec<(f64, f64)> {
+fn thinned(judged: &PistonFilterResult, what: fn(&[f64; 2]) -> (f64, f64)) -> Vec<(f64, f64)> {
     // Four cycles, each tenth sample.
     judged.errors.iter().take(1552).step_by(10).map(what).collect()
 }
 
-fn snapshot(shown: &[Judged], printed: &Errors, computed: &Errors) -> Item {
+fn snapshot(shown: &[PistonFilterResult], printed: &DriftErrors, computed: &DriftErrors) -> Item {
     let [three, five, smoothed] = shown else { return Item::new(&SNAPSHOT) };
     let sigma = one_second(circuit::NOISE);
     let would_lag = rate(results::DRIFT) * (sigma * NM / results::CLAIM_NM).powi(2);
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "Position RMSE in nm at 20 %/min and 194 kHz, over the seeds",
-        [Column::text("estimator"), Column::text("0.151 aF/√Hz"), Column::text("0.393 aF/√Hz")],
+        [ColumnHead::text("estimator"), ColumnHead::text("0.151 aF/√Hz"), ColumnHead::text("0.393 aF/√Hz")],
     );
-    let mut in_spectrum = Table::new(
+    let mut in_spectrum = TextTable::new(
         "The same in a spectrum: a line at 2000 1/cm",
         [
-            Column::text("estimator"),
-            Column::number("height, 0.151 aF/√Hz", "%"),
-            Column::number("height, 0.393 aF/√Hz", "%"),
-            Column::number("shift, 0.151 aF/√Hz", "1/cm"),
+            ColumnHead::text("estimator"),
+            ColumnHead::number("height, 0.151 aF/√Hz", "%"),
+            ColumnHead::number("height, 0.393 aF/√Hz", "%"),
+            ColumnHead::number("shift, 0.151 aF/√Hz", "1/cm"),
         ],
     );
     for (name, a, b, judged) in [
@@ -132,7 +142,7 @@ fn snapshot(shown: &[Judged], printed: &Errors, computed: &Errors) -> Item {
         let cells = [format!("{a:.2}"), format!("{b:.2}"), format!("{:+.3}", shift / 100.0)];
         in_spectrum.push([name.to_owned()].into_iter().chain(cells));
     }
-    let error = |judged: &Judged| -> Vec<(f64, f64)> {
+    let error = |judged: &PistonFilterResult| -> Vec<(f64, f64)> {
         thinned(judged, |[e, _]| (0.0, e * NM))
             .into_iter()
             .enumerate()
@@ -147,15 +157,15 @@ fn snapshot(shown: &[Judged], printed: &Errors, computed: &Errors) -> Item {
     )
     .with(
         Panel::new(Axis::new("time", "ms"), Axis::new("error", "nm"))
-            .with(Series::line("three states", Role::Model, error(three)))
-            .with(Series::line("five states", Role::Estimate, error(five))),
+            .with(Series::line("three states", SeriesRole::Model, error(three)))
+            .with(Series::line("five states", SeriesRole::Estimate, error(five))),
     );
     Item::new(&SNAPSHOT)
         .check(Check::value(
             "lag of the amplitude, three states",
             "nm",
             results::ERROR_NM,
-            Spread::exact(three.lag * NM),
+            SeedSpread::exact(three.lag * NM),
             0.25,
         ))
         .check(Check::claim(
@@ -181,7 +191,7 @@ fn snapshot(shown: &[Judged], printed: &Errors, computed: &Errors) -> Item {
         .table(in_spectrum)
 }
 
-fn line(shown: &[Judged]) -> Item {
+fn line(shown: &[PistonFilterResult]) -> Item {
     let [three, ..] = shown else { return Item::new(&LINE) };
     // The slope of the estimate over the truth.
     let count = three.errors.len() as f64;
@@ -199,7 +209,7 @@ fn line(shown: &[Judged]) -> Item {
     )
     .with(
         Panel::new(Axis::new("true distance", "mm"), Axis::new("estimated distance", "mm"))
-            .with(Series::points("", Role::Estimate, points)),
+            .with(Series::points("", SeriesRole::Estimate, points)),
     );
     Item::new(&LINE)
         .check(Check::claim(
@@ -216,11 +226,11 @@ fn line(shown: &[Judged]) -> Item {
         .figure(figure)
 }
 
-fn rates(work: &Work, density: f64) -> Result<Item, ReproduceError> {
+fn rates(work: &PartWork, density: f64) -> Result<Item, ReproduceError> {
     let settings = settings(density)?;
     let seed = work.seed;
     let found = work.map("drifts", (DRIFTS.len(), 1), |i, progress| {
-        let run = Run { drift: DRIFTS[i], seed, ..RUN };
+        let run = PistonRun { drift: DRIFTS[i], seed, ..RUN };
         let judged = run.estimate(&settings, &["three"], progress)?;
         judged.into_iter().next()
     })?;
@@ -230,11 +240,11 @@ fn rates(work: &Work, density: f64) -> Result<Item, ReproduceError> {
     };
     let mut panel = Panel::new(Axis::new("true distance", "mm"), Axis::new("error", "nm"));
     for ((judged, drift), role) in found.iter().zip(DRIFTS).zip([
-        Role::Reference,
-        Role::Input,
-        Role::Estimate,
-        Role::Model,
-        Role::Measured,
+        SeriesRole::Reference,
+        SeriesRole::Input,
+        SeriesRole::Estimate,
+        SeriesRole::Model,
+        SeriesRole::Measured,
     ]) {
         let label = format!("{:.0} %/min", 100.0 * drift);
         panel = panel.with(Series::points(label, role, thinned(judged, |[e, d]| (d * 1e3, e * NM))));
@@ -245,7 +255,7 @@ fn rates(work: &Work, density: f64) -> Result<Item, ReproduceError> {
         "True minus estimated position of three states with one process noise for all drifts, 0.151 aF/√Hz at 194 kHz.",
     )
     .with(panel);
-    let at_turns = |judged: &Judged| {
+    let at_turns = |judged: &PistonFilterResult| {
         let far = |d: f64| (d - MIRROR[2]).abs() > 0.95 * MIRROR[0];
         let rms = |wanted: bool| {
             let all: Vec<f64> =
@@ -257,7 +267,7 @@ fn rates(work: &Work, density: f64) -> Result<Item, ReproduceError> {
     let [drift, printed] = results::LARGEST;
     let turns = at_turns(&found[3]);
     Ok(Item::new(&RATES)
-        .check(Check::value("error at 27 %/min", "nm", printed, Spread::exact(lag(drift)), 0.25))
+        .check(Check::value("error at 27 %/min", "nm", printed, SeedSpread::exact(lag(drift)), 0.25))
         .check(Check::claim(
             "the error is largest at the turning points, 27 %/min",
             "largest there",
@@ -281,7 +291,7 @@ fn rates(work: &Work, density: f64) -> Result<Item, ReproduceError> {
         .figure(figure))
 }
 
-fn sampling(work: &Work, density: f64) -> Result<Item, ReproduceError> {
+fn sampling(work: &PartWork, density: f64) -> Result<Item, ReproduceError> {
     let seeds = if work.effort == Effort::Full { 10 } else { 1 };
     let mut settings = settings(density)?;
     for filter in &mut settings.filters {
@@ -291,12 +301,12 @@ fn sampling(work: &Work, density: f64) -> Result<Item, ReproduceError> {
     // Rate by rate, and one filter after the other: 1.4 MHz fill memory.
     let all = work.map("sampling rates", (RATES_HZ.len() * seeds, 1), |i, progress| {
         let (rate, seed) = (RATES_HZ[i / seeds], first + (i % seeds) as u64);
-        let run = Run { sampling_hz: rate, seed, duration_s: 1.4, ..RUN };
+        let run = PistonRun { sampling_hz: rate, seed, duration_s: 1.4, ..RUN };
         let rms = |key: &str| Some(run.estimate(&settings, &[key], progress)?.first()?.rms() * NM);
         Some([rms("three")?, rms("five")?])
     })?;
-    let found: Vec<[Spread; 2]> =
-        all.chunks(seeds).map(|runs| [0, 1].map(|i| Spread::of(runs.iter().map(|rms| rms[i])))).collect();
+    let found: Vec<[SeedSpread; 2]> =
+        all.chunks(seeds).map(|runs| [0, 1].map(|i| SeedSpread::of(runs.iter().map(|rms| rms[i])))).collect();
     let points = |filter: usize| -> Vec<(f64, f64)> {
         RATES_HZ.iter().zip(&found).map(|(hz, errors)| (*hz, errors[filter].median)).collect()
     };
@@ -307,11 +317,11 @@ fn sampling(work: &Work, density: f64) -> Result<Item, ReproduceError> {
     )
     .with(
         Panel::new(Axis::new("sampling rate", "Hz").log(), Axis::new("position RMSE", "nm"))
-            .with(Series::points("three states", Role::Model, points(0)))
-            .with(Series::points("five states", Role::Estimate, points(1)))
+            .with(Series::points("three states", SeriesRole::Model, points(0)))
+            .with(Series::points("five states", SeriesRole::Estimate, points(1)))
             .with(Series::points(
                 "P Figure 9, as its text gives it; an upper bound at 1.4 MHz",
-                Role::Reference,
+                SeriesRole::Reference,
                 vec![(results::SAMPLING_HZ, results::ERROR_NM), (results::FASTEST[0], results::FASTEST[1])],
             )),
     );

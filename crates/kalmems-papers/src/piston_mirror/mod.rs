@@ -4,13 +4,13 @@ mod bench;
 mod circuit;
 mod drift;
 mod published;
-mod still;
+mod reached_bound;
 mod table;
 
-use crate::program::{Paper, Part, Program, ReproduceError};
+use crate::program::{Paper, PaperProgram, ProgramPart, ReproduceError};
 
 /// All that is reproduced.
-pub const PROGRAM: Program = Program {
+pub const PROGRAM: PaperProgram = PaperProgram {
     title: "Piston mirror",
     papers: &[Paper {
         key: "P",
@@ -27,10 +27,13 @@ pub const PROGRAM: Program = Program {
         "Not among these: P Figures 1 to 5, which are drawings, a photograph, a circuit and a flow chart.",
     ],
     parts: &[
-        Part { heads: &[&circuit::HEAD], run: circuit::run },
-        Part { heads: &[&table::HEAD, &table::WANTED], run: table::run },
-        Part { heads: &[&drift::SNAPSHOT, &drift::LINE, &drift::RATES, &drift::SAMPLING], run: drift::run },
-        Part { heads: &[&still::HEAD], run: still::run },
+        ProgramPart { heads: &[&circuit::HEAD], run: circuit::run },
+        ProgramPart { heads: &[&table::HEAD, &table::WANTED], run: table::run },
+        ProgramPart {
+            heads: &[&drift::SNAPSHOT, &drift::LINE, &drift::RATES, &drift::SAMPLING],
+            run: drift::run,
+        },
+        ProgramPart { heads: &[&reached_bound::HEAD], run: reached_bound::run },
     ],
 };
 

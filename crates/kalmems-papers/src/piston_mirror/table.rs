@@ -2,28 +2,30 @@
 
 use super::bench::{COMPUTED_NOISE, MIRROR, plates};
 use super::published::{circuit, results, table_i};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_applications::spectrum::line_height;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_rigs::piston_mirror::motion_bound;
 use std::f64::consts::TAU;
 
 /// P Table I.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "table-i",
     title: "uncertainties for a parametric description",
-    kind: Kind::Table,
-    places: &[Place { paper: "P", label: "Table I", page: "section II-F" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "P", label: "Table I", page: "section II-F" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// P section II.
-pub static WANTED: Head = Head {
+pub static WANTED: ItemHead = ItemHead {
     key: "resolution",
     title: "resolution that the spectrum needs",
-    kind: Kind::Table,
-    places: &[Place { paper: "P", label: "Section II-A", page: "section II-A" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "P", label: "Section II-A", page: "section II-A" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// The largest of a function of the phase over a cycle.
@@ -52,7 +54,7 @@ fn joint(noise: f64) -> [f64; 5] {
 
 /// Both.
 #[allow(clippy::unnecessary_wraps)] // the signature of every part
-pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     Ok(vec![table(), wanted()])
 }
 
@@ -71,29 +73,30 @@ fn table() -> Item {
         Axis::new("bandwidth", "Hz").log(),
         Axis::new("standard deviation of the amplitude", "nm").log(),
     );
-    for (noise, role, word) in
-        [(circuit::NOISE, Role::Estimate, "0.151 aF/√Hz"), (COMPUTED_NOISE, Role::Model, "0.393 aF/√Hz")]
-    {
+    for (noise, role, word) in [
+        (circuit::NOISE, SeriesRole::Estimate, "0.151 aF/√Hz"),
+        (COMPUTED_NOISE, SeriesRole::Model, "0.393 aF/√Hz"),
+    ] {
         let points = (0..=40).map(|k| 10_f64.powf(2.0 + 0.1 * f64::from(k)));
         let points: Vec<(f64, f64)> = points.map(|b| (b, one_sample(noise, b)[0] * 1e9)).collect();
         panel = panel.with(Series::line(format!("one sample, {word}"), role, points)).with(Series::level(
             format!("all parameters over one second, {word}"),
-            Role::Other,
+            SeriesRole::Other,
             joint(noise)[0] * 1e9,
         ));
     }
     figure = figure.with(panel.with(Series::points(
         "P Table I",
-        Role::Reference,
+        SeriesRole::Reference,
         vec![(table_i::BANDWIDTH_HZ, table_i::AMPLITUDE_NM)],
     )));
-    let mut bounds = Table::new(
+    let mut bounds = TextTable::new(
         "Bounds of all parameters together over one second, at any sampling rate",
         [
-            Column::text("parameter"),
-            Column::number("P Table I", ""),
-            Column::number("0.151 aF/√Hz", ""),
-            Column::number("0.393 aF/√Hz", ""),
+            ColumnHead::text("parameter"),
+            ColumnHead::number("P Table I", ""),
+            ColumnHead::number("0.151 aF/√Hz", ""),
+            ColumnHead::number("0.393 aF/√Hz", ""),
         ],
     );
     let rows = [
@@ -107,7 +110,7 @@ fn table() -> Item {
         bounds.push([name.to_owned(), format!("{paper}"), ours[0].clone(), ours[1].clone()]);
     }
     let against = |quantity, unit, paper, ours, tolerance| {
-        Check::value(quantity, unit, paper, Spread::exact(ours), tolerance)
+        Check::value(quantity, unit, paper, SeedSpread::exact(ours), tolerance)
     };
     let single_nm = printed[0] * 1e9;
     Item::new(&HEAD)
@@ -140,8 +143,8 @@ fn wanted() -> Item {
     let resolution = |stroke_m: f64| 0.01 / (2.0 * stroke_m);
     let kept = line_height(2000e2, results::WANTED_NM * 1e-9);
     Item::new(&WANTED)
-        .check(Check::value("resolution at 200 um", "1/cm", 25.0, Spread::exact(resolution(200e-6)), 0.01))
-        .check(Check::value("resolution at ±0.5 mm", "1/cm", 10.0, Spread::exact(resolution(500e-6)), 0.01))
+        .check(Check::value("resolution at 200 um", "1/cm", 25.0, SeedSpread::exact(resolution(200e-6)), 0.01))
+        .check(Check::value("resolution at ±0.5 mm", "1/cm", 10.0, SeedSpread::exact(resolution(500e-6)), 0.01))
         .check(Check::claim(
             "50 nm are enough for 10 1/cm",
             "res_pos < 50 nm is necessary",

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// What is computed over several runs, one per seed: the middle and the ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spread {
+pub struct SeedSpread {
     /// The median.
     pub median: f64,
     /// The smallest.
@@ -16,7 +16,7 @@ pub struct Spread {
     pub runs: usize,
 }
 
-impl Spread {
+impl SeedSpread {
     /// A number that no chance enters.
     pub const fn exact(value: f64) -> Self {
         Self { median: value, low: value, high: value, runs: 1 }
@@ -59,7 +59,7 @@ pub enum Check {
         /// The paper's.
         paper: f64,
         /// Ours.
-        ours: Spread,
+        ours: SeedSpread,
         /// The relative difference up to which the two count as the same.
         tolerance: f64,
     },
@@ -82,7 +82,7 @@ impl Check {
         quantity: impl Into<String>,
         unit: &'static str,
         paper: f64,
-        ours: Spread,
+        ours: SeedSpread,
         tolerance: f64,
     ) -> Self {
         Self::Value { quantity: quantity.into(), unit, paper, ours, tolerance }
@@ -198,7 +198,7 @@ fn difference(paper: f64, ours: f64) -> String {
 /// What came of an item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum ItemVerdict {
     /// Every number agrees and every statement holds.
     Reproduced,
     /// Numbers differ, but every statement about order and direction holds.
@@ -207,7 +207,7 @@ pub enum Verdict {
     DoesNotReproduce,
 }
 
-impl Verdict {
+impl ItemVerdict {
     /// What follows from these checks. Without any, nothing is reproduced.
     pub fn of(checks: &[Check]) -> Self {
         let (claims, values): (Vec<&Check>, Vec<&Check>) =
@@ -246,7 +246,7 @@ mod tests {
     use super::*;
 
     fn value(paper: f64, ours: f64) -> Check {
-        Check::value("error", "deg", paper, Spread::exact(ours), 0.1)
+        Check::value("error", "deg", paper, SeedSpread::exact(ours), 0.1)
     }
 
     fn claim(holds: bool) -> Check {
@@ -255,19 +255,19 @@ mod tests {
 
     #[test]
     fn the_verdict_follows_from_the_checks() {
-        let cases: [(&[Check], Verdict); 9] = [
-            (&[], Verdict::DoesNotReproduce),
-            (&[value(1.0, 1.09)], Verdict::Reproduced),
-            (&[value(-1.0, -0.91), claim(true)], Verdict::Reproduced),
-            (&[claim(true)], Verdict::Reproduced),
-            (&[value(1.0, 1.2), claim(true)], Verdict::SameTrend),
-            (&[value(1.0, 1.2)], Verdict::DoesNotReproduce),
-            (&[value(1.0, 1.0), claim(false)], Verdict::DoesNotReproduce),
-            (&[value(1.0, 1.0), value(1.0, 0.1)], Verdict::DoesNotReproduce),
-            (&[value(1.0, f64::NAN)], Verdict::DoesNotReproduce),
+        let cases: [(&[Check], ItemVerdict); 9] = [
+            (&[], ItemVerdict::DoesNotReproduce),
+            (&[value(1.0, 1.09)], ItemVerdict::Reproduced),
+            (&[value(-1.0, -0.91), claim(true)], ItemVerdict::Reproduced),
+            (&[claim(true)], ItemVerdict::Reproduced),
+            (&[value(1.0, 1.2), claim(true)], ItemVerdict::SameTrend),
+            (&[value(1.0, 1.2)], ItemVerdict::DoesNotReproduce),
+            (&[value(1.0, 1.0), claim(false)], ItemVerdict::DoesNotReproduce),
+            (&[value(1.0, 1.0), value(1.0, 0.1)], ItemVerdict::DoesNotReproduce),
+            (&[value(1.0, f64::NAN)], ItemVerdict::DoesNotReproduce),
         ];
         for (checks, verdict) in cases {
-            assert_eq!(Verdict::of(checks), verdict, "{checks:?}");
+            assert_eq!(ItemVerdict::of(checks), verdict, "{checks:?}");
         }
     }
 
@@ -284,7 +284,7 @@ mod tests {
             assert_eq!(value(paper, ours).comparison(), words);
         }
         assert_eq!(value(2.73, 2.8).within(), "±10 %");
-        let level = Check::value("spurious line", "dB", -40.0, Spread::exact(-38.5), 0.05);
+        let level = Check::value("spurious line", "dB", -40.0, SeedSpread::exact(-38.5), 0.05);
         assert_eq!((level.comparison().as_str(), level.within().as_str()), ("agrees, +1.5 dB", "±2 dB"));
     }
 
@@ -299,9 +299,9 @@ mod tests {
 
     #[test]
     fn a_spread_has_its_median_between_its_ends() {
-        assert_eq!(Spread::of([3.0, 1.0, 2.0]), Spread { median: 2.0, low: 1.0, high: 3.0, runs: 3 });
-        assert_eq!(Spread::of([4.0, 1.0]), Spread { median: 2.5, low: 1.0, high: 4.0, runs: 2 });
-        assert_eq!(Spread::of([4.0, 1.0]).to_text(), "2.50 (1.00 … 4.00)");
-        assert!(Spread::of([]).median.is_nan() && Spread::of([1.0, f64::NAN]).median.is_nan());
+        assert_eq!(SeedSpread::of([3.0, 1.0, 2.0]), SeedSpread { median: 2.0, low: 1.0, high: 3.0, runs: 3 });
+        assert_eq!(SeedSpread::of([4.0, 1.0]), SeedSpread { median: 2.5, low: 1.0, high: 4.0, runs: 2 });
+        assert_eq!(SeedSpread::of([4.0, 1.0]).to_text(), "2.50 (1.00 … 4.00)");
+        assert!(SeedSpread::of([]).median.is_nan() && SeedSpread::of([1.0, f64::NAN]).median.is_nan());
     }
 }

@@ -1,22 +1,22 @@
 //! A table or a figure of a paper.
 
-use super::check::{Check, Verdict, decisive};
-use kalmems_figures::{Figure, Table};
+use super::check::{Check, ItemVerdict, decisive};
+use kalmems_figures::{Figure, TextTable};
 use serde::Serialize;
 
 /// Where something stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Place {
+pub struct PaperPlace {
     /// The short name of the paper, as its [`Paper`](super::Paper) has it.
     pub paper: &'static str,
-    /// Such as `Table III` or `Figure 5.9`.
+    /// Such as `TextTable III` or `Figure 5.9`.
     pub label: &'static str,
     /// The page, or what else finds it, as far as it is known; empty if it is not.
     pub page: &'static str,
 }
 
-impl Place {
-    /// `S Table III (section IV-B)`.
+impl PaperPlace {
+    /// `S TextTable III (section IV-B)`.
     pub fn to_text(&self) -> String {
         let page = if self.page.is_empty() { String::new() } else { format!(" ({})", self.page) };
         format!("{} {}{page}", self.paper, self.label)
@@ -32,7 +32,7 @@ impl Place {
 /// Whether an item is a table or a figure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum ItemKind {
     /// Numbers in rows, or in the text.
     Table,
     /// A picture.
@@ -42,14 +42,14 @@ pub enum Kind {
 /// What the paper's values are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Origin {
+pub enum ValueOrigin {
     /// Measured on the authors' hardware.
     Measured,
     /// Calculated by the authors.
     Computed,
 }
 
-impl Origin {
+impl ValueOrigin {
     /// What stands over the paper's values and over ours.
     pub(super) fn heads(self) -> [&'static str; 2] {
         match self {
@@ -61,23 +61,23 @@ impl Origin {
 
 /// What is known of an item before anything is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Head {
+pub struct ItemHead {
     /// A short name for files, such as `table-iii`.
     pub key: &'static str,
     /// What it is about.
     pub title: &'static str,
     /// Table or figure.
-    pub kind: Kind,
+    pub kind: ItemKind,
     /// Where the papers show it.
-    pub places: &'static [Place],
+    pub places: &'static [PaperPlace],
     /// What the papers' values are.
-    pub origin: Origin,
+    pub origin: ValueOrigin,
 }
 
-impl Head {
+impl ItemHead {
     /// All places, separated by semicolons.
     pub fn source(&self) -> String {
-        self.places.iter().map(Place::to_text).collect::<Vec<_>>().join("; ")
+        self.places.iter().map(PaperPlace::to_text).collect::<Vec<_>>().join("; ")
     }
 }
 
@@ -85,13 +85,13 @@ impl Head {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Item {
     /// What it is.
-    pub head: &'static Head,
+    pub head: &'static ItemHead,
     /// What the paper says against what was computed; the verdict follows from them.
     pub checks: Vec<Check>,
     /// What it means, and under which conditions ours was computed.
     pub remarks: Vec<String>,
     /// More tables: settings, values that the papers do not give.
-    pub tables: Vec<Table>,
+    pub tables: Vec<TextTable>,
     /// Pictures, their names beginning with the head's key.
     pub figures: Vec<Figure>,
     /// Pictures of pixels for the page: a PNG file each, and what it shows.
@@ -100,7 +100,7 @@ pub struct Item {
 
 impl Item {
     /// An item with nothing in it yet.
-    pub fn new(head: &'static Head) -> Self {
+    pub fn new(head: &'static ItemHead) -> Self {
         Self {
             head,
             checks: Vec::new(),
@@ -127,7 +127,7 @@ impl Item {
 
     /// Adds a table.
     #[must_use]
-    pub fn table(mut self, table: Table) -> Self {
+    pub fn table(mut self, table: TextTable) -> Self {
         self.tables.push(table);
         self
     }
@@ -147,8 +147,8 @@ impl Item {
     }
 
     /// What came of it.
-    pub fn verdict(&self) -> Verdict {
-        Verdict::of(&self.checks)
+    pub fn verdict(&self) -> ItemVerdict {
+        ItemVerdict::of(&self.checks)
     }
 
     /// The figure that says why: the check that is furthest off.

@@ -1,15 +1,15 @@
 //! A reproduction as a page.
 
-use super::{Effort, Item, Reproduction, Verdict, checks_table, summary_table};
-use kalmems_figures::{Page, Part, ReportError, Section, Severity};
+use super::{Effort, Item, ItemVerdict, Reproduction, checks_table, summary_table};
+use kalmems_figures::{NoticeSeverity, Page, PagePart, PageSection, ReportError};
 
 /// The page: what holds and what does not, then each item.
 pub(super) fn page(reproduction: &Reproduction) -> Result<String, ReportError> {
     let program = reproduction.program;
     let papers = program.papers.iter().map(|paper| (paper.key, paper.citation));
     let severities = reproduction.items.iter().map(|item| severity(item.verdict()));
-    let mut overview = Section::new("What holds and what does not")
-        .part(Part::Verdict)
+    let mut overview = PageSection::new("What holds and what does not")
+        .part(PagePart::Verdict)
         .table(summary_table(reproduction, true).with_verdicts("verdict", severities))
         .paragraph(
             "Reproduced: every number agrees within the tolerance stated and every statement holds. Same trend: \
@@ -32,11 +32,11 @@ pub(super) fn page(reproduction: &Reproduction) -> Result<String, ReportError> {
     page.with(made(reproduction)).to_html()
 }
 
-fn section(item: &Item) -> Section {
+fn section(item: &Item) -> PageSection {
     let verdict = item.verdict();
     let severity = severity(verdict);
     let labels: Vec<String> = item.head.places.iter().map(|p| format!("{} {}", p.paper, p.label)).collect();
-    let mut section = Section::new(format!("{}: {}", labels.join(", "), item.head.title))
+    let mut section = PageSection::new(format!("{}: {}", labels.join(", "), item.head.title))
         .notice(severity, format!("{}: {}", capital(verdict.words()), item.why()))
         .table(checks_table(item));
     for remark in &item.remarks {
@@ -55,17 +55,17 @@ fn section(item: &Item) -> Section {
 }
 
 /// What does not reproduce is a finding about a paper, and no fault of the run.
-fn severity(verdict: Verdict) -> Severity {
-    if verdict == Verdict::Reproduced { Severity::Ok } else { Severity::Note }
+fn severity(verdict: ItemVerdict) -> NoticeSeverity {
+    if verdict == ItemVerdict::Reproduced { NoticeSeverity::Ok } else { NoticeSeverity::Note }
 }
 
-fn made(reproduction: &Reproduction) -> Section {
+fn made(reproduction: &Reproduction) -> PageSection {
     let settings = &reproduction.settings;
     let effort = match settings.effort {
         Effort::Quick => "quick: few seeds; --full computes more",
         Effort::Full => "full",
     };
-    Section::new("How it was made").part(Part::Made).paragraph(format!(
+    PageSection::new("How it was made").part(PagePart::Made).paragraph(format!(
         "kalmems {}, rig {}, {effort}, first seed {}. The same command gives the same page to the last byte, whatever \
          the number of threads; dates and durations are in run.toml.",
         env!("CARGO_PKG_VERSION"),

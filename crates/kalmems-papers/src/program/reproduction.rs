@@ -1,6 +1,6 @@
 //! What there is to reproduce, and the run that does it.
 
-use super::{Head, Item, ReproduceError, Work};
+use super::{Item, ItemHead, PartWork, ReproduceError};
 use crate::progress::Progress;
 use serde::Serialize;
 
@@ -15,7 +15,7 @@ pub struct Paper {
 
 /// All that a rig's papers show and that can be set beside ours.
 #[derive(Debug)]
-pub struct Program {
+pub struct PaperProgram {
     /// The device in a few words.
     pub title: &'static str,
     /// The papers.
@@ -23,19 +23,19 @@ pub struct Program {
     /// What a reader must know of how ours was computed, and what is left out.
     pub premises: &'static [&'static str],
     /// What is computed together, in the order of the report.
-    pub parts: &'static [Part],
+    pub parts: &'static [ProgramPart],
 }
 
 /// Items that are computed together.
 #[derive(Debug)]
-pub struct Part {
+pub struct ProgramPart {
     /// What they are.
-    pub heads: &'static [&'static Head],
+    pub heads: &'static [&'static ItemHead],
     /// Computes one item for each head.
-    pub run: fn(&Work) -> Result<Vec<Item>, ReproduceError>,
+    pub run: fn(&PartWork) -> Result<Vec<Item>, ReproduceError>,
 }
 
-impl Head {
+impl ItemHead {
     fn is_called(&self, asked: &str) -> bool {
         asked.eq_ignore_ascii_case(self.key) || self.places.iter().any(|place| place.is_called(asked))
     }
@@ -53,7 +53,7 @@ pub enum Effort {
 
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct ReproductionSettings {
     /// One table or figure, such as `Table III` or `D Figure 5.9`; all where there is none.
     pub only: Option<String>,
     /// How much is computed.
@@ -70,9 +70,9 @@ pub struct Reproduction {
     /// The rig.
     pub rig: &'static str,
     /// What there is to reproduce.
-    pub program: &'static Program,
+    pub program: &'static PaperProgram,
     /// What was asked for.
-    pub settings: Settings,
+    pub settings: ReproductionSettings,
     /// In the order of the program.
     pub items: Vec<Item>,
 }
@@ -80,11 +80,11 @@ pub struct Reproduction {
 /// Computes the program of a rig, or the item that is asked for.
 pub fn reproduce(
     rig: &'static str,
-    program: &'static Program,
-    settings: Settings,
+    program: &'static PaperProgram,
+    settings: ReproductionSettings,
     progress: &dyn Progress,
 ) -> Result<Reproduction, ReproduceError> {
-    let is_wanted = |head: &Head| settings.only.as_ref().is_none_or(|asked| head.is_called(asked));
+    let is_wanted = |head: &ItemHead| settings.only.as_ref().is_none_or(|asked| head.is_called(asked));
     let heads = || program.parts.iter().flat_map(|part| part.heads);
     if let Some(asked) = &settings.only
         && !heads().any(|head| is_wanted(head))
@@ -93,7 +93,7 @@ pub fn reproduce(
             heads().flat_map(|head| head.places).map(|p| format!("{} {}", p.paper, p.label)).collect();
         return Err(ReproduceError::NoSuchItem { asked: asked.clone(), known });
     }
-    let work = Work { effort: settings.effort, seed: settings.seed, threads: settings.threads, progress };
+    let work = PartWork { effort: settings.effort, seed: settings.seed, threads: settings.threads, progress };
     let mut items = Vec::new();
     for part in program.parts.iter().filter(|part| part.heads.iter().any(|head| is_wanted(head))) {
         items.extend((part.run)(&work)?.into_iter().filter(|item| is_wanted(item.head)));

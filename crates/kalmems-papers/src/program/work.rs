@@ -5,7 +5,7 @@ use crate::progress::{Progress, map_on_threads};
 
 /// What a part of a program computes with.
 #[derive(Clone, Copy)]
-pub struct Work<'a> {
+pub struct PartWork<'a> {
     /// How much is computed.
     pub effort: Effort,
     /// The first seed of the noise.
@@ -16,7 +16,7 @@ pub struct Work<'a> {
     pub progress: &'a dyn Progress,
 }
 
-impl Work<'_> {
+impl PartWork<'_> {
     /// What `point` makes of 0 to `count` − 1, in this order; see [`map_on_threads`].
     pub fn map<T: Send>(
         &self,

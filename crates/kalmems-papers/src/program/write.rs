@@ -1,9 +1,9 @@
 //! The files of a reproduction.
 
 use super::page::page;
-use super::{Check, Effort, Head, Paper, ReproduceError, Reproduction, Verdict};
+use super::{Check, Effort, ItemHead, ItemVerdict, Paper, ReproduceError, Reproduction};
 use crate::simulate::WhiteNoise;
-use kalmems_figures::Table;
+use kalmems_figures::TextTable;
 use kalmems_store::{Output, RUN_FILE, RunInfo};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -82,9 +82,9 @@ fn write_checks(checks: &[Check], w: &mut dyn Write) -> io::Result<()> {
     csv.flush()
 }
 
-fn write_table(table: &Table, w: &mut dyn Write) -> io::Result<()> {
+fn write_table(table: &TextTable, w: &mut dyn Write) -> io::Result<()> {
     let mut csv = csv::WriterBuilder::new().flexible(true).from_writer(w);
-    csv.write_record(table.columns.iter().map(kalmems_figures::Column::head))?;
+    csv.write_record(table.columns.iter().map(kalmems_figures::ColumnHead::head))?;
     for row in &table.rows {
         csv.write_record(row)?;
     }
@@ -104,8 +104,8 @@ struct Json<'a> {
 #[derive(Serialize)]
 struct JsonItem<'a> {
     #[serde(flatten)]
-    head: &'static Head,
-    verdict: Verdict,
+    head: &'static ItemHead,
+    verdict: ItemVerdict,
     why: String,
     checks: &'a [Check],
     remarks: &'a [String],
@@ -133,7 +133,7 @@ impl<'a> From<&'a Reproduction> for Json<'a> {
                 .iter()
                 .map(|table| JsonTable {
                     caption: &table.caption,
-                    columns: table.columns.iter().map(kalmems_figures::Column::head).collect(),
+                    columns: table.columns.iter().map(kalmems_figures::ColumnHead::head).collect(),
                     rows: &table.rows,
                 })
                 .collect(),
@@ -150,24 +150,24 @@ impl<'a> From<&'a Reproduction> for Json<'a> {
 }
 
 #[derive(Serialize)]
-struct Run {
+struct ReproductionRecord {
     version: &'static str,
     command: &'static str,
     input_id: String,
     effort: Effort,
     only: Option<String>,
-    noise: Noise,
-    timing: Timing,
+    noise: SeedRecord,
+    timing: ReproductionTiming,
 }
 
 #[derive(Serialize)]
-struct Noise {
+struct SeedRecord {
     generator: &'static str,
     first_seed: u64,
 }
 
 #[derive(Serialize)]
-struct Timing {
+struct ReproductionTiming {
     started_unix_s: u64,
     took_s: f64,
     threads: usize,
@@ -175,14 +175,14 @@ struct Timing {
 
 fn run_file(reproduction: &Reproduction, info: RunInfo) -> io::Result<String> {
     let settings = &reproduction.settings;
-    let run = Run {
+    let run = ReproductionRecord {
         version: env!("CARGO_PKG_VERSION"),
         command: "reproduce",
         input_id: input_id(reproduction),
         effort: settings.effort,
         only: settings.only.clone(),
-        noise: Noise { generator: WhiteNoise::NAME, first_seed: settings.seed },
-        timing: Timing {
+        noise: SeedRecord { generator: WhiteNoise::NAME, first_seed: settings.seed },
+        timing: ReproductionTiming {
             started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
             took_s: info.took.as_secs_f64(),
             threads: settings.threads,

@@ -4,8 +4,8 @@ use super::failed;
 use super::misprinted_ukf::{Misprint, MisprintedUkf};
 use crate::config::Method;
 use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{Beside, EstimateError, FilterPast, Past, Trajectory};
-use crate::evaluate::{Accuracy, Extent, MotionErrors, Reference, evaluate_motion};
+use crate::estimate::{EstimateError, FilterPast, Past, SideOutputs, Trajectory};
+use crate::evaluate::{Accuracy, ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::program::ReproduceError;
 use crate::progress::{Interruption, Progress};
 use crate::signal::extremes_of_rate;
@@ -14,7 +14,7 @@ use kalmems_core::Measurement;
 use kalmems_models::dynamics::ParametricScanner;
 use kalmems_rigs::published;
 use kalmems_rigs::shared_scanner::{
-    FilterSettings, Hardware, Settings, estimate_segment, estimate_segment_with,
+    ScannerFilterSettings, ScannerHardware, ScannerSettings, estimate_segment, estimate_segment_with,
 };
 use std::path::Path;
 
@@ -28,14 +28,14 @@ const STEPS: u32 = 4;
 pub const DRIVE_V: f64 = 90.0;
 
 /// The published device with the filters that are compared.
-pub struct Bench {
-    hardware: Hardware,
-    settings: Settings,
+pub struct ScannerBench {
+    hardware: ScannerHardware,
+    settings: ScannerSettings,
 }
 
 /// How what the estimators are told differs from the device.
 #[derive(Clone, Copy, Debug)]
-pub struct Belief {
+pub struct ScannerMismatch {
     /// In a few words.
     pub words: &'static str,
     /// The stiffness of the filters' models, over the true one.
@@ -49,7 +49,7 @@ pub struct Belief {
 }
 
 /// The steady motion at one frequency of the drive, sampled.
-pub struct Steady {
+pub struct SampledSteadyMotion {
     /// The drive's frequency.
     pub drive_hz: f64,
     /// When, in s.
@@ -59,26 +59,26 @@ pub struct Steady {
     /// The signal without noise, in V.
     clean: Vec<f64>,
     /// The motion.
-    pub truth: Reference,
+    pub truth: ReferenceMotion,
 }
 
 /// What an estimator made of a recording.
-pub struct Judged {
+pub struct EstimatorResult {
     /// What it says.
     pub trajectory: Trajectory,
     /// How far that is from the truth; `None` where there is nothing left to compare.
     pub errors: Option<MotionErrors>,
 }
 
-impl Bench {
+impl ScannerBench {
     /// Reads the experiment that stands beside this file.
     pub fn new() -> Result<Self, ReproduceError> {
         let wrong = |e: crate::config::ConfigError| failed("the published device")(e.into());
         let path = Path::new("shared_scanner/device.toml");
         let experiment = published().parse(include_str!("device.toml"), path).map_err(wrong)?;
         Ok(Self {
-            hardware: Hardware::of(&experiment).map_err(wrong)?,
-            settings: Settings::of(&experiment).map_err(wrong)?,
+            hardware: ScannerHardware::of(&experiment).map_err(wrong)?,
+            settings: ScannerSettings::of(&experiment).map_err(wrong)?,
         })
     }
 
@@ -88,7 +88,7 @@ impl Bench {
     }
 
     /// The device with its readout and noise.
-    pub fn hardware(&self) -> Hardware {
+    pub fn hardware(&self) -> ScannerHardware {
         self.hardware
     }
 
@@ -98,7 +98,7 @@ impl Bench {
     }
 
     /// The steady motions at these frequencies of the drive, each reached from the one before.
-    pub fn steady(&self, frequencies_hz: &[f64], settle_periods: u32) -> Vec<Steady> {
+    pub fn steady(&self, frequencies_hz: &[f64], settle_periods: u32) -> Vec<SampledSteadyMotion> {
         const STEPS_PER_PERIOD: u32 = 48;
         let mut state = [1e-2, 0.0];
         let drive =
@@ -116,7 +116,7 @@ impl Bench {
         motions
     }
 
-    fn record(&self, drive_hz: f64, drive: Drive, start: [f64; 2]) -> Steady {
+    fn record(&self, drive_hz: f64, drive: Drive, start: [f64; 2]) -> SampledSteadyMotion {
         let rate_hz = SAMPLING_HZ * f64::from(STEPS);
         let mut simulator = Simulator::new(self.scanner(), drive, rate_hz, start);
         let (mut time_s, mut volts, mut clean) = (Vec::new(), Vec::new(), Vec::new());
@@ -133,18 +133,18 @@ impl Bench {
                 simulator.step();
             }
         }
-        let truth = Reference {
+        let truth = ReferenceMotion {
             states: ["angle", "rate"],
             time_s: time_s.clone(),
             angle,
             rate: Some(rate),
             accuracy: Accuracy::default(),
         };
-        Steady { drive_hz, time_s, volts, clean, truth }
+        SampledSteadyMotion { drive_hz, time_s, volts, clean, truth }
     }
 
     /// The signal as it is recorded, in V.
-    pub fn signal(&self, motion: &Steady, (seed, stream): (u64, u64)) -> Vec<f64> {
+    pub fn signal(&self, motion: &SampledSteadyMotion, (seed, stream): (u64, u64)) -> Vec<f64> {
         let mut noise = WhiteNoise::new(seed, stream);
         let deviation = self.hardware.noise_variance.sqrt();
         motion.clean.iter().map(|clean| clean + deviation * noise.sample()).collect()
@@ -153,31 +153,39 @@ impl Bench {
     /// What each estimator makes of a recording of this motion. `None` where the work was stopped.
     pub fn estimate(
         &self,
-        motion: &Steady,
-        belief: &Belief,
+        motion: &SampledSteadyMotion,
+        belief: &ScannerMismatch,
         (seed, stream): (u64, u64),
         progress: &dyn Progress,
-    ) -> Option<Vec<Judged>> {
+    ) -> Option<Vec<EstimatorResult>> {
         let signal = self.signal(motion, (seed, stream));
         let volts: Vec<f64> = motion.volts.iter().map(|volts| belief.drive * volts).collect();
         let interval_s = 1.0 / SAMPLING_HZ;
         let data = DrivenSegment::new(&motion.time_s, &volts, &signal, interval_s);
         let settings = self.told(belief, motion, &data);
-        let extent =
-            Extent { from_s: settings.skip_s, motion_hz: 0.5 * motion.drive_hz, drive: data.drive.sine() };
+        let extent = ComparisonExtent {
+            from_s: settings.skip_s,
+            motion_hz: 0.5 * motion.drive_hz,
+            drive: data.drive.sine(),
+        };
         let mut judged = Vec::new();
         for filter in &settings.filters {
             let trajectories = follow(&settings, filter, &data, progress).ok()?;
             judged.extend(trajectories.into_iter().map(|trajectory| {
                 let errors = evaluate_motion(&trajectory, &motion.truth, extent, &Interruption::never());
-                Judged { trajectory, errors }
+                EstimatorResult { trajectory, errors }
             }));
         }
         Some(judged)
     }
 
     /// The settings with what the estimators believe, and the sign of this motion, which no signal shows.
-    fn told(&self, belief: &Belief, motion: &Steady, data: &DrivenSegment) -> Settings {
+    fn told(
+        &self,
+        belief: &ScannerMismatch,
+        motion: &SampledSteadyMotion,
+        data: &DrivenSegment,
+    ) -> ScannerSettings {
         let mut settings = self.settings.clone();
         settings.hardware.scanner.resonator.stiffness *= belief.stiffness;
         settings.hardware.scanner.resonator.damping *= belief.damping;
@@ -201,8 +209,8 @@ impl Bench {
 
 /// What one filter makes of a recording: one of the rig's, or one with a misprint in the place of the UKF.
 fn follow(
-    settings: &Settings,
-    filter: &FilterSettings,
+    settings: &ScannerSettings,
+    filter: &ScannerFilterSettings,
     data: &DrivenSegment,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
@@ -213,8 +221,8 @@ fn follow(
         let past = &mut FilterPast::default();
         return estimate_segment_with(settings, filter, data, past, place, progress, own);
     }
-    let alone = Settings { filters: vec![filter.clone()], ..settings.clone() };
-    estimate_segment(&alone, &Beside::default(), data, &mut Past::default(), place, progress)
+    let alone = ScannerSettings { filters: vec![filter.clone()], ..settings.clone() };
+    estimate_segment(&alone, &SideOutputs::default(), data, &mut Past::default(), place, progress)
 }
 
 /// Which misprint the filter of this key in `device.toml` has, if it has one.
@@ -234,7 +242,7 @@ mod tests {
     /// Names in the file choose the misprints; one that is misspelt would be a UKF without any.
     #[test]
     fn each_misprint_has_its_filter() {
-        let bench = Bench::new().unwrap();
+        let bench = ScannerBench::new().unwrap();
         let found: Vec<Misprint> =
             bench.settings.filters.iter().filter_map(|filter| misprint_of(&filter.basics.key)).collect();
         assert_eq!(found, [Misprint::Weights, Misprint::CrossCovariance, Misprint::Covariance]);

@@ -2,32 +2,32 @@
 
 use super::failed;
 use super::published::{s_table_i, s_table_i_circuit};
-use crate::circuit::{Bands, Circuit, Detector, Excitation, HighPass, Motion, Spectrum};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Work};
+use crate::circuit::{AmplitudeDetector, Bands, Circuit, CircuitSpectrum, Excitation, HighPass, SineMotion};
+use crate::program::{Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::circuit::{SquareLaw, Transimpedance};
 
 /// S Figures 3 and 4: the amplification stage.
-pub static AMPLIFIED: Head = Head {
+pub static AMPLIFIED: ItemHead = ItemHead {
     key: "figure-4",
     title: "lines of the amplification stage, at rest and in motion",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "S", label: "Figure 3", page: "section II-C" },
-        Place { paper: "S", label: "Figure 4", page: "section II-C" },
+        PaperPlace { paper: "S", label: "Figure 3", page: "section II-C" },
+        PaperPlace { paper: "S", label: "Figure 4", page: "section II-C" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// S Figure 5: the demodulation.
-pub static DEMODULATED: Head = Head {
+pub static DEMODULATED: ItemHead = ItemHead {
     key: "figure-5",
     title: "lines behind the envelope detector and the low-pass stages",
-    kind: Kind::Figure,
-    places: &[Place { paper: "S", label: "Figure 5", page: "section II-C" }],
-    origin: Origin::Measured,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "S", label: "Figure 5", page: "section II-C" }],
+    origin: ValueOrigin::Measured,
 };
 
 /// S Table II.
@@ -55,18 +55,18 @@ fn circuit(order: usize) -> Result<Circuit, ReproduceError> {
         },
         amplifier_bandwidth_hz: None,
         high_pass,
-        detector: Detector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
+        detector: AmplitudeDetector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
         low_pass_hz: s_table_i_circuit::LOW_PASS_HZ,
         noise_density: 0.0,
     })
 }
 
-fn motion(degrees: f64) -> Motion {
-    Motion { amplitude_rad: degrees.to_radians(), phase_rad: 0.7 }
+fn motion(degrees: f64) -> SineMotion {
+    SineMotion { amplitude_rad: degrees.to_radians(), phase_rad: 0.7 }
 }
 
 /// Both items.
-pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let circuit_4 = circuit(4)?;
     let at_rest = Bands::of(&circuit_4, &EXCITATION, &COMB, &motion(0.0));
     let moving = Bands::of(&circuit_4, &EXCITATION, &COMB, &motion(MOVING_DEG));
@@ -74,7 +74,7 @@ pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
 }
 
 /// The side bands of the carrier, the larger one, in V.
-fn side_band(lines: &Spectrum) -> f64 {
+fn side_band(lines: &CircuitSpectrum) -> f64 {
     lines.amplitude(1, 1).max(lines.amplitude(1, -1))
 }
 
@@ -158,13 +158,13 @@ fn demodulated(moving: &Bands, first_order: &Circuit) -> Item {
 }
 
 /// Sticks on a logarithmic axis.
-fn panel(name: &str, lines: &Spectrum) -> Panel {
+fn panel(name: &str, lines: &CircuitSpectrum) -> Panel {
     const LEAST_V: f64 = 1e-4;
     let x = Axis::new("frequency", "Hz").between(-2e4, 1.16e6);
     let groups = [
-        (0, "n·f_dr", Role::Input),
-        (1, "f_c ± n·f_dr", Role::Measured),
-        (2, "2·f_c ± n·f_dr", Role::Estimate),
+        (0, "n·f_dr", SeriesRole::Input),
+        (1, "f_c ± n·f_dr", SeriesRole::Measured),
+        (2, "2·f_c ± n·f_dr", SeriesRole::Estimate),
     ];
     let mut panel = Panel::new(x, Axis::new(name, "V").log().between(LEAST_V, 30.0)).sharing_x();
     for (carrier, label, role) in groups {

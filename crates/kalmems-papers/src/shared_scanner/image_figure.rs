@@ -1,20 +1,20 @@
 //! What errors of the phase do to an image.
 
 use super::published::{s_figure_10, s_table_iii};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Work};
+use crate::program::{Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin};
 use kalmems_applications::image::{
-    Lissajous, Picture, Raster, Scene, ShiftHistogram, edge_width, preview, psnr_db,
+    Lissajous, Picture, Raster, ShiftHistogram, TissueScene, edge_width, preview, psnr_db,
 };
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 
 /// S Figure 10.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "figure-10",
     title: "images of 400 × 400 pixels with errors of the phase of x",
-    kind: Kind::Figure,
-    places: &[Place { paper: "S", label: "Figure 10", page: "section IV-C" }],
-    origin: Origin::Measured,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "S", label: "Figure 10", page: "section IV-C" }],
+    origin: ValueOrigin::Measured,
 };
 
 const PIXELS: usize = 400;
@@ -23,7 +23,7 @@ const FRAME_S: f64 = 50e-3;
 
 /// The four images of the figure.
 #[allow(clippy::unnecessary_wraps)] // the signature of every part
-pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let drifted = s_figure_10::CALIBRATED_DEG - s_figure_10::TUNED_DEG;
     let errors = [
         ("tuned by hand (10b)", 0.0),
@@ -31,23 +31,23 @@ pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
         ("without adjustment (10a)", drifted),
         ("model alone (10c)", s_table_iii::MODEL.phase),
     ];
-    let scene = Scene::mucosa(1);
+    let scene = TissueScene::mucosa(1);
     let best = image(0.0, |at| scene.intensity(at));
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "Error of the phase of x, and what it does",
         [
-            Column::text("image"),
-            Column::number("phase error", "deg"),
-            Column::number("largest shift", "pixels"),
-            Column::number("blur of an edge", "pixels"),
-            Column::number("PSNR", "dB"),
+            ColumnHead::text("image"),
+            ColumnHead::number("phase error", "deg"),
+            ColumnHead::number("largest shift", "pixels"),
+            ColumnHead::number("blur of an edge", "pixels"),
+            ColumnHead::number("PSNR", "dB"),
         ],
     );
     let mut profile = Panel::new(Axis::new("pixel", ""), Axis::new("mean of the rows", ""));
     let (mut blurs, mut pictures) = (Vec::new(), Vec::new());
     for (name, degrees) in errors {
         let seen = image(degrees, |at| scene.intensity(at));
-        let edge = image(degrees, |[x, _]| ((x - 0.5) / Scene::SPOT + 0.5).clamp(0.0, 1.0));
+        let edge = image(degrees, |[x, _]| ((x - 0.5) / TissueScene::SPOT + 0.5).clamp(0.0, 1.0));
         let blur = edge_width(&edge).unwrap_or(f64::NAN);
         blurs.push(blur);
         let shifts = spots(degrees).map(|(believed, real)| (believed[0], real[0]));
@@ -60,7 +60,7 @@ pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
             significant(blur),
             psnr.map_or_else(|| "–".to_owned(), significant),
         ]);
-        profile = profile.with(Series::line(name, Role::Other, across(&edge)));
+        profile = profile.with(Series::line(name, SeriesRole::Other, across(&edge)));
         let shows = format!(
             "{name}: the computed object with an error of {} deg of the phase of x.",
             significant(degrees)

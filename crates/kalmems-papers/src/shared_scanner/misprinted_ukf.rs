@@ -2,8 +2,8 @@
 
 use kalmems_core::update::Policy;
 use kalmems_core::{
-    Cholesky, Covariance, Ekf, Filter, FilterError, Innovation, Ldl, Link, Mat, Measurement,
-    NumericMeasurement, NumericProcess, Over, SigmaPoints,
+    Cholesky, Covariance, Ekf, Filter, FilterError, Innovation, Ldl, Mat, Measurement, NumericMeasurement,
+    NumericProcess, Over, SigmaPoints, StateTransition,
 };
 
 /// What Algorithm 2 of Chen et al., shared electrodes, 2020, prints in place of the filter; one at a time.
@@ -107,7 +107,7 @@ impl<const N: usize> Filter<f64, N> for MisprintedUkf<N> {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<f64, N>, FilterError> {
+    ) -> Result<StateTransition<f64, N>, FilterError> {
         let moved: Vec<[f64; N]> = self.points()?.iter().map(|x| process.moved(x, u)).collect();
         let mean = self.mean_of(&moved);
         let spread = Covariance::from_lower(self.moment((&moved, &mean), (&moved, &mean)));
@@ -117,7 +117,7 @@ impl<const N: usize> Filter<f64, N> for MisprintedUkf<N> {
         }
         let (_, transition) = process.linearized(&self.mean, u);
         (self.mean, self.covariance) = (mean, covariance);
-        Ok(Link { transition, noise: *process.noise_added().covariance(), taken: true })
+        Ok(StateTransition { transition, noise: *process.noise_added().covariance(), taken: true })
     }
 
     fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(

@@ -4,7 +4,7 @@
 
 mod bench;
 mod circuit_figures;
-mod contest;
+mod estimator_comparison;
 mod image_figure;
 pub mod misprinted_ukf;
 mod parameters;
@@ -15,10 +15,10 @@ mod snapshot;
 mod sweep;
 mod target;
 
-use crate::program::{Paper, Part, Program, ReproduceError};
+use crate::program::{Paper, PaperProgram, ProgramPart, ReproduceError};
 
 /// All that is reproduced.
-pub const PROGRAM: Program = Program {
+pub const PROGRAM: PaperProgram = PaperProgram {
     title: "Shared-electrode scanner",
     papers: &[
         Paper {
@@ -39,17 +39,24 @@ pub const PROGRAM: Program = Program {
         "Not among these: S Figures 1, 2 and 6, which are a photograph, a circuit diagram and the set-up.",
     ],
     parts: &[
-        Part { heads: &[&target::SCANNER, &target::SAMPLING], run: target::run },
-        Part { heads: &[&parameters::SETTINGS, &parameters::MOTION], run: parameters::run },
-        Part {
+        ProgramPart { heads: &[&target::SCANNER, &target::SAMPLING], run: target::run },
+        ProgramPart { heads: &[&parameters::SETTINGS, &parameters::MOTION], run: parameters::run },
+        ProgramPart {
             heads: &[&circuit_figures::AMPLIFIED, &circuit_figures::DEMODULATED],
             run: circuit_figures::run,
         },
-        Part { heads: &[&sweep::HEAD], run: sweep::run },
-        Part { heads: &[&ring_down::HEAD], run: ring_down::run },
-        Part { heads: &[&snapshot::JOURNAL, &snapshot::DISSERTATION], run: snapshot::run },
-        Part { heads: &[&contest::JOURNAL, &contest::DISSERTATION, &contest::GAP], run: contest::run },
-        Part { heads: &[&image_figure::HEAD], run: image_figure::run },
+        ProgramPart { heads: &[&sweep::HEAD], run: sweep::run },
+        ProgramPart { heads: &[&ring_down::HEAD], run: ring_down::run },
+        ProgramPart { heads: &[&snapshot::JOURNAL, &snapshot::DISSERTATION], run: snapshot::run },
+        ProgramPart {
+            heads: &[
+                &estimator_comparison::JOURNAL,
+                &estimator_comparison::DISSERTATION,
+                &estimator_comparison::GAP,
+            ],
+            run: estimator_comparison::run,
+        },
+        ProgramPart { heads: &[&image_figure::HEAD], run: image_figure::run },
     ],
 };
 

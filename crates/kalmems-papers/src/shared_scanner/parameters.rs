@@ -1,37 +1,39 @@
 //! The settings and parameters that are printed, and whether the device moves with them.
 
-use super::bench::Bench;
+use super::bench::ScannerBench;
 use super::published::{d_table_5_1, s_table_i, s_table_ii};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::simulate::{Drive, Stability, floquet_exponent};
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use std::f64::consts::TAU;
 
 type Scanner = ParametricScanner<f64>;
 
 /// The settings.
-pub static SETTINGS: Head = Head {
+pub static SETTINGS: ItemHead = ItemHead {
     key: "settings",
     title: "settings of the experiments",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "S", label: "Table I", page: "section III-B" },
-        Place { paper: "D", label: "Table 5.1", page: "page 94" },
+        PaperPlace { paper: "S", label: "Table I", page: "section III-B" },
+        PaperPlace { paper: "D", label: "Table 5.1", page: "page 94" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// The parameters, and what follows from both tables.
-pub static MOTION: Head = Head {
+pub static MOTION: ItemHead = ItemHead {
     key: "motion",
     title: "whether the device moves with what is printed",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "S", label: "Table II", page: "section IV-A" },
-        Place { paper: "D", label: "Table 5.2", page: "page 97" },
+        PaperPlace { paper: "S", label: "Table II", page: "section IV-A" },
+        PaperPlace { paper: "D", label: "Table 5.2", page: "page 97" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// 0 V to 2·`volts`.
@@ -69,19 +71,19 @@ fn crossing([mut low, mut high]: [f64; 2], rises: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// Both tables.
-pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let bench = Bench::new()?;
+pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let bench = ScannerBench::new()?;
     Ok(vec![settings(&bench), motion(&bench)])
 }
 
-fn settings(bench: &Bench) -> Item {
+fn settings(bench: &ScannerBench) -> Item {
     let scanner = bench.scanner();
     let free = scanner.resonator.natural_rate() / TAU / 1e3;
     let [s_low, s_high] = s_table_i::DRIVE_KHZ;
     let [d_low, d_high] = d_table_5_1::DRIVE_KHZ;
-    let table = Table::new(
+    let table = TextTable::new(
         "What the two papers print for the same device, and what is used here",
-        ["setting", "S Table I", "D Table 5.1 and text", "here"].map(Column::text),
+        ["setting", "S Table I", "D Table 5.1 and text", "here"].map(ColumnHead::text),
     )
     .row(["driving voltage", "30 V (0 V to 60 V)", "30 V; text: 0 to 60 V amplitude", "90 V + 90 V sin"])
     .row(["carrier voltage", "6 V", "6 V; text: 12 V", "6 V"])
@@ -95,7 +97,7 @@ fn settings(bench: &Bench) -> Item {
             "resonance: √(k/J)/2π of S Table II",
             "kHz",
             s_table_i::RESONANCE_KHZ,
-            Spread::exact(free),
+            SeedSpread::exact(free),
             0.01,
         ))
         .check(Check::claim(
@@ -118,7 +120,7 @@ fn settings(bench: &Bench) -> Item {
         .table(table)
 }
 
-fn motion(bench: &Bench) -> Item {
+fn motion(bench: &ScannerBench) -> Item {
     let scanner = bench.scanner();
     let factor = shortfall(&scanner, s_table_i::DRIVE_V).unwrap_or(f64::NAN);
     let margin = |volts: f64| 1.0 - shortfall(&scanner, volts).unwrap_or(f64::INFINITY);
@@ -129,13 +131,13 @@ fn motion(bench: &Bench) -> Item {
     let growth = |times: f64| best_growth(&damped(&scanner, b / times), s_table_i::DRIVE_V);
     let times_integrated = crossing([1.0, 50.0], |times| growth(times).unwrap_or(f64::NAN));
 
-    let needed = Table::new(
+    let needed = TextTable::new(
         "What would make it move, from rest",
         [
-            Column::text("change"),
-            Column::number("Mathieu's equation", ""),
-            Column::number("integration over a period", ""),
-            Column::number("printed", ""),
+            ColumnHead::text("change"),
+            ColumnHead::number("Mathieu's equation", ""),
+            ColumnHead::number("integration over a period", ""),
+            ColumnHead::number("printed", ""),
         ],
     )
     .row([
@@ -164,9 +166,9 @@ fn motion(bench: &Bench) -> Item {
     )
     .with(
         Panel::new(Axis::new("offset and amplitude of the drive", "V"), Axis::new("pump depth", "1").log())
-            .with(Series::line("pump depth", Role::Model, depths))
-            .with(Series::line("threshold 2/Q", Role::Bound, thresholds))
-            .with(Series::points("0 V to 60 V", Role::Input, printed)),
+            .with(Series::line("pump depth", SeriesRole::Model, depths))
+            .with(Series::line("threshold 2/Q", SeriesRole::Bound, thresholds))
+            .with(Series::points("0 V to 60 V", SeriesRole::Input, printed)),
     );
     Item::new(&MOTION)
         .check(Check::claim(

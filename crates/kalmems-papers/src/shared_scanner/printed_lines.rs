@@ -1,6 +1,6 @@
 //! The published lines beside the right ones.
 
-use crate::circuit::{Bands, Circuit, Detector, Excitation, Motion, Spectrum};
+use crate::circuit::{AmplitudeDetector, Bands, Circuit, CircuitSpectrum, Excitation, SineMotion};
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::TAU;
 
@@ -33,9 +33,9 @@ pub fn printed_lines(
     circuit: &Circuit,
     excitation: &Excitation,
     comb: &GaussianComb<f64>,
-    motion: &Motion,
+    motion: &SineMotion,
 ) -> Vec<PrintedLine> {
-    let Detector::SquareLaw(law) = circuit.detector else { return Vec::new() };
+    let AmplitudeDetector::SquareLaw(law) = circuit.detector else { return Vec::new() };
     let pure = Excitation { offset: 0.0, ..*excitation };
     let curvature = -comb.nominal / comb.angular_width.powi(2);
     let swing = 0.5 * curvature * motion.amplitude_rad.powi(2);
@@ -46,7 +46,7 @@ pub fn printed_lines(
     let (w_dr, w_c) = (TAU * pure.drive_hz, TAU * pure.carrier_hz);
     let (v_dr, v_c) = (pure.amplitude, pure.carrier);
     let (r, c_p) = (circuit.transimpedance.feedback_resistance, circuit.transimpedance.parasitic_capacitance);
-    let none = || Spectrum::new(pure.drive_hz, pure.carrier_hz);
+    let none = || CircuitSpectrum::new(pure.drive_hz, pure.carrier_hz);
     let phase = 2.0 * motion.phase_rad;
 
     let first = none()
@@ -88,7 +88,7 @@ pub fn printed_lines(
     let mut lines = Vec::new();
     for (stage, equations, printed, quadratic, exact) in stages {
         for line in printed.lines() {
-            let of = |spectrum: &Spectrum| spectrum.amplitude(line.carrier, line.drive);
+            let of = |spectrum: &CircuitSpectrum| spectrum.amplitude(line.carrier, line.drive);
             lines.push(PrintedLine {
                 stage,
                 equations,
@@ -103,10 +103,10 @@ pub fn printed_lines(
     lines
 }
 
-fn detected<'a>(bands: &'a Bands, empty: &'a Spectrum) -> &'a Spectrum {
+fn detected<'a>(bands: &'a Bands, empty: &'a CircuitSpectrum) -> &'a CircuitSpectrum {
     bands.detected.as_ref().unwrap_or(empty)
 }
 
-fn output<'a>(bands: &'a Bands, empty: &'a Spectrum) -> &'a Spectrum {
+fn output<'a>(bands: &'a Bands, empty: &'a CircuitSpectrum) -> &'a CircuitSpectrum {
     bands.output.as_ref().unwrap_or(empty)
 }

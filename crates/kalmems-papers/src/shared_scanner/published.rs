@@ -2,7 +2,7 @@
 
 /// The root mean square errors of one estimator, in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Errors {
+pub struct PublishedErrors {
     /// Of the angle.
     pub angle: f64,
     /// Of the phase shift.
@@ -67,22 +67,22 @@ pub mod s_table_ii {
 
 /// S Table III: actuator model alone, EKF and UKF.
 pub mod s_table_iii {
-    use super::Errors;
+    use super::PublishedErrors;
     /// ACM: the actuator model alone.
-    pub const MODEL: Errors = Errors { angle: 2.89, phase: 2.73 };
+    pub const MODEL: PublishedErrors = PublishedErrors { angle: 2.89, phase: 2.73 };
     /// The extended filter.
-    pub const EKF: Errors = Errors { angle: 0.89, phase: 0.68 };
+    pub const EKF: PublishedErrors = PublishedErrors { angle: 0.89, phase: 0.68 };
     /// The unscented filter.
-    pub const UKF: Errors = Errors { angle: 0.62, phase: 0.38 };
+    pub const UKF: PublishedErrors = PublishedErrors { angle: 0.62, phase: 0.38 };
 }
 
 /// D Table 5.3: EKF and UKF.
 pub mod d_table_5_3 {
-    use super::Errors;
+    use super::PublishedErrors;
     /// The extended filter.
-    pub const EKF: Errors = Errors { angle: 5.04, phase: 1.82 };
+    pub const EKF: PublishedErrors = PublishedErrors { angle: 5.04, phase: 1.82 };
     /// The unscented filter.
-    pub const UKF: Errors = Errors { angle: 0.63, phase: 0.39 };
+    pub const UKF: PublishedErrors = PublishedErrors { angle: 0.63, phase: 0.39 };
 }
 
 /// S section II-A with equation 7, and section IV-C: target phase accuracy in degrees.

@@ -1,14 +1,16 @@
 //! The ring-down: decay, and the capacitance over the angle, by the papers' fits and by that of `kalmems identify`.
 
-use super::bench::{Bench, SAMPLING_HZ};
+use super::bench::{SAMPLING_HZ, ScannerBench};
 use super::failed;
 use super::published::{s_table_i, s_table_i_circuit, s_table_ii};
-use crate::fit::{ByDual, FitSettings, Law, fit};
+use crate::fit::{ByDual, FitSettings, ResidualLaw, fit};
 use crate::identify::fit_free_decay;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_core::{Measurement, Over};
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use kalmems_models::readout::{BiasedComb, DemodulatedComb};
@@ -16,16 +18,16 @@ use kalmems_rigs::shared_scanner::identification::{RingDown, fit_ring_down, unkn
 use std::f64::consts::TAU;
 
 /// Decay and capacitance.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "ring-down",
     title: "ring-down, its fit, and the capacitance over the angle",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "S", label: "Figure 7", page: "section IV-A" },
-        Place { paper: "D", label: "Figure 5.6", page: "page 96" },
-        Place { paper: "D", label: "Figure 5.7", page: "page 98" },
+        PaperPlace { paper: "S", label: "Figure 7", page: "section IV-A" },
+        PaperPlace { paper: "D", label: "Figure 5.6", page: "page 96" },
+        PaperPlace { paper: "D", label: "Figure 5.7", page: "page 98" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// Where the free oscillation starts: 12° at rest.
@@ -36,7 +38,7 @@ const OPTICAL_NOISE: f64 = 1e-4;
 const AMPLIFIER_NOISE: f64 = 1e-3;
 
 /// What is recorded of one ring-down.
-struct Record {
+struct RingDownRecord {
     time_s: Vec<f64>,
     /// By the optical sensor, in rad.
     angle: Vec<f64>,
@@ -45,21 +47,21 @@ struct Record {
 }
 
 /// k in N·m, b in N·m·s, C₀ in F and θ₀ in rad.
-type Device = [f64; 4];
+type RingDownConstants = [f64; 4];
 
-/// Where a [`Device`] is among the unknowns of the identification.
+/// Where a [`RingDownConstants`] is among the unknowns of the identification.
 const PLACES: [usize; 4] = [unknown::STIFFNESS, unknown::DAMPING, unknown::NOMINAL, unknown::WIDTH];
 
 /// What one seed gives.
-struct Found {
+struct RingDownResult {
     /// By the papers' fits, from the optical angle.
     optical: Optical,
     /// By shooting, from V_o1 and the optical angle.
-    current: Device,
+    current: RingDownConstants,
     /// The standard errors that this fit claims.
-    claimed: Device,
+    claimed: RingDownConstants,
     /// By shooting, from V_o1 alone.
-    current_alone: Device,
+    current_alone: RingDownConstants,
 }
 
 /// What the papers' fits give.
@@ -75,12 +77,12 @@ struct Optical {
 
 /// The signal over the optical angle: [C₀, θ₀, C_b].
 struct Profile<'a> {
-    record: &'a Record,
+    record: &'a RingDownRecord,
     readout: DemodulatedComb<f64>,
     deviation: f64,
 }
 
-impl Law<3> for Profile<'_> {
+impl ResidualLaw<3> for Profile<'_> {
     fn residuals<S: Over<f64>>(&self, [nominal, width, bias]: &[S; 3], each: &mut impl FnMut(S)) {
         let Self { record, readout, deviation } = self;
         for (angle, signal) in record.angle.iter().zip(&record.signal) {
@@ -92,7 +94,7 @@ impl Law<3> for Profile<'_> {
 }
 
 /// A ring-down with the carrier on, whose signal is demodulated.
-fn record(bench: &Bench, seed: u64, count: u32) -> Record {
+fn record(bench: &ScannerBench, seed: u64, count: u32) -> RingDownRecord {
     let hardware = bench.hardware();
     let noise = hardware.noise_variance.sqrt();
     recorded(hardware.scanner, (seed, [0, 1]), count, |state, chance| {
@@ -102,7 +104,7 @@ fn record(bench: &Bench, seed: u64, count: u32) -> Record {
 }
 
 /// A ring-down without a carrier, which would hide the current; V_o1 is recorded.
-fn record_of_current(bench: &Bench, seed: u64, count: u32) -> Record {
+fn record_of_current(bench: &ScannerBench, seed: u64, count: u32) -> RingDownRecord {
     let scanner = ParametricScanner { carrier_mean_square: 0.0, ..bench.scanner() };
     let readout = BiasedComb { comb: scanner.comb, gain: CURRENT_GAIN, offset: 0.0, angle_offset: 0.0 };
     recorded(scanner, (seed, [2, 3]), count, |state, chance| {
@@ -119,12 +121,12 @@ fn recorded(
     (seed, streams): (u64, [u64; 2]),
     count: u32,
     read: impl Fn(&[f64; 2], f64) -> f64,
-) -> Record {
+) -> RingDownRecord {
     const STEPS: u32 = 4;
     let drive = Drive::Constant { level: s_table_i::BIAS_V };
     let mut simulator = Simulator::new(scanner, drive, SAMPLING_HZ * f64::from(STEPS), START);
     let [mut optical, mut chance] = streams.map(|stream| WhiteNoise::new(seed, stream));
-    let mut record = Record { time_s: Vec::new(), angle: Vec::new(), signal: Vec::new() };
+    let mut record = RingDownRecord { time_s: Vec::new(), angle: Vec::new(), signal: Vec::new() };
     for k in 0..count {
         record.time_s.push(f64::from(k) / SAMPLING_HZ);
         record.angle.push(simulator.state()[0] + OPTICAL_NOISE * optical.sample());
@@ -151,7 +153,11 @@ fn believed(scanner: &ParametricScanner<f64>) -> ParametricScanner<f64> {
 }
 
 /// By shooting, from V_o1 and the reference, or without the latter: values and their standard errors.
-fn identified(bench: &Bench, record: &Record, with_reference: bool) -> Result<[Device; 2], ReproduceError> {
+fn identified(
+    bench: &ScannerBench,
+    record: &RingDownRecord,
+    with_reference: bool,
+) -> Result<[RingDownConstants; 2], ReproduceError> {
     let fitted = fit_ring_down(&RingDown {
         interval_s: 1.0 / SAMPLING_HZ,
         signal: &record.signal,
@@ -165,15 +171,15 @@ fn identified(bench: &Bench, record: &Record, with_reference: bool) -> Result<[D
     Ok([all.map(|one| one.value), all.map(|one| one.deviation)])
 }
 
-fn found(bench: &Bench, seed: u64, samples: u32) -> Result<Found, ReproduceError> {
+fn found(bench: &ScannerBench, seed: u64, samples: u32) -> Result<RingDownResult, ReproduceError> {
     let current = record_of_current(bench, seed, samples);
     let [values, claimed] = identified(bench, &current, true)?;
     let [current_alone, _] = identified(bench, &current, false)?;
     let optical = find(bench, &record(bench, seed, samples))?;
-    Ok(Found { optical, current: values, claimed, current_alone })
+    Ok(RingDownResult { optical, current: values, claimed, current_alone })
 }
 
-fn find(bench: &Bench, record: &Record) -> Result<Optical, ReproduceError> {
+fn find(bench: &ScannerBench, record: &RingDownRecord) -> Result<Optical, ReproduceError> {
     let hardware = bench.hardware();
     let inertia = hardware.scanner.resonator.inertia;
     // The damped sine that the papers fit, to the motion's tail, where it is nearly one.
@@ -193,8 +199,8 @@ fn find(bench: &Bench, record: &Record) -> Result<Optical, ReproduceError> {
 }
 
 /// Records ring-downs and fits them.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let bench = Bench::new()?;
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let bench = ScannerBench::new()?;
     let (runs, samples) = match work.effort {
         Effort::Quick => (3, 8_000),
         Effort::Full => (12, 20_000),
@@ -203,12 +209,12 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     let found = work.map("ring-downs", (runs, u64::from(samples)), |index, _| {
         Some(found(&bench, first_seed + index as u64, samples))
     })?;
-    let found: Vec<Found> = found.into_iter().collect::<Result<_, _>>()?;
+    let found: Vec<RingDownResult> = found.into_iter().collect::<Result<_, _>>()?;
     Ok(vec![item(&bench, &record(&bench, work.seed, samples), &found)])
 }
 
-fn item(bench: &Bench, record: &Record, found: &[Found]) -> Item {
-    let over = |value: &dyn Fn(&Found) -> f64| Spread::of(found.iter().map(value));
+fn item(bench: &ScannerBench, record: &RingDownRecord, found: &[RingDownResult]) -> Item {
+    let over = |value: &dyn Fn(&RingDownResult) -> f64| SeedSpread::of(found.iter().map(value));
     let k = bench.scanner().resonator.stiffness;
     let excess = over(&|f| f.optical.stiffness / k).median - 1.0;
     let names = ["k", "b", "C₀", "θ₀"];
@@ -216,7 +222,7 @@ fn item(bench: &Bench, record: &Record, found: &[Found]) -> Item {
     let scales = [1e4, 1e12, 1e12, 1.0];
     let printed =
         [s_table_ii::STIFFNESS, s_table_ii::DAMPING, s_table_ii::NOMINAL_PF, s_table_ii::ANGULAR_WIDTH];
-    let optical = |f: &Found| -> Device {
+    let optical = |f: &RingDownResult| -> RingDownConstants {
         let Optical { stiffness, damping, comb } = f.optical;
         [stiffness, damping, comb.nominal, comb.angular_width]
     };
@@ -243,17 +249,17 @@ fn item(bench: &Bench, record: &Record, found: &[Found]) -> Item {
         bench.scanner().comb.nominal,
         bench.scanner().comb.angular_width,
     ];
-    let off = |value: &dyn Fn(&Found) -> f64, i: usize| {
+    let off = |value: &dyn Fn(&RingDownResult) -> f64, i: usize| {
         format!("{:.1e}", over(&|f| (value(f) / put_in[i] - 1.0).abs()).median)
     };
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "How far each way is from the simulated device, relative, median without sign",
         [
-            Column::text("parameter"),
-            Column::number("damped sine and profile, optical angle", ""),
-            Column::number("shooting, V_o1 with optical angle", ""),
-            Column::number("its standard error", ""),
-            Column::number("shooting, V_o1 alone", ""),
+            ColumnHead::text("parameter"),
+            ColumnHead::number("damped sine and profile, optical angle", ""),
+            ColumnHead::number("shooting, V_o1 with optical angle", ""),
+            ColumnHead::number("its standard error", ""),
+            ColumnHead::number("shooting, V_o1 alone", ""),
         ],
     );
     for i in 0..4 {
@@ -285,11 +291,11 @@ fn item(bench: &Bench, record: &Record, found: &[Found]) -> Item {
         .figure(capacitance(bench, record, found))
 }
 
-fn decay(bench: &Bench, record: &Record, found: &[Found]) -> Figure {
+fn decay(bench: &ScannerBench, record: &RingDownRecord, found: &[RingDownResult]) -> Figure {
     let degrees = record.time_s.iter().zip(&record.angle).map(|(t, a)| (*t, a.to_degrees()));
     let mut envelope = Panel::new(Axis::new("time", "s"), Axis::new("angle", "deg")).with(Series::line(
         "optical sensor",
-        Role::Measured,
+        SeriesRole::Measured,
         degrees,
     ));
     if let Some(first) = found.first() {
@@ -300,7 +306,7 @@ fn decay(bench: &Bench, record: &Record, found: &[Found]) -> Figure {
                 .iter()
                 .map(|t| (*t, (sign * START[0] * (-rate * t).exp()).to_degrees()))
                 .collect();
-            envelope = envelope.with(Series::line(label, Role::Model, line));
+            envelope = envelope.with(Series::line(label, SeriesRole::Model, line));
         }
     }
     Figure::new(
@@ -311,7 +317,7 @@ fn decay(bench: &Bench, record: &Record, found: &[Found]) -> Figure {
     .with(envelope)
 }
 
-fn capacitance(bench: &Bench, record: &Record, found: &[Found]) -> Figure {
+fn capacitance(bench: &ScannerBench, record: &RingDownRecord, found: &[RingDownResult]) -> Figure {
     let hardware = bench.hardware();
     let stride = (record.angle.len() / 600).max(1);
     let seen: Vec<(f64, f64)> = record
@@ -326,16 +332,16 @@ fn capacitance(bench: &Bench, record: &Record, found: &[Found]) -> Figure {
         .collect();
     let grid = || (-120..=120).map(|i| 0.2 * f64::from(i));
     let mut panel = Panel::new(Axis::new("angle", "deg"), Axis::new("capacitance", "F"))
-        .with(Series::points("from the signal", Role::Measured, seen));
-    if let Some(Found { optical: Optical { comb, .. }, .. }) = found.first() {
+        .with(Series::points("from the signal", SeriesRole::Measured, seen));
+    if let Some(RingDownResult { optical: Optical { comb, .. }, .. }) = found.first() {
         let gaussian: Vec<(f64, f64)> = grid().map(|a| (a, comb.capacitance(a.to_radians()))).collect();
         let quadratic: Vec<(f64, f64)> = grid()
             .filter(|a| a.abs() <= 12.0)
             .map(|a| (a, comb.capacitance(0.0) + 0.5 * comb.curvature_at_rest() * a.to_radians().powi(2)))
             .collect();
         panel = panel
-            .with(Series::line("Gaussian (S equation 13)", Role::Model, gaussian))
-            .with(Series::line("quadratic (S equation 15)", Role::Bound, quadratic));
+            .with(Series::line("Gaussian (S equation 13)", SeriesRole::Model, gaussian))
+            .with(Series::line("quadratic (S equation 15)", SeriesRole::Bound, quadratic));
     }
     Figure::new(
         "ring-down_capacitance",

@@ -1,27 +1,27 @@
 //! A few cycles: drive, motion, signal.
 
-use super::bench::{Bench, Judged, SAMPLING_HZ};
-use super::contest::{DIVERGED_DEG, WRONG_STIFFNESS};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Work};
+use super::bench::{EstimatorResult, SAMPLING_HZ, ScannerBench};
+use super::estimator_comparison::{DIVERGED_DEG, WRONG_STIFFNESS};
+use crate::program::{Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 
 /// S: drive and angle.
-pub static JOURNAL: Head = Head {
+pub static JOURNAL: ItemHead = ItemHead {
     key: "figure-8",
     title: "drive and angle over a few cycles",
-    kind: Kind::Figure,
-    places: &[Place { paper: "S", label: "Figure 8", page: "section IV-B" }],
-    origin: Origin::Measured,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "S", label: "Figure 8", page: "section IV-B" }],
+    origin: ValueOrigin::Measured,
 };
 
 /// D: the signal as well.
-pub static DISSERTATION: Head = Head {
+pub static DISSERTATION: ItemHead = ItemHead {
     key: "figure-5-8",
     title: "the signal that EKF and UKF expect, over a few cycles",
-    kind: Kind::Figure,
-    places: &[Place { paper: "D", label: "Figure 5.8", page: "page 99" }],
-    origin: Origin::Measured,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "D", label: "Figure 5.8", page: "page 99" }],
+    origin: ValueOrigin::Measured,
 };
 
 /// The middle of the band over which the device moves.
@@ -34,8 +34,8 @@ const POINT_EVERY: usize = 8;
 pub(super) const PUBLISHED: [&str; 3] = ["model_alone", "ekf", "ukf"];
 
 /// Estimates one recording.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let bench = Bench::new()?;
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let bench = ScannerBench::new()?;
     let first_seed = work.seed;
     let mut results = work.map("a few cycles", (1, 120_000), |_, progress| {
         let motion = bench.steady(&[DRIVE_HZ], 6000).into_iter().next()?;
@@ -61,17 +61,17 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     let time = || Axis::new("time", "s");
     let mut angle = Panel::new(time(), Axis::new("angle", "deg")).with(Series::line(
         "simulated motion (EXP)",
-        Role::Reference,
+        SeriesRole::Reference,
         degrees(&motion.truth.angle),
     ));
     let mut sensor = Panel::new(time(), Axis::new("signal", "V")).with(Series::points(
         "recorded",
-        Role::Measured,
+        SeriesRole::Measured,
         since(&signal),
     ));
-    let shown = |judged: &&Judged| PUBLISHED.contains(&judged.trajectory.key.as_str());
-    for Judged { trajectory, .. } in judged.iter().filter(shown) {
-        let role = if trajectory.claims() { Role::Other } else { Role::Model };
+    let shown = |judged: &&EstimatorResult| PUBLISHED.contains(&judged.trajectory.key.as_str());
+    for EstimatorResult { trajectory, .. } in judged.iter().filter(shown) {
+        let role = if trajectory.claims() { SeriesRole::Other } else { SeriesRole::Model };
         // EKF and UKF are one line: the UKF is drawn as points, so that both are seen.
         let drawn = |values: Vec<(f64, f64)>| {
             if trajectory.key == "ukf" {
@@ -95,7 +95,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     )
     .with(Panel::new(time(), Axis::new("drive", "V")).with(Series::line(
         "drive",
-        Role::Input,
+        SeriesRole::Input,
         since(&motion.volts),
     )))
     .with(angle);
@@ -137,17 +137,17 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
 }
 
 /// The errors of each estimator.
-fn errors_table(judged: &[Judged]) -> Table {
-    let mut table = Table::new(
+fn errors_table(judged: &[EstimatorResult]) -> TextTable {
+    let mut table = TextTable::new(
         "Errors of this recording",
         [
-            Column::text("estimator"),
-            Column::number("angle RMSE", "deg"),
-            Column::number("of p-p", "%"),
-            Column::number("phase RMSE", "deg"),
+            ColumnHead::text("estimator"),
+            ColumnHead::number("angle RMSE", "deg"),
+            ColumnHead::number("of p-p", "%"),
+            ColumnHead::number("phase RMSE", "deg"),
         ],
     );
-    for Judged { trajectory, errors } in judged {
+    for EstimatorResult { trajectory, errors } in judged {
         // How far away an estimator is that follows no longer is no figure of merit.
         let lost = errors.as_ref().is_some_and(|e| e.angle.rmse_deg >= DIVERGED_DEG);
         let none = if lost { "lost" } else { "–" };
@@ -164,7 +164,7 @@ fn errors_table(judged: &[Judged]) -> Table {
 }
 
 /// The root mean square difference of the signals that EKF and UKF predict, after both have settled.
-fn difference_of_predictions(judged: &[Judged]) -> f64 {
+fn difference_of_predictions(judged: &[EstimatorResult]) -> f64 {
     let of = |key: &str| judged.iter().find(|j| j.trajectory.key == key).map(|j| &j.trajectory.innovation);
     let Some((ekf, ukf)) = of("ekf").zip(of("ukf")) else { return f64::NAN };
     let settled = ekf.len() / 2;

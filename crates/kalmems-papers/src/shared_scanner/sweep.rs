@@ -1,22 +1,24 @@
 //! The drive frequencies of the experiments: over which of them the device moves, and how far.
 
-use super::bench::{Bench, DRIVE_V};
+use super::bench::{DRIVE_V, ScannerBench};
 use super::published::{d_table_5_1, s_table_i};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::simulate::{Drive, Stability, SweepPoint, SweepSettings, stepped_sweep};
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 
 /// The sweeps.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "sweep",
     title: "sweep over the 15 drive frequencies",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "S", label: "Section III-B", page: "second set of experiments" },
-        Place { paper: "D", label: "Section 5.4.2", page: "page 95" },
+        PaperPlace { paper: "S", label: "Section III-B", page: "second set of experiments" },
+        PaperPlace { paper: "D", label: "Section 5.4.2", page: "page 95" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// One tenth of what is printed, and well below the 1.3e-12 N m s where the printed drive begins to move it.
@@ -27,7 +29,7 @@ const COUNT: u32 = 15;
 const STILL: f64 = 0.01;
 
 /// A way to make the device move.
-struct Way {
+struct DriveMethod {
     words: String,
     scanner: ParametricScanner<f64>,
     volts: f64,
@@ -52,18 +54,18 @@ fn width_hz([low, high]: [f64; 2]) -> f64 {
 }
 
 /// Sweeps down and up, for the drive that moves the published device and for the published drive.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let published = Bench::new()?.scanner();
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let published = ScannerBench::new()?.scanner();
     let resonator = TorsionalResonator { damping: LOW_DAMPING, ..published.resonator };
     let ways = [
-        Way {
+        DriveMethod {
             words: "90 V + 90 V sin, damping as printed".to_owned(),
             scanner: published,
             volts: DRIVE_V,
             frequencies_hz: grid(s_table_i::DRIVE_KHZ.map(|f| f * 1e3), COUNT),
             periods: 3000,
         },
-        Way {
+        DriveMethod {
             words: "30 V + 30 V sin as printed, a tenth of the damping".to_owned(),
             scanner: ParametricScanner { resonator, ..published },
             volts: s_table_i::DRIVE_V,
@@ -71,7 +73,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
             periods: 6000,
         },
     ];
-    let units = |way: &Way| u64::from(way.periods) * 48 * way.frequencies_hz.len() as u64;
+    let units = |way: &DriveMethod| u64::from(way.periods) * 48 * way.frequencies_hz.len() as u64;
     let largest = ways.iter().map(units).max().unwrap_or(0);
     let sweeps = work.map("sweeps", (4, largest), |index, _| {
         let (way, downwards) = (&ways[index / 2], index % 2 == 0);
@@ -93,7 +95,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     Ok(vec![item(&ways, &sweeps)])
 }
 
-fn item(ways: &[Way; 2], sweeps: &[Vec<SweepPoint>]) -> Item {
+fn item(ways: &[DriveMethod; 2], sweeps: &[Vec<SweepPoint>]) -> Item {
     // Mathieu's tongue without damping is h/2·f wide.
     let drive = Drive::Sine {
         offset: s_table_i::DRIVE_V,
@@ -104,7 +106,7 @@ fn item(ways: &[Way; 2], sweeps: &[Vec<SweepPoint>]) -> Item {
     let tongue_hz =
         Stability::of(&ways[1].scanner, &drive).map_or(f64::NAN, |s| s.pump_depth * s.resonance_hz);
     let (loud_down, loud_up, low_down) = (&sweeps[0], &sweeps[1], &sweeps[2]);
-    let width = |points: &[SweepPoint]| Spread::exact(band(points).map_or(f64::NAN, width_hz));
+    let width = |points: &[SweepPoint]| SeedSpread::exact(band(points).map_or(f64::NAN, width_hz));
     let [d_hz, s_hz] = [d_table_5_1::DRIVE_KHZ, s_table_i::DRIVE_KHZ].map(|b| width_hz(b).round());
     let largest = |points: &[SweepPoint]| {
         points
@@ -114,12 +116,12 @@ fn item(ways: &[Way; 2], sweeps: &[Vec<SweepPoint>]) -> Item {
     };
     let (at_down, degrees_down) = largest(loud_down);
     let (_, degrees_up) = largest(loud_up);
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "Amplitude at the 15 drive frequencies of S, 90 V + 90 V sin",
         [
-            Column::number("drive", "kHz"),
-            Column::number("sweeping down", "deg"),
-            Column::number("sweeping up", "deg"),
+            ColumnHead::number("drive", "kHz"),
+            ColumnHead::number("sweeping down", "deg"),
+            ColumnHead::number("sweeping up", "deg"),
         ],
     );
     for (down, up) in loud_down.iter().zip(loud_up) {
@@ -140,9 +142,10 @@ fn item(ways: &[Way; 2], sweeps: &[Vec<SweepPoint>]) -> Item {
             Axis::new(format!("drive frequency ({})", way.words), "Hz"),
             Axis::new("amplitude", "deg"),
         );
-        for (label, role, points) in
-            [("sweeping down", Role::Model, &sweeps[0]), ("sweeping up", Role::Estimate, &sweeps[1])]
-        {
+        for (label, role, points) in [
+            ("sweeping down", SeriesRole::Model, &sweeps[0]),
+            ("sweeping up", SeriesRole::Estimate, &sweeps[1]),
+        ] {
             let points: Vec<(f64, f64)> =
                 points.iter().map(|p| (p.drive_hz, p.amplitude.to_degrees())).collect();
             panel =

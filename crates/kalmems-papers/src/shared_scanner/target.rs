@@ -1,26 +1,28 @@
 //! The phase accuracy that an image needs.
 
 use super::published::{d_target, s_target};
-use crate::program::{Check, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use crate::program::{
+    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use std::f64::consts::TAU;
 
 /// S equation 7.
-pub static SCANNER: Head = Head {
+pub static SCANNER: ItemHead = ItemHead {
     key: "target-phase",
     title: "phase accuracy that an image needs",
-    kind: Kind::Table,
-    places: &[Place { paper: "S", label: "Equation 7", page: "sections II-A and IV-C" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "S", label: "Equation 7", page: "sections II-A and IV-C" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// D equation 79.
-pub static SAMPLING: Head = Head {
+pub static SAMPLING: ItemHead = ItemHead {
     key: "target-sampling",
     title: "phase accuracy that the sampling allows",
-    kind: Kind::Table,
-    places: &[Place { paper: "D", label: "Equation 79", page: "page 82" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "D", label: "Equation 79", page: "page 82" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// The largest shift in pixels on a line of 2m pixels when the phase is off by this much, over all phases.
@@ -38,13 +40,13 @@ fn largest_shift(m: f64, error_rad: f64) -> u32 {
 
 /// Both targets.
 #[allow(clippy::unnecessary_wraps)] // the signature of every part
-pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let mut scanner = Item::new(&SCANNER);
     for (pixels, shift, printed) in s_target::TARGETS {
         let m = f64::from(pixels) / 2.0;
         let bound = (f64::from(shift) / m).to_degrees();
         let quantity = format!("{pixels} pixels, shift of {shift}");
-        scanner = scanner.check(Check::value(quantity, "deg", printed, Spread::exact(bound), 0.02));
+        scanner = scanner.check(Check::value(quantity, "deg", printed, SeedSpread::exact(bound), 0.02));
     }
     let m = 150.0;
     let at = |pixels: f64| largest_shift(m, pixels / m);
@@ -60,8 +62,8 @@ pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
     )
     .with(
         Panel::new(Axis::new("phase error", "deg"), Axis::new("largest shift (pixels)", ""))
-            .with(Series::points("counted", Role::Model, shifts))
-            .with(Series::line("m·δφ", Role::Bound, bound)),
+            .with(Series::points("counted", SeriesRole::Model, shifts))
+            .with(Series::line("m·δφ", SeriesRole::Bound, bound)),
     );
     let scanner = scanner
         .check(Check::claim(
@@ -83,7 +85,7 @@ pub fn run(_: &Work) -> Result<Vec<Item>, ReproduceError> {
             "two sampling intervals at 10 MHz, 15.5 kHz",
             "deg",
             d_target::PRINTED_DEG,
-            Spread::exact(360.0 * cycles),
+            SeedSpread::exact(360.0 * cycles),
             0.01,
         ))
         .remark(format!(

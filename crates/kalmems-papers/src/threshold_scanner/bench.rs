@@ -1,17 +1,19 @@
 //! The published device on the bench: free decays of it, recordings of them, and the filters at work.
 
 use super::failed;
-use crate::config::{ConfigError, Timing};
+use crate::config::{ConfigError, CrossingTiming};
 use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{Motion, Past, Trajectory};
+use crate::estimate::{MotionRate, Past, Trajectory};
 use crate::program::ReproduceError;
 use crate::progress::Progress;
 use crate::signal::hermite;
 use crate::simulate::WhiteNoise;
 use kalmems_core::{Measurement, Process};
-use kalmems_rigs::crossings::{Crossing, Rows, Sought, find as find_crossings};
+use kalmems_rigs::crossings::{LevelCrossing, SearchedSignal, SignalRows, find as find_crossings};
 use kalmems_rigs::published;
-use kalmems_rigs::threshold_scanner::{FilterSettings, Hardware, Samples, Settings, estimate_segment};
+use kalmems_rigs::threshold_scanner::{
+    ThresholdFilterSettings, ThresholdHardware, ThresholdSamples, ThresholdScannerSettings, estimate_segment,
+};
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -30,15 +32,15 @@ const SIGNAL_NOISE: u64 = 0;
 const START: u64 = 2;
 
 /// The published device, and the filters that are compared.
-pub struct Bench {
+pub struct ThresholdBench {
     /// The device.
-    pub device: Hardware,
-    settings: Settings,
+    pub device: ThresholdHardware,
+    settings: ThresholdScannerSettings,
 }
 
 /// What the filters are told, where it is not the device.
 #[derive(Clone, Copy, Debug)]
-pub struct Belief {
+pub struct ThresholdMismatch {
     /// The gain of the filters' models, over the true one.
     pub gain: f64,
     /// The steepness of the filters' models, over the true one.
@@ -53,18 +55,18 @@ pub struct Belief {
     pub angle_sd: f64,
 }
 
-impl Bench {
+impl ThresholdBench {
     /// Reads the experiment that stands beside this file.
     pub fn new() -> Result<Self, ReproduceError> {
         let wrong = |e: ConfigError| failed("the published device")(e.into());
         let path = Path::new("threshold_scanner/device.toml");
         let experiment = published().parse(include_str!("device.toml"), path).map_err(wrong)?;
-        let settings = Settings::of(&experiment).map_err(wrong)?;
+        let settings = ThresholdScannerSettings::of(&experiment).map_err(wrong)?;
         Ok(Self { device: settings.hardware, settings })
     }
 
     /// The filters of these names, told of this device.
-    pub fn told(&self, device: Hardware, names: &[&str]) -> Settings {
+    pub fn settings_for(&self, device: ThresholdHardware, names: &[&str]) -> ThresholdScannerSettings {
         let mut settings = self.settings.clone();
         settings.hardware = device;
         settings.filters.retain(|filter| names.contains(&filter.basics.name.as_str()));
@@ -72,14 +74,18 @@ impl Bench {
     }
 
     /// The filters of these names that believe this.
-    pub fn misled(&self, belief: &Belief, names: &[&str]) -> Settings {
+    pub fn mismatched_settings(
+        &self,
+        belief: &ThresholdMismatch,
+        names: &[&str],
+    ) -> ThresholdScannerSettings {
         let mut device = self.device;
         device.readout.comb.gain *= belief.gain;
         device.readout.comb.steepness *= belief.steepness;
         device.readout.comb.centre = belief.centre;
         device.mirror.comb = device.readout.comb;
         device.mirror.resonator.natural_rate *= belief.natural;
-        let mut settings = self.told(device, names);
+        let mut settings = self.settings_for(device, names);
         for filter in &mut settings.filters {
             filter.acceleration_density = belief.density;
             if let Some(threshold) = &mut filter.threshold {
@@ -91,7 +97,7 @@ impl Bench {
 }
 
 /// A free decay, in closed form.
-pub struct Decay {
+pub struct ClosedFormDecay {
     /// When, in s.
     pub time_s: Vec<f64>,
     /// Angle in rad and rate in rad/s.
@@ -104,16 +110,16 @@ pub struct Decay {
 
 /// How far detections are from the passes that they belong to.
 #[derive(Clone, Copy, Debug)]
-pub struct Miss {
+pub struct DetectionError {
     /// The quarter of the recording.
     pub quarter: usize,
     /// The angle at the detection minus that of the threshold, in rad.
     pub angle: f64,
 }
 
-impl Decay {
+impl ClosedFormDecay {
     /// Of this device, from `AMPLITUDE` and this phase of its motion, in cycles.
-    pub fn of(device: &Hardware, phase: f64) -> Self {
+    pub fn of(device: &ThresholdHardware, phase: f64) -> Self {
         let resonator = device.mirror.resonator;
         let step = resonator.exact(INTERVAL_S, 0.0);
         let (sine, cosine) = (TAU * phase).sin_cos();
@@ -159,11 +165,15 @@ impl Decay {
     }
 
     /// How far the detections at these times are off; those that belong to no pass, and those at the ends, are left out.
-    pub fn misses(&self, device: &Hardware, times_s: impl IntoIterator<Item = f64>) -> Vec<Miss> {
+    pub fn misses(
+        &self,
+        device: &ThresholdHardware,
+        times_s: impl IntoIterator<Item = f64>,
+    ) -> Vec<DetectionError> {
         let miss = |time_s: f64| {
             let apart = |pass_s: &f64| (pass_s - time_s).abs();
             let nearest = self.passes_s.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)))?;
-            (apart(nearest) < NEAR_S).then(|| Miss {
+            (apart(nearest) < NEAR_S).then(|| DetectionError {
                 quarter: quarter(*nearest),
                 angle: self.angle_at(time_s) - device.readout.comb.centre,
             })
@@ -196,31 +206,35 @@ pub fn quarter(time_s: f64) -> usize {
 /// The crossings of a recorded signal, and what the filters make of it. `None` where the work was stopped, or the
 /// detector cannot be made.
 pub fn estimate(
-    settings: &Settings,
-    decay: &Decay,
+    settings: &ThresholdScannerSettings,
+    decay: &ClosedFormDecay,
     signal: &[f64],
     seed: u64,
     progress: &dyn Progress,
-) -> Option<(Vec<Crossing>, Vec<Trajectory>)> {
+) -> Option<(Vec<LevelCrossing>, Vec<Trajectory>)> {
     let crossings = crossings(settings, decay, signal)?;
     let trajectories = follow(settings, decay, (signal, &crossings), seed, progress)?;
     Some((crossings, trajectories))
 }
 
 /// The crossings of a recorded signal; `None` where the detector cannot be made.
-pub fn crossings(settings: &Settings, decay: &Decay, signal: &[f64]) -> Option<Vec<Crossing>> {
+pub fn crossings(
+    settings: &ThresholdScannerSettings,
+    decay: &ClosedFormDecay,
+    signal: &[f64],
+) -> Option<Vec<LevelCrossing>> {
     let device = &settings.hardware;
-    let rows = Rows { time_s: &decay.time_s, volts: signal, first: 0 };
+    let rows = SignalRows { time_s: &decay.time_s, volts: signal, first: 0 };
     let samples = (INTERVAL_S, device.noise_variance, device.readout.offset);
-    let sought = Sought::of_comb(samples, device.readout.comb, device.mirror.resonator);
+    let sought = SearchedSignal::of_comb(samples, device.readout.comb, device.mirror.resonator);
     find_crossings(rows, sought, settings.crossings.as_ref()?).ok()
 }
 
 /// What the filters make of a recorded signal and these crossings; `None` where the work was stopped.
 pub fn follow(
-    settings: &Settings,
-    decay: &Decay,
-    (signal, crossings): (&[f64], &[Crossing]),
+    settings: &ThresholdScannerSettings,
+    decay: &ClosedFormDecay,
+    (signal, crossings): (&[f64], &[LevelCrossing]),
     seed: u64,
     progress: &dyn Progress,
 ) -> Option<Vec<Trajectory>> {
@@ -228,13 +242,13 @@ pub fn follow(
     let data = DrivenSegment::new(&decay.time_s, &off, signal, INTERVAL_S);
     let mut settings = settings.clone();
     start_near(&mut settings.filters, decay.states[0], seed);
-    let motion = Motion { frequency_hz: settings.hardware.natural_hz(), is_driven: false };
-    let samples = Samples { data: &data, drive_slope: &off, crossings, first: 0, motion };
+    let motion = MotionRate { frequency_hz: settings.hardware.natural_hz(), is_driven: false };
+    let samples = ThresholdSamples { data: &data, drive_slope: &off, crossings, first: 0, motion };
     estimate_segment(&settings, samples, &mut Past::default(), "the bench", progress).ok()
 }
 
 /// All filters start from the same state, as far from the true one as they believe to be.
-fn start_near(filters: &mut [FilterSettings], truth: [f64; 2], seed: u64) {
+fn start_near(filters: &mut [ThresholdFilterSettings], truth: [f64; 2], seed: u64) {
     let mut noise = WhiteNoise::new(seed, START);
     let off = [noise.sample(), noise.sample()];
     for filter in filters {
@@ -251,15 +265,19 @@ pub fn angles(trajectory: &Trajectory) -> &[f64] {
 const AFTER: usize = 50;
 
 /// Root mean square errors of the angle in rad, in the four quarters and as a whole.
-pub fn errors(trajectory: &Trajectory, decay: &Decay) -> [f64; 5] {
+pub fn errors(trajectory: &Trajectory, decay: &ClosedFormDecay) -> [f64; 5] {
     rms_of(trajectory, decay, |_| true)
 }
 
 /// The same over the 50 samples after each detection.
-pub fn errors_after(trajectory: &Trajectory, decay: &Decay, crossings: &[Crossing]) -> [f64; 5] {
+pub fn errors_after(
+    trajectory: &Trajectory,
+    decay: &ClosedFormDecay,
+    crossings: &[LevelCrossing],
+) -> [f64; 5] {
     let mut is_after = vec![false; SAMPLES];
     for crossing in crossings {
-        let Some(instant) = crossing.at(Timing::Sample) else { continue };
+        let Some(instant) = crossing.at(CrossingTiming::Sample) else { continue };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a sample of the recording
         let first = (instant.time_s / INTERVAL_S).round() as usize;
         for place in is_after.iter_mut().skip(first).take(AFTER) {
@@ -269,7 +287,7 @@ pub fn errors_after(trajectory: &Trajectory, decay: &Decay, crossings: &[Crossin
     rms_of(trajectory, decay, |k| is_after[k])
 }
 
-fn rms_of(trajectory: &Trajectory, decay: &Decay, counts: impl Fn(usize) -> bool) -> [f64; 5] {
+fn rms_of(trajectory: &Trajectory, decay: &ClosedFormDecay, counts: impl Fn(usize) -> bool) -> [f64; 5] {
     let mut sums = [(0.0, 0.0); 5];
     for (k, (angle, state)) in angles(trajectory).iter().zip(&decay.states).enumerate() {
         if counts(k) {

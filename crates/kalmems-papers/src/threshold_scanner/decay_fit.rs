@@ -1,24 +1,26 @@
 //! What a free decay says of the mirror and its comb.
 
-use super::bench::{Bench, Decay, INTERVAL_S};
+use super::bench::{ClosedFormDecay, INTERVAL_S, ThresholdBench};
 use super::published::identified as published;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use crate::simulate::WhiteNoise;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::capacitance::CurveShape;
-use kalmems_rigs::threshold_scanner::identification::{Decay as Record, fit_curve, fit_decay, unknown};
+use kalmems_rigs::threshold_scanner::identification::{DecayRecord as Record, fit_curve, fit_decay, unknown};
 use std::f64::consts::TAU;
 
 /// The identification.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "figure-4-5",
     title: "decay, and the capacitance that follows from it",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Figure 4", page: "section IV-B" },
-        Place { paper: "D", label: "Figure 4.5", page: "section 4.4.2" },
+        PaperPlace { paper: "T", label: "Figure 4", page: "section IV-B" },
+        PaperPlace { paper: "D", label: "Figure 4.5", page: "section 4.4.2" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// R_s·V_bias in Ω·V.
@@ -31,7 +33,7 @@ const DELAY: usize = 57;
 const THINNED: usize = 4;
 
 /// One trial: what was found, in the order of the checks, and the curves of the first.
-struct Trial {
+struct DecayFitTrial {
     found: [f64; 3],
     /// By how much the charge that is added up over time is off at the end, without its mean, and taken back to its peak
     /// at each crossing, in F rms.
@@ -42,9 +44,9 @@ struct Trial {
 }
 
 /// Identifies some decays.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
-    let bench = Bench::new()?;
+    let bench = ThresholdBench::new()?;
     let trials = match work.effort {
         Effort::Quick => 3,
         Effort::Full => 10,
@@ -55,19 +57,19 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         }
         trial(&bench, i, first_seed + i as u64)
     })?;
-    let spread = |place: usize| Spread::of(results.iter().map(|trial| trial.found[place]));
+    let spread = |place: usize| SeedSpread::of(results.iter().map(|trial| trial.found[place]));
     let device = bench.device.readout.comb;
     let curve = results.first().map(|trial| trial.curve.clone()).unwrap_or_default();
     let truth: Vec<(f64, f64)> =
         curve.iter().map(|(angle, _)| (*angle, device.capacitance_change(*angle, TRANSIMPEDANCE))).collect();
-    let rms = |place: usize| Spread::of(results.iter().map(|trial| 1e15 * trial.walked[place]));
-    let mut table = Table::new(
+    let rms = |place: usize| SeedSpread::of(results.iter().map(|trial| 1e15 * trial.walked[place]));
+    let mut table = TextTable::new(
         "The charge added up over time, root mean square distance from C(θ(t))",
-        [Column::text(""), Column::text("fF")],
+        [ColumnHead::text(""), ColumnHead::text("fF")],
     );
     table.push(["as D (73) has it".to_owned(), rms(0).to_text()]);
     table.push(["taken back to its peak at each crossing".to_owned(), rms(1).to_text()]);
-    let decay = Decay::of(&bench.device, 0.0);
+    let decay = ClosedFormDecay::of(&bench.device, 0.0);
     let figure = Figure::new(
         "figure-4-5_decay",
         "Decay and capacitance",
@@ -76,15 +78,15 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     )
     .with(Panel::new(Axis::new("time", "s"), Axis::new("angle", "rad")).with(Series::line(
         "motion",
-        Role::Reference,
+        SeriesRole::Reference,
         decay.time_s.iter().zip(&decay.states).map(|(t, x)| (*t, x[0])),
     )))
     .with(
         Panel::new(Axis::new("angle", "rad"), Axis::new("C − C(θ_th)", "F"))
-            .with(Series::line("device", Role::Reference, truth))
-            .with(Series::points("identified", Role::Estimate, curve)),
+            .with(Series::line("device", SeriesRole::Reference, truth))
+            .with(Series::points("identified", SeriesRole::Estimate, curve)),
     );
-    let gaussian = Spread::of(results.iter().map(|trial| trial.gaussian));
+    let gaussian = SeedSpread::of(results.iter().map(|trial| trial.gaussian));
     Ok(vec![
         Item::new(&HEAD)
             .check(Check::value("f_n", "Hz", published::NATURAL_HZ, spread(0), 1e-4))
@@ -110,8 +112,8 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     ])
 }
 
-fn trial(bench: &Bench, i: usize, seed: u64) -> Option<Trial> {
-    let decay = Decay::of(&bench.device, Decay::phase(i));
+fn trial(bench: &ThresholdBench, i: usize, seed: u64) -> Option<DecayFitTrial> {
+    let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(i));
     let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
     let mut noise = WhiteNoise::new(seed, 1);
     let mut late = |k: usize| {
@@ -134,7 +136,7 @@ fn trial(bench: &Bench, i: usize, seed: u64) -> Option<Trial> {
     let gaussian = fitted(CurveShape::Gaussian)?;
     let p = &found.fit.parameters;
     let curve = fit_curve(&thin_signal, &found.motion, p[unknown::THRESHOLD], TRANSIMPEDANCE).ok()?;
-    Some(Trial {
+    Some(DecayFitTrial {
         found: [p[unknown::NATURAL_RATE] / TAU, p[unknown::DAMPING_RATIO], p[unknown::THRESHOLD]],
         walked: walked(bench, &decay, &signal),
         gaussian: explained(gaussian.deviations[0], &decay.clean, bench.device.noise_variance),
@@ -150,7 +152,7 @@ fn explained(left: f64, clean: &[f64], noise_variance: f64) -> f64 {
 
 /// C(θ(t)) − C(θ_th) as the charge since the first pass, and the same brought back to 0 along a line from pass to pass: how
 /// far each is from the truth, root mean square.
-fn walked(bench: &Bench, decay: &Decay, signal: &[f64]) -> [f64; 2] {
+fn walked(bench: &ThresholdBench, decay: &ClosedFormDecay, signal: &[f64]) -> [f64; 2] {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a sample of the recording
     let places: Vec<usize> =
         decay.passes_s.iter().map(|pass_s| (pass_s / INTERVAL_S).round() as usize).collect();

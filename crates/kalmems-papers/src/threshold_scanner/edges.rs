@@ -1,21 +1,23 @@
 //! A derivative of the signal, and the derivative of its Gaussian average.
 
-use super::bench::{Bench, Decay, INTERVAL_S, quarter};
+use super::bench::{ClosedFormDecay, INTERVAL_S, ThresholdBench, quarter};
 use super::failed;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin,
+};
 use kalmems_core::detect::SlopeKernel;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 
 /// The comparison.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "figure-4-2e",
     title: "a derivative operator and a derivative of a Gaussian",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Figure 2(e)", page: "section II-B" },
-        Place { paper: "D", label: "Figure 4.2(e)", page: "section 4.2.2" },
+        PaperPlace { paper: "T", label: "Figure 2(e)", page: "section II-B" },
+        PaperPlace { paper: "D", label: "Figure 4.2(e)", page: "section 4.2.2" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// The published Gaussian in samples.
@@ -40,16 +42,16 @@ fn responses(signal: &[f64]) -> Result<[Vec<f64>; 2], ReproduceError> {
 }
 
 /// Finds the passes of some decays by the highest response near each.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
-    let bench = Bench::new()?;
+    let bench = ThresholdBench::new()?;
     let noise = bench.device.noise_variance.sqrt();
     let trials = match work.effort {
         Effort::Quick => 4,
         Effort::Full => 40,
     };
     let results = work.map("derivatives of the signal", (trials, 40_000), |i, _| {
-        let decay = Decay::of(&bench.device, Decay::phase(i));
+        let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(i));
         let both = responses(&decay.recorded(noise, first_seed + i as u64)).ok()?;
         // Passes, and those found by each, in the quarters.
         let mut counts = [[0_u32; 3]; 4];
@@ -70,18 +72,18 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         let sum = |place: usize| results.iter().map(|counts| f64::from(counts[quarter][place])).sum::<f64>();
         100.0 * sum(by) / sum(0)
     };
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "Passes whose highest response within 0.3 ms is within 30 µs of them",
         [
-            Column::text("quarter"),
-            Column::number("derivative", "%"),
-            Column::number("derivative of a Gaussian", "%"),
+            ColumnHead::text("quarter"),
+            ColumnHead::number("derivative", "%"),
+            ColumnHead::number("derivative of a Gaussian", "%"),
         ],
     );
     for (i, name) in ["SNR 83", "SNR 23", "SNR 5", "SNR 1"].into_iter().enumerate() {
         table.push([name.to_owned(), format!("{:.1}", share(i, 1)), format!("{:.1}", share(i, 2))]);
     }
-    let decay = Decay::of(&bench.device, 0.0);
+    let decay = ClosedFormDecay::of(&bench.device, 0.0);
     let signal = decay.recorded(noise, first_seed);
     let both = responses(&signal)?;
     let drawn = |values: &[f64]| -> Vec<(f64, f64)> {
@@ -101,16 +103,16 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         "Two and a half cycles at a signal-to-noise ratio of 5. Above the signal, in the middle its differences from sample \
          to sample, below the derivative of its Gaussian average. Points: the threshold is passed.",
     )
-    .with(Panel::new(time(), Axis::new("signal", "V")).with(Series::line("signal", Role::Measured, drawn(&signal))))
+    .with(Panel::new(time(), Axis::new("signal", "V")).with(Series::line("signal", SeriesRole::Measured, drawn(&signal))))
     .with(
         Panel::new(time(), Axis::new("derivative", "V/s"))
-            .with(Series::line("derivative", Role::Model, drawn(&per_s(&both[0]))))
+            .with(Series::line("derivative", SeriesRole::Model, drawn(&per_s(&both[0]))))
             .sharing_x(),
     )
     .with(
         Panel::new(time(), Axis::new("of a Gaussian", "V/s"))
-            .with(Series::line("derivative of a Gaussian", Role::Estimate, drawn(&per_s(&both[1]))))
-            .with(Series::points("passes", Role::Reference, passes))
+            .with(Series::line("derivative of a Gaussian", SeriesRole::Estimate, drawn(&per_s(&both[1]))))
+            .with(Series::points("passes", SeriesRole::Reference, passes))
             .sharing_x(),
     );
     let [plain, gaussian] = [1, 2].map(|by| (0..3).map(|i| share(i, by)).fold(f64::INFINITY, f64::min));

@@ -1,50 +1,58 @@
 //! Table III of the paper: the errors with and without thresholds, and what they need to come about.
 
-use super::bench::{Belief, Bench, Decay, errors, errors_after, estimate};
+use super::bench::{ClosedFormDecay, ThresholdBench, ThresholdMismatch, errors, errors_after, estimate};
 use super::published::table_4_3 as published;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_figures::significant;
-use kalmems_figures::{Column, Table};
+use kalmems_figures::{ColumnHead, TextTable};
 
 /// The errors.
-pub static ERRORS: Head = Head {
+pub static ERRORS: ItemHead = ItemHead {
     key: "table-4-3",
     title: "errors of the angle with and without thresholds",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "T", label: "Table III", page: "section VI-B" },
-        Place { paper: "D", label: "Table 4.3", page: "section 4.6.2" },
+        PaperPlace { paper: "T", label: "Table III", page: "section VI-B" },
+        PaperPlace { paper: "D", label: "Table 4.3", page: "section 4.6.2" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// Where thresholds help most.
-pub static ORDER: Head = Head {
+pub static ORDER: ItemHead = ItemHead {
     key: "table-4-3-order",
     title: "where thresholds help most",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "T", label: "Table III, reductions", page: "section VI-B" },
-        Place { paper: "D", label: "Table 4.3, reductions", page: "section 4.6.2" },
+        PaperPlace { paper: "T", label: "Table III, reductions", page: "section VI-B" },
+        PaperPlace { paper: "D", label: "Table 4.3, reductions", page: "section 4.6.2" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// The same with a model that is right.
-pub static PERFECT: Head = Head {
+pub static PERFECT: ItemHead = ItemHead {
     key: "table-4-3-perfect",
     title: "thresholds beside a model that is right",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "T", label: "Section VI-B", page: "" },
-        Place { paper: "D", label: "Section 4.6.2", page: "" },
+        PaperPlace { paper: "T", label: "Section VI-B", page: "" },
+        PaperPlace { paper: "D", label: "Section 4.6.2", page: "" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// One of the mismatches with which the printed filters have the published errors.
-pub const PUBLISHED_LEVEL: Belief =
-    Belief { gain: 1.099, steepness: 0.717, natural: 1.008, centre: 0.0, density: 4.76e3, angle_sd: 0.95e-3 };
+pub const PUBLISHED_LEVEL: ThresholdMismatch = ThresholdMismatch {
+    gain: 1.099,
+    steepness: 0.717,
+    natural: 1.008,
+    centre: 0.0,
+    density: 4.76e3,
+    angle_sd: 0.95e-3,
+};
 
 /// The filters as printed, without and with crossings.
 pub const PRINTED: [&str; 2] = ["EKF as printed", "hybrid as printed"];
@@ -52,7 +60,7 @@ pub const PRINTED: [&str; 2] = ["EKF as printed", "hybrid as printed"];
 const SAME: f64 = 0.15;
 
 /// What one recording gave: of each filter the errors, those after detections, and of a model that is right the errors.
-struct Trial {
+struct ErrorsTrial {
     misled: [[f64; 5]; 2],
     after: [[f64; 5]; 2],
     perfect: [[f64; 5]; 2],
@@ -60,24 +68,24 @@ struct Trial {
 }
 
 /// Estimates decays of the published device by the printed filters.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
-    let bench = Bench::new()?;
+    let bench = ThresholdBench::new()?;
     let trials = match work.effort {
         Effort::Quick => 6,
         Effort::Full => 30,
     };
-    let misled = bench.misled(&PUBLISHED_LEVEL, &PRINTED);
-    let right = bench.told(bench.device, &["EKF as printed", "hybrid as printed", "EKF", "hybrid"]);
+    let misled = bench.mismatched_settings(&PUBLISHED_LEVEL, &PRINTED);
+    let right = bench.settings_for(bench.device, &["EKF as printed", "hybrid as printed", "EKF", "hybrid"]);
     let results = work.map("errors with and without thresholds", (trials, 240_000), |i, progress| {
-        let decay = Decay::of(&bench.device, Decay::phase(i));
+        let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(i));
         let seed = first_seed + i as u64;
         let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
         let (crossings, believed) = estimate(&misled, &decay, &signal, seed, progress)?;
         let (_, perfect) = estimate(&right, &decay, &signal, seed, progress)?;
         let [ekf, hybrid] = believed.as_slice() else { return None };
         let [printed, printed_hybrid, full, full_hybrid] = perfect.as_slice() else { return None };
-        Some(Trial {
+        Some(ErrorsTrial {
             misled: [ekf, hybrid].map(|t| errors(t, &decay)),
             after: [ekf, hybrid].map(|t| errors_after(t, &decay, &crossings)),
             perfect: [printed, printed_hybrid].map(|t| errors(t, &decay)),
@@ -88,15 +96,15 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
 }
 
 /// Over the trials, of one filter and one column.
-fn spread(trials: &[Trial], of: impl Fn(&Trial) -> f64) -> Spread {
-    Spread::of(trials.iter().map(of))
+fn spread(trials: &[ErrorsTrial], of: impl Fn(&ErrorsTrial) -> f64) -> SeedSpread {
+    SeedSpread::of(trials.iter().map(of))
 }
 
 fn reduced(errors: &[[f64; 5]; 2], column: usize) -> f64 {
     100.0 * (1.0 - errors[1][column] / errors[0][column])
 }
 
-fn table(trials: &[Trial]) -> Item {
+fn table(trials: &[ErrorsTrial]) -> Item {
     let mut item = Item::new(&ERRORS);
     for (filter, name, paper) in [(0, "EKF", published::EKF), (1, "HYB", published::HYBRID)] {
         for (column, head) in published::HEADS.iter().enumerate() {
@@ -128,13 +136,13 @@ fn table(trials: &[Trial]) -> Item {
     ))
 }
 
-fn order(trials: &[Trial]) -> Item {
-    let reductions: [Spread; 5] =
+fn order(trials: &[ErrorsTrial]) -> Item {
+    let reductions: [SeedSpread; 5] =
         [0, 1, 2, 3, 4].map(|column| spread(trials, |trial| reduced(&trial.misled, column)));
     let [high, low] = [reductions[0].median, reductions[3].median];
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "By how much the hybrid filter is below the EKF, in per cent",
-        [Column::text(""), Column::text("paper"), Column::text("ours")],
+        [ColumnHead::text(""), ColumnHead::text("paper"), ColumnHead::text("ours")],
     );
     for ((head, paper), ours) in published::HEADS.iter().zip(published::REDUCED).zip(&reductions) {
         table.push([(*head).to_owned(), format!("{paper}"), ours.to_text()]);
@@ -155,20 +163,21 @@ fn order(trials: &[Trial]) -> Item {
         )
 }
 
-fn perfect(trials: &[Trial]) -> Item {
-    let overall = |of: fn(&Trial) -> &[[f64; 5]; 2], filter: usize| spread(trials, |t| of(t)[filter][4]);
+fn perfect(trials: &[ErrorsTrial]) -> Item {
+    let overall =
+        |of: fn(&ErrorsTrial) -> &[[f64; 5]; 2], filter: usize| spread(trials, |t| of(t)[filter][4]);
     let printed = [0, 1].map(|filter| overall(|t| &t.perfect, filter));
     let full = [0, 1].map(|filter| overall(|t| &t.full, filter));
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "Errors with a model that is right",
         [
-            Column::text("filter"),
-            Column::number("without thresholds", "mrad"),
-            Column::number("with thresholds", "mrad"),
+            ColumnHead::text("filter"),
+            ColumnHead::number("without thresholds", "mrad"),
+            ColumnHead::number("with thresholds", "mrad"),
         ],
     );
     for (name, pair) in [("as printed", printed), ("with the true derivative", full)] {
-        let cell = |spread: Spread| {
+        let cell = |spread: SeedSpread| {
             let [median, low, high] = [spread.median, spread.low, spread.high].map(|v| significant(1e3 * v));
             format!("{median} ({low} … {high})")
         };

@@ -4,9 +4,11 @@
 
 mod bench;
 mod decay_fit;
+#[cfg(test)]
+mod detection_effects;
 mod edges;
 mod errors_table;
-mod fair;
+mod identified_comparison;
 mod lilliefors;
 mod normality;
 mod published;
@@ -15,14 +17,12 @@ mod snapshot;
 mod steady;
 mod steepness;
 mod temperature;
-#[cfg(test)]
-mod told_crossings;
 mod widths;
 
-use crate::program::{Paper, Part, Program, ReproduceError};
+use crate::program::{Paper, PaperProgram, ProgramPart, ReproduceError};
 
 /// All that is reproduced.
-pub const PROGRAM: Program = Program {
+pub const PROGRAM: PaperProgram = PaperProgram {
     title: "Threshold-sensing scanner",
     papers: &[
         Paper {
@@ -46,19 +46,19 @@ pub const PROGRAM: Program = Program {
         "Not among these: photographs, schematics, and D Table 4.1, which is the algorithm, and D Table 4.2, the settings.",
     ],
     parts: &[
-        Part { heads: &[&edges::HEAD], run: edges::run },
-        Part { heads: &[&decay_fit::HEAD], run: decay_fit::run },
-        Part { heads: &[&rates::HEAD], run: rates::run },
-        Part { heads: &[&steepness::VARIANCE, &steepness::CURVES], run: steepness::run },
-        Part { heads: &[&normality::ONE, &normality::ALL], run: normality::run },
-        Part { heads: &[&snapshot::HEAD], run: snapshot::run },
-        Part { heads: &[&widths::VARIANCE, &widths::ERRORS, &widths::LENGTH], run: widths::run },
-        Part {
+        ProgramPart { heads: &[&edges::HEAD], run: edges::run },
+        ProgramPart { heads: &[&decay_fit::HEAD], run: decay_fit::run },
+        ProgramPart { heads: &[&rates::HEAD], run: rates::run },
+        ProgramPart { heads: &[&steepness::VARIANCE, &steepness::CURVES], run: steepness::run },
+        ProgramPart { heads: &[&normality::ONE, &normality::ALL], run: normality::run },
+        ProgramPart { heads: &[&snapshot::HEAD], run: snapshot::run },
+        ProgramPart { heads: &[&widths::VARIANCE, &widths::ERRORS, &widths::LENGTH], run: widths::run },
+        ProgramPart {
             heads: &[&errors_table::ERRORS, &errors_table::ORDER, &errors_table::PERFECT],
             run: errors_table::run,
         },
-        Part { heads: &[&temperature::HEAD], run: temperature::run },
-        Part { heads: &[&fair::HEAD], run: fair::run },
+        ProgramPart { heads: &[&temperature::HEAD], run: temperature::run },
+        ProgramPart { heads: &[&identified_comparison::HEAD], run: identified_comparison::run },
     ],
 };
 

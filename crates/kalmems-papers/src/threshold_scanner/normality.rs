@@ -1,35 +1,37 @@
 //! How the errors of the threshold angle are distributed.
 
-use super::bench::{Bench, Decay, estimate, moments};
+use super::bench::{ClosedFormDecay, ThresholdBench, estimate, moments};
 use super::lilliefors::Lilliefors;
 use super::published::TRIALS;
-use super::steady::{Look, angle_errors};
-use crate::config::Timing;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Work};
+use super::steady::{PassageSearch, angle_errors};
+use crate::config::CrossingTiming;
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin,
+};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_rigs::crossings::Acceptance;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// In a steady motion.
-pub static ONE: Head = Head {
+pub static ONE: ItemHead = ItemHead {
     key: "figure-4-8",
     title: "distribution of the threshold angle's error in a steady motion",
-    kind: Kind::Figure,
-    places: &[Place { paper: "D", label: "Figure 4.8", page: "section 4.6.1" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Figure,
+    places: &[PaperPlace { paper: "D", label: "Figure 4.8", page: "section 4.6.1" }],
+    origin: ValueOrigin::Computed,
 };
 
 /// In the four quarters of a decay.
-pub static ALL: Head = Head {
+pub static ALL: ItemHead = ItemHead {
     key: "figure-4-9",
     title: "distribution of the threshold angle's error at four signal-to-noise ratios",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Figure 7", page: "section VI-A" },
-        Place { paper: "D", label: "Figure 4.9", page: "section 4.6.1" },
+        PaperPlace { paper: "T", label: "Figure 7", page: "section VI-A" },
+        PaperPlace { paper: "D", label: "Figure 4.9", page: "section 4.6.1" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// The sampling rate of D Figure 4.8 in kHz.
@@ -41,12 +43,12 @@ const DEVIATIONS: f64 = 2.0;
 const HEADS: [&str; 4] = ["SNR 83", "SNR 23", "SNR 5", "SNR 1"];
 
 /// Tests both.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
-    let bench = Bench::new()?;
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
+    let bench = ThresholdBench::new()?;
     Ok(vec![steady(work, &bench)?, decays(work, &bench)?])
 }
 
-fn steady(work: &Work, bench: &Bench) -> Result<Item, ReproduceError> {
+fn steady(work: &PartWork, bench: &ThresholdBench) -> Result<Item, ReproduceError> {
     let first_seed = work.seed;
     let noise = bench.device.noise_variance.sqrt();
     let batches = match work.effort {
@@ -60,7 +62,7 @@ fn steady(work: &Work, bench: &Bench) -> Result<Item, ReproduceError> {
             return None;
         }
         let sigma = [15.0, 15.0 * RATE_KHZ / 500.0][i / batches];
-        let look = Look { interval_s: 1e-3 / RATE_KHZ, sigma, noise };
+        let look = PassageSearch { interval_s: 1e-3 / RATE_KHZ, sigma, noise };
         angle_errors(&bench.device, look, DETECTIONS, first_seed + (i % batches) as u64).ok()
     })?;
     let refused = [0, 1].map(|reading| {
@@ -111,42 +113,43 @@ fn quantiles(name: &str, errors: &[f64]) -> Panel {
         .collect();
     let ends = points.first().zip(points.last()).map_or([0.0, 0.0], |(first, last)| [first.0, last.0]);
     Panel::new(Axis::new("normal quantile", ""), Axis::new(format!("error, {name}"), "rad"))
-        .with(Series::points("detections", Role::Measured, points))
-        .with(Series::line("normal", Role::Model, ends.map(|u| (u, mean + deviation * u))))
+        .with(Series::points("detections", SeriesRole::Measured, points))
+        .with(Series::line("normal", SeriesRole::Model, ends.map(|u| (u, mean + deviation * u))))
 }
 
-fn decays(work: &Work, bench: &Bench) -> Result<Item, ReproduceError> {
+fn decays(work: &PartWork, bench: &ThresholdBench) -> Result<Item, ReproduceError> {
     let first_seed = work.seed;
     let batches = match work.effort {
         Effort::Quick => 4,
         Effort::Full => 40,
     };
     let trials = batches * TRIALS as usize;
-    let mut settings = bench.told(bench.device, &[]);
+    let mut settings = bench.settings_for(bench.device, &[]);
     if let Some(detector) = &mut settings.crossings {
         detector.acceptance = Acceptance::Deviations(DEVIATIONS);
     }
     let noise = bench.device.noise_variance.sqrt();
     let found = work.map("detections in decays", (trials, 40_000), |i, progress| {
-        let decay = Decay::of(&bench.device, Decay::phase(i));
+        let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(i));
         let seed = first_seed + i as u64;
         let (crossings, _) = estimate(&settings, &decay, &decay.recorded(noise, seed), seed, progress)?;
-        let times = crossings.iter().filter_map(|c| c.at(Timing::Sample)).map(|instant| instant.time_s);
+        let times =
+            crossings.iter().filter_map(|c| c.at(CrossingTiming::Sample)).map(|instant| instant.time_s);
         Some(decay.misses(&bench.device, times))
     })?;
     // The errors of some recordings in one quarter.
     let errors = |records: std::ops::Range<usize>, quarter: usize| -> Vec<f64> {
         found[records].iter().flatten().filter(|m| m.quarter == quarter).map(|m| m.angle).collect()
     };
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         format!("Lilliefors' test at 5 %, in {batches} experiments of {TRIALS} trials, and of all together"),
         [
-            Column::text("quarter"),
-            Column::number("mean", "mrad"),
-            Column::number("standard deviation", "mrad"),
-            Column::number("experiments refused", "%"),
-            Column::number("of all, modified distance", ""),
-            Column::text("of all"),
+            ColumnHead::text("quarter"),
+            ColumnHead::number("mean", "mrad"),
+            ColumnHead::number("standard deviation", "mrad"),
+            ColumnHead::number("experiments refused", "%"),
+            ColumnHead::number("of all, modified distance", ""),
+            ColumnHead::text("of all"),
         ],
     );
     let mut refused = [0.0; 4];

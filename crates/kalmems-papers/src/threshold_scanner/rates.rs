@@ -1,22 +1,24 @@
 //! How well a crossing is placed against the sampling rate, with three readings of what is swept.
 
-use super::bench::{Bench, moments};
+use super::bench::{ThresholdBench, moments};
 use super::published::rates as published;
-use super::steady::{Look, angle_errors};
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use super::steady::{PassageSearch, angle_errors};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 
 /// The sweep.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "figure-4-6a",
     title: "variance of the threshold angle against the sampling rate",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Figure 5(a)", page: "section V-A" },
-        Place { paper: "D", label: "Figure 4.6(a)", page: "section 4.5.1" },
+        PaperPlace { paper: "T", label: "Figure 5(a)", page: "section V-A" },
+        PaperPlace { paper: "D", label: "Figure 4.6(a)", page: "section 4.5.1" },
     ],
-    origin: Origin::Computed,
+    origin: ValueOrigin::Computed,
 };
 
 /// In kHz.
@@ -30,9 +32,9 @@ const SIGMA: f64 = 15.0;
 const READINGS: [&str; 3] =
     ["15 samples, noise per sample", "30 µs, noise per sample", "30 µs, noise per √Hz"];
 
-fn look(reading: usize, khz: f64, noise: f64) -> Look {
+fn look(reading: usize, khz: f64, noise: f64) -> PassageSearch {
     let ratio = khz / BASE_KHZ;
-    Look {
+    PassageSearch {
         interval_s: 1e-3 / khz,
         sigma: if reading == 0 { SIGMA } else { SIGMA * ratio },
         noise: if reading == 2 { noise * ratio.sqrt() } else { noise },
@@ -40,9 +42,9 @@ fn look(reading: usize, khz: f64, noise: f64) -> Look {
 }
 
 /// Sweeps the rate for each reading and each noise.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
-    let bench = Bench::new()?;
+    let bench = ThresholdBench::new()?;
     let count = match work.effort {
         Effort::Quick => 150,
         Effort::Full => 2000,
@@ -75,13 +77,13 @@ fn item<'a>(of: &dyn Fn(usize, usize) -> &'a [f64]) -> Item {
     let last = RATES_KHZ.len() - 1;
     let kept = of(0, 1);
     let best = least(kept);
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "Standard deviation of the angle at a detection, at the published noise",
         [
-            Column::number("rate", "kHz"),
-            Column::number(READINGS[0], "mrad"),
-            Column::number(READINGS[1], "mrad"),
-            Column::number(READINGS[2], "mrad"),
+            ColumnHead::number("rate", "kHz"),
+            ColumnHead::number(READINGS[0], "mrad"),
+            ColumnHead::number(READINGS[1], "mrad"),
+            ColumnHead::number(READINGS[2], "mrad"),
         ],
     );
     for (k, khz) in RATES_KHZ.iter().enumerate() {
@@ -97,10 +99,13 @@ fn item<'a>(of: &dyn Fn(usize, usize) -> &'a [f64]) -> Item {
     for (reading, words) in READINGS.iter().enumerate() {
         let x = Axis::new("sampling rate", "Hz").log();
         let mut panel = Panel::new(x, Axis::new(*words, "rad^2").log());
-        for ((label, role), factor) in
-            [("noise / 10", Role::Estimate), ("published noise", Role::Model), ("10 × noise", Role::Other)]
-                .into_iter()
-                .zip(0..)
+        for ((label, role), factor) in [
+            ("noise / 10", SeriesRole::Estimate),
+            ("published noise", SeriesRole::Model),
+            ("10 × noise", SeriesRole::Other),
+        ]
+        .into_iter()
+        .zip(0..)
         {
             let points: Vec<(f64, f64)> =
                 RATES_KHZ.iter().zip(of(reading, factor)).map(|(khz, v)| (1e3 * khz, *v)).collect();
@@ -115,7 +120,7 @@ fn item<'a>(of: &dyn Fn(usize, usize) -> &'a [f64]) -> Item {
             "best sampling rate, the Gaussian keeping its samples",
             "kHz",
             published::BEST_KHZ,
-            Spread::exact(RATES_KHZ[best]),
+            SeedSpread::exact(RATES_KHZ[best]),
             0.2,
         ))
         .check(Check::claim(

@@ -1,25 +1,27 @@
 //! One decay over time, and four passes of it closely.
 
-use super::bench::{Bench, Decay, INTERVAL_S, angles, estimate, quarter};
+use super::bench::{ClosedFormDecay, INTERVAL_S, ThresholdBench, angles, estimate, quarter};
 use super::edges::SIGMA;
 use super::errors_table::{PRINTED, PUBLISHED_LEVEL};
 use super::failed;
-use crate::config::Timing;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Work};
+use crate::config::CrossingTiming;
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin,
+};
 use kalmems_core::detect::SlopeKernel;
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 
 /// The pictures.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "figure-4-10",
     title: "one decay over time",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Figure 9", page: "section VI-B" },
-        Place { paper: "D", label: "Figure 4.10", page: "section 4.6.2" },
+        PaperPlace { paper: "T", label: "Figure 9", page: "section VI-B" },
+        PaperPlace { paper: "D", label: "Figure 4.10", page: "section 4.6.2" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// s on each side of a pass that are drawn.
@@ -27,8 +29,8 @@ const NEAR_S: f64 = 0.08e-3;
 const HEADS: [&str; 4] = ["SNR 83", "SNR 23", "SNR 5", "SNR 1"];
 
 /// One trial.
-struct Trial {
-    decay: Decay,
+struct SnapshotTrial {
+    decay: ClosedFormDecay,
     signal: Vec<f64>,
     /// EKF and hybrid.
     angles: [Vec<f64>; 2],
@@ -37,17 +39,17 @@ struct Trial {
 }
 
 /// Estimates some decays by the printed filters.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
-    let bench = Bench::new()?;
-    let settings = bench.misled(&PUBLISHED_LEVEL, &PRINTED);
+    let bench = ThresholdBench::new()?;
+    let settings = bench.mismatched_settings(&PUBLISHED_LEVEL, &PRINTED);
     let trials = match work.effort {
         Effort::Quick => 3,
         Effort::Full => 20,
     };
     let noise = bench.device.noise_variance.sqrt();
     let trials = work.map("decays over time", (trials, 80_000), |i, progress| {
-        let decay = Decay::of(&bench.device, Decay::phase(i));
+        let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(i));
         let seed = first_seed + i as u64;
         let signal = decay.recorded(noise, seed);
         let (crossings, filters) = estimate(&settings, &decay, &signal, seed, progress)?;
@@ -55,9 +57,9 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a sample of the recording
         let sample = |time_s: f64| (time_s / INTERVAL_S).round() as usize;
         let detections =
-            crossings.iter().filter_map(|c| Some(sample(c.at(Timing::Sample)?.time_s))).collect();
+            crossings.iter().filter_map(|c| Some(sample(c.at(CrossingTiming::Sample)?.time_s))).collect();
         let angles = [ekf, hybrid].map(|filter| angles(filter).to_vec());
-        Some(Trial { decay, signal, angles, detections })
+        Some(SnapshotTrial { decay, signal, angles, detections })
     })?;
     // The hybrid's errors before and after detections.
     let mut sums = [0.0; 2];
@@ -88,7 +90,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     ])
 }
 
-fn over_all(trial: &Trial) -> Result<Figure, ReproduceError> {
+fn over_all(trial: &SnapshotTrial) -> Result<Figure, ReproduceError> {
     let kernel = SlopeKernel::<f64, 60>::new(SIGMA).map_err(|e| failed(HEAD.title)(e.into()))?;
     let mut response = vec![0.0; trial.signal.len()];
     kernel.responses(&trial.signal, &mut response);
@@ -106,27 +108,27 @@ fn over_all(trial: &Trial) -> Result<Figure, ReproduceError> {
     )
     .with(
         Panel::new(time(), Axis::new("angle", "rad"))
-            .with(Series::line("motion (EXP)", Role::Reference, over(&|k| trial.decay.states[k][0]))),
+            .with(Series::line("motion (EXP)", SeriesRole::Reference, over(&|k| trial.decay.states[k][0]))),
     )
     .with(
         Panel::new(time(), Axis::new("error", "rad"))
-            .with(Series::line("EKF", Role::Model, error(0)))
-            .with(Series::line("hybrid (HYB)", Role::Estimate, error(1)))
+            .with(Series::line("EKF", SeriesRole::Model, error(0)))
+            .with(Series::line("hybrid (HYB)", SeriesRole::Estimate, error(1)))
             .sharing_x(),
     )
     .with(
         Panel::new(time(), Axis::new("signal", "V"))
-            .with(Series::line("", Role::Measured, over(&|k| trial.signal[k])))
+            .with(Series::line("", SeriesRole::Measured, over(&|k| trial.signal[k])))
             .sharing_x(),
     )
     .with(
         Panel::new(time(), Axis::new("response", "V/s"))
-            .with(Series::line("", Role::Other, over(&|k| response[k] / INTERVAL_S)))
+            .with(Series::line("", SeriesRole::Other, over(&|k| response[k] / INTERVAL_S)))
             .sharing_x(),
     ))
 }
 
-fn snapshots(trial: &Trial) -> Figure {
+fn snapshots(trial: &SnapshotTrial) -> Figure {
     let mut figure = Figure::new(
         "figure-4-10_snapshots",
         "Four passes of the threshold",
@@ -146,9 +148,13 @@ fn snapshots(trial: &Trial) -> Figure {
         };
         let panel =
             Panel::new(Axis::new("time from the detection", "s"), Axis::new(format!("angle, {head}"), "rad"))
-                .with(Series::line("motion (EXP)", Role::Reference, over(&|k| trial.decay.states[k][0])))
-                .with(Series::line("EKF", Role::Model, over(&|k| trial.angles[0][k])))
-                .with(Series::line("hybrid (HYB)", Role::Estimate, over(&|k| trial.angles[1][k])));
+                .with(Series::line(
+                    "motion (EXP)",
+                    SeriesRole::Reference,
+                    over(&|k| trial.decay.states[k][0]),
+                ))
+                .with(Series::line("EKF", SeriesRole::Model, over(&|k| trial.angles[0][k])))
+                .with(Series::line("hybrid (HYB)", SeriesRole::Estimate, over(&|k| trial.angles[1][k])));
         figure = figure.with(if i > 0 { panel.sharing_x() } else { panel });
     }
     figure

@@ -3,11 +3,11 @@
 use super::bench::AMPLITUDE;
 use crate::simulate::WhiteNoise;
 use kalmems_core::detect::{DetectError, SlopeKernel};
-use kalmems_rigs::threshold_scanner::Hardware;
+use kalmems_rigs::threshold_scanner::ThresholdHardware;
 
 /// One way to look for the passes of a steady motion.
 #[derive(Clone, Copy, Debug)]
-pub struct Look {
+pub struct PassageSearch {
     /// s between two samples.
     pub interval_s: f64,
     /// The Gaussian's standard deviation in samples.
@@ -20,7 +20,12 @@ pub struct Look {
 const WITHIN_S: f64 = 0.3e-3;
 
 /// The angles at so many detections minus that of the threshold, in rad; each detection is a sample, as in the papers.
-pub fn angle_errors(device: &Hardware, look: Look, count: usize, seed: u64) -> Result<Vec<f64>, DetectError> {
+pub fn angle_errors(
+    device: &ThresholdHardware,
+    look: PassageSearch,
+    count: usize,
+    seed: u64,
+) -> Result<Vec<f64>, DetectError> {
     // Four standard deviations of the Gaussian on each side.
     match look.sigma {
         ..=15.0 => with::<60>(device, look, count, seed),
@@ -31,8 +36,8 @@ pub fn angle_errors(device: &Hardware, look: Look, count: usize, seed: u64) -> R
 }
 
 fn with<const HALF: usize>(
-    device: &Hardware,
-    look: Look,
+    device: &ThresholdHardware,
+    look: PassageSearch,
     count: usize,
     seed: u64,
 ) -> Result<Vec<f64>, DetectError> {

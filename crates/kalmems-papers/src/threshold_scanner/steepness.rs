@@ -1,35 +1,37 @@
 //! Steeper and flatter combs.
 
-use super::bench::{AMPLITUDE, Bench, INTERVAL_S, moments};
+use super::bench::{AMPLITUDE, INTERVAL_S, ThresholdBench, moments};
 use super::published::{STEEPNESS_FACTORS, rates::NOISES};
-use super::steady::{Look, angle_errors};
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Work};
+use super::steady::{PassageSearch, angle_errors};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin,
+};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::capacitance::CombCurve;
 
 /// What steepness is worth.
-pub static VARIANCE: Head = Head {
+pub static VARIANCE: ItemHead = ItemHead {
     key: "figure-4-6b",
     title: "variance of the threshold angle against the steepness of the comb",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Figure 5(b)", page: "section V-B" },
-        Place { paper: "D", label: "Figure 4.6(b)", page: "section 4.5.2" },
+        PaperPlace { paper: "T", label: "Figure 5(b)", page: "section V-B" },
+        PaperPlace { paper: "D", label: "Figure 4.6(b)", page: "section 4.5.2" },
     ],
-    origin: Origin::Computed,
+    origin: ValueOrigin::Computed,
 };
 
 /// The curves.
-pub static CURVES: Head = Head {
+pub static CURVES: ItemHead = ItemHead {
     key: "figure-4-7",
     title: "capacitance and gain over the angle for several steepnesses",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Figure 6", page: "section V-B" },
-        Place { paper: "D", label: "Figure 4.7", page: "section 4.5.2" },
+        PaperPlace { paper: "T", label: "Figure 6", page: "section V-B" },
+        PaperPlace { paper: "D", label: "Figure 4.7", page: "section 4.5.2" },
     ],
-    origin: Origin::Computed,
+    origin: ValueOrigin::Computed,
 };
 
 const FACTORS: [f64; 7] = [STEEPNESS_FACTORS[0], 0.35, 0.6, 1.0, 1.7, 3.0, STEEPNESS_FACTORS[1]];
@@ -37,9 +39,9 @@ const FACTORS: [f64; 7] = [STEEPNESS_FACTORS[0], 0.35, 0.6, 1.0, 1.7, 3.0, STEEP
 const DRAWN: [f64; 3] = [STEEPNESS_FACTORS[0], 1.0, STEEPNESS_FACTORS[1]];
 
 /// Sweeps N_θ.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
-    let bench = Bench::new()?;
+    let bench = ThresholdBench::new()?;
     let count = match work.effort {
         Effort::Quick => 400,
         Effort::Full => 4000,
@@ -53,23 +55,23 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         let mut device = bench.device;
         device.readout.comb.steepness *= FACTORS[i % FACTORS.len()];
         let noise = noise * NOISES[i / FACTORS.len()];
-        let look = Look { interval_s: INTERVAL_S, sigma: super::edges::SIGMA, noise };
+        let look = PassageSearch { interval_s: INTERVAL_S, sigma: super::edges::SIGMA, noise };
         let errors = angle_errors(&device, look, count, first_seed + i as u64).ok()?;
         Some(moments(&errors).1.powi(2))
     })?;
     Ok(vec![variance(&bench, &variances), curves(&bench)])
 }
 
-fn variance(bench: &Bench, variances: &[f64]) -> Item {
+fn variance(bench: &ThresholdBench, variances: &[f64]) -> Item {
     let of = |noise: usize| &variances[noise * FACTORS.len()..(noise + 1) * FACTORS.len()];
     let base = bench.device.readout.comb.steepest();
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "Standard deviation of the angle at a detection",
         [
-            Column::number("N_θ over the baseline", ""),
-            Column::number("noise / 10", "mrad"),
-            Column::number("published noise", "mrad"),
-            Column::number("10 × noise", "mrad"),
+            ColumnHead::number("N_θ over the baseline", ""),
+            ColumnHead::number("noise / 10", "mrad"),
+            ColumnHead::number("published noise", "mrad"),
+            ColumnHead::number("10 × noise", "mrad"),
         ],
     );
     for (k, factor) in FACTORS.iter().enumerate() {
@@ -78,7 +80,7 @@ fn variance(bench: &Bench, variances: &[f64]) -> Item {
     }
     let slope = Axis::new("largest slope of the gain", "V s/rad^2").log();
     let mut panel = Panel::new(slope, Axis::new("variance of the angle", "rad^2").log());
-    let roles = [Role::Estimate, Role::Model, Role::Other];
+    let roles = [SeriesRole::Estimate, SeriesRole::Model, SeriesRole::Other];
     for ((label, role), noise) in
         ["noise / 10", "published noise", "10 × noise"].into_iter().zip(roles).zip(0..)
     {
@@ -113,7 +115,7 @@ fn variance(bench: &Bench, variances: &[f64]) -> Item {
         )
 }
 
-fn curves(bench: &Bench) -> Item {
+fn curves(bench: &ThresholdBench) -> Item {
     let transimpedance = 10e6 * 10.0;
     let device = bench.device.readout.comb;
     let at = |factor: f64| CombCurve { steepness: device.steepness * factor, ..device };
@@ -130,12 +132,12 @@ fn curves(bench: &Bench) -> Item {
     let slope = |comb: &CombCurve<f64>| {
         (comb.sensitivity(comb.centre + step) - comb.sensitivity(comb.centre - step)) / (2.0 * step)
     };
-    let mut table = Table::new(
+    let mut table = TextTable::new(
         "The curves",
         [
-            Column::number("N_θ over the baseline", ""),
-            Column::number("slope of the gain", "V s/rad^2"),
-            Column::number("half width of the capacitance's peak", "mrad"),
+            ColumnHead::number("N_θ over the baseline", ""),
+            ColumnHead::number("slope of the gain", "V s/rad^2"),
+            ColumnHead::number("half width of the capacitance's peak", "mrad"),
         ],
     );
     for factor in FACTORS {
@@ -144,7 +146,8 @@ fn curves(bench: &Bench) -> Item {
     }
     let mut capacitance = Panel::new(Axis::new("angle", "rad"), Axis::new("C − C(θ_th)", "F"));
     let mut gain = Panel::new(Axis::new("angle", "rad"), Axis::new("gain", "V s/rad"));
-    for (factor, role) in DRAWN.into_iter().zip([Role::Estimate, Role::Model, Role::Other]) {
+    for (factor, role) in DRAWN.into_iter().zip([SeriesRole::Estimate, SeriesRole::Model, SeriesRole::Other])
+    {
         let comb = at(factor);
         let label = format!("{factor} N_θ");
         capacitance =

@@ -1,21 +1,23 @@
 //! What thresholds are for: gain, gap and resonance drift, the angle of the threshold stays.
 
-use super::bench::{Bench, Decay, errors, estimate};
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use super::bench::{ClosedFormDecay, ThresholdBench, errors, estimate};
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
-use kalmems_rigs::threshold_scanner::Hardware;
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
+use kalmems_rigs::threshold_scanner::ThresholdHardware;
 
 /// The run.
-pub static HEAD: Head = Head {
+pub static HEAD: ItemHead = ItemHead {
     key: "temperature",
     title: "accuracy while gain, gap and resonance drift and the threshold stays",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Section I", page: "" },
-        Place { paper: "D", label: "Section 4.2.1", page: "" },
+        PaperPlace { paper: "T", label: "Section I", page: "" },
+        PaperPlace { paper: "D", label: "Section 4.2.1", page: "" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// Relative change of the amplifier's gain per K. The papers have no number for this or the next two: these are within what
@@ -48,11 +50,11 @@ const FILTERS: [&str; 8] = [
 ];
 
 /// The device when it is so much warmer.
-pub fn drifted(device: &Hardware, warmer_k: f64) -> Hardware {
+pub fn drifted(device: &ThresholdHardware, warmer_k: f64) -> ThresholdHardware {
     drifted_by(device, warmer_k, GAP_PER_K)
 }
 
-fn drifted_by(device: &Hardware, warmer_k: f64, gap_per_k: f64) -> Hardware {
+fn drifted_by(device: &ThresholdHardware, warmer_k: f64, gap_per_k: f64) -> ThresholdHardware {
     let mut drifted = *device;
     let gap = 1.0 + gap_per_k * warmer_k;
     drifted.readout.comb.gain *= (1.0 + GAIN_PER_K * warmer_k) / gap;
@@ -63,14 +65,14 @@ fn drifted_by(device: &Hardware, warmer_k: f64, gap_per_k: f64) -> Hardware {
 }
 
 /// Estimates decays of the drifted device by filters that know it as it was.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
-    let bench = Bench::new()?;
+    let bench = ThresholdBench::new()?;
     let trials = match work.effort {
         Effort::Quick => 2,
         Effort::Full => 20,
     };
-    let settings = bench.told(bench.device, &FILTERS);
+    let settings = bench.settings_for(bench.device, &FILTERS);
     let order: Vec<usize> = FILTERS
         .iter()
         .filter_map(|name| settings.filters.iter().position(|filter| filter.basics.name == *name))
@@ -84,19 +86,19 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
             Some(warmer_k) => drifted(&bench.device, *warmer_k),
             None => drifted_by(&bench.device, HOTTEST_K, LOOSE_GAP_PER_K),
         };
-        let decay = Decay::of(&device, Decay::phase(trial));
+        let decay = ClosedFormDecay::of(&device, ClosedFormDecay::phase(trial));
         let seed = first_seed + trial as u64;
         let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
         let (_, filters) = estimate(&settings, &decay, &signal, seed, progress)?;
         Some(order.iter().map(|place| settled(&errors(&filters[*place], &decay))).collect::<Vec<f64>>())
     })?;
     let of = |run: usize, filter: usize| {
-        Spread::of(all[run * trials..(run + 1) * trials].iter().map(|errors| errors[filter]))
+        SeedSpread::of(all[run * trials..(run + 1) * trials].iter().map(|errors| errors[filter]))
     };
-    let heads = WARMER_K.map(|k| Column::number(format!("+{k} K"), "mrad"));
-    let mut table = Table::new(
+    let heads = WARMER_K.map(|k| ColumnHead::number(format!("+{k} K"), "mrad"));
+    let mut table = TextTable::new(
         format!("Root mean square error of the angle from 20 ms on, median of {trials} decays"),
-        std::iter::once(Column::text("filter")).chain(heads).chain([Column::number(LOOSE, "mrad")]),
+        std::iter::once(ColumnHead::text("filter")).chain(heads).chain([ColumnHead::number(LOOSE, "mrad")]),
     );
     for (filter, name) in FILTERS.iter().enumerate() {
         let cells = (0..runs).map(|warmer| significant(1e3 * of(warmer, filter).median));
@@ -148,7 +150,7 @@ fn settled(errors: &[f64; 5]) -> f64 {
 fn figure(of: &dyn Fn(usize, usize) -> f64) -> Figure {
     let panel = |filters: &[usize], words: &str| {
         let axis = Axis::new(format!("error, {words}"), "rad").log();
-        let roles = [Role::Reference, Role::Model, Role::Estimate, Role::Other];
+        let roles = [SeriesRole::Reference, SeriesRole::Model, SeriesRole::Estimate, SeriesRole::Other];
         let lines = filters.iter().zip(roles).map(|(filter, role)| {
             let points: Vec<(f64, f64)> =
                 WARMER_K.iter().zip(0..).map(|(k, w)| (*k, of(w, *filter))).collect();

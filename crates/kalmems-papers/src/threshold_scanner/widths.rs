@@ -1,76 +1,79 @@
 //! Wider and narrower filters before the detection.
 
-use super::bench::{Bench, Decay, INTERVAL_S, errors, estimate, moments};
+use super::bench::{ClosedFormDecay, INTERVAL_S, ThresholdBench, errors, estimate, moments};
 use super::edges::SIGMA;
 use super::errors_table::PUBLISHED_LEVEL;
 use super::published::filter;
-use crate::config::Timing;
-use crate::program::{Check, Effort, Head, Item, Kind, Origin, Place, ReproduceError, Spread, Work};
+use crate::config::CrossingTiming;
+use crate::program::{
+    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+};
 use kalmems_core::detect::{SlopeKernel, Threshold, peaks};
 use kalmems_figures::significant;
-use kalmems_figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_rigs::crossings::Acceptance;
 
 /// What the Gaussian's width does to the detections.
-pub static VARIANCE: Head = Head {
+pub static VARIANCE: ItemHead = ItemHead {
     key: "figure-4-11",
     title: "variance of the threshold angle against the Gaussian's width",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Figure 8", page: "section VI-A" },
-        Place { paper: "D", label: "Figure 4.11", page: "section 4.6.1" },
+        PaperPlace { paper: "T", label: "Figure 8", page: "section VI-A" },
+        PaperPlace { paper: "D", label: "Figure 4.11", page: "section 4.6.1" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// What it does to the estimate.
-pub static ERRORS: Head = Head {
+pub static ERRORS: ItemHead = ItemHead {
     key: "figure-4-12",
     title: "normalised error of the hybrid filter against the Gaussian's width",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "T", label: "Figure 10", page: "section VI-B" },
-        Place { paper: "D", label: "Figure 4.12", page: "section 4.6.2" },
+        PaperPlace { paper: "T", label: "Figure 10", page: "section VI-B" },
+        PaperPlace { paper: "D", label: "Figure 4.12", page: "section 4.6.2" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// What the length of the filter does.
-pub static LENGTH: Head = Head {
+pub static LENGTH: ItemHead = ItemHead {
     key: "width",
     title: "length of the filter, the Gaussian's width being the same",
-    kind: Kind::Table,
+    kind: ItemKind::Table,
     places: &[
-        Place { paper: "T", label: "Section VI-A", page: "w_DOG" },
-        Place { paper: "D", label: "Section 4.6.1", page: "w_DOG" },
+        PaperPlace { paper: "T", label: "Section VI-A", page: "w_DOG" },
+        PaperPlace { paper: "D", label: "Section 4.6.1", page: "w_DOG" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 const SIGMAS: [f64; 9] = [filter::SIGMA[0], 3.0, 5.0, 7.5, 10.0, 15.0, 22.0, 32.0, filter::SIGMA[1]];
 const HEADS: [&str; 4] = ["SNR 83", "SNR 23", "SNR 5", "SNR 1"];
-const ROLES: [Role; 4] = [Role::Reference, Role::Estimate, Role::Model, Role::Other];
+const ROLES: [SeriesRole; 4] =
+    [SeriesRole::Reference, SeriesRole::Estimate, SeriesRole::Model, SeriesRole::Other];
 /// The smallest response that counts, in standard deviations of that to noise.
 const DEVIATIONS: f64 = 2.0;
 /// Samples on each side over which one maximum is kept.
 const REACH: usize = 150;
 
 /// What one recording gave with one width: the errors of detections in rad, and those of the filter.
-struct Trial {
+struct WidthTrial {
     misses: [Vec<f64>; 4],
     normalised: [f64; 4],
 }
 
 /// Sweeps both.
-pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
-    let bench = Bench::new()?;
+    let bench = ThresholdBench::new()?;
     let trials = match work.effort {
         Effort::Quick => 4,
         Effort::Full => 30,
     };
     let noise = bench.device.noise_variance.sqrt();
-    let base = bench.misled(&PUBLISHED_LEVEL, &["hybrid as printed"]);
+    let base = bench.mismatched_settings(&PUBLISHED_LEVEL, &["hybrid as printed"]);
     let points = (SIGMAS.len() * trials, 50_000);
     let all = work.map("sweep of the Gaussian's width", points, |i, progress| {
         let (sigma, trial) = (SIGMAS[i / trials], i % trials);
@@ -79,10 +82,11 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
             detector.width_s = sigma * INTERVAL_S;
             detector.acceptance = Acceptance::Deviations(DEVIATIONS);
         }
-        let decay = Decay::of(&bench.device, Decay::phase(trial));
+        let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(trial));
         let seed = first_seed + trial as u64;
         let (crossings, filters) = estimate(&settings, &decay, &decay.recorded(noise, seed), seed, progress)?;
-        let times = crossings.iter().filter_map(|c| c.at(Timing::Sample)).map(|instant| instant.time_s);
+        let times =
+            crossings.iter().filter_map(|c| c.at(CrossingTiming::Sample)).map(|instant| instant.time_s);
         let misses = decay.misses(&bench.device, times);
         let errors = errors(filters.first()?, &decay);
         let quarter = decay.states.len() / 4;
@@ -91,7 +95,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
             let squares = decay.states[i * quarter..(i + 1) * quarter].iter().map(|x| x[0] * x[0]);
             (2.0 * squares.sum::<f64>() / quarter as f64).sqrt()
         };
-        Some(Trial {
+        Some(WidthTrial {
             misses: [0, 1, 2, 3].map(|q| misses.iter().filter(|m| m.quarter == q).map(|m| m.angle).collect()),
             normalised: [0, 1, 2, 3].map(|q| errors[q] / amplitude(q)),
         })
@@ -102,7 +106,7 @@ pub fn run(work: &Work) -> Result<Vec<Item>, ReproduceError> {
         moments(&errors).1.powi(2)
     };
     let normalised = |sigma: usize, quarter: usize| {
-        Spread::of(of(sigma).iter().map(|trial| trial.normalised[quarter])).median
+        SeedSpread::of(of(sigma).iter().map(|trial| trial.normalised[quarter])).median
     };
     let variances =
         SIGMAS.iter().enumerate().map(|(s, _)| [0, 1, 2, 3].map(|q| variance(s, q))).collect::<Vec<_>>();
@@ -120,9 +124,10 @@ fn over_sigma(values: &[[f64; 4]], axis: Axis) -> Panel {
     panel
 }
 
-fn table_of(caption: &str, values: &[[f64; 4]], unit: &str, cell: impl Fn(f64) -> String) -> Table {
-    let heads = HEADS.map(|head| Column::number(head, unit));
-    let mut table = Table::new(caption, std::iter::once(Column::number("σ_DOG", "samples")).chain(heads));
+fn table_of(caption: &str, values: &[[f64; 4]], unit: &str, cell: impl Fn(f64) -> String) -> TextTable {
+    let heads = HEADS.map(|head| ColumnHead::number(head, unit));
+    let mut table =
+        TextTable::new(caption, std::iter::once(ColumnHead::number("σ_DOG", "samples")).chain(heads));
     for (sigma, row) in SIGMAS.iter().zip(values) {
         table.push(std::iter::once(format!("{sigma}")).chain(row.iter().map(|v| cell(*v))));
     }
@@ -190,7 +195,7 @@ fn errors_item(errors: &[[f64; 4]]) -> Item {
 /// Half the lengths that are tried: w_DOG from 80 to 400 samples.
 const HALVES: [usize; 4] = [40, 60, 100, 200];
 
-fn length(work: &Work, bench: &Bench) -> Result<Item, ReproduceError> {
+fn length(work: &PartWork, bench: &ThresholdBench) -> Result<Item, ReproduceError> {
     let first_seed = work.seed;
     let trials = match work.effort {
         Effort::Quick => 10,
@@ -198,7 +203,7 @@ fn length(work: &Work, bench: &Bench) -> Result<Item, ReproduceError> {
     };
     let noise = bench.device.noise_variance.sqrt();
     let found = work.map("sweep of the filter's length", (trials, 40_000), |i, _| {
-        let decay = Decay::of(&bench.device, Decay::phase(i));
+        let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(i));
         let signal = decay.recorded(noise, first_seed + i as u64);
         let times = [
             times::<40>(&signal, noise)?,
@@ -215,10 +220,10 @@ fn length(work: &Work, bench: &Bench) -> Result<Item, ReproduceError> {
             .collect();
         moments(&errors).1
     };
-    let heads = HEADS.map(|head| Column::number(head, "mrad"));
-    let mut table = Table::new(
+    let heads = HEADS.map(|head| ColumnHead::number(head, "mrad"));
+    let mut table = TextTable::new(
         "Standard deviation of the threshold angle, with a Gaussian of 15 samples",
-        std::iter::once(Column::number("w_DOG", "samples")).chain(heads),
+        std::iter::once(ColumnHead::number("w_DOG", "samples")).chain(heads),
     );
     for (i, half) in HALVES.iter().enumerate() {
         let cells = [0, 1, 2, 3].map(|quarter| significant(1e3 * deviation(i, quarter)));

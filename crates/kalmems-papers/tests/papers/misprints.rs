@@ -1,13 +1,13 @@
 //! The misprints of the shared-electrode scanner's paper, each by itself: what the printed filters do, and how the printed lines
 //! of the circuit compare with the right ones.
 
-use kalmems::circuit::{Circuit, Detector, Excitation, HighPass, Motion};
+use kalmems::circuit::{AmplitudeDetector, Circuit, Excitation, HighPass, SineMotion};
 use kalmems::estimate::driven::DrivenSegment;
-use kalmems::estimate::{EstimateError, FilterPast, Part, Past, SignalSegment, Trajectory};
+use kalmems::estimate::{EstimateError, FilterPast, Past, SegmentPart, SignalSegment, Trajectory};
 use kalmems::progress::{Interruption, Silent};
 use kalmems::results::{EstimatorMetrics, Metrics, Verdict};
 use kalmems::rigs::published;
-use kalmems::rigs::shared_scanner::{Settings, estimate_segment_with};
+use kalmems::rigs::shared_scanner::{ScannerSettings, estimate_segment_with};
 use kalmems::units::kind;
 use kalmems::workflow::{self, Outcome};
 use kalmems_core::{Covariance, Filter, SigmaPoints, Ukf};
@@ -34,9 +34,9 @@ fn with_own<F: Filter<f64, 2> + Clone + Send + 'static>(
     outcome: &Outcome,
     own: impl FnOnce([f64; 2], Covariance<f64, 2>, SigmaPoints<f64>) -> F,
 ) -> Result<Vec<Trajectory>, EstimateError> {
-    let settings = Settings::of(&outcome.experiment)?;
+    let settings = ScannerSettings::of(&outcome.experiment)?;
     let recording = &outcome.recordings[0].recording;
-    let (part, mut past) = (Part::whole(recording, &recording.segments()[0]), Past::default());
+    let (part, mut past) = (SegmentPart::whole(recording, &recording.segments()[0]), Past::default());
     let samples = SignalSegment::of(&part, ("cap_V", &kind::VOLTAGE), settings.skip_s, &mut past)?;
     let data = DrivenSegment::of(&samples, "drive_V", &mut past)?;
     let (filter, past) = (&settings.filters[0], &mut FilterPast::default());
@@ -121,7 +121,7 @@ fn circuit(order: usize) -> Circuit {
         transimpedance: Transimpedance { feedback_resistance: 17.86e3, parasitic_capacitance: 5e-12 },
         amplifier_bandwidth_hz: None,
         high_pass: HighPass::new(order, 482e3).unwrap(),
-        detector: Detector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
+        detector: AmplitudeDetector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
         low_pass_hz: [40.8e3, 41.1e3],
         noise_density: 0.0,
     }
@@ -136,8 +136,8 @@ const EXCITATION: Excitation = Excitation {
     carrier_hz: 1308.0 * 0.5 * 31_350.0 / 41.0,
 };
 
-fn motion(degrees: f64) -> Motion {
-    Motion { amplitude_rad: degrees.to_radians(), phase_rad: 0.7 }
+fn motion(degrees: f64) -> SineMotion {
+    SineMotion { amplitude_rad: degrees.to_radians(), phase_rad: 0.7 }
 }
 
 fn assert_close(ours: f64, expected: f64, relative: f64, what: &str) {

@@ -5,52 +5,53 @@ mod accelerometer;
 mod micro_stage;
 mod threshold_scanner;
 
-use kalmems::figures::{Axis, Column, Figure, Panel, Role, Series, Table};
+use kalmems::figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems::progress::{Progress, Silent};
 use kalmems::results::{self, Output, RunInfo};
 use kalmems_papers::program::{
-    Check, Effort, Head, Item, Kind, Origin, Paper, Part, Place, Program, ReproduceError, Reproduction,
-    Settings, Spread, Verdict, Work, reproduce, write_reproduction,
+    Check, Effort, Item, ItemHead, ItemKind, ItemVerdict, Paper, PaperPlace, PaperProgram, PartWork,
+    ProgramPart, ReproduceError, Reproduction, ReproductionSettings, SeedSpread, ValueOrigin, reproduce,
+    write_reproduction,
 };
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-static TABLE: Head = Head {
+static TABLE: ItemHead = ItemHead {
     key: "sums",
     title: "sums of squares",
-    kind: Kind::Table,
-    places: &[Place { paper: "M", label: "Table I", page: "page 3" }],
-    origin: Origin::Computed,
+    kind: ItemKind::Table,
+    places: &[PaperPlace { paper: "M", label: "Table I", page: "page 3" }],
+    origin: ValueOrigin::Computed,
 };
 
-static FIGURE: Head = Head {
+static FIGURE: ItemHead = ItemHead {
     key: "squares",
     title: "squares",
-    kind: Kind::Figure,
+    kind: ItemKind::Figure,
     places: &[
-        Place { paper: "M", label: "Figure 1", page: "" },
-        Place { paper: "M", label: "Figure 2", page: "page 4" },
+        PaperPlace { paper: "M", label: "Figure 1", page: "" },
+        PaperPlace { paper: "M", label: "Figure 2", page: "page 4" },
     ],
-    origin: Origin::Measured,
+    origin: ValueOrigin::Measured,
 };
 
 /// A paper that prints 0² + … + 9² once right and once wrong.
-static MADE_UP: Program = Program {
+static MADE_UP: PaperProgram = PaperProgram {
     title: "Squares",
     papers: &[Paper { key: "M", citation: "nobody, never" }],
     premises: &["Everything is made up."],
-    parts: &[Part { heads: &[&TABLE, &FIGURE], run: squares }],
+    parts: &[ProgramPart { heads: &[&TABLE, &FIGURE], run: squares }],
 };
 
-fn squares(work: &Work) -> Result<Vec<Item>, ReproduceError> {
+fn squares(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let squares = work.map("squares", (10, 1), |i, _| Some((i * i) as f64))?;
-    let sum = Spread::exact(squares.iter().sum());
+    let sum = SeedSpread::exact(squares.iter().sum());
     let points = squares.iter().enumerate().map(|(i, s)| (i as f64, *s)).collect::<Vec<_>>();
     let panel =
-        Panel::new(Axis::new("x", ""), Axis::new("x²", "")).with(Series::line("", Role::Model, points));
-    let table = Table::new("more, \"quoted\"", [Column::text("a,b")]).row(["1,5"]);
+        Panel::new(Axis::new("x", ""), Axis::new("x²", "")).with(Series::line("", SeriesRole::Model, points));
+    let table = TextTable::new("more, \"quoted\"", [ColumnHead::text("a,b")]).row(["1,5"]);
     Ok(vec![
         Item::new(&TABLE).check(Check::value("sum", "m^2", 285.0, sum, 1e-9)).table(table),
         Item::new(&FIGURE)
@@ -59,8 +60,8 @@ fn squares(work: &Work) -> Result<Vec<Item>, ReproduceError> {
     ])
 }
 
-fn settings(only: Option<&str>, threads: usize) -> Settings {
-    Settings { only: only.map(str::to_owned), effort: Effort::Quick, seed: 1, threads }
+fn settings(only: Option<&str>, threads: usize) -> ReproductionSettings {
+    ReproductionSettings { only: only.map(str::to_owned), effort: Effort::Quick, seed: 1, threads }
 }
 
 fn write(reproduction: &Reproduction, target: &Path) {
@@ -198,7 +199,7 @@ fn no_two_items_share_a_name() {
 fn the_printed_tables_do_not_move_the_device() {
     let found = scanner(Some("S Table II"), 1);
     let [item] = found.items.as_slice() else { panic!() };
-    assert_eq!(item.verdict(), Verdict::DoesNotReproduce);
+    assert_eq!(item.verdict(), ItemVerdict::DoesNotReproduce);
     assert!(item.why().contains("4.53 times below the threshold"), "{}", item.why());
     let cell = |row: usize, column: usize| item.tables[0].rows[row][column].parse::<f64>().unwrap();
     for column in [1, 2] {
@@ -209,9 +210,9 @@ fn the_printed_tables_do_not_move_the_device() {
 
 #[test]
 fn the_target_of_the_journal_holds_and_that_of_the_dissertation_lacks_two_pi() {
-    assert_eq!(scanner(Some("Equation 7"), 1).items[0].verdict(), Verdict::Reproduced);
+    assert_eq!(scanner(Some("Equation 7"), 1).items[0].verdict(), ItemVerdict::Reproduced);
     let found = scanner(Some("Equation 79"), 1);
-    assert_eq!(found.items[0].verdict(), Verdict::DoesNotReproduce);
+    assert_eq!(found.items[0].verdict(), ItemVerdict::DoesNotReproduce);
     let Check::Value { paper, ours, .. } = &found.items[0].checks[0] else { panic!() };
     // 0.18 are the digits of 2π·0.0031·57.3/6.2 degrees: too small by 2π, to its two digits.
     assert!((ours.median / paper / std::f64::consts::TAU - 1.0).abs() < 0.02);
@@ -231,7 +232,7 @@ fn slow_the_estimators_reach_what_an_independent_prototype_reached() {
     });
     assert!(written[0] == written[1]);
     let [item] = runs[0].items.as_slice() else { panic!() };
-    assert_eq!(item.verdict(), Verdict::SameTrend);
+    assert_eq!(item.verdict(), ItemVerdict::SameTrend);
     let ours = |name: &str| {
         let found = item.checks.iter().find_map(|check| match check {
             Check::Value { quantity, ours, .. } if quantity == name => Some(*ours),
@@ -253,7 +254,7 @@ fn slow_the_estimators_reach_what_an_independent_prototype_reached() {
 fn slow_the_ring_down_gives_back_the_published_device() {
     for label in ["Figure 7", "Figure 5.6", "Figure 5.7"] {
         let found = scanner(Some(label), 2);
-        assert_eq!(found.items[0].verdict(), Verdict::Reproduced, "{:?}", found.items[0].checks);
+        assert_eq!(found.items[0].verdict(), ItemVerdict::Reproduced, "{:?}", found.items[0].checks);
     }
 }
 
@@ -277,7 +278,7 @@ fn values(item: &Item) -> Vec<(f64, f64)> {
 fn the_noise_of_the_piston_mirrors_front_end_does_not_reproduce() {
     let found = piston(Some("Equation 5"), 1);
     let [item] = found.items.as_slice() else { panic!() };
-    assert_eq!(item.verdict(), Verdict::DoesNotReproduce);
+    assert_eq!(item.verdict(), ItemVerdict::DoesNotReproduce);
     let ours = values(item);
     assert!((ours[0].1 / 0.393 - 1.0).abs() < 2e-3 && (ours[1].1 / 0.58 - 1.0).abs() < 0.02, "{ours:?}");
 }
@@ -293,7 +294,7 @@ fn table_i_of_the_piston_mirror_holds_in_two_entries_of_four() {
     let ours = values(item);
     assert!((ours[0].1 / 15.45 - 1.0).abs() < 2e-3 && ours[0].1 == ours[2].1, "{ours:?}");
     assert!(ours[3].1 < 2e-6, "{ours:?}");
-    assert_eq!(piston(Some("Section II-A"), 1).items[0].verdict(), Verdict::Reproduced);
+    assert_eq!(piston(Some("Section II-A"), 1).items[0].verdict(), ItemVerdict::Reproduced);
 }
 
 /// An independent prototype found 3.7 nm rms with five states and 1.6 nm smoothed; the lag is proportional to the
@@ -320,7 +321,7 @@ fn slow_the_piston_mirrors_figures() {
     assert_eq!(holds("figure-7"), [true]);
     assert_eq!(holds("figure-8"), [false, true, true]);
     assert_eq!(holds("figure-9"), [true, false]);
-    assert_eq!(of("static").verdict(), Verdict::Reproduced);
+    assert_eq!(of("static").verdict(), ItemVerdict::Reproduced);
     let (paper, lag) = values(of("figure-8"))[0];
     assert!((lag / (20.0 * 0.27 / 0.2) - 1.0).abs() < 0.15 && paper == 60.0, "{lag}");
     let folder = tempfile::tempdir().unwrap();

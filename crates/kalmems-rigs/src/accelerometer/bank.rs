@@ -1,39 +1,37 @@
 //! Several models of the instrument side by side.
 
 use super::course::unusual_interval;
-use super::data::SegmentData;
-use super::settings::Hardware;
-use super::varied::{Factors, Step, Varied};
-use crate::estimate::{Counts, Course, Filtering, Reading, TakenOver, by_signal};
+use super::data::AccelerometerSegment;
+use super::instrument::ScaledReadout;
+use super::settings::AccelerometerHardware;
+use super::varied_instrument::{Factors, VariedInstrument, VariedStep};
+use crate::estimate::{Course, Filtering, KnownStateStep, MeasurementSensor, SampleCounts, by_signal};
 use kalmems_core::adapt::Bank;
-use kalmems_core::{Covariance, Ekf, FilterError, Innovation, NotAScale, Scaled};
-use kalmems_models::readout::DifferentialReadout;
+use kalmems_core::{Covariance, Ekf, FilterError, Innovation, NotAScale};
 
 /// Three values of each of three parameters.
 const MODELS: usize = 27;
 
-type Readout = Scaled<DifferentialReadout<f64>, f64, 4>;
-
 /// The filters of all models, and how likely each is.
-pub type Models = Bank<Ekf<f64, 4>, f64, 4, MODELS>;
+pub type AccelerometerBank = Bank<Ekf<f64, 4>, f64, 4, MODELS>;
 
 /// A bank on its way through a segment. The filter that is led through it takes over what the bank says.
-pub struct BankCourse<'a> {
-    hardware: &'a Hardware,
-    data: &'a SegmentData<'a>,
+pub struct AccelerometerBankCourse<'a> {
+    hardware: &'a AccelerometerHardware,
+    data: &'a AccelerometerSegment<'a>,
     factors: Vec<Factors<f64>>,
-    bank: Box<Models>,
-    processes: Box<[Step<f64>; MODELS]>,
-    readouts: [Readout; MODELS],
+    bank: Box<AccelerometerBank>,
+    processes: Box<[VariedStep<f64>; MODELS]>,
+    readouts: [ScaledReadout<4>; MODELS],
     noise: [Covariance<f64, 1>; MODELS],
 }
 
-impl<'a> BankCourse<'a> {
+impl<'a> AccelerometerBankCourse<'a> {
     /// Each of spring, damping and mass as stated and off by its spread to both sides, in all combinations, all equally
     /// likely at first and from one start. A spread of 0 counts once.
     pub fn new(
-        hardware: &'a Hardware,
-        data: &'a SegmentData<'a>,
+        hardware: &'a AccelerometerHardware,
+        data: &'a AccelerometerSegment<'a>,
         start: Ekf<f64, 4>,
         spread: &[f64; 3],
     ) -> Result<Self, NotAScale> {
@@ -46,7 +44,7 @@ impl<'a> BankCourse<'a> {
                 Factors { spring, damping, mass, noise: 1.0, acceleration: 1.0, bandwidth: 1.0 }
             })
             .collect();
-        let varied = factors.iter().map(|factors| Varied::of(hardware, factors, data.interval_s));
+        let varied = factors.iter().map(|factors| VariedInstrument::of(hardware, factors, data.interval_s));
         let varied = varied.collect::<Result<Vec<_>, _>>()?;
         // What does not differ from another model is none of its own.
         let prior = std::array::from_fn(|model| {
@@ -66,17 +64,17 @@ impl<'a> BankCourse<'a> {
 
     /// The same from where the models were left, if they were.
     #[must_use]
-    pub fn continuing(self, models: Option<Box<Models>>) -> Self {
+    pub fn continuing(self, models: Option<Box<AccelerometerBank>>) -> Self {
         Self { bank: models.unwrap_or(self.bank), ..self }
     }
 
     /// Where the models are now.
-    pub fn into_models(self) -> Box<Models> {
+    pub fn into_models(self) -> Box<AccelerometerBank> {
         self.bank
     }
 }
 
-impl Course for BankCourse<'_> {
+impl Course for AccelerometerBankCourse<'_> {
     fn time_s(&self) -> &[f64] {
         self.data.time_s
     }
@@ -89,21 +87,22 @@ impl Course for BankCourse<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         let feedback = self.data.feedback(to - 1);
         match unusual_interval(self.data, to, counts) {
             None => self.bank.predict(&self.processes, &feedback)?,
             Some(interval) => {
                 // The scales were found to be some with the bank.
-                let over = |model: usize| Varied::of(self.hardware, &self.factors[model], interval).ok();
+                let over =
+                    |model: usize| VariedInstrument::of(self.hardware, &self.factors[model], interval).ok();
                 let other = std::array::from_fn(|model| {
                     over(model).map_or(self.processes[model], |varied| varied.process)
                 });
                 self.bank.predict(&other, &feedback)?
             }
         };
-        filter.predict(&TakenOver::from(self.bank.mixture()).step())
+        filter.predict(&KnownStateStep::from(self.bank.mixture()).step())
     }
 
     /// The innovation is that of the mixture.
@@ -111,15 +110,15 @@ impl Course for BankCourse<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        _: &mut Counts,
+        _: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         let y = self.data.signal[k];
-        let sensor = Reading::<_, 4>(&self.readouts[0]);
+        let sensor = MeasurementSensor::<_, 4>(&self.readouts[0]);
         let innovation = by_signal(filter, y, (&sensor, self.noise[0].get(0, 0)))?;
         // What is rejected of the mixture is rejected of all models.
         if innovation.as_ref().is_some_and(|innovation| innovation.taken) {
             self.bank.update(&self.readouts, &[y], &self.noise)?;
-            filter.predict(&TakenOver::from(self.bank.mixture()).step())?;
+            filter.predict(&KnownStateStep::from(self.bank.mixture()).step())?;
         }
         Ok(innovation)
     }

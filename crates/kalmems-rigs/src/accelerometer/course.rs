@@ -1,9 +1,11 @@
 //! How a filter gets from one sample of the accelerometer to the next.
 
-use super::data::{Input, SegmentData};
-use super::instrument::{Exact, Instrument, Observing};
+use super::data::{AccelerometerSegment, ModelInput};
+use super::instrument::{ExactStep, Instrument, ObserverStep};
 use super::noise_estimate::NoiseEstimate;
-use crate::estimate::{Bridge, Counts, Course, Filtering, Reading, Step, by_signal};
+use crate::estimate::{
+    Bridge, Course, Filtering, MeasurementSensor, ProcessTransition, SampleCounts, by_signal,
+};
 use kalmems_core::{ContinuousDiscrete, Dynamics, Euler, FilterError, Innovation, Scaled};
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
@@ -22,14 +24,14 @@ pub trait Prediction<D: Dynamics<f64, N>, const N: usize> {
     ) -> Option<Result<(), FilterError>>;
 }
 
-impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Exact<D, N> {
+impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for ExactStep<D, N> {
     fn predict(
         &self,
         filter: &mut dyn Filtering,
         input: D::Input,
         _: f64,
     ) -> Option<Result<(), FilterError>> {
-        Some(filter.predict(&Step::new(self, &input)))
+        Some(filter.predict(&ProcessTransition::new(self, &input)))
     }
 }
 
@@ -41,7 +43,7 @@ impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Euler<Scaled<D, f
         input: D::Input,
         _: f64,
     ) -> Option<Result<(), FilterError>> {
-        Some(filter.predict(&Step::new(self, &input)))
+        Some(filter.predict(&ProcessTransition::new(self, &input)))
     }
 }
 
@@ -54,7 +56,7 @@ pub struct Hybrid<D, const N: usize> {
 /// The longest step in fastest decays: five times shorter than what Runge and Kutta's method needs to be stable.
 const LONGEST: f64 = 0.5;
 
-impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Hybrid<D, N> {
+impl<D: Dynamics<f64, N, Input: ModelInput> + Copy, const N: usize> Hybrid<D, N> {
     /// Over this interval.
     pub fn new(instrument: &Instrument<D, N>, interval_s: f64) -> Result<Self, kalmems_core::IntervalError> {
         let longest = (LONGEST / instrument.fastest()).min(interval_s);
@@ -73,32 +75,32 @@ impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Hybrid<D, N> {
         // The interval was found to be one when the maker was.
         let mean = filter.mean().try_into().ok()?;
         let process = self.maker.over(self.interval_s, mean, |_| input).ok()?;
-        Some(filter.predict(&Step::new(&process, &())))
+        Some(filter.predict(&ProcessTransition::new(&process, &())))
     }
 }
 
-impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Observing<D, N> {
+impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for ObserverStep<D, N> {
     fn predict(
         &self,
         filter: &mut dyn Filtering,
         input: D::Input,
         sample: f64,
     ) -> Option<Result<(), FilterError>> {
-        sample.is_finite().then(|| filter.predict(&Step::new(self, &(input, [sample]))))
+        sample.is_finite().then(|| filter.predict(&ProcessTransition::new(self, &(input, [sample]))))
     }
 }
 
 /// Model and signal of one segment.
 pub struct AccelerometerCourse<'a, D, S, const N: usize> {
     instrument: &'a Instrument<D, N>,
-    data: &'a SegmentData<'a>,
+    data: &'a AccelerometerSegment<'a>,
     step: S,
     noise: Option<NoiseEstimate>,
 }
 
 impl<'a, D, S, const N: usize> AccelerometerCourse<'a, D, S, N> {
     /// A way through this segment.
-    pub fn new(instrument: &'a Instrument<D, N>, data: &'a SegmentData<'a>, step: S) -> Self {
+    pub fn new(instrument: &'a Instrument<D, N>, data: &'a AccelerometerSegment<'a>, step: S) -> Self {
         Self { instrument, data, step, noise: None }
     }
 
@@ -115,7 +117,7 @@ impl<'a, D, S, const N: usize> AccelerometerCourse<'a, D, S, N> {
 }
 
 /// The time to sample `to` where it is not the usual one, what is missing in between counted.
-pub fn unusual_interval(data: &SegmentData, to: usize, counts: &mut Counts) -> Option<f64> {
+pub fn unusual_interval(data: &AccelerometerSegment, to: usize, counts: &mut SampleCounts) -> Option<f64> {
     let interval = data.time_s[to] - data.time_s[to - 1];
     if (interval / data.interval_s - 1.0).abs() <= SAME {
         return None;
@@ -126,7 +128,7 @@ pub fn unusual_interval(data: &SegmentData, to: usize, counts: &mut Counts) -> O
 
 impl<D, S, const N: usize> Course for AccelerometerCourse<'_, D, S, N>
 where
-    D: Dynamics<f64, N, Input: Input> + Copy,
+    D: Dynamics<f64, N, Input: ModelInput> + Copy,
     S: Prediction<D, N>,
 {
     fn time_s(&self) -> &[f64] {
@@ -141,9 +143,9 @@ where
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
-        let input = Input::after(self.data, to - 1);
+        let input = ModelInput::after(self.data, to - 1);
         let unusual = unusual_interval(self.data, to, counts);
         if unusual.is_none()
             && let Some(taken) = self.step.predict(filter, input, self.data.signal[to - 1])
@@ -151,17 +153,17 @@ where
             return taken;
         }
         let interval = unusual.unwrap_or(self.data.time_s[to] - self.data.time_s[to - 1]);
-        filter.predict(&Step::new(&self.instrument.over(interval), &input))
+        filter.predict(&ProcessTransition::new(&self.instrument.over(interval), &input))
     }
 
     fn correct(
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        _: &mut Counts,
+        _: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         let variance = self.noise.as_ref().map_or(self.instrument.noise_variance, NoiseEstimate::variance);
-        let sensor = Reading::<_, N>(&self.instrument.readout);
+        let sensor = MeasurementSensor::<_, N>(&self.instrument.readout);
         let innovation = by_signal(filter, self.data.signal[k], (&sensor, variance))?;
         if let Some(noise) = &mut self.noise {
             // An outlier says nothing of the noise.

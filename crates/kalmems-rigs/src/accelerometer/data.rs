@@ -5,7 +5,7 @@ use crate::signal::GAP;
 
 /// One segment of a recording as the filters see it: the readout, the feedback and what is known of the acceleration.
 #[derive(Clone, Copy, Debug)]
-pub struct SegmentData<'a> {
+pub struct AccelerometerSegment<'a> {
     /// When, in s.
     pub time_s: &'a [f64],
     /// The readout's voltage in V.
@@ -18,7 +18,7 @@ pub struct SegmentData<'a> {
     pub interval_s: f64,
 }
 
-impl<'a> SegmentData<'a> {
+impl<'a> AccelerometerSegment<'a> {
     /// So many samples from the first on, at most, with this feedback.
     #[must_use]
     pub fn beginning(&self, samples: usize, feedback: &'a [f64]) -> Self {
@@ -58,28 +58,28 @@ impl<'a> SegmentData<'a> {
 }
 
 /// What drives a model over one interval.
-pub trait Input: Copy {
+pub trait ModelInput: Copy {
     /// Nothing.
     const NONE: Self;
 
     /// From sample `k` to the next.
-    fn after(data: &SegmentData, k: usize) -> Self;
+    fn after(data: &AccelerometerSegment, k: usize) -> Self;
 }
 
 /// The feedback alone.
-impl Input for f64 {
+impl ModelInput for f64 {
     const NONE: Self = 0.0;
 
-    fn after(data: &SegmentData, k: usize) -> Self {
+    fn after(data: &AccelerometerSegment, k: usize) -> Self {
         data.feedback(k)
     }
 }
 
 /// The acceleration, the mean of both ends, and the feedback.
-impl Input for [f64; 2] {
+impl ModelInput for [f64; 2] {
     const NONE: Self = [0.0; 2];
 
-    fn after(data: &SegmentData, k: usize) -> Self {
+    fn after(data: &AccelerometerSegment, k: usize) -> Self {
         let mean = data.acceleration.map_or(0.0, |known| known[k].midpoint(known[k + 1]));
         [mean, data.feedback(k)]
     }

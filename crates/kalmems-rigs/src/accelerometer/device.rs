@@ -14,9 +14,9 @@ use serde::{Deserialize, Serialize};
 /// A proof mass between two plates that sense it, and push it back where the loop is closed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Accelerometer {
+pub struct AccelerometerTable {
     /// The mass on its springs.
-    pub proof_mass: ProofMass,
+    pub proof_mass: ProofMassTable,
     /// The two capacitors.
     pub plates: ParallelPlates,
     /// From displacement to voltage.
@@ -28,7 +28,7 @@ pub struct Accelerometer {
     pub acceleration: AccelerationPrior,
 }
 
-impl DeviceDescription for Accelerometer {
+impl DeviceDescription for AccelerometerTable {
     const NAME: &'static str = "accelerometer";
     const SUMMARY: &'static str = "A force-rebalance accelerometer.";
 }
@@ -36,7 +36,7 @@ impl DeviceDescription for Accelerometer {
 /// A mass on a spring, moved by the molecules around it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct ProofMass {
+pub struct ProofMassTable {
     /// Its mass.
     pub mass: Quantity<Mass, Positive>,
     /// The force per displacement of its springs.

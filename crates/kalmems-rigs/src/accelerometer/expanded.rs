@@ -1,12 +1,12 @@
 //! The accelerometer as differential equations, with the acceleration as a process of stated size and bandwidth.
 
-use super::settings::Hardware;
+use super::settings::AccelerometerHardware;
 use crate::Expansion;
 use crate::config::{ConfigError, Experiment};
 
 /// The device of an experiment.
 pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = AccelerometerHardware::of(experiment)?;
     let (instrument, prior) = (hardware.sensed.device, hardware.sensed.prior);
     let mut all = Expansion::default();
     let states = [("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2"), ("jerk", "m/s^3")];

@@ -1,9 +1,9 @@
 //! Whether the feedback that was recorded is the one that moved the mass, told from the recording alone.
 
-use super::data::SegmentData;
+use super::data::AccelerometerSegment;
 use super::identification::most_likely_with;
 use super::instrument::Instrument;
-use super::settings::Hardware;
+use super::settings::AccelerometerHardware;
 use crate::estimate::EstimateError;
 use crate::spikes::without_spikes;
 use kalmems_core::FixedGain;
@@ -35,7 +35,7 @@ const ASKED: usize = 50_000;
 
 /// Refuses a recording in which something was fed back to a device that is described without a feedback: what it moved would be taken for the
 /// acceleration.
-pub fn require_none(data: &SegmentData, place: &str) -> Result<(), EstimateError> {
+pub fn require_none(data: &AccelerometerSegment, place: &str) -> Result<(), EstimateError> {
     let fed = data
         .feedback
         .and_then(|volts| volts.iter().position(|v| v.is_finite() && *v != 0.0).map(|k| (k, volts[k])));
@@ -54,8 +54,8 @@ pub fn require_none(data: &SegmentData, place: &str) -> Result<(), EstimateError
 /// will. A mass, a spring or a damping that is not as the experiment says can look like a wrong feedback: one that is more likely with the
 /// stated numbers is therefore told only where it stays so when each of both has the numbers under which it is the likeliest.
 pub fn require_right(
-    hardware: &Hardware,
-    data: &SegmentData,
+    hardware: &AccelerometerHardware,
+    data: &AccelerometerSegment,
     column: &str,
     place: &str,
 ) -> Result<(), EstimateError> {
@@ -66,7 +66,7 @@ pub fn require_right(
     };
     // Two spikes would outweigh all other samples, for one suspicion or the other.
     let signal = without_spikes(data.signal, instrument.noise_variance.sqrt());
-    let data = &SegmentData { signal: &signal, ..*data };
+    let data = &AccelerometerSegment { signal: &signal, ..*data };
     let Some((gain, suspicion)) = suspected(&instrument, data, feedback) else { return Ok(()) };
     let other = suspicion.applied(feedback);
     let asked = |feedback: &[f64]| most_likely_with(hardware, &data.beginning(ASKED, feedback));
@@ -85,7 +85,7 @@ pub fn require_right(
 /// What is far more likely than the feedback as recorded with the stated numbers, and by how much.
 fn suspected(
     instrument: &Instrument<SensedAcceleration<f64>, 4>,
-    data: &SegmentData,
+    data: &AccelerometerSegment,
     feedback: &[f64],
 ) -> Option<(f64, &'static Suspicion)> {
     let settled = FixedGain::steady_state([0.0; 4], &instrument.at_rest(data.interval_s)).ok()?;

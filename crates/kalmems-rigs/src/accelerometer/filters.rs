@@ -2,7 +2,8 @@
 
 use super::uncertainty;
 use crate::config::{
-    ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+    ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key, Method,
+    Quantity, Sign,
 };
 use crate::estimate::{FilterBasics, StateName};
 use crate::units::kind;
@@ -10,7 +11,7 @@ use std::collections::BTreeMap;
 
 /// What one `[[estimate.filter]]` says of a filter of the accelerometer.
 #[derive(Clone, Debug)]
-pub struct FilterSettings {
+pub struct AccelerometerFilterSettings {
     /// What every filter has; its name for people says where the acceleration is known.
     pub basics: FilterBasics,
     /// Whether the acceleration is an input: the states are then the displacement and the velocity alone.
@@ -47,24 +48,24 @@ const STATES: [StateName; MOST_STATES] = [
 pub const INVERTED: [StateName; 2] = [STATES[0], STATES[2]];
 
 /// The first `N` states, as tables of values name them.
-pub const fn entries<const N: usize>(sign: Sign) -> [Entry; N] {
+pub const fn entries<const N: usize>(sign: Sign) -> [ExpectedEntry; N] {
     const { assert!(N <= STATES.len(), "there are no more") };
-    let mut entries = [Entry::new("", &kind::RATIO, sign); N];
+    let mut entries = [ExpectedEntry::new("", &kind::RATIO, sign); N];
     let mut i = 0;
     while i < N {
-        entries[i] = Entry::new(STATES[i].0, STATES[i].2, sign);
+        entries[i] = ExpectedEntry::new(STATES[i].0, STATES[i].2, sign);
         i += 1;
     }
     entries
 }
 
-impl FilterSettings {
+impl AccelerometerFilterSettings {
     /// Reads and checks the filter at this place of the file.
     pub fn of(experiment: &Experiment, estimate: &Estimate, index: usize) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
         let refuse = |name: &str, why: &str| {
-            Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
+            Err(experiment.error(at.clone().child(name), ConfigFault::Value { why: why.to_owned() }))
         };
         let unused =
             [("process_noise", !filter.process_noise.is_empty()), ("demodulator", filter.demodulator)];
@@ -85,8 +86,8 @@ impl FilterSettings {
             experiment.values(key, values, entries::<4>(sign))
         };
         let start = match &filter.start {
-            Some(Start::Values(start)) => Some(values("start", start, Sign::Any)?),
-            Some(Start::FromSignal) | None => None,
+            Some(FilterStart::Values(start)) => Some(values("start", start, Sign::Any)?),
+            Some(FilterStart::FromSignal) | None => None,
         };
         // An observer does not ask how uncertain its start is.
         let start_sd = if filter.method.claims() && !filter.start_sd.is_empty() {
@@ -96,7 +97,7 @@ impl FilterSettings {
         };
         let spread = uncertainty::spread(experiment, &at, filter)?;
         // What is uncertain is not tracked.
-        let untracked = Filter { states: BTreeMap::new(), ..filter.clone() };
+        let untracked = FilterTable { states: BTreeMap::new(), ..filter.clone() };
         let mut basics = FilterBasics::of(experiment, &at, &untracked, (&[], &[]))?;
         if known {
             basics.name.push_str(", acceleration known");

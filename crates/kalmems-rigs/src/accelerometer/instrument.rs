@@ -3,8 +3,8 @@
 //! In SI a displacement of 10⁻¹⁰ m has a variance of 10⁻²⁰ m² beside one of the acceleration near 1. The scales are
 //! powers of two, so that no bit of a result changes by them.
 
-use super::data::Input;
-use super::settings::Hardware;
+use super::data::ModelInput;
+use super::settings::AccelerometerHardware;
 use crate::estimate::{HeldSamples, butterworth, kalman_bucy};
 use crate::simulate::SimulateError;
 use kalmems_core::Portable;
@@ -17,11 +17,11 @@ use kalmems_models::dynamics::{Accelerometer, SensedAcceleration, UncertainMecha
 use kalmems_models::readout::DifferentialReadout;
 
 /// The readout in scaled states.
-pub type Readout<const N: usize> = Scaled<DifferentialReadout<f64>, f64, N>;
+pub type ScaledReadout<const N: usize> = Scaled<DifferentialReadout<f64>, f64, N>;
 /// The exact step of a model.
-pub type Exact<D, const N: usize> = Exponential<Scaled<D, f64, N>, f64, N>;
+pub type ExactStep<D, const N: usize> = Exponential<Scaled<D, f64, N>, f64, N>;
 /// The exact step of a model that is an observer itself, driven by its input and the last sample.
-pub type Observing<D, const N: usize> = HeldSamples<Scaled<D, f64, N>, Readout<N>, N>;
+pub type ObserverStep<D, const N: usize> = HeldSamples<Scaled<D, f64, N>, ScaledReadout<N>, N>;
 
 /// An instrument of `N` states with its noise.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +29,7 @@ pub struct Instrument<D, const N: usize> {
     /// How it moves.
     pub dynamics: Scaled<D, f64, N>,
     /// How it is read.
-    pub readout: Readout<N>,
+    pub readout: ScaledReadout<N>,
     /// The unit of each state.
     pub scales: Scales<f64, N>,
     /// The density of its noise.
@@ -42,7 +42,7 @@ pub struct Instrument<D, const N: usize> {
 
 impl Instrument<SensedAcceleration<f64>, 4> {
     /// With the acceleration as a state.
-    pub fn sensed(hardware: &Hardware) -> Result<Self, NotAScale> {
+    pub fn sensed(hardware: &AccelerometerHardware) -> Result<Self, NotAScale> {
         let noise = hardware.sensed.noise(hardware.force_density);
         Self::new(hardware.sensed, hardware, &noise)
     }
@@ -53,7 +53,7 @@ impl Instrument<UncertainMechanics<f64>, 7> {
     ///
     /// The step is exact for the mechanics as they are stated; what a deviation does to it is held at the start of the
     /// interval, which is right for all that is slow against the fastest decay.
-    pub fn uncertain(hardware: &Hardware) -> Result<Self, NotAScale> {
+    pub fn uncertain(hardware: &AccelerometerHardware) -> Result<Self, NotAScale> {
         let stated = hardware.sensed.noise(hardware.force_density);
         let density = NoiseDensity::none().on::<1>(stated.get(1, 1)).on::<3>(stated.get(3, 3));
         Self::new(UncertainMechanics { sensed: hardware.sensed }, hardware, &density)
@@ -62,15 +62,19 @@ impl Instrument<UncertainMechanics<f64>, 7> {
 
 impl Instrument<Accelerometer<f64>, 2> {
     /// With the acceleration as an input.
-    pub fn known(hardware: &Hardware) -> Result<Self, NotAScale> {
+    pub fn known(hardware: &AccelerometerHardware) -> Result<Self, NotAScale> {
         let device = hardware.sensed.device;
         let brownian = device.mass.acceleration_density(hardware.force_density);
         Self::new(device, hardware, &NoiseDensity::none().on::<1>(brownian))
     }
 }
 
-impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> {
-    fn new(dynamics: D, hardware: &Hardware, density: &NoiseDensity<f64, N>) -> Result<Self, NotAScale> {
+impl<D: Dynamics<f64, N, Input: ModelInput> + Copy, const N: usize> Instrument<D, N> {
+    fn new(
+        dynamics: D,
+        hardware: &AccelerometerHardware,
+        density: &NoiseDensity<f64, N>,
+    ) -> Result<Self, NotAScale> {
         let scales = Scales::natural(&dynamics)?;
         let device = &hardware.sensed.device;
         Ok(Self {
@@ -84,14 +88,14 @@ impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> 
     }
 
     /// The step over an interval, exact but for what the plates' force bends.
-    pub fn over(&self, interval_s: f64) -> Exact<D, N> {
-        Exponential::new(self.dynamics, interval_s, &self.density, (&[0.0; N], &Input::NONE))
+    pub fn over(&self, interval_s: f64) -> ExactStep<D, N> {
+        Exponential::new(self.dynamics, interval_s, &self.density, (&[0.0; N], &ModelInput::NONE))
     }
 
     /// The system over an interval, linearised at rest.
     pub fn at_rest(&self, interval_s: f64) -> OperatingPoint<f64, N, 1> {
         let noise = Covariance::from_variances([self.noise_variance]);
-        OperatingPoint::of(&self.over(interval_s), (&self.readout, noise), (&[0.0; N], &Input::NONE))
+        OperatingPoint::of(&self.over(interval_s), (&self.readout, noise), (&[0.0; N], &ModelInput::NONE))
     }
 
     /// A gain that gives the error those poles of the device that are faster than this corner in rad/s, and for the rest
@@ -124,9 +128,9 @@ impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> 
     pub fn kalman_bucy(
         &self,
         interval_s: f64,
-    ) -> Result<(Observing<D, N>, OperatingPoint<f64, N, 1>), RiccatiError> {
+    ) -> Result<(ObserverStep<D, N>, OperatingPoint<f64, N, 1>), RiccatiError> {
         let noise = (&self.density, self.noise_variance);
-        kalman_bucy((self.dynamics, self.readout), noise, interval_s, Input::NONE)
+        kalman_bucy((self.dynamics, self.readout), noise, interval_s, ModelInput::NONE)
     }
 
     /// The sampling rate in Hz from which on Euler's method lets every motion of the mass at rest decay: |1 + λ·h| < 1 for both
@@ -146,7 +150,10 @@ impl<D: Dynamics<f64, N, Input: Input> + Copy, const N: usize> Instrument<D, N> 
 
 /// The standard deviation in m/s² that the Kalman filter claims of the acceleration once it has settled, with samples so many
 /// seconds apart: of all causal filters the least, for an acceleration as the device's table says.
-pub fn settled_acceleration_sd(hardware: &Hardware, interval_s: f64) -> Result<f64, SimulateError> {
+pub fn settled_acceleration_sd(
+    hardware: &AccelerometerHardware,
+    interval_s: f64,
+) -> Result<f64, SimulateError> {
     let none = |why: String| SimulateError::NoObserver { why };
     let instrument = Instrument::sensed(hardware).map_err(|why| none(why.to_string()))?;
     let settled = FixedGain::steady_state([0.0; 4], &instrument.at_rest(interval_s))

@@ -22,29 +22,32 @@ mod segment;
 mod settings;
 mod simulation;
 mod uncertainty;
-mod varied;
+mod varied_instrument;
 
-use super::{Estimator, Form, LeftOut, Rig, Template, TemplateChannel};
+use super::{Estimator, NumberForm, OmittedNumber, Rig, Template, TemplateChannel};
 use crate::Expansion;
-use crate::accelerometer::device::Accelerometer;
-use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
-use crate::estimate::{
-    Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment, rows_for_start,
+use crate::accelerometer::device::AccelerometerTable;
+use crate::config::{
+    ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole,
 };
-use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::estimate::{
+    DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
+    rows_for_start,
+};
+use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress};
-use crate::recording::{Finding, Layout};
+use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-pub use data::SegmentData;
-pub use filters::FilterSettings;
+pub use data::AccelerometerSegment;
+pub use filters::AccelerometerFilterSettings;
 use instrument::Instrument;
 pub use instrument::settled_acceleration_sd;
-pub use run::{Acceleration, Acting, Moment, Observed, Run};
+pub use run::{Acceleration, AccelerometerRun, ControllerInput, ControllerTiming, Moment};
 pub use segment::estimate as estimate_segment;
-pub use settings::{Hardware, Settings};
+pub use settings::{AccelerometerHardware, AccelerometerSettings};
 use simulation::AccelerometerSimulation;
 pub use simulation::closed_loop;
 use std::f64::consts::TAU;
@@ -71,7 +74,7 @@ impl Rig for AccelerometerRig {
     }
 
     fn device(&self) -> DeviceKind {
-        DeviceKind::of::<Accelerometer>()
+        DeviceKind::of::<AccelerometerTable>()
     }
 
     fn template(&self) -> Option<Template> {
@@ -98,47 +101,47 @@ impl Rig for AccelerometerRig {
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
-        experiment.device::<Accelerometer>().map(|_| true)
+        experiment.device::<AccelerometerTable>().map(|_| true)
     }
 
-    fn uses(&self, experiment: &Experiment) -> Uses {
-        Uses {
+    fn uses(&self, experiment: &Experiment) -> DeviceUses {
+        DeviceUses {
             no_methods: &NO_METHODS,
             acceleration: true,
             feedback: simulation::feedback(experiment).is_some(),
-            ..Uses::default()
+            ..DeviceUses::default()
         }
     }
 
-    fn left_out(&self, _: &Experiment) -> Vec<LeftOut> {
-        let squeezed_film = LeftOut {
+    fn left_out(&self, _: &Experiment) -> Vec<OmittedNumber> {
+        let squeezed_film = OmittedNumber {
             key: "proof_mass.squeezed_film",
             unit: "",
             step: 1e-3,
             is_never_negative: true,
-            form: Form::Number,
+            form: NumberForm::Number,
             filter_switch: None,
         };
         vec![squeezed_film]
     }
 
-    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &uncertainty::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        Settings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[Role::Test])?;
+        AccelerometerSettings::of(experiment)?;
+        let wanted = experiment.to_estimate(&[RecordingRole::Test])?;
         for index in &wanted {
-            Columns::of(experiment, *index)?;
+            AccelerometerColumns::of(experiment, *index)?;
         }
         Ok(wanted)
     }
 
-    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        let columns = Columns::of(experiment, index)?;
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
+        let columns = AccelerometerColumns::of(experiment, index)?;
         let all = [Some(columns.signal), columns.feedback, columns.acceleration];
-        let cycle_s = Hardware::of(experiment)?.cycle_s();
+        let cycle_s = AccelerometerHardware::of(experiment)?.cycle_s();
         experiment.layout_to_estimate(index, &all.into_iter().flatten().collect::<Vec<_>>(), cycle_s)
     }
 
@@ -164,8 +167,8 @@ impl Rig for AccelerometerRig {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        let settings = Settings::of(experiment)?;
-        let columns = Columns::of(experiment, index)?;
+        let settings = AccelerometerSettings::of(experiment)?;
+        let columns = AccelerometerColumns::of(experiment, index)?;
         Ok(Box::new(AccelerometerEstimator { settings, columns, past: Past::default(), progress }))
     }
 
@@ -189,7 +192,7 @@ impl Rig for AccelerometerRig {
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
-        _: &[Reference],
+        _: &[ReferenceMotion],
         _: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
@@ -198,8 +201,8 @@ impl Rig for AccelerometerRig {
 
 /// Estimates recordings of the instrument.
 struct AccelerometerEstimator<'a> {
-    settings: Settings,
-    columns: Columns<'a>,
+    settings: AccelerometerSettings,
+    columns: AccelerometerColumns<'a>,
     past: Past,
     progress: &'a dyn Progress,
 }
@@ -208,7 +211,7 @@ struct AccelerometerEstimator<'a> {
 const HEAD: usize = 4096;
 
 impl Estimator for AccelerometerEstimator<'_> {
-    fn around(&self, interval_s: f64) -> Around {
+    fn around(&self, interval_s: f64) -> RowsAround {
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let skipped = (self.settings.skip_s / interval_s).ceil() as usize;
@@ -216,23 +219,23 @@ impl Estimator for AccelerometerEstimator<'_> {
         let fastest = Instrument::sensed(&self.settings.hardware).map_or(0.0, |device| device.fastest());
         let for_start =
             if from_signal { rows_for_start((TAU / fastest, interval_s), filters::MOST_STATES) } else { 0 };
-        Around { head: skipped.max(HEAD).max(for_start), before: 1, after: 1, smooths }
+        RowsAround { head: skipped.max(HEAD).max(for_start), before: 1, after: 1, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
         &mut self.past
     }
 
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
         let segment = SignalSegment::of(part, (columns.signal, &kind::VOLTAGE), settings.skip_s, past)?;
-        segment.require_sound(&[columns.signal])?;
+        segment.require_usable_signals(&[columns.signal])?;
         segment.require_after_settling(segment.interval_s)?;
         let optional = |name: Option<&str>, kind| {
             let column = name.map(|name| segment.recording.column_of(name, kind)).transpose();
             column.map(|column| column.map(|column| column.of(segment.segment)))
         };
-        let data = SegmentData {
+        let data = AccelerometerSegment {
             time_s: &segment.time_s,
             signal: segment.signal,
             feedback: optional(columns.feedback, &kind::VOLTAGE)?,
@@ -257,12 +260,12 @@ impl Estimator for AccelerometerEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns.signal]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns.signal]), |_| true)
     }
 }
 
 /// The columns of a recording.
-struct Columns<'a> {
+struct AccelerometerColumns<'a> {
     signal: &'a str,
     /// Where there is a loop.
     feedback: Option<&'a str>,
@@ -273,20 +276,20 @@ struct Columns<'a> {
 /// The channels that an estimate may need.
 const MEANINGS: [&str; 3] = ["signal", "feedback", "acceleration"];
 
-impl<'a> Columns<'a> {
+impl<'a> AccelerometerColumns<'a> {
     /// Those that the filters and the device need; that of the acceleration is left alone where no filter is to know it.
     fn of(experiment: &'a Experiment, index: usize) -> Result<Self, ConfigError> {
-        let settings = Settings::of(experiment)?;
+        let settings = AccelerometerSettings::of(experiment)?;
         let channels = &experiment.recording(index)?.channels;
         let key = || Key::from("recording").index(index).child("channels");
         if let Some((name, _)) = channels.iter().find(|(name, _)| !MEANINGS.contains(name)) {
-            return Err(experiment.error(key().child(name), Fault::unknown_key(name, MEANINGS)));
+            return Err(experiment.error(key().child(name), ConfigFault::unknown_key(name, MEANINGS)));
         }
         let wanted = |name: &str, example: &str, needed: bool| match channels.column(name) {
             Some(column) => Ok(Some(column)),
             None if needed => {
                 let remedy = format!("name the column, such as `{name} = \"{example}\"`");
-                Err(experiment.error(key().child(name), Fault::MissingKey { remedy }))
+                Err(experiment.error(key().child(name), ConfigFault::MissingKey { remedy }))
             }
             None => Ok(None),
         };

@@ -1,13 +1,13 @@
 //! What can be said of an accelerometer before anything is recorded.
 
 use super::instrument::settled_acceleration_sd;
-use super::run::Acting;
-use super::settings::Hardware;
+use super::run::ControllerTiming;
+use super::settings::AccelerometerHardware;
 use super::simulation::{acting, closed_loop};
-use crate::accelerometer::device::Accelerometer;
+use crate::accelerometer::device::AccelerometerTable;
 use crate::config::{Experiment, Quantity};
 use crate::inspect::quantity;
-use crate::outlook::{AtFrequency, Outlook, Recorded, Topic};
+use crate::outlook::{AtFrequency, Outlook, OutlookTopic, Recorded};
 use crate::simulate::SimulateError;
 use kalmems_core::Portable;
 use kalmems_models::constants::STANDARD_GRAVITY;
@@ -25,23 +25,23 @@ const MILLI_G: f64 = 1e-3 * STANDARD_GRAVITY;
 
 /// Device, loop, noise and bounds.
 pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = AccelerometerHardware::of(experiment)?;
     let rate_hz = sampling_rate(experiment);
     let described = closed_loop(experiment, rate_hz.map_or(0.0, f64::recip))?;
     let mut topics = vec![device(&hardware)];
     let (closed, largest_feedback) = match acting(experiment)? {
         // One bit closes no linear loop: what is linear about it is the device, always under the same v_F².
-        Acting::OneBit(comparator) => {
+        ControllerTiming::OneBit(comparator) => {
             topics.push(of_one_bit(&described, comparator, rate_hz));
             let mut alone = without(&described);
             alone.device.carrier_mean_square += comparator.level * comparator.level;
             (alone, comparator.level)
         }
-        Acting::Continuously => {
+        ControllerTiming::Continuously => {
             topics.push(of_loop(&described, None));
             (described, described.device.bias)
         }
-        Acting::Sampled => {
+        ControllerTiming::Sampled => {
             if hardware.has_feedback {
                 topics.push(of_loop(&described, rate_hz));
             }
@@ -73,7 +73,7 @@ const PER_DECADE: i32 = 40;
 
 /// From 1 Hz to half the sampling rate, or to 1 MHz.
 fn over_frequency(
-    hardware: &Hardware,
+    hardware: &AccelerometerHardware,
     closed: &RebalanceLoop<f64>,
     rate_hz: Option<f64>,
 ) -> Vec<AtFrequency> {
@@ -108,7 +108,7 @@ fn sampling_rate(experiment: &Experiment) -> Option<f64> {
     simulated.or_else(|| Recorded::of(experiment).rate_hz)
 }
 
-fn device(hardware: &Hardware) -> Topic {
+fn device(hardware: &AccelerometerHardware) -> OutlookTopic {
     let device = &hardware.sensed.device;
     let (mass, taken) = (&device.mass, device.electrostatic_spring(0.0));
     let [slow, fast] = mass.eigenvalues(mass.spring);
@@ -120,7 +120,7 @@ fn device(hardware: &Hardware) -> Topic {
         delay: 0.0,
     };
     let sensitivity = hardware.readout.sensitivity();
-    let topic = Topic::new("Device")
+    let topic = OutlookTopic::new("Device")
         .with(
             "eigenvalues_rad_per_s",
             [slow.0, slow.1, fast.0, fast.1],
@@ -181,12 +181,12 @@ fn device(hardware: &Hardware) -> Topic {
 }
 
 /// What a loop of one bit can say.
-fn of_one_bit(closed: &RebalanceLoop<f64>, comparator: Comparator, rate_hz: Option<f64>) -> Topic {
+fn of_one_bit(closed: &RebalanceLoop<f64>, comparator: Comparator, rate_hz: Option<f64>) -> OutlookTopic {
     let mass = &closed.device.mass;
     let full_scale = closed.device.feedback_gain() * comparator.level / mass.mass;
     let [_, fast] = mass.eigenvalues(closed.device.softened_spring(comparator.level));
     let decay_s = fast.0.abs().recip();
-    let topic = Topic::new("Loop of one bit")
+    let topic = OutlookTopic::new("Loop of one bit")
         .with(
             "full_scale_gn",
             [full_scale / STANDARD_GRAVITY],
@@ -218,7 +218,7 @@ fn of_one_bit(closed: &RebalanceLoop<f64>, comparator: Comparator, rate_hz: Opti
     }
 }
 
-fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
+fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> OutlookTopic {
     let highest = rate_hz.map_or(TAU * 1e7, |rate| PI * rate);
     // Near half the sampling rate a hold is more than a delay: all of it is of the sampled loop.
     let margins = match rate_hz {
@@ -226,7 +226,7 @@ fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
         None => closed.margins(TAU * 1e-2, highest),
     };
     let largest = closed.device.feedback_gain() * closed.device.bias / closed.device.mass.mass;
-    let topic = Topic::new("Loop").with(
+    let topic = OutlookTopic::new("Loop").with(
         "feedback_gain_n_per_v",
         [closed.device.feedback_gain(), largest / STANDARD_GRAVITY],
         format!(
@@ -308,14 +308,14 @@ fn of_loop(closed: &RebalanceLoop<f64>, rate_hz: Option<f64>) -> Topic {
 
 fn noise(
     experiment: &Experiment,
-    hardware: &Hardware,
+    hardware: &AccelerometerHardware,
     closed: &RebalanceLoop<f64>,
     rate_hz: Option<f64>,
-) -> Topic {
+) -> OutlookTopic {
     let brownian = 2.0 * hardware.sensed.device.mass.acceleration_density(hardware.force_density);
     let per_volt = closed.input_referred(TAU * LOW_HZ);
     let floor = brownian.sqrt() / MICRO_G;
-    let mut topic = Topic::new("Noise at the input").with(
+    let mut topic = OutlookTopic::new("Noise at the input").with(
         "brownian_micro_g_per_root_hz",
         [floor],
         format!("The molecules: {floor:.1} µg/√Hz at every frequency."),
@@ -343,7 +343,7 @@ fn noise(
         ),
     };
     // In phase with the carrier there is twice the density; the sensing capacitors divide what C4 feeds back.
-    let (temperature, stated_hz) = match experiment.device::<Accelerometer>() {
+    let (temperature, stated_hz) = match experiment.device::<AccelerometerTable>() {
         Ok(device) => {
             (device.proof_mass.temperature.si(), device.readout.carrier_frequency.as_ref().map(Quantity::si))
         }
@@ -371,11 +371,11 @@ fn noise(
 
 /// What no filter can beat, from the noise and the stated acceleration.
 fn bounds(
-    hardware: &Hardware,
+    hardware: &AccelerometerHardware,
     closed: &RebalanceLoop<f64>,
     (rate_hz, largest_feedback): (f64, f64),
-) -> Topic {
-    let topic = Topic::new("Bounds");
+) -> OutlookTopic {
+    let topic = OutlookTopic::new("Bounds");
     let Ok(causal) = settled_acceleration_sd(hardware, 1.0 / rate_hz) else {
         return topic.with("causal_wiener_mg", [], "There is no settled filter for this device.");
     };
@@ -418,7 +418,7 @@ fn bounds(
 /// √∫ S_a·N/(S_a + N) df in m/s²: what Wiener's filter leaves that knows the future, with the spectrum S_a of the
 /// acceleration and N of all noise at the input (Wiener, Extrapolation, Interpolation, and Smoothing of Stationary Time
 /// Series, 1949).
-fn non_causal(hardware: &Hardware, closed: &RebalanceLoop<f64>, rate_hz: f64) -> f64 {
+fn non_causal(hardware: &AccelerometerHardware, closed: &RebalanceLoop<f64>, rate_hz: f64) -> f64 {
     let prior = hardware.sensed.prior;
     let brownian = 2.0 * hardware.sensed.device.mass.acceleration_density(hardware.force_density);
     let readout = 2.0 * hardware.noise_variance / rate_hz;

@@ -1,15 +1,15 @@
 //! Whether the mass lay on a plate while it was recorded.
 
-use super::data::SegmentData;
-use super::settings::Hardware;
+use super::data::AccelerometerSegment;
+use super::settings::AccelerometerHardware;
 use crate::estimate::EstimateError;
 use kalmems_models::control::STOP;
 
 /// Refuses a recording whose signal is that of a mass at its stops or beyond: what is on a plate measures nothing, and
 /// the law of the plates ends there.
 pub fn require_free(
-    hardware: &Hardware,
-    data: &SegmentData,
+    hardware: &AccelerometerHardware,
+    data: &AccelerometerSegment,
     column: &str,
     place: &str,
 ) -> Result<(), EstimateError> {

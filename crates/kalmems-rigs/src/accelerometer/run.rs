@@ -1,28 +1,28 @@
 //! A run of the accelerometer: open, in its loop, or with an observer in the loop.
 
-use super::data::Input;
-use super::instrument::{Exact, Instrument};
-use super::settings::Hardware;
+use super::data::ModelInput;
+use super::instrument::{ExactStep, Instrument};
+use super::settings::AccelerometerHardware;
 use crate::simulate::{Drive, SimulateError, WhiteNoise};
 use kalmems_core::{
     Dynamics, FilterError, FixedGain, LinearProcess, Mat, Measurement, NoiseDensity, NotAScale, Process,
     Scalar,
 };
-use kalmems_models::control::{Comparator, RebalanceLoop, SampledRebalance, Stopped};
+use kalmems_models::control::{Comparator, LoopStop, RebalanceLoop, SampledRebalance};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 /// A simulated run of the accelerometer: all that it follows from.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct AccelerometerRun {
     /// The device and its noise.
-    pub hardware: Hardware,
+    pub hardware: AccelerometerHardware,
     /// Its loop; that of a controller of zeros for an open one.
     pub closed: RebalanceLoop<f64>,
     /// When the controller acts, and how.
-    pub acting: Acting,
+    pub acting: ControllerTiming,
     /// What the controller acts on.
-    pub observer: Observed,
+    pub observer: ControllerInput,
     /// What is to be measured.
     pub acceleration: Acceleration,
     /// How many samples.
@@ -43,7 +43,7 @@ pub struct Run {
 
 /// When a controller acts, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Acting {
+pub enum ControllerTiming {
     /// Once per sample.
     Sampled,
     /// At every step of the integration.
@@ -54,7 +54,7 @@ pub enum Acting {
 
 /// What a controller acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Observed {
+pub enum ControllerInput {
     /// The output.
     Output,
     /// What a settled filter makes of it that has the acceleration as a state.
@@ -101,24 +101,22 @@ const SIGNAL_NOISE: u64 = 0;
 const FORCE_NOISE: u64 = 1;
 const ACCELERATION: u64 = 2;
 
-impl Run {
+impl AccelerometerRun {
     /// Every sample to `each`, until it breaks off.
     pub fn follow(&self, each: &mut dyn FnMut(&Moment) -> ControlFlow<()>) -> Result<(), SimulateError> {
         match (self.acting, self.observer) {
-            (Acting::Continuously, _) => self.continuous(each),
-            (_, Observed::Output) => self.sampled(&mut Direct, each),
-            (_, Observed::Estimate) => {
-                self.sampled(&mut Settled::new(Instrument::sensed(&self.hardware), self.interval_s)?, each)
-            }
-            (_, Observed::Told) => {
-                self.sampled(&mut Settled::new(Instrument::known(&self.hardware), self.interval_s)?, each)
-            }
+            (ControllerTiming::Continuously, _) => self.continuous(each),
+            (_, ControllerInput::Output) => self.sampled(&mut NoLoopFilter, each),
+            (_, ControllerInput::Estimate) => self
+                .sampled(&mut SettledFilter::new(Instrument::sensed(&self.hardware), self.interval_s)?, each),
+            (_, ControllerInput::Told) => self
+                .sampled(&mut SettledFilter::new(Instrument::known(&self.hardware), self.interval_s)?, each),
         }
     }
 
     fn sampled(
         &self,
-        observer: &mut dyn InTheLoop,
+        observer: &mut dyn LoopFilter,
         each: &mut dyn FnMut(&Moment) -> ControlFlow<()>,
     ) -> Result<(), SimulateError> {
         let accelerations = self.accelerations();
@@ -173,7 +171,7 @@ impl Run {
 
     fn start(&self, interval_s: f64, steps: u32) -> SampledRebalance {
         let mut run = SampledRebalance::new(&self.closed, interval_s, steps);
-        if let Acting::OneBit(comparator) = self.acting {
+        if let ControllerTiming::OneBit(comparator) = self.acting {
             run = run.with_comparator(comparator);
         }
         match self.carrier_hz {
@@ -235,12 +233,12 @@ fn emit(each: &mut dyn FnMut(&Moment) -> ControlFlow<()>, moment: Moment) -> Res
     if each(&moment).is_break() { Err(SimulateError::Interrupted) } else { Ok(()) }
 }
 
-fn pulled_in(stopped: &Stopped) -> SimulateError {
+fn pulled_in(stopped: &LoopStop) -> SimulateError {
     SimulateError::PulledIn { why: stopped.to_string() }
 }
 
 /// What stands between the output and the controller.
-trait InTheLoop {
+trait LoopFilter {
     /// What the controller gets of an output, in V.
     fn see(&mut self, output: f64) -> f64;
 
@@ -249,9 +247,9 @@ trait InTheLoop {
 }
 
 /// Nothing.
-struct Direct;
+struct NoLoopFilter;
 
-impl InTheLoop for Direct {
+impl LoopFilter for NoLoopFilter {
     fn see(&mut self, output: f64) -> f64 {
         output
     }
@@ -260,7 +258,7 @@ impl InTheLoop for Direct {
 }
 
 /// What a model takes of what happens until the next sample.
-trait StepInput: Input {
+trait StepInput: ModelInput {
     fn of(acceleration: f64, feedback: f64) -> Self;
 }
 
@@ -279,13 +277,13 @@ impl StepInput for [f64; 2] {
 }
 
 /// A settled Kalman filter in the loop.
-struct Settled<D, const N: usize> {
+struct SettledFilter<D, const N: usize> {
     instrument: Instrument<D, N>,
-    process: Exact<D, N>,
+    process: ExactStep<D, N>,
     filter: FixedGain<f64, N, 1>,
 }
 
-impl<D: Dynamics<f64, N, Input: StepInput> + Copy, const N: usize> Settled<D, N> {
+impl<D: Dynamics<f64, N, Input: StepInput> + Copy, const N: usize> SettledFilter<D, N> {
     fn new(instrument: Result<Instrument<D, N>, NotAScale>, interval_s: f64) -> Result<Self, SimulateError> {
         let none = |why: String| SimulateError::NoObserver { why };
         let instrument = instrument.map_err(|why| none(why.to_string()))?;
@@ -295,7 +293,7 @@ impl<D: Dynamics<f64, N, Input: StepInput> + Copy, const N: usize> Settled<D, N>
     }
 }
 
-impl<D: Dynamics<f64, N, Input: StepInput> + Copy, const N: usize> InTheLoop for Settled<D, N> {
+impl<D: Dynamics<f64, N, Input: StepInput> + Copy, const N: usize> LoopFilter for SettledFilter<D, N> {
     /// An output that is no number leaves it as it was.
     fn see(&mut self, output: f64) -> f64 {
         let _: Result<_, FilterError> = self.filter.update(&self.instrument.readout, &[output]);

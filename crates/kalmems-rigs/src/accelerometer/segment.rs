@@ -1,17 +1,17 @@
 //! The estimates of one segment.
 
-use super::bank::BankCourse;
+use super::bank::AccelerometerBankCourse;
 use super::course::{AccelerometerCourse, Hybrid, Prediction};
-use super::data::{Input, SegmentData};
-use super::filters::{FilterSettings, INVERTED, states};
+use super::data::{AccelerometerSegment, ModelInput};
+use super::filters::{AccelerometerFilterSettings, INVERTED, states};
 use super::instrument::Instrument;
 use super::noise_estimate::NoiseEstimate;
-use super::settings::{Hardware, Settings};
+use super::settings::{AccelerometerHardware, AccelerometerSettings};
 use crate::config::Method;
 use crate::estimate::{
-    AnyFilter, BatchStart, ConstantGain, EstimateError, FilterPast, Known, Motion, Past, Prior, Samples,
-    StartOf, StartSearch, Started, StateFilter, StateSeries, Trajectory, follow, inversion,
-    start_from_signal,
+    AnyFilter, BatchStart, ConstantGain, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
+    SampleSelection, SignalStart, StartSearch, StartedCourse, StateFilter, StatePrior, StateSeries,
+    Trajectory, follow, inversion, start_from_signal,
 };
 use crate::progress::Progress;
 use crate::units::kind;
@@ -26,9 +26,9 @@ use std::{array, iter};
 ///
 /// `place` names the segment in messages. The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
-    settings: &Settings,
-    data: &SegmentData,
-    samples: &Samples,
+    settings: &AccelerometerSettings,
+    data: &AccelerometerSegment,
+    samples: &SampleSelection,
     past: &mut Past,
     place: &str,
     progress: &dyn Progress,
@@ -37,7 +37,7 @@ pub fn estimate(
     let start_s = past.start_s + settings.skip_s;
     for (index, filter) in settings.filters.iter().enumerate() {
         let device = &settings.hardware;
-        let task = Task { filter, device, data, samples, place, progress };
+        let task = AccelerometerFilterTask { filter, device, data, samples, place, progress };
         let past = past.filter(index);
         let scale = |_| filter.basics.no_gain(&"a scale of a state is no positive finite number");
         let mut trajectories = if filter.basics.method == Method::DirectInversion {
@@ -65,21 +65,21 @@ pub fn estimate(
 }
 
 /// How fast an acceleration of this bandwidth goes.
-pub fn motion(settings: &Settings) -> Motion {
-    Motion { frequency_hz: settings.hardware.sensed.prior.rate / TAU, is_driven: false }
+pub fn motion(settings: &AccelerometerSettings) -> MotionRate {
+    MotionRate { frequency_hz: settings.hardware.sensed.prior.rate / TAU, is_driven: false }
 }
 
 /// One filter over one segment.
-struct Task<'a> {
-    filter: &'a FilterSettings,
-    device: &'a Hardware,
-    data: &'a SegmentData<'a>,
-    samples: &'a Samples,
+struct AccelerometerFilterTask<'a> {
+    filter: &'a AccelerometerFilterSettings,
+    device: &'a AccelerometerHardware,
+    data: &'a AccelerometerSegment<'a>,
+    samples: &'a SampleSelection,
     place: &'a str,
     progress: &'a dyn Progress,
 }
 
-impl Task<'_> {
+impl AccelerometerFilterTask<'_> {
     /// Chooses the filter and its way of predicting: once per segment, so that the loops inside know their types.
     fn run<D, const N: usize>(
         &self,
@@ -87,7 +87,7 @@ impl Task<'_> {
         past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError>
     where
-        D: Dynamics<f64, N, Input: Input> + Copy,
+        D: Dynamics<f64, N, Input: ModelInput> + Copy,
         AnyFilter: From<Box<dyn StateFilter<N>>>,
     {
         let h = self.data.interval_s;
@@ -140,7 +140,7 @@ impl Task<'_> {
 
     /// Each sample by itself: the displacement that its voltage means, and the acceleration that holds the mass there against spring
     /// and plates under the feedback until then. It is that of the device as far as it changes slowly against the mass.
-    fn inversion(&self, hardware: &Hardware) -> Trajectory {
+    fn inversion(&self, hardware: &AccelerometerHardware) -> Trajectory {
         let (data, device) = (self.data, &hardware.sensed.device);
         let noise = hardware.noise_variance.sqrt();
         let rows = (data.time_s, data.signal, self.samples);
@@ -164,7 +164,7 @@ impl Task<'_> {
         is_begun: bool,
     ) -> Result<Option<BatchStart>, EstimateError>
     where
-        D: Dynamics<f64, N, Input: Input> + Copy,
+        D: Dynamics<f64, N, Input: ModelInput> + Copy,
     {
         let (filter, prior) = (self.filter, self.device.sensed.prior);
         if is_begun || !filter.from_signal {
@@ -173,10 +173,10 @@ impl Task<'_> {
         let stated = filter.start_sd.iter().zip([0.0, 0.0, prior.rms, prior.rms * prior.rate]);
         let sds = stated.map(|(stated, usual)| if *stated > 0.0 { *stated } else { usual });
         let sds = sds.chain(filter.spread).zip(instrument.scales.sizes());
-        let known = sds.map(|(sd, size)| Prior { mean: 0.0, sd: (sd > 0.0).then_some(sd / size) });
+        let known = sds.map(|(sd, size)| StatePrior { mean: 0.0, sd: (sd > 0.0).then_some(sd / size) });
         let search = StartSearch { prior: known.collect(), ..StartSearch::default() };
         let (interval_s, names) = (self.data.interval_s, states(N));
-        let of = StartOf {
+        let of = SignalStart {
             place: self.place,
             basics: &filter.basics,
             states: (names, N),
@@ -188,7 +188,11 @@ impl Task<'_> {
     }
 
     /// What is known at first, in scaled states.
-    fn start<const N: usize>(&self, scales: &Scales<f64, N>, found: Option<&BatchStart>) -> Known {
+    fn start<const N: usize>(
+        &self,
+        scales: &Scales<f64, N>,
+        found: Option<&BatchStart>,
+    ) -> MeanAndCovariance {
         if let Some(found) = found {
             return found.first.clone();
         }
@@ -198,7 +202,7 @@ impl Task<'_> {
         let start_sd = first(&self.filter.start_sd, &self.filter.spread);
         let covariance = Covariance::from_standard_deviations(start_sd);
         let mean = scales.scale_state(&first(&self.filter.start, &[0.0; 3]));
-        Known::from((mean, scales.scale_covariance(&covariance)))
+        MeanAndCovariance::from((mean, scales.scale_covariance(&covariance)))
     }
 
     /// What a filter that is made so says, in SI.
@@ -208,10 +212,10 @@ impl Task<'_> {
         prediction: S,
         past: &mut FilterPast,
         start: Option<&BatchStart>,
-        begin_filter: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
+        begin_filter: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError>
     where
-        D: Dynamics<f64, N, Input: Input> + Copy,
+        D: Dynamics<f64, N, Input: ModelInput> + Copy,
         S: Prediction<D, N>,
     {
         let begin = |memory_s: f64| {
@@ -224,7 +228,7 @@ impl Task<'_> {
         let course = AccelerometerCourse::new(instrument, self.data, prediction).with_noise(noise);
         // The model alone is corrected by nothing.
         let corrects = self.filter.basics.method != Method::Model;
-        let mut course = Started::new(course, start.filter(|_| corrects));
+        let mut course = StartedCourse::new(course, start.filter(|_| corrects));
         let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
         let mut all = follow(basics, begin_filter, way, states(N), self.progress)?;
         for trajectory in &mut all {
@@ -257,7 +261,7 @@ impl Task<'_> {
     /// Filters of several models, weighed.
     fn bank(
         &self,
-        hardware: &Hardware,
+        hardware: &AccelerometerHardware,
         instrument: &Instrument<SensedAcceleration<f64>, 4>,
         past: &mut FilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
@@ -268,7 +272,7 @@ impl Task<'_> {
         }
         let Gaussian { mean, covariance } = self.start(&instrument.scales, found.as_ref()).gaussian();
         let filter = Ekf::new(mean, covariance);
-        let mut course = BankCourse::new(hardware, self.data, filter, &self.filter.spread)
+        let mut course = AccelerometerBankCourse::new(hardware, self.data, filter, &self.filter.spread)
             .map_err(|why| self.filter.basics.no_gain(&why))?
             .continuing(past.course.take());
         let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));

@@ -1,8 +1,8 @@
 //! What the rig takes from an experiment file, in SI.
 
-use super::filters::FilterSettings;
+use super::filters::AccelerometerFilterSettings;
 use crate::accelerometer::device;
-use crate::config::{ConfigError, Experiment, Fault, Quantity};
+use crate::config::{ConfigError, ConfigFault, Experiment, Quantity};
 use kalmems_figures::significant;
 use kalmems_models::capacitance::DifferentialPlates;
 use kalmems_models::constants::VACUUM_PERMITTIVITY;
@@ -13,18 +13,18 @@ use std::f64::consts::TAU;
 
 /// What an experiment says of an accelerometer and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub struct AccelerometerSettings {
     /// The device.
-    pub hardware: Hardware,
+    pub hardware: AccelerometerHardware,
     /// How long a filter has to settle before it is scored, in s.
     pub skip_s: f64,
     /// The filters, in the order of the file.
-    pub filters: Vec<FilterSettings>,
+    pub filters: Vec<AccelerometerFilterSettings>,
 }
 
 /// The device, its noise, and what is known of the acceleration beforehand.
 #[derive(Clone, Copy, Debug)]
-pub struct Hardware {
+pub struct AccelerometerHardware {
     /// How it moves, with the acceleration as a state.
     pub sensed: SensedAcceleration<f64>,
     /// What is recorded of it.
@@ -37,10 +37,10 @@ pub struct Hardware {
     pub has_feedback: bool,
 }
 
-impl Hardware {
+impl AccelerometerHardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let device = experiment.device::<device::Accelerometer>()?;
+        let device = experiment.device::<device::AccelerometerTable>()?;
         let plates = DifferentialPlates {
             area: device.plates.area.si(),
             gap: device.plates.gap.si(),
@@ -80,7 +80,7 @@ impl Hardware {
     }
 }
 
-impl Hardware {
+impl AccelerometerHardware {
     /// How long a free swing of the mass takes in s; without a spring, what its acceleration takes to change.
     pub fn cycle_s(&self) -> f64 {
         let ProofMass { mass, spring, .. } = self.sensed.device.mass;
@@ -89,7 +89,7 @@ impl Hardware {
     }
 }
 
-impl Hardware {
+impl AccelerometerHardware {
     /// Refuses a device without a feedback whose plates pull more than its spring holds: its mass lies on a plate.
     pub fn require_rest(&self, experiment: &Experiment) -> Result<(), ConfigError> {
         let (device, left) = (&self.sensed.device, self.sensed.device.softened_spring(0.0));
@@ -102,18 +102,18 @@ impl Hardware {
             significant(device.mass.spring),
             significant(device.electrostatic_spring(0.0))
         );
-        Err(experiment.error("device.accelerometer.proof_mass.spring", Fault::Value { why }))
+        Err(experiment.error("device.accelerometer.proof_mass.spring", ConfigFault::Value { why }))
     }
 }
 
-impl Settings {
+impl AccelerometerSettings {
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = AccelerometerHardware::of(experiment)?;
         hardware.require_rest(experiment)?;
         let Some(estimate) = &experiment.estimate else {
             let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
-            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+            return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
         };
         let unused = [
             ("process_noise", !estimate.process_noise.is_empty()),
@@ -123,11 +123,11 @@ impl Settings {
         if let Some((name, _)) = unused.into_iter().find(|(_, given)| *given) {
             let why = "the accelerometer's noise is that of its temperature and of its acceleration, and its signal \
                        tells the sign; leave it out";
-            return Err(
-                experiment.error(format!("estimate.{name}").as_str(), Fault::Value { why: why.to_owned() })
-            );
+            return Err(experiment
+                .error(format!("estimate.{name}").as_str(), ConfigFault::Value { why: why.to_owned() }));
         }
-        let filters = (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, i));
+        let filters =
+            (0..estimate.filters.len()).map(|i| AccelerometerFilterSettings::of(experiment, estimate, i));
         Ok(Self { hardware, skip_s: estimate.skip.si(), filters: filters.collect::<Result<_, _>>()? })
     }
 }

@@ -2,32 +2,32 @@
 
 use super::dither;
 use super::filters::entries;
-use super::run::{Acceleration, Acting, Observed, Run};
-use super::settings::{Hardware, Settings};
-use crate::accelerometer::device::{Accelerometer, ForceFeedback};
+use super::run::{Acceleration, AccelerometerRun, ControllerInput, ControllerTiming};
+use super::settings::{AccelerometerHardware, AccelerometerSettings};
+use crate::accelerometer::device::{AccelerometerTable, ForceFeedback};
 use crate::config::{
-    AccelerationDrive, ConfigError, DriveSource, Experiment, Fault, Key, Quantity, Sign, Simulate,
+    AccelerationDrive, ConfigError, ConfigFault, DriveSource, Experiment, Key, Quantity, Sign, Simulate,
 };
-use crate::recording::Source;
-use crate::simulate::{Channel, Sample, SimulateError, Simulation};
+use crate::recording::RecordingSource;
+use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation};
 use kalmems_models::control::{Comparator, PiController, RebalanceLoop};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// The accelerometer, its loop and what it is to measure.
 pub struct AccelerometerSimulation {
-    run: Run,
+    run: AccelerometerRun,
     records_acceleration: bool,
 }
 
-const RECORDED: [Channel; 3] = [
-    Channel { meaning: "feedback", column: "feedback_V" },
-    Channel { meaning: "signal", column: "output_V" },
-    Channel { meaning: "acceleration", column: "known_acceleration_m_per_s2" },
+const RECORDED: [SimulatedColumn; 3] = [
+    SimulatedColumn { meaning: "feedback", column: "feedback_V" },
+    SimulatedColumn { meaning: "signal", column: "output_V" },
+    SimulatedColumn { meaning: "acceleration", column: "known_acceleration_m_per_s2" },
 ];
 
 /// What the file says of the device.
-fn described(experiment: &Experiment) -> Option<Arc<Accelerometer>> {
+fn described(experiment: &Experiment) -> Option<Arc<AccelerometerTable>> {
     experiment.device().ok()
 }
 
@@ -39,7 +39,7 @@ pub fn feedback(experiment: &Experiment) -> Option<ForceFeedback> {
 /// The force-rebalance loop that an experiment describes, sampled at this interval in s; with a controller of zeros where it
 /// describes none.
 pub fn closed_loop(experiment: &Experiment, interval_s: f64) -> Result<RebalanceLoop<f64>, ConfigError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = AccelerometerHardware::of(experiment)?;
     let feedback = feedback(experiment);
     let is = |flag: fn(&ForceFeedback) -> bool| feedback.as_ref().is_some_and(flag);
     // What is held is half an interval late on average.
@@ -57,11 +57,11 @@ pub fn closed_loop(experiment: &Experiment, interval_s: f64) -> Result<Rebalance
 }
 
 /// When the controller acts, and how; what cannot be together is refused.
-pub fn acting(experiment: &Experiment) -> Result<Acting, ConfigError> {
-    let Some(feedback) = feedback(experiment) else { return Ok(Acting::Sampled) };
+pub fn acting(experiment: &Experiment) -> Result<ControllerTiming, ConfigError> {
+    let Some(feedback) = feedback(experiment) else { return Ok(ControllerTiming::Sampled) };
     let refuse = |name: &str, why: &str| {
         let key = ["accelerometer", "feedback", name].into_iter().fold(Key::from("device"), Key::child);
-        Err(experiment.error(key, Fault::Value { why: why.to_owned() }))
+        Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }))
     };
     let sampled = feedback.one_sample_late || feedback.through_observer || feedback.one_bit.is_some();
     if feedback.continuous && sampled {
@@ -76,56 +76,62 @@ pub fn acting(experiment: &Experiment) -> Result<Acting, ConfigError> {
         );
     }
     Ok(match &feedback.one_bit {
-        Some(one_bit) => Acting::OneBit(Comparator {
+        Some(one_bit) => ControllerTiming::OneBit(Comparator {
             level: one_bit.level.si(),
             lead_s: one_bit.lead.as_ref().map_or(0.0, Quantity::si),
         }),
-        None if feedback.continuous => Acting::Continuously,
-        None => Acting::Sampled,
+        None if feedback.continuous => ControllerTiming::Continuously,
+        None => ControllerTiming::Sampled,
     })
 }
 
 impl AccelerometerSimulation {
     /// Reads and checks what the file says. A loop that is not stable is refused.
     pub fn of(experiment: &Experiment) -> Result<Self, SimulateError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = AccelerometerHardware::of(experiment)?;
         hardware.require_rest(experiment)?;
         let Some(simulate) = &experiment.simulate else {
             let remedy = "add the table `[simulate]` with `duration`, `sampling_rate`, `integration_rate`, `start` and \
                           `[simulate.drive.acceleration]`";
-            return Err(experiment.error("simulate", Fault::MissingKey { remedy: remedy.to_owned() }).into());
+            return Err(experiment
+                .error("simulate", ConfigFault::MissingKey { remedy: remedy.to_owned() })
+                .into());
         };
         if simulate.adc.is_some() {
             let why = "no converter is built for the accelerometer; leave it out".to_owned();
-            return Err(experiment.error("simulate.adc", Fault::Value { why }).into());
+            return Err(experiment.error("simulate.adc", ConfigFault::Value { why }).into());
         }
         let start = experiment.values("simulate.start", &simulate.start, entries::<2>(Sign::Any))?;
         if start != [0.0; 2] {
             let why =
                 "an accelerometer starts at rest: write `{ displacement = \"0 m\", velocity = \"0 m/s\" }`";
-            return Err(experiment.error("simulate.start", Fault::Value { why: why.to_owned() }).into());
+            return Err(experiment
+                .error("simulate.start", ConfigFault::Value { why: why.to_owned() })
+                .into());
         }
         let interval_s = 1.0 / simulate.sampling_rate.si();
         let closed = closed_loop(experiment, interval_s)?;
         let acting = acting(experiment)?;
         // Of what one bit does there is no linear loop; a run says whether the mass stays.
         let computed_every_s = match acting {
-            Acting::Sampled => Some(interval_s),
-            Acting::Continuously => Some(1.0 / simulate.integration_rate.si()),
-            Acting::OneBit(_) => None,
+            ControllerTiming::Sampled => Some(interval_s),
+            ControllerTiming::Continuously => Some(1.0 / simulate.integration_rate.si()),
+            ControllerTiming::OneBit(_) => None,
         };
         if let Some(every_s) = computed_every_s.filter(|every_s| !closed.is_stable(*every_s)) {
             return Err(unstable(experiment, &closed, every_s).into());
         }
-        let knows = |settings: Settings| settings.filters.iter().any(|filter| filter.known_acceleration);
-        let records_acceleration = experiment.estimate.is_some() && knows(Settings::of(experiment)?);
+        let knows =
+            |settings: AccelerometerSettings| settings.filters.iter().any(|filter| filter.known_acceleration);
+        let records_acceleration =
+            experiment.estimate.is_some() && knows(AccelerometerSettings::of(experiment)?);
         let through_observer = feedback(experiment).is_some_and(|feedback| feedback.through_observer);
         let (acceleration, full_carrier) = driven(experiment, &simulate.drive)?;
-        let run = Run {
+        let run = AccelerometerRun {
             hardware,
             closed,
             acting,
-            observer: if through_observer { Observed::Estimate } else { Observed::Output },
+            observer: if through_observer { ControllerInput::Estimate } else { ControllerInput::Output },
             acceleration,
             samples: simulate.samples(),
             interval_s,
@@ -133,11 +139,11 @@ impl AccelerometerSimulation {
             noise: simulate.noise,
             carrier_hz: if full_carrier { Some(carrier(experiment, simulate)?) } else { None },
             dither: match (&simulate.dither, acting) {
-                (Some(dither), Acting::Sampled) => Some(dither::tones(dither, simulate.seed)),
+                (Some(dither), ControllerTiming::Sampled) => Some(dither::tones(dither, simulate.seed)),
                 (Some(_), _) => {
                     let why = "a dither is added to what a sampled controller holds; leave out `continuous` and `one_bit`";
                     return Err(experiment
-                        .error("simulate.dither", Fault::Value { why: why.to_owned() })
+                        .error("simulate.dither", ConfigFault::Value { why: why.to_owned() })
                         .into());
                 }
                 (None, _) => None,
@@ -158,18 +164,18 @@ fn carrier(experiment: &Experiment, simulate: &Simulate) -> Result<f64, ConfigEr
     let described = device.as_ref().map(|device| &device.readout);
     let Some(frequency) = described.and_then(|readout| readout.carrier_frequency.as_ref()) else {
         let remedy = "a carrier in full has a frequency: write `carrier_frequency = \"1 MHz\"`".to_owned();
-        return Err(experiment.error(readout.child("carrier_frequency"), Fault::MissingKey { remedy }));
+        return Err(experiment.error(readout.child("carrier_frequency"), ConfigFault::MissingKey { remedy }));
     };
     if described.is_some_and(|readout| readout.carrier_mean_square.si() != 0.5) {
         let why = "a carrier in full is a sine, whose mean square is 0.5".to_owned();
-        return Err(experiment.error(readout.child("carrier_mean_square"), Fault::Value { why }));
+        return Err(experiment.error(readout.child("carrier_mean_square"), ConfigFault::Value { why }));
     }
     if simulate.integration_rate.si() < STEPS_PER_PERIOD * frequency.si() {
         let why = format!(
             "a carrier in full needs {STEPS_PER_PERIOD} steps to a period: write `{:.0} MHz` or more",
             1e-6 * STEPS_PER_PERIOD * frequency.si()
         );
-        return Err(experiment.error("simulate.integration_rate", Fault::Value { why }));
+        return Err(experiment.error("simulate.integration_rate", ConfigFault::Value { why }));
     }
     Ok(frequency.si())
 }
@@ -180,11 +186,11 @@ fn driven(experiment: &Experiment, drive: &DriveSource) -> Result<(Acceleration,
     let DriveSource::Acceleration(AccelerationDrive { amplitude, frequency, full_carrier }) = drive else {
         let why =
             "an accelerometer measures an acceleration; write `[simulate.drive.acceleration]`".to_owned();
-        return Err(experiment.error(key(), Fault::Value { why }));
+        return Err(experiment.error(key(), ConfigFault::Value { why }));
     };
     let missing = |name: &str, remedy: &str| {
         let remedy = format!("a sine has both: write `{name} = \"{remedy}\"`");
-        Err(experiment.error(key().child("acceleration").child(name), Fault::MissingKey { remedy }))
+        Err(experiment.error(key().child("acceleration").child(name), ConfigFault::MissingKey { remedy }))
     };
     match (amplitude.as_ref().map(Quantity::si), frequency.as_ref().map(Quantity::si)) {
         (Some(amplitude), Some(frequency_hz)) => {
@@ -212,20 +218,20 @@ fn unstable(experiment: &Experiment, closed: &RebalanceLoop<f64>, interval_s: f6
             "the loop is unstable at this sampling rate (phase margin {margin:.0}°); lower the gain, or sample faster"
         )
     };
-    experiment.error(key, Fault::Value { why })
+    experiment.error(key, ConfigFault::Value { why })
 }
 
 impl Simulation for AccelerometerSimulation {
-    fn recorded(&self) -> &[Channel] {
-        const WITHOUT: &[Channel] = &[RECORDED[0], RECORDED[1]];
+    fn recorded(&self) -> &[SimulatedColumn] {
+        const WITHOUT: &[SimulatedColumn] = &[RECORDED[0], RECORDED[1]];
         if self.records_acceleration { &RECORDED } else { WITHOUT }
     }
 
-    fn truth(&self) -> &[Channel] {
+    fn truth(&self) -> &[SimulatedColumn] {
         &[
-            Channel { meaning: "acceleration", column: "acceleration_m_per_s2" },
-            Channel { meaning: "displacement", column: "displacement_m" },
-            Channel { meaning: "velocity", column: "velocity_m_per_s" },
+            SimulatedColumn { meaning: "acceleration", column: "acceleration_m_per_s2" },
+            SimulatedColumn { meaning: "displacement", column: "displacement_m" },
+            SimulatedColumn { meaning: "velocity", column: "velocity_m_per_s" },
         ]
     }
 
@@ -233,7 +239,7 @@ impl Simulation for AccelerometerSimulation {
         self.run.samples
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &[]
     }
 
@@ -241,10 +247,10 @@ impl Simulation for AccelerometerSimulation {
         None
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         self.run.follow(&mut |moment| {
             let recorded = [moment.feedback, moment.output, moment.acceleration];
-            each(&Sample {
+            each(&SimulatedSample {
                 time_s: moment.time_s,
                 recorded: &recorded[..self.recorded().len()],
                 truth: &[moment.acceleration, moment.displacement, moment.velocity],

@@ -1,23 +1,23 @@
 //! Which parameters of the mechanics a filter takes for uncertain.
 
-use crate::config::{ConfigError, Experiment, Fault, Filter, Key, Method, Sign, TrackedState};
-use crate::estimate::Parameter;
+use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, Key, Method, Sign, TrackedState};
+use crate::estimate::DeviceParameter;
 use crate::units::kind;
 
 /// The parameters, in the order of their states.
 pub const NAMES: [&str; 3] = ["spring", "damping", "mass"];
 
 /// The same, with the keys that stand for them.
-pub static PARAMETERS: [Parameter; 3] = [
-    Parameter::factor(NAMES[0]).written(&[("proof_mass.spring", 1)]),
-    Parameter::factor(NAMES[1]).written(&[("proof_mass.damping", 1)]),
-    Parameter::factor(NAMES[2]).written(&[("proof_mass.mass", 1)]),
+pub static PARAMETERS: [DeviceParameter; 3] = [
+    DeviceParameter::factor(NAMES[0]).written(&[("proof_mass.spring", 1)]),
+    DeviceParameter::factor(NAMES[1]).written(&[("proof_mass.damping", 1)]),
+    DeviceParameter::factor(NAMES[2]).written(&[("proof_mass.mass", 1)]),
 ];
 
 /// How far each of them may be off, relative to what the device table says; 0 where the filter does not ask.
-pub fn spread(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<[f64; 3], ConfigError> {
+pub fn spread(experiment: &Experiment, at: &Key, filter: &FilterTable) -> Result<[f64; 3], ConfigError> {
     let at = at.clone().child("states");
-    let refuse = |key: Key, why: &str| Err(experiment.error(key, Fault::Value { why: why.to_owned() }));
+    let refuse = |key: Key, why: &str| Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }));
     if !matches!(filter.method, Method::ConsiderEkf | Method::Bank) {
         if filter.states.is_empty() {
             return Ok([0.0; 3]);
@@ -30,7 +30,7 @@ pub fn spread(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<[f64
         return refuse(at, "this method has the acceleration as a state; leave `known_acceleration` out");
     }
     if let Some(name) = filter.states.keys().find(|name| !NAMES.contains(&name.as_str())) {
-        return Err(experiment.error(at.child(name), Fault::unknown_key(name, NAMES)));
+        return Err(experiment.error(at.child(name), ConfigFault::unknown_key(name, NAMES)));
     }
     let mut spread = [0.0; 3];
     for (slot, name) in spread.iter_mut().zip(NAMES) {

@@ -1,22 +1,22 @@
 //! When a signal crosses a level.
 
-use super::search::{Rows, Search, Sought};
+use super::search::{CrossingSearch, SearchedSignal, SignalRows};
 use super::settings::DetectorSettings;
-use crate::config::Timing;
+use crate::config::CrossingTiming;
 use kalmems_core::detect::DetectError;
 
 /// A crossing of the level.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Crossing {
+pub struct LevelCrossing {
     /// At the sample of the steepest slope.
-    pub sample: Instant,
+    pub sample: CrossingReading,
     /// At the vertex of the parabola through that and its neighbours.
-    pub parabola: Instant,
+    pub parabola: CrossingReading,
     /// At the zero of the smoothed signal, where it has one there.
-    pub zero: Option<Instant>,
+    pub zero: Option<CrossingReading>,
     /// The mean of its time given what was recorded, with all of its variance, where there is no zero, or noise has slopes as steep as
     /// that beside it.
-    pub fallback: Option<Instant>,
+    pub fallback: Option<CrossingReading>,
     /// The sample of the steepest slope, counted from the first of the segment.
     pub index: usize,
     /// The sample at which a detector that runs with the signal knows of it, counted from the first of the segment.
@@ -25,7 +25,7 @@ pub struct Crossing {
 
 /// One reading of when a crossing was.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Instant {
+pub struct CrossingReading {
     /// When, in s.
     pub time_s: f64,
     /// The standard deviation of that, in s.
@@ -36,18 +36,18 @@ pub struct Instant {
     pub volts_per_s: f64,
 }
 
-impl Crossing {
+impl LevelCrossing {
     /// When it was; `None` where the signal passes its offset nowhere near.
-    pub fn at(&self, timing: Timing) -> Option<Instant> {
+    pub fn at(&self, timing: CrossingTiming) -> Option<CrossingReading> {
         match timing {
-            Timing::Sample => Some(self.sample),
-            Timing::Parabola => Some(self.parabola),
-            Timing::ZeroCrossing => self.zero,
+            CrossingTiming::Sample => Some(self.sample),
+            CrossingTiming::Parabola => Some(self.parabola),
+            CrossingTiming::ZeroCrossing => self.zero,
         }
     }
 
     /// When it was, as well as is known, whatever the signal is like around it.
-    pub fn best(&self) -> Instant {
+    pub fn best(&self) -> CrossingReading {
         self.fallback.or(self.zero).unwrap_or(self.parabola)
     }
 }
@@ -55,16 +55,16 @@ impl Crossing {
 /// The numbers of a crossing.
 pub const NUMBERS: usize = 18;
 
-impl Crossing {
+impl LevelCrossing {
     /// It in numbers, for another run.
     pub(super) fn numbers(&self) -> [f64; NUMBERS] {
-        let nowhere = Instant { time_s: f64::NAN, ..self.sample };
+        let nowhere = CrossingReading { time_s: f64::NAN, ..self.sample };
         let mut numbers = [self.index as f64; NUMBERS];
         numbers[1] = self.known_at as f64;
         let [zero, fallback] = [self.zero, self.fallback].map(|instant| instant.unwrap_or(nowhere));
         let instants = [self.sample, self.parabola, zero, fallback];
         for (place, instant) in numbers[2..].chunks_exact_mut(4).zip(instants) {
-            let Instant { time_s, sd_s, angle_variance, volts_per_s } = instant;
+            let CrossingReading { time_s, sd_s, angle_variance, volts_per_s } = instant;
             place.copy_from_slice(&[time_s, sd_s, angle_variance, volts_per_s]);
         }
         numbers
@@ -74,7 +74,7 @@ impl Crossing {
     pub(super) fn of_numbers(numbers: &[f64; NUMBERS]) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // counts of rows
         let [index, known_at] = [numbers[0] as usize, numbers[1] as usize];
-        let instant = |from: usize| Instant {
+        let instant = |from: usize| CrossingReading {
             time_s: numbers[from],
             sd_s: numbers[from + 1],
             angle_variance: numbers[from + 2],
@@ -87,6 +87,10 @@ impl Crossing {
 }
 
 /// The crossings of a whole signal in the order of time, with the variances of their times and of the angle then. Refused where the settings make no detector at the interval of the samples.
-pub fn find(rows: Rows, sought: Sought, settings: &DetectorSettings) -> Result<Vec<Crossing>, DetectError> {
-    Ok(Search::new(sought, settings)?.take(&rows, true))
+pub fn find(
+    rows: SignalRows,
+    sought: SearchedSignal,
+    settings: &DetectorSettings,
+) -> Result<Vec<LevelCrossing>, DetectError> {
+    Ok(CrossingSearch::new(sought, settings)?.take(&rows, true))
 }

@@ -10,8 +10,8 @@
 //!   likelihood of the samples under the model's line, for motions of all rates and both directions. Where several maxima are near
 //!   each other in height, their distance is in the variance.
 
-use super::kernel::{Kernel, Window};
-use super::line::Line;
+use super::kernel::{CrossingKernel, KernelWindow};
+use super::line::CrossingWaveform;
 use kalmems_core::Scalar;
 use kalmems_core::detect::Peak;
 
@@ -26,7 +26,7 @@ const CHANCE: f64 = 1e-5;
 
 /// A crossing in samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct CrossingPlace {
     /// Its time after the sample of the steepest slope.
     pub displacement: f64,
     /// The variance of that in samples².
@@ -37,8 +37,8 @@ pub struct Place {
 
 /// What stands in where the smoothed signal has no zero that could be told.
 pub struct Fallback {
-    line: Line,
-    window: Window,
+    line: CrossingWaveform,
+    window: KernelWindow,
     /// From one time of a crossing to the next whose likelihoods are compared, in samples.
     step: usize,
     noise_variance: f64,
@@ -47,7 +47,7 @@ pub struct Fallback {
     /// The half of the time between two crossings, in samples.
     half_pass: usize,
     /// Lines of motions at all rates and in both directions, once they are asked for.
-    lines: Option<Lines>,
+    lines: Option<ResponseLines>,
 }
 
 /// A motion that passes the threshold in one direction and the other: +1 and −1.
@@ -63,7 +63,11 @@ const CORRECTIONS: usize = 6;
 
 impl Fallback {
     /// For a kernel of this width in samples, a signal with this noise per sample in V², and this deviation of the response to it.
-    pub fn new(line: Line, (window, width): (Window, f64), (noise_variance, deviation): (f64, f64)) -> Self {
+    pub fn new(
+        line: CrossingWaveform,
+        (window, width): (KernelWindow, f64),
+        (noise_variance, deviation): (f64, f64),
+    ) -> Self {
         let pass = 1.0 / (line.passes_hz() * line.interval_s);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, and clamped
         let half_pass = (0.5 * pass).clamp(1.0, 8.0 * window.look_ahead() as f64) as usize;
@@ -73,7 +77,7 @@ impl Fallback {
     }
 
     /// Whether a response is so large that noise makes none as large between two crossings but with a chance of [`CHANCE`].
-    pub fn is_clear(&self, kernel: &dyn Kernel, height: f64) -> bool {
+    pub fn is_clear(&self, kernel: &dyn CrossingKernel, height: f64) -> bool {
         let per_sample = kernel.detections(height / self.deviation, self.window.reach);
         // Without noise the height is infinitely many deviations, or not a number.
         self.deviation == 0.0 || per_sample * 2.0 * (self.half_pass as f64) < CHANCE
@@ -86,14 +90,20 @@ impl Fallback {
 
     /// The crossing at a maximum of the response; `near` are the samples around it that follow each other, `centre` its own place
     /// among them.
-    pub fn place(&mut self, kernel: &dyn Kernel, peak: &Peak<f64>, near: &[f64], centre: usize) -> Place {
+    pub fn place(
+        &mut self,
+        kernel: &dyn CrossingKernel,
+        peak: &Peak<f64>,
+        near: &[f64],
+        centre: usize,
+    ) -> CrossingPlace {
         let by_vertex = || self.by_vertex(kernel, peak);
         let found = if peak.height > LOUD * self.deviation {
             by_vertex()
         } else {
             self.by_likelihood(kernel, near, centre)
         };
-        found.unwrap_or(Place {
+        found.unwrap_or(CrossingPlace {
             displacement: peak.fraction,
             variance: self.unknown() * self.unknown(),
             slope: peak.height,
@@ -101,8 +111,8 @@ impl Fallback {
     }
 
     /// By the vertex, less its bias.
-    fn by_vertex(&self, kernel: &dyn Kernel, peak: &Peak<f64>) -> Option<Place> {
-        let mut sum = Moments::default();
+    fn by_vertex(&self, kernel: &dyn CrossingKernel, peak: &Peak<f64>) -> Option<CrossingPlace> {
+        let mut sum = WeightedMoments::default();
         for (deviations, weight) in NODES {
             let height = peak.height + deviations * self.deviation;
             for direction in DIRECTIONS {
@@ -115,7 +125,7 @@ impl Fallback {
     }
 
     /// The rate at which the line's largest response is this one, and where that is after the crossing.
-    fn vertex(&self, kernel: &dyn Kernel, direction: f64, height: f64) -> Option<(f64, Vertex)> {
+    fn vertex(&self, kernel: &dyn CrossingKernel, direction: f64, height: f64) -> Option<(f64, Vertex)> {
         let mut rate = self.line.rate(height);
         let mut vertex = Vertex::of(kernel, &self.line, self.window, direction * rate)?;
         for _ in 0..CORRECTIONS {
@@ -129,7 +139,12 @@ impl Fallback {
     ///
     /// For a line s and an offset of which nothing is known, ln p = (Σs·y − ½·Σ(s − s̄)²)/σ² with Σy = 0, but for what is the same for
     /// every line.
-    fn by_likelihood(&mut self, kernel: &dyn Kernel, near: &[f64], centre: usize) -> Option<Place> {
+    fn by_likelihood(
+        &mut self,
+        kernel: &dyn CrossingKernel,
+        near: &[f64],
+        centre: usize,
+    ) -> Option<CrossingPlace> {
         let reach = self.window.look_ahead();
         let first = centre.saturating_sub(reach);
         let samples = near.get(first..near.len().min(centre + reach + 1))?;
@@ -157,7 +172,7 @@ impl Fallback {
         }
         let largest = likelihoods.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let rounding = (self.step * self.step) as f64 / 12.0;
-        let mut sum = Moments::default();
+        let mut sum = WeightedMoments::default();
         for (of_line, rate) in likelihoods.chunks(self.lags().count()).zip(&lines.rates) {
             let slope = self.line.slope(*rate);
             for (likelihood, lag) in of_line.iter().zip(self.lags()) {
@@ -178,7 +193,7 @@ impl Fallback {
         (0..=2 * self.half_pass).step_by(self.step)
     }
 
-    fn lines_of(&self, kernel: &dyn Kernel) -> Lines {
+    fn lines_of(&self, kernel: &dyn CrossingKernel) -> ResponseLines {
         let reach = self.window.look_ahead() + self.half_pass;
         let (mut rates, mut volts) = (Vec::new(), Vec::new());
         let mut slope = SLOWEST * self.deviation;
@@ -196,7 +211,7 @@ impl Fallback {
             }
             slope *= RATIO;
         }
-        Lines { rates, volts, length: 2 * reach + 1 }
+        ResponseLines { rates, volts, length: 2 * reach + 1 }
     }
 }
 
@@ -219,7 +234,12 @@ struct Vertex {
 
 impl Vertex {
     /// For a crossing at this rate, with its sign; `None` where the response is largest beyond a width of the kernel.
-    fn of(kernel: &dyn Kernel, line: &Line, window: Window, rate: f64) -> Option<Self> {
+    fn of(
+        kernel: &dyn CrossingKernel,
+        line: &CrossingWaveform,
+        window: KernelWindow,
+        rate: f64,
+    ) -> Option<Self> {
         let around = window.half / 2;
         let reach = window.half + around;
         let volts: Vec<f64> = (0..=2 * reach).map(|k| line.volts(rate, k as f64 - reach as f64)).collect();
@@ -235,7 +255,7 @@ impl Vertex {
 }
 
 /// Lines of motions at rates whose responses go from below the noise to what is loud.
-struct Lines {
+struct ResponseLines {
     /// The rate of each.
     rates: Vec<f64>,
     /// One after the other, from half a pass before the window of samples to half a pass after it.
@@ -256,14 +276,14 @@ const MARGIN: f64 = 5.0;
 
 /// Weighted sums over what may be.
 #[derive(Default)]
-struct Moments {
+struct WeightedMoments {
     weight: f64,
     displacement: f64,
     square: f64,
     slope: f64,
 }
 
-impl Moments {
+impl WeightedMoments {
     fn add(&mut self, weight: f64, displacement: f64, variance: f64, slope: f64) {
         self.weight += weight;
         self.displacement += weight * displacement;
@@ -271,10 +291,10 @@ impl Moments {
         self.slope += weight * slope;
     }
 
-    fn place(&self) -> Option<Place> {
+    fn place(&self) -> Option<CrossingPlace> {
         let displacement = self.displacement / self.weight;
         let variance = self.square / self.weight - displacement * displacement;
-        let place = Place { displacement, variance, slope: self.slope / self.weight };
+        let place = CrossingPlace { displacement, variance, slope: self.slope / self.weight };
         (variance > 0.0 && variance.is_finite() && place.slope.is_finite()).then_some(place)
     }
 }

@@ -7,7 +7,7 @@ const FIT_WIDTHS: f64 = 2.0;
 
 /// How many samples are needed around a crossing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Window {
+pub struct KernelWindow {
     /// On each side of a response.
     pub half: usize,
     /// On each side of the centre of a fit.
@@ -16,7 +16,7 @@ pub struct Window {
     pub reach: usize,
 }
 
-impl Window {
+impl KernelWindow {
     /// For a Gaussian of this width and this distance, in samples: the smallest kernel that holds four widths on each side.
     pub fn of(width: f64, separation: f64) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -47,7 +47,7 @@ impl Window {
 }
 
 /// A kernel and a fit of one size.
-pub trait Kernel {
+pub trait CrossingKernel {
     /// The responses to a signal; see [`SlopeKernel::responses`].
     fn responses(&self, signal: &[f64], out: &mut [f64]);
 
@@ -78,12 +78,12 @@ pub trait Kernel {
         noise: f64,
         per_sample: f64,
         reach: usize,
-        hold: Option<detect::Hold>,
+        hold: Option<detect::HoldLevel>,
     ) -> Result<Threshold<f64>, DetectError>;
 }
 
 /// The kernel of this window, for a Gaussian of this width in samples.
-pub fn kernel(window: Window, width: f64) -> Result<Box<dyn Kernel + Send>, DetectError> {
+pub fn kernel(window: KernelWindow, width: f64) -> Result<Box<dyn CrossingKernel + Send>, DetectError> {
     match window.half {
         60 => Ok(Box::new(OfSize::<60, 90>::new(width)?)),
         240 => Ok(Box::new(OfSize::<240, 360>::new(width)?)),
@@ -102,7 +102,7 @@ impl<const HALF: usize, const FIT: usize> OfSize<HALF, FIT> {
     }
 }
 
-impl<const HALF: usize, const FIT: usize> Kernel for OfSize<HALF, FIT> {
+impl<const HALF: usize, const FIT: usize> CrossingKernel for OfSize<HALF, FIT> {
     fn responses(&self, signal: &[f64], out: &mut [f64]) {
         self.kernel.responses(signal, out);
     }
@@ -138,7 +138,7 @@ impl<const HALF: usize, const FIT: usize> Kernel for OfSize<HALF, FIT> {
         noise: f64,
         per_sample: f64,
         reach: usize,
-        hold: Option<detect::Hold>,
+        hold: Option<detect::HoldLevel>,
     ) -> Result<Threshold<f64>, DetectError> {
         Threshold::for_false_alarms(&self.kernel, noise, per_sample, reach, hold)
     }

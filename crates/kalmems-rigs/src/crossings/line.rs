@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 /// The motion is the free one: a drive pulls with a torque that is zero at θ_c and, half a cycle around it, a few hundredths of the
 /// spring's.
 #[derive(Clone, Copy, Debug)]
-pub struct Line {
+pub struct CrossingWaveform {
     /// The free motion.
     pub resonator: MirrorResonator<f64>,
     /// The comb.
@@ -19,7 +19,7 @@ pub struct Line {
     pub interval_s: f64,
 }
 
-impl Line {
+impl CrossingWaveform {
     /// The rate in rad/s at which the signal rises by `slope` V per sample where θ_c is passed: ẏ = h′·θ̇² where h is 0.
     pub fn rate(&self, slope: f64) -> f64 {
         (slope / self.interval_s / self.comb.steepest()).abs().sqrt()

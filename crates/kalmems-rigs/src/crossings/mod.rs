@@ -2,19 +2,19 @@
 //! was. Every rig whose filters are told of such times uses it.
 
 mod crossing;
+mod delivery;
 mod fallback;
-mod kept;
 mod kernel;
 mod line;
 mod search;
+mod search_state;
 mod settings;
-mod telling;
 
-pub use crossing::{Crossing, Instant, find};
+pub use crossing::{CrossingReading, LevelCrossing, find};
+pub(crate) use delivery::CrossingDelivery;
 pub(crate) use fallback::LOUD;
-pub(crate) use kept::{Kept, Needed};
-pub use line::Line;
-pub(crate) use search::Tally;
-pub use search::{Level, Rows, Sought};
+pub use line::CrossingWaveform;
+pub(crate) use search::SearchTally;
+pub use search::{CrossingLevel, SearchedSignal, SignalRows};
+pub(crate) use search_state::{RowsNeeded, SearchState};
 pub use settings::{Acceptance, DetectorSettings};
-pub(crate) use telling::Telling;

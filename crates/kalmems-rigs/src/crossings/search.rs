@@ -1,35 +1,35 @@
 //! The search for crossings while the rows of a segment come.
 
-use super::crossing::{Crossing, Instant};
-use super::fallback::{Fallback, Place};
-use super::kernel::{Kernel, Window, kernel};
-use super::line::Line;
+use super::crossing::{CrossingReading, LevelCrossing};
+use super::fallback::{CrossingPlace, Fallback};
+use super::kernel::{CrossingKernel, KernelWindow, kernel};
+use super::line::CrossingWaveform;
 use super::settings::{Acceptance, DetectorSettings};
 use crate::signal::GAP;
-use kalmems_core::detect::{DetectError, Hold, Peak, Threshold, angle_variance, peaks};
+use kalmems_core::detect::{DetectError, HoldLevel, Peak, Threshold, angle_variance, peaks};
 use kalmems_models::capacitance::CombCurve;
 use kalmems_models::dynamics::MirrorResonator;
 
 /// What is known of a signal in which crossings of a level are looked for.
 #[derive(Clone, Copy, Debug)]
-pub struct Sought {
+pub struct SearchedSignal {
     /// The usual interval in s.
     pub interval_s: f64,
     /// The variance of one sample in the signal's unit².
     pub noise_variance: f64,
     /// The level that is crossed.
-    pub level: Level,
+    pub level: CrossingLevel,
     /// Whether the signal falls where it crosses the level.
     pub falls: bool,
     /// How often it crosses the level while the device moves, per s.
     pub passes_hz: f64,
     /// The signal around a crossing as a model gives it, where there is one.
-    pub line: Option<Line>,
+    pub line: Option<CrossingWaveform>,
 }
 
 /// The level that a signal crosses.
 #[derive(Clone, Copy, Debug)]
-pub struct Level {
+pub struct CrossingLevel {
     /// What it is, as far as is known.
     pub value: f64,
     /// Whether it is, from the first crossing on, the mean of the signal since then: of a current, which adds up to nothing from one
@@ -37,18 +37,18 @@ pub struct Level {
     pub follows_mean: bool,
 }
 
-impl Sought {
+impl SearchedSignal {
     /// In the signal of a comb, with this interval in s, variance of one sample in V² and offset in V.
     pub fn of_comb(
         (interval_s, noise_variance, offset): (f64, f64, f64),
         comb: CombCurve<f64>,
         resonator: MirrorResonator<f64>,
     ) -> Self {
-        let line = Line { resonator, comb, interval_s };
+        let line = CrossingWaveform { resonator, comb, interval_s };
         Self {
             interval_s,
             noise_variance,
-            level: Level { value: offset, follows_mean: true },
+            level: CrossingLevel { value: offset, follows_mean: true },
             falls: comb.steepest() < 0.0,
             passes_hz: line.passes_hz(),
             line: Some(line),
@@ -58,7 +58,7 @@ impl Sought {
 
 /// Rows of a signal.
 #[derive(Clone, Copy)]
-pub struct Rows<'a> {
+pub struct SignalRows<'a> {
     /// When, in s.
     pub time_s: &'a [f64],
     /// The signal, without what the drive adds.
@@ -67,7 +67,7 @@ pub struct Rows<'a> {
     pub first: usize,
 }
 
-impl Rows<'_> {
+impl SignalRows<'_> {
     fn end(&self) -> usize {
         self.first + self.volts.len()
     }
@@ -94,12 +94,12 @@ const OF_A_SAMPLE: f64 = 1.0 / 12.0;
 
 /// A search on its way through a segment.
 ///
-/// A row is decided on when [`Window::look_ahead`] rows after it are there, or the segment has ended, and by these alone; so the
+/// A row is decided on when [`KernelWindow::look_ahead`] rows after it are there, or the segment has ended, and by these alone; so the
 /// crossings do not depend on how many rows come at a time.
-pub struct Search {
-    sought: Sought,
-    kernel: Box<dyn Kernel + Send>,
-    window: Window,
+pub struct CrossingSearch {
+    sought: SearchedSignal,
+    kernel: Box<dyn CrossingKernel + Send>,
+    window: KernelWindow,
     fallback: Option<Fallback>,
     threshold: Threshold<f64>,
     /// The standard deviation of the response to noise.
@@ -122,7 +122,7 @@ pub struct Search {
 
 /// What a search found so far, as far as it tells whether the signal is that of the comb.
 #[derive(Clone, Copy, Debug)]
-pub struct Tally {
+pub struct SearchTally {
     /// How many crossings.
     pub count: usize,
     /// The largest response in standard deviations of that to noise.
@@ -138,9 +138,9 @@ pub struct Tally {
 /// The numbers of a search, besides its crossings.
 pub const NUMBERS: usize = 8;
 
-impl Search {
+impl CrossingSearch {
     /// Before the first row of a segment.
-    pub fn new(sought: Sought, settings: &DetectorSettings) -> Result<Self, DetectError> {
+    pub fn new(sought: SearchedSignal, settings: &DetectorSettings) -> Result<Self, DetectError> {
         let width = settings.width_s / sought.interval_s;
         let window = settings.window(sought.interval_s);
         let mut kernel = kernel(window, width)?;
@@ -151,7 +151,7 @@ impl Search {
             Acceptance::FalseAlarms { per_s, keep } => {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturating
                 let samples = (2.0 / (sought.passes_hz * sought.interval_s)) as u32;
-                let hold = keep.map(|deviations| Hold { deviations, samples });
+                let hold = keep.map(|deviations| HoldLevel { deviations, samples });
                 kernel.threshold(noise, per_s * sought.interval_s, window.reach, hold)?
             }
         };
@@ -214,9 +214,9 @@ impl Search {
     }
 
     /// What was found so far.
-    pub fn tally(&self) -> Tally {
+    pub fn tally(&self) -> SearchTally {
         let threshold = self.threshold.acquire() / self.deviation;
-        Tally {
+        SearchTally {
             count: self.found,
             rising: self.rising / self.deviation,
             falling: self.falling / self.deviation,
@@ -225,9 +225,9 @@ impl Search {
         }
     }
 
-    /// The crossings that rows bring out. They are the next ones, and [`Window::look_back`] before them as far as the segment has
+    /// The crossings that rows bring out. They are the next ones, and [`KernelWindow::look_back`] before them as far as the segment has
     /// these; `ends` says that no further ones come.
-    pub fn take(&mut self, rows: &Rows, ends: bool) -> Vec<Crossing> {
+    pub fn take(&mut self, rows: &SignalRows, ends: bool) -> Vec<LevelCrossing> {
         self.respond(rows, ends);
         let end = rows.end();
         let until = if ends { end } else { end.saturating_sub(self.window.look_ahead()).max(self.decided) };
@@ -250,7 +250,7 @@ impl Search {
     }
 
     /// Computes the responses that new rows bring out.
-    fn respond(&mut self, rows: &Rows, ends: bool) {
+    fn respond(&mut self, rows: &SignalRows, ends: bool) {
         let half = self.window.half;
         let from = self.rows.saturating_sub(2 * half).max(rows.first);
         let signal = rows.volts(from, rows.end());
@@ -273,7 +273,7 @@ impl Search {
 
     /// The maxima among the rows from the decided ones to this one that no other one near outdoes.
     fn peaks(&self, until: usize) -> Vec<Peak<f64>> {
-        let Window { reach, .. } = self.window;
+        let KernelWindow { reach, .. } = self.window;
         let place = |row: usize| row.saturating_sub(self.first_response).min(self.responses.len());
         let keep = self.threshold.keep();
         if !self.responses[place(self.decided)..place(until)].iter().any(|response| *response > keep) {
@@ -289,14 +289,14 @@ impl Search {
     }
 
     /// The crossing at a maximum.
-    fn crossing(&mut self, peak: &Peak<f64>, rows: &Rows) -> Crossing {
-        let Sought { interval_s, noise_variance, line, falls, .. } = self.sought;
+    fn crossing(&mut self, peak: &Peak<f64>, rows: &SignalRows) -> LevelCrossing {
+        let SearchedSignal { interval_s, noise_variance, line, falls, .. } = self.sought;
         let sign = if falls { -1.0 } else { 1.0 };
         #[allow(clippy::cast_possible_truncation)] // an index of the signal
         let index = peak.index as usize;
         let offset = self.offset.at(rows, self.decided, index);
         let here_s = rows.time_s.get(index - rows.first).copied().unwrap_or(f64::NAN);
-        let instant = |after: f64, slope: f64, variance: f64| Instant {
+        let instant = |after: f64, slope: f64, variance: f64| CrossingReading {
             time_s: here_s + after * interval_s,
             sd_s: variance.sqrt() * interval_s,
             angle_variance: line
@@ -324,11 +324,12 @@ impl Search {
             let is_told = zero.is_some() && fallback.is_clear(kernel, peak.height);
             (!is_told).then(|| fallback.place(kernel, peak, near, index - from))
         });
-        Crossing {
+        LevelCrossing {
             sample: instant(0.0, peak.height, jitter + OF_A_SAMPLE),
             parabola: instant(peak.fraction, peak.height, jitter),
-            fallback: fallback
-                .map(|Place { displacement, variance, slope }| instant(displacement, slope, variance)),
+            fallback: fallback.map(|CrossingPlace { displacement, variance, slope }| {
+                instant(displacement, slope, variance)
+            }),
             zero: zero.map(|zero| instant(zero.displacement, zero.slope, zero.timing_variance)),
             index,
             known_at,
@@ -342,7 +343,7 @@ impl Search {
 /// the mean of the signal from the first crossing on is its offset.
 #[derive(Clone, Copy)]
 struct Offset {
-    known: Level,
+    known: CrossingLevel,
     /// Whether there was a crossing.
     begun: bool,
     sum: f64,
@@ -352,12 +353,12 @@ struct Offset {
 }
 
 impl Offset {
-    fn new(known: Level) -> Self {
+    fn new(known: CrossingLevel) -> Self {
         Self { known, begun: false, sum: 0.0, count: 0, next: 0 }
     }
 
     /// At a crossing, each of which is later than the one before; `decided` is the row that the last rows were decided to.
-    fn at(&mut self, rows: &Rows, decided: usize, index: usize) -> f64 {
+    fn at(&mut self, rows: &SignalRows, decided: usize, index: usize) -> f64 {
         if !self.begun {
             self.begun = true;
             self.next = index;
@@ -368,7 +369,7 @@ impl Offset {
     }
 
     /// Adds the rows before one.
-    fn advance(&mut self, rows: &Rows, decided: usize, until: usize) {
+    fn advance(&mut self, rows: &SignalRows, decided: usize, until: usize) {
         if !(self.begun && self.known.follows_mean) {
             return;
         }
@@ -394,10 +395,10 @@ mod tests {
     const NOISE: f64 = 0.0435;
     const DECAY: f64 = 26.0;
 
-    fn sought() -> Sought {
+    fn sought() -> SearchedSignal {
         let comb = CombCurve { centre: 0.0037, gain: 2.82e-3, steepness: 76.0, shape: CurveShape::Logistic };
         let resonator = MirrorResonator { natural_rate: RATE, damping_ratio: DECAY / RATE };
-        Sought::of_comb((2e-6, NOISE * NOISE, 0.0), comb, resonator)
+        SearchedSignal::of_comb((2e-6, NOISE * NOISE, 0.0), comb, resonator)
     }
 
     /// Times in s and volts of a decay with a gap.
@@ -426,10 +427,10 @@ mod tests {
     fn a_detector_in_constant_memory_finds_the_same_at_the_same_sample() {
         type Stream = Detector<f64, 60, 150, 400>;
         let (time_s, volts) = decay();
-        let Sought { interval_s, noise_variance, .. } = sought();
+        let SearchedSignal { interval_s, noise_variance, .. } = sought();
         for acceptance in ACCEPTANCES {
             let settings = DetectorSettings { width_s: 30e-6, separation_s: 300e-6, acceptance };
-            let rows = Rows { time_s: &time_s, volts: &volts, first: 0 };
+            let rows = SignalRows { time_s: &time_s, volts: &volts, first: 0 };
             let batch = find(rows, sought(), &settings).unwrap();
             let kernel = SlopeKernel::<f64, 60>::new(15.0).unwrap();
             let threshold = match acceptance {
@@ -437,7 +438,7 @@ mod tests {
                 Acceptance::FalseAlarms { per_s, keep } => {
                     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some hundreds
                     let samples = (2.0 / (sought().passes_hz * interval_s)) as u32;
-                    let hold = keep.map(|deviations| Hold { deviations, samples });
+                    let hold = keep.map(|deviations| HoldLevel { deviations, samples });
                     Threshold::for_false_alarms(&kernel, NOISE, per_s * interval_s, 150, hold).unwrap()
                 }
             };
@@ -483,18 +484,21 @@ mod tests {
         let many = (Acceptance::Deviations(0.2), 60e-6);
         for (acceptance, separation_s) in ACCEPTANCES.map(|a| (a, 300e-6)).into_iter().chain([many]) {
             let settings = DetectorSettings { width_s: 30e-6, separation_s, acceptance };
-            let whole = find(Rows { time_s: &time_s, volts: &volts, first: 0 }, sought(), &settings).unwrap();
+            let whole =
+                find(SignalRows { time_s: &time_s, volts: &volts, first: 0 }, sought(), &settings).unwrap();
             let window = settings.window(sought().interval_s);
             for length in [1, 37, 500, 39_000] {
-                let mut search = Search::new(sought(), &settings).unwrap();
+                let mut search = CrossingSearch::new(sought(), &settings).unwrap();
                 let (mut found, mut from) = (Vec::new(), 0);
                 while from < volts.len() {
                     let end = (from + length).min(volts.len());
                     let first = from.saturating_sub(window.look_back());
                     if from % 31 == 5 {
-                        search = Search::new(sought(), &settings).unwrap().resumed(&search.numbers(), first);
+                        search = CrossingSearch::new(sought(), &settings)
+                            .unwrap()
+                            .resumed(&search.numbers(), first);
                     }
-                    let rows = Rows { time_s: &time_s[first..end], volts: &volts[first..end], first };
+                    let rows = SignalRows { time_s: &time_s[first..end], volts: &volts[first..end], first };
                     let new = search.take(&rows, end == volts.len());
                     assert!(new.iter().all(|c| end == volts.len() || (from..end).contains(&c.known_at)));
                     found.extend(new);
@@ -505,7 +509,7 @@ mod tests {
             }
             for crossing in &whole {
                 assert_eq!(
-                    Crossing::of_numbers(&crossing.numbers()).numbers().map(f64::to_bits),
+                    LevelCrossing::of_numbers(&crossing.numbers()).numbers().map(f64::to_bits),
                     crossing.numbers().map(f64::to_bits)
                 );
             }

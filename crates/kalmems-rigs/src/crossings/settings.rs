@@ -1,6 +1,6 @@
 //! How crossings are found, in SI.
 
-use super::kernel::Window;
+use super::kernel::KernelWindow;
 use crate::config::{Crossings, Quantity};
 
 /// How crossings of a level are found: by the derivative of the signal averaged by a Gaussian, above a limit.
@@ -21,8 +21,8 @@ impl DetectorSettings {
     }
 
     /// How many samples of this interval in s it needs around a crossing.
-    pub(super) fn window(&self, interval_s: f64) -> Window {
-        Window::of(self.width_s / interval_s, self.separation_s / interval_s)
+    pub(super) fn window(&self, interval_s: f64) -> KernelWindow {
+        KernelWindow::of(self.width_s / interval_s, self.separation_s / interval_s)
     }
 }
 

@@ -1,16 +1,18 @@
 //! A device of one's own on its way through one segment.
 
-use super::event_sensor::{EventSensor, WayBack};
-use super::event_times::{Belief, EventMeasurement, EventTimes, told};
-use super::events::EventUse;
+use super::event_sensor::{BackwardInterval, EventSensor};
+use super::event_times::{EventAcceptance, EventMeasurement, EventTimes, event_measurements};
+use super::events::FilterEventUse;
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval};
-use crate::estimate::driven::Drive;
-use crate::estimate::{Bridge, Counts, Course, EVENTS, Filtering, Samples, Trajectory, by_signals};
+use crate::estimate::driven::SegmentDrive;
+use crate::estimate::{
+    Bridge, Course, EVENTS, Filtering, SampleCounts, SampleSelection, Trajectory, by_signals,
+};
 use kalmems_core::{FilterError, Innovation, Nodes};
 
 /// A measured channel over a segment.
-pub struct Channel<'a> {
+pub struct SegmentChannel<'a> {
     /// Its name.
     pub name: &'a str,
     /// Its place among the device's measurements.
@@ -30,13 +32,13 @@ pub struct EquationSegment<'a> {
     /// When, in s.
     pub time_s: &'a [f64],
     /// The inputs, in the order of the device.
-    pub inputs: Vec<Drive<'a>>,
+    pub inputs: Vec<SegmentDrive<'a>>,
     /// The measured channels that the recording has, in that order.
-    pub channels: Vec<Channel<'a>>,
+    pub channels: Vec<SegmentChannel<'a>>,
     /// The events whose times are looked for, in the order of the settings.
     pub events: Vec<EventTimes<'a>>,
     /// Which samples are new.
-    pub samples: Samples,
+    pub samples: SampleSelection,
 }
 
 impl EquationSegment<'_> {
@@ -63,7 +65,7 @@ pub struct EquationCourse<'a> {
     nodes: [Vec<f64>; 3],
     /// What happened, by the row at which the filter is told or judged, and the way back to it.
     told: Vec<(usize, EventMeasurement)>,
-    way: WayBack,
+    way: BackwardInterval,
     log_likelihood: f64,
 }
 
@@ -80,13 +82,13 @@ impl<'a> EquationCourse<'a> {
     pub fn new(
         model: &'a EquationModel,
         (data, between): (&'a EquationSegment<'a>, &'a [Interpolation]),
-        (channels, events): (&'a [usize], &[EventUse]),
+        (channels, events): (&'a [usize], &[FilterEventUse]),
         steps: usize,
     ) -> Self {
         let parts = (steps, model.over(data.samples.interval_s / steps as f64));
         let nodes = [const { Vec::new() }; 3];
-        let told = told(&data.events, events, (data.time_s, data.samples.interval_s));
-        let way = WayBack::default();
+        let told = event_measurements(&data.events, events, (data.time_s, data.samples.interval_s));
+        let way = BackwardInterval::default();
         Self {
             model,
             data,
@@ -105,7 +107,12 @@ impl<'a> EquationCourse<'a> {
     ///
     /// An event is the measurement g = 0 of its expression at its own time, and the standard deviation of that time is one of g by the
     /// rate of g.
-    fn tell(&mut self, filter: &mut dyn Filtering, k: usize, counts: &mut Counts) -> Result<(), FilterError> {
+    fn tell(
+        &mut self,
+        filter: &mut dyn Filtering,
+        k: usize,
+        counts: &mut SampleCounts,
+    ) -> Result<(), FilterError> {
         let first = self.told.partition_point(|(row, _)| *row < k);
         let here = self.told.iter().skip(first).take_while(|(row, _)| *row == k);
         let (model, interval_s) = (self.model, self.data.samples.interval_s);
@@ -117,13 +124,15 @@ impl<'a> EquationCourse<'a> {
                 let [of_time, own] = told.variances;
                 then.rate(filter.mean()).powi(2) * of_time + own
             });
-            let innovation = match told.belief {
-                Belief::Judged => filter.update_within(&then, 0.0, variance, NEVER)?,
-                Belief::Within(largest_nis) => filter.update_within(&then, 0.0, variance, largest_nis)?,
-                Belief::ByGate => filter.update(EVENTS, &then, 0.0, variance)?,
+            let innovation = match told.acceptance {
+                EventAcceptance::Judged => filter.update_within(&then, 0.0, variance, NEVER)?,
+                EventAcceptance::Within(largest_nis) => {
+                    filter.update_within(&then, 0.0, variance, largest_nis)?
+                }
+                EventAcceptance::ByGate => filter.update(EVENTS, &then, 0.0, variance)?,
             };
             self.log_likelihood += innovation.log_likelihood();
-            if !matches!(told.belief, Belief::Judged) {
+            if !matches!(told.acceptance, EventAcceptance::Judged) {
                 counts.crossings += 1;
                 counts.crossings_refused += usize::from(!innovation.taken);
             }
@@ -135,8 +144,8 @@ impl<'a> EquationCourse<'a> {
 /// Takes the inputs of a step from nodes of each.
 fn set_nodes<'a>(
     nodes: &mut [Vec<f64>; 3],
-    inputs: impl Iterator<Item = (&'a Drive<'a>, Interpolation)>,
-    of: impl Fn(&Drive<'_>, Interpolation) -> Nodes<f64>,
+    inputs: impl Iterator<Item = (&'a SegmentDrive<'a>, Interpolation)>,
+    of: impl Fn(&SegmentDrive<'_>, Interpolation) -> Nodes<f64>,
 ) {
     nodes.iter_mut().for_each(Vec::clear);
     for (input, between) in inputs {
@@ -175,7 +184,7 @@ impl Course for EquationCourse<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         let is_from_sine = self.data.inputs.iter().any(|input| input.sample(to).1);
         counts.drive_from_sine += usize::from(is_from_sine);
@@ -194,12 +203,12 @@ impl Course for EquationCourse<'_> {
         for step in 0..steps {
             let at = |step: usize| from_s + interval * step as f64 / steps as f64;
             let inputs = self.data.inputs.iter().zip(self.between.iter().copied());
-            set_nodes(&mut self.nodes, inputs, |input, between| match input.stand_in(to) {
+            set_nodes(&mut self.nodes, inputs, |input, between| match input.substitute(to) {
                 Some(sine) if intervals > 1 => {
-                    between.between_ends(Drive::nodes_from_sine(sine, at(step), at(step + 1)))
+                    between.between_ends(SegmentDrive::nodes_from_sine(sine, at(step), at(step + 1)))
                 }
                 _ if steps == 1 => between.nodes(input, to),
-                _ => Drive::nodes_of_part(&between.nodes(input, to), step, steps),
+                _ => SegmentDrive::nodes_of_part(&between.nodes(input, to), step, steps),
             });
             let [start, middle, end] = &self.nodes;
             let under = self.model.under(each, Nodes { start, middle, end }, filter.mean());
@@ -212,7 +221,7 @@ impl Course for EquationCourse<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         self.tell(filter, k, counts)?;
         let [inputs, ..] = &mut self.nodes;

@@ -1,8 +1,8 @@
 //! Curves through points, written out or in a file.
 
-use crate::config::{ConfigError, Experiment, Fault, Key};
-use crate::recording::{Clock, Hints, Layout, Recording};
-use kalmems_equations::{Outside, Points};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key};
+use crate::recording::{Hints, RecordingLayout, SampledRecording, TimeSource};
+use kalmems_equations::{CurveExtension, CurvePoints};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -55,32 +55,32 @@ pub enum Coordinates {
 
 impl CurveTable {
     /// Points without a name yet, as they are written out; none of those in a file.
-    pub fn points_here(&self) -> Points {
+    pub fn points_here(&self) -> CurvePoints {
         let numbers = |of: &Coordinates| match of {
             Coordinates::Numbers(numbers) => numbers.clone(),
             Coordinates::Column(_) => Vec::new(),
         };
-        Points {
+        CurvePoints {
             name: String::new(),
-            place: kalmems_equations::Place::default(),
+            place: kalmems_equations::TextPlace::default(),
             file: self.file.as_ref().map(|file| file.display().to_string()),
             x: numbers(&self.x),
             y: numbers(&self.y),
             x_unit: self.x_unit.clone(),
             y_unit: self.y_unit.clone(),
             outside: match self.outside {
-                None | Some(OutsideRule::Error) => Outside::Error,
-                Some(OutsideRule::Clamp) => Outside::Clamp,
-                Some(OutsideRule::Linear) => Outside::Linear,
+                None | Some(OutsideRule::Error) => CurveExtension::Error,
+                Some(OutsideRule::Clamp) => CurveExtension::Clamp,
+                Some(OutsideRule::Linear) => CurveExtension::Linear,
             },
         }
     }
 
     /// The same with the points of the file, where there is one.
-    pub fn points_of(&self, experiment: &Experiment) -> Result<Points, ConfigError> {
+    pub fn points_of(&self, experiment: &Experiment) -> Result<CurvePoints, ConfigError> {
         let Some(file) = &self.file else { return Ok(self.points_here()) };
         let refuse =
-            |why: String| experiment.error(Key::from("device.equations.tables"), Fault::Value { why });
+            |why: String| experiment.error(Key::from("device.equations.tables"), ConfigFault::Value { why });
         let (Coordinates::Column(x), Coordinates::Column(y)) = (&self.x, &self.y) else {
             let why = format!(
                 "the points of a curve are in the file `{}`; name its columns, such as `x = \"angle_rad\", y = \"C_pF\"`",
@@ -88,9 +88,9 @@ impl CurveTable {
             );
             return Err(refuse(why));
         };
-        let layout = Layout {
+        let layout = RecordingLayout {
             // A curve has no time; its rows are counted.
-            clock: Clock::Rate { rate_hz: 1.0, start_s: 0.0 },
+            clock: TimeSource::Rate { rate_hz: 1.0, start_s: 0.0 },
             segment_column: None,
             columns: Some(vec![x.clone(), y.clone()]),
             declared: Vec::new(),
@@ -99,8 +99,8 @@ impl CurveTable {
             origin: None,
             restarts: None,
         };
-        let recording =
-            Recording::read(&experiment.resolve(file), &layout).map_err(|why| refuse(why.to_string()))?;
+        let recording = SampledRecording::read(&experiment.resolve(file), &layout)
+            .map_err(|why| refuse(why.to_string()))?;
         let read = |name: &str| -> Result<(Vec<f64>, String), ConfigError> {
             let column = recording.column(name).map_err(|why| refuse(why.to_string()))?;
             let unit = column.header.unit.unwrap_or(crate::units::Unit::ONE);
@@ -108,7 +108,7 @@ impl CurveTable {
             Ok((values.unwrap_or_default(), unit.dimension().to_string()))
         };
         let ((x, x_unit), (y, y_unit)) = (read(x)?, read(y)?);
-        Ok(Points { file: None, x, y, x_unit, y_unit, ..self.points_here() })
+        Ok(CurvePoints { file: None, x, y, x_unit, y_unit, ..self.points_here() })
     }
 }
 
@@ -123,8 +123,8 @@ impl Serialize for Coordinates {
 
 impl<'de> Deserialize<'de> for Coordinates {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Either;
-        impl<'de> Visitor<'de> for Either {
+        struct CoordinatesVisitor;
+        impl<'de> Visitor<'de> for CoordinatesVisitor {
             type Value = Coordinates;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -143,7 +143,7 @@ impl<'de> Deserialize<'de> for Coordinates {
                 Ok(Coordinates::Numbers(numbers))
             }
         }
-        deserializer.deserialize_any(Either)
+        deserializer.deserialize_any(CoordinatesVisitor)
     }
 }
 

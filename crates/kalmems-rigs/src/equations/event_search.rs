@@ -1,28 +1,28 @@
 //! What is kept of the events of a segment from one part to the next, and when they happened in a part.
 
-use super::Columns;
-use super::event_times::{EventTimes, Found};
-use super::events::{EventSettings, EventSource};
+use super::EquationColumns;
+use super::event_times::{EventTimes, FoundEvents};
+use super::events::{EventSettings, EventTimeSource};
 use super::names;
-use super::settings::Settings;
-use crate::config::{Experiment, Fault, Key};
-use crate::crossings::{Kept, Needed, Sought};
+use super::settings::EquationSettings;
+use crate::config::{ConfigFault, Experiment, Key};
+use crate::crossings::{RowsNeeded, SearchState, SearchedSignal};
 use crate::estimate::{EstimateError, Past, SignalSegment};
 use crate::units::kind;
 
 /// The searches for the events that a signal shows, in the order of the settings; none for one that is recorded.
-pub struct EventSearches(Vec<Option<Kept>>);
+pub struct EventSearches(Vec<Option<SearchState>>);
 
-impl Settings {
+impl EquationSettings {
     /// The rows that events need around the new ones in a recording of this interval in s.
-    pub fn needed(&self, interval_s: f64) -> Needed {
+    pub fn needed(&self, interval_s: f64) -> RowsNeeded {
         let of = |(place, event): (usize, &EventSettings)| self.needed_by(place, event, interval_s);
-        self.events.iter().enumerate().map(of).fold(Needed::of_rows(0), Needed::and)
+        self.events.iter().enumerate().map(of).fold(RowsNeeded::of_rows(0), RowsNeeded::and)
     }
 
-    fn needed_by(&self, place: usize, event: &EventSettings, interval_s: f64) -> Needed {
+    fn needed_by(&self, place: usize, event: &EventSettings, interval_s: f64) -> RowsNeeded {
         let uses = self.filters.iter().flat_map(|filter| &filter.events);
-        event.needed(uses.filter(|used| used.event == place).map(|used| used.telling), interval_s)
+        event.needed(uses.filter(|used| used.event == place).map(|used| used.delivery), interval_s)
     }
 }
 
@@ -30,7 +30,7 @@ impl EventSearches {
     /// As the part before left them, or another run, or at the beginning of a segment; `variances` are those of a sample of each
     /// measurement.
     pub fn of(
-        settings: &Settings,
+        settings: &EquationSettings,
         variances: &[Option<f64>],
         segment: &SignalSegment,
         past: &mut Past,
@@ -41,7 +41,7 @@ impl EventSearches {
         let mut numbers = past.numbers.as_slice();
         let mut searches = Vec::new();
         for event in &settings.events {
-            let EventSource::Signal { measure, level, falls, detector } = event.source else {
+            let EventTimeSource::Signal { measure, level, falls, detector } = event.source else {
                 searches.push(None);
                 continue;
             };
@@ -52,10 +52,11 @@ impl EventSearches {
                 .natural_hz()
                 .map_or(detector.separation_s.recip(), |natural_hz| 2.0 * natural_hz);
             let sought = |interval_s| {
-                let sought = Sought { interval_s, noise_variance, level, falls, passes_hz, line: None };
+                let sought =
+                    SearchedSignal { interval_s, noise_variance, level, falls, passes_hz, line: None };
                 Some((sought, detector))
             };
-            let kept = Kept::of(sought, segment, written(&mut numbers));
+            let kept = SearchState::of(sought, segment, written(&mut numbers));
             let kept = kept.map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })?;
             searches.push(Some(kept));
         }
@@ -65,12 +66,12 @@ impl EventSearches {
     /// Looks for events in the rows of a part.
     pub fn look(
         &mut self,
-        settings: &Settings,
-        columns: &Columns<'_>,
+        settings: &EquationSettings,
+        columns: &EquationColumns<'_>,
         segment: &SignalSegment,
     ) -> Result<(), EstimateError> {
         for (place, (kept, event)) in self.0.iter_mut().zip(&settings.events).enumerate() {
-            let (Some(kept), EventSource::Signal { measure, .. }) = (kept.as_mut(), event.source) else {
+            let (Some(kept), EventTimeSource::Signal { measure, .. }) = (kept.as_mut(), event.source) else {
                 continue;
             };
             kept.require_around(settings.needed_by(place, event, kept.interval_s), segment)?;
@@ -88,15 +89,15 @@ impl EventSearches {
     pub fn times(
         &self,
         experiment: &Experiment,
-        settings: &Settings,
-        columns: &Columns<'_>,
+        settings: &EquationSettings,
+        columns: &EquationColumns<'_>,
         segment: &SignalSegment,
     ) -> Result<Vec<EventTimes<'_>>, EstimateError> {
         let mut times = Vec::new();
         for (event, kept) in settings.events.iter().zip(&self.0) {
             let found = match kept {
-                Some(kept) => Found::Crossed(&kept.crossings, kept.first(segment)),
-                None => Found::Recorded(recorded(experiment, event, columns, segment)?),
+                Some(kept) => FoundEvents::Crossed(&kept.crossings, kept.first(segment)),
+                None => FoundEvents::Recorded(recorded(experiment, event, columns, segment)?),
             };
             times.push(EventTimes { settings: *event, found });
         }
@@ -111,7 +112,7 @@ impl EventSearches {
     /// What another run needs to go on from here: of each search how many numbers it has, and these.
     pub fn numbers(&self) -> Vec<f64> {
         let mut all = Vec::new();
-        for numbers in self.0.iter().flatten().map(Kept::numbers) {
+        for numbers in self.0.iter().flatten().map(SearchState::numbers) {
             all.push(numbers.len() as f64);
             all.extend(numbers);
         }
@@ -132,7 +133,7 @@ fn written<'a>(numbers: &mut &'a [f64]) -> &'a [f64] {
 fn recorded(
     experiment: &Experiment,
     event: &EventSettings,
-    columns: &Columns<'_>,
+    columns: &EquationColumns<'_>,
     segment: &SignalSegment,
 ) -> Result<Vec<(usize, f64)>, EstimateError> {
     let Some((_, column)) = columns.events.iter().find(|(place, _)| *place == event.event) else {
@@ -156,7 +157,7 @@ fn recorded(
                 super::short(within_s)
             );
             let key = Key::from("estimate.events").child(event.name).child("known_within");
-            return Err(experiment.error(key, Fault::Value { why }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why }).into());
         }
         rows.push((row, time_s - ago_s));
     }

@@ -2,14 +2,14 @@
 
 use super::model::{EquationModel, chain};
 use crate::estimate::Sensor;
-use crate::estimate::driven::Drive;
+use crate::estimate::driven::SegmentDrive;
 use crate::signal::cubic_between;
 use kalmems_core::Nodes;
 use kalmems_equations::MOST_STATES;
 
 /// The way back from a row to the time of an event: the interval in equal steps, with the inputs at the ends and in the middle of each.
 #[derive(Default)]
-pub struct WayBack {
+pub struct BackwardInterval {
     /// A step in s, below 0, and how many there are.
     step_s: f64,
     steps: usize,
@@ -21,13 +21,13 @@ pub struct WayBack {
 /// Steps of a way back at most.
 const MOST_STEPS: f64 = 65_536.0;
 
-impl WayBack {
+impl BackwardInterval {
     /// Goes from row `k` to a time in s, at this pace in steps per s, along the inputs over the rows.
     pub fn to(
         &mut self,
         (time_s, k, then_s): (&[f64], usize, f64),
         (pace, interval_s): (f64, f64),
-        inputs: &[Drive<'_>],
+        inputs: &[SegmentDrive<'_>],
     ) {
         let now_s = time_s[k];
         // Inputs are a cubic from row to row, so that no step goes over several of them.
@@ -64,7 +64,7 @@ pub struct EventSensor<'a> {
     /// The event, by its place among those of the model.
     pub event: usize,
     /// The way back to it.
-    pub way: &'a WayBack,
+    pub way: &'a BackwardInterval,
 }
 
 /// The largest matrix of derivatives.

@@ -1,9 +1,9 @@
 //! The events of a part of a segment, and which of them a filter is told at which row.
 
-use super::events::{EventSettings, EventUse};
-use crate::config::Timing;
-use crate::crossings::{Crossing, Telling};
-use crate::estimate::{self, Passed};
+use super::events::{EventSettings, FilterEventUse};
+use crate::config::CrossingTiming;
+use crate::crossings::{CrossingDelivery, LevelCrossing};
+use crate::estimate::{self, PassedMark};
 use kalmems_core::Portable;
 use std::ops::Range;
 
@@ -12,20 +12,20 @@ pub struct EventTimes<'a> {
     /// What is known of the event.
     pub settings: EventSettings,
     /// When it happened.
-    pub found: Found<'a>,
+    pub found: FoundEvents<'a>,
 }
 
 /// When an event happened.
-pub enum Found<'a> {
+pub enum FoundEvents<'a> {
     /// By a channel: the rows that tell of it, and the times in s.
     Recorded(Vec<(usize, f64)>),
     /// By crossings of a signal, and which row of the segment the first one of the part is.
-    Crossed(&'a [Crossing], usize),
+    Crossed(&'a [LevelCrossing], usize),
 }
 
 /// How much of an event a filter believes.
 #[derive(Clone, Copy, Debug)]
-pub enum Belief {
+pub enum EventAcceptance {
     /// It is judged by it, and not corrected.
     Judged,
     /// Where its normalised innovation squared is not above this.
@@ -46,14 +46,14 @@ pub struct EventMeasurement {
     /// The variance of the expression, where the file states it for this filter.
     pub variance: Option<f64>,
     /// How much of it a filter believes.
-    pub belief: Belief,
+    pub acceptance: EventAcceptance,
 }
 
 impl EventTimes<'_> {
     /// What a filter is told, or judged by, at which row.
-    fn told(
+    fn push_measurements(
         &self,
-        used: Option<&EventUse>,
+        used: Option<&FilterEventUse>,
         (time_s, interval_s): (&[f64], f64),
         told: &mut Vec<(usize, EventMeasurement)>,
     ) {
@@ -63,16 +63,20 @@ impl EventTimes<'_> {
             time_s,
             variances: [variance + settings.time_variance, settings.variance],
             variance: used.and_then(|used| used.variance),
-            belief: used.map_or(Belief::Judged, |used| used.gate_nis.map_or(Belief::ByGate, Belief::Within)),
+            acceptance: used.map_or(EventAcceptance::Judged, |used| {
+                used.gate_nis.map_or(EventAcceptance::ByGate, EventAcceptance::Within)
+            }),
         };
         match &self.found {
-            Found::Recorded(rows) => told.extend(rows.iter().map(|(row, at_s)| (*row, one(*at_s, 0.0)))),
-            Found::Crossed(crossings, first) => {
-                let timing = used.map_or(Timing::default(), |used| used.timing);
-                let telling = used.map_or(Telling::default(), |used| used.telling);
+            FoundEvents::Recorded(rows) => {
+                told.extend(rows.iter().map(|(row, at_s)| (*row, one(*at_s, 0.0))));
+            }
+            FoundEvents::Crossed(crossings, first) => {
+                let timing = used.map_or(CrossingTiming::default(), |used| used.timing);
+                let delivery = used.map_or(CrossingDelivery::default(), |used| used.delivery);
                 told.extend(crossings.iter().filter_map(|crossing| {
                     let at = crossing.at(timing)?;
-                    let row = telling.row(at.time_s, (crossing.known_at, *first), (time_s, interval_s))?;
+                    let row = delivery.row(at.time_s, (crossing.known_at, *first), (time_s, interval_s))?;
                     Some((row, one(at.time_s, at.sd_s * at.sd_s)))
                 }));
             }
@@ -81,19 +85,21 @@ impl EventTimes<'_> {
 
     /// What is said of these rows beside the filters, each with the row at which it is known; of the last ones of a segment what they
     /// would have told as well.
-    pub fn said(&self, fresh: &Range<usize>, ends: bool) -> Vec<(usize, estimate::Crossing)> {
+    pub fn passings(&self, fresh: &Range<usize>, ends: bool) -> Vec<(usize, estimate::RecordedPassing)> {
         let one = |row, time_s, sd_s: f64| {
-            let (of, sd_s) =
-                (Passed::Event(self.settings.name), sd_s.portable_hypot(self.settings.time_variance.sqrt()));
-            (row, estimate::Crossing { of, time_s, sd_s, is_fallback: false })
+            let (of, sd_s) = (
+                PassedMark::Event(self.settings.name),
+                sd_s.portable_hypot(self.settings.time_variance.sqrt()),
+            );
+            (row, estimate::RecordedPassing { of, time_s, sd_s, is_fallback: false })
         };
         match &self.found {
-            Found::Recorded(rows) => rows.iter().map(|(row, at_s)| one(*row, *at_s, 0.0)).collect(),
-            Found::Crossed(crossings, first) => {
-                let of = |crossing: &Crossing| {
+            FoundEvents::Recorded(rows) => rows.iter().map(|(row, at_s)| one(*row, *at_s, 0.0)).collect(),
+            FoundEvents::Crossed(crossings, first) => {
+                let of = |crossing: &LevelCrossing| {
                     let row = crossing.known_at.checked_sub(*first)?;
                     let is_new = fresh.contains(&row) || (ends && row >= fresh.end);
-                    let at = crossing.at(Timing::default()).filter(|_| is_new)?;
+                    let at = crossing.at(CrossingTiming::default()).filter(|_| is_new)?;
                     Some(one(row, at.time_s, at.sd_s))
                 };
                 crossings.iter().filter_map(of).collect()
@@ -103,15 +109,15 @@ impl EventTimes<'_> {
 }
 
 /// What a filter is told of all events, row by row; events before the first row of the segment are not.
-pub fn told(
+pub fn event_measurements(
     events: &[EventTimes<'_>],
-    uses: &[EventUse],
+    uses: &[FilterEventUse],
     (time_s, interval_s): (&[f64], f64),
 ) -> Vec<(usize, EventMeasurement)> {
     let mut told = Vec::new();
     for (place, event) in events.iter().enumerate() {
         let used = uses.iter().find(|used| used.event == place);
-        event.told(used, (time_s, interval_s), &mut told);
+        event.push_measurements(used, (time_s, interval_s), &mut told);
     }
     let first_s = time_s.first().copied().unwrap_or(f64::NAN);
     told.retain(|(row, told)| *row < time_s.len() && told.time_s >= first_s);

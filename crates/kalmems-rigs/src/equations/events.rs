@@ -2,8 +2,11 @@
 
 use super::names;
 use super::settings::OwnDevice;
-use crate::config::{Applied, ConfigError, Edge, Experiment, Fault, Filter, Key, Quantity, Sign, Timing};
-use crate::crossings::{DetectorSettings, Level, Needed, Telling};
+use crate::config::{
+    ConfigError, ConfigFault, CrossingApplication, CrossingTiming, Edge, Experiment, FilterTable, Key,
+    Quantity, Sign,
+};
+use crate::crossings::{CrossingDelivery, CrossingLevel, DetectorSettings, RowsNeeded};
 use kalmems_equations::{Device, NoiseKind};
 
 /// An event whose times are looked for.
@@ -14,7 +17,7 @@ pub struct EventSettings {
     /// Its name.
     pub name: &'static str,
     /// Where its times come from.
-    pub source: EventSource,
+    pub source: EventTimeSource,
     /// The variance of a time that is told, beside what a detector claims, in s².
     pub time_variance: f64,
     /// The variance of its expression then, in its unit².
@@ -23,7 +26,7 @@ pub struct EventSettings {
 
 /// Where the times of an event come from.
 #[derive(Clone, Copy, Debug)]
-pub enum EventSource {
+pub enum EventTimeSource {
     /// From a channel of the recording: how long before its row the event was.
     Channel {
         /// The longest of these times in s; [`KNOWN_WITHIN`] if not stated.
@@ -34,7 +37,7 @@ pub enum EventSource {
         /// The measurement, by its place.
         measure: usize,
         /// What it crosses.
-        level: Level,
+        level: CrossingLevel,
         /// Whether it falls there.
         falls: bool,
         /// How crossings are found.
@@ -47,13 +50,13 @@ const KNOWN_WITHIN: f64 = 4.0;
 
 /// How a filter uses an event.
 #[derive(Clone, Copy, Debug)]
-pub struct EventUse {
+pub struct FilterEventUse {
     /// The event, by its place among those that are looked for.
     pub event: usize,
     /// Where in time a crossing lies.
-    pub timing: Timing,
+    pub timing: CrossingTiming,
     /// When the filter is told.
-    pub telling: Telling,
+    pub delivery: CrossingDelivery,
     /// The variance of the expression; `None` takes that which follows from the event's time and its noise.
     pub variance: Option<f64>,
     /// The largest normalised innovation squared that is believed, where the file says one; the filter's own gate decides otherwise.
@@ -62,14 +65,16 @@ pub struct EventUse {
 
 impl EventSettings {
     /// The rows that are needed around the new ones for it, by these filters, in a recording of this interval in s.
-    pub fn needed(&self, tellings: impl Iterator<Item = Telling>, interval_s: f64) -> Needed {
+    pub fn needed(&self, deliveries: impl Iterator<Item = CrossingDelivery>, interval_s: f64) -> RowsNeeded {
         match self.source {
-            EventSource::Channel { .. } => {
+            EventTimeSource::Channel { .. } => {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count
                 let rows = (self.known_within_s(interval_s) / interval_s).ceil() as usize;
-                Needed::of_rows(rows)
+                RowsNeeded::of_rows(rows)
             }
-            EventSource::Signal { ref detector, .. } => Needed::by(Some(detector), tellings, interval_s),
+            EventTimeSource::Signal { ref detector, .. } => {
+                RowsNeeded::by(Some(detector), deliveries, interval_s)
+            }
         }
     }
 
@@ -82,7 +87,7 @@ impl EventSettings {
         (measures, events): (&[usize], &[usize]),
     ) -> Result<(), ConfigError> {
         let (is_there, remedy) = match self.source {
-            EventSource::Channel { .. } => {
+            EventTimeSource::Channel { .. } => {
                 let remedy = format!(
                     "name the column that says how long before its row the event was, such as `{0} = \"{0}_ago_s\"`, or the \
                      measurement that shows it in `[estimate.events.{0}]`",
@@ -90,19 +95,19 @@ impl EventSettings {
                 );
                 (events.contains(&self.event), remedy)
             }
-            EventSource::Signal { measure, .. } => {
+            EventTimeSource::Signal { measure, .. } => {
                 let remedy =
                     format!("name the column of the measurement that shows the event `{}`", self.name);
                 (measures.contains(&measure), remedy)
             }
         };
-        if is_there { Ok(()) } else { Err(experiment.error(key.clone(), Fault::MissingKey { remedy })) }
+        if is_there { Ok(()) } else { Err(experiment.error(key.clone(), ConfigFault::MissingKey { remedy })) }
     }
 
     /// How long after it a channel tells of it at most, in s.
     pub fn known_within_s(&self, interval_s: f64) -> f64 {
         match self.source {
-            EventSource::Channel { known_within_s: Some(within_s) } => within_s,
+            EventTimeSource::Channel { known_within_s: Some(within_s) } => within_s,
             _ => KNOWN_WITHIN * interval_s,
         }
     }
@@ -126,7 +131,7 @@ pub fn events(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<EventSetti
     let size = |of: NoiseKind| noise.iter().find(|(kind, _)| *kind == of).map_or(0.0, |(_, size)| *size);
     let mut events = Vec::new();
     for (event, named) in device.events().iter().enumerate() {
-        let uses = |filter: &Filter| filter.events.contains_key(&*named.name);
+        let uses = |filter: &FilterTable| filter.events.contains_key(&*named.name);
         if !(estimate.events.contains_key(&*named.name) || estimate.filters.iter().any(uses)) {
             continue;
         }
@@ -150,31 +155,31 @@ fn place(
 ) -> Result<usize, ConfigError> {
     device.events().iter().position(|named| *named.name == *name).ok_or_else(|| {
         let known = device.events().iter().map(|named| &*named.name);
-        experiment.error(key().child(name), Fault::unknown_key(name, known))
+        experiment.error(key().child(name), ConfigFault::unknown_key(name, known))
     })
 }
 
-fn source(experiment: &Experiment, device: &Device, name: &str) -> Result<EventSource, ConfigError> {
+fn source(experiment: &Experiment, device: &Device, name: &str) -> Result<EventTimeSource, ConfigError> {
     let stated = experiment.estimate.as_ref().and_then(|estimate| estimate.events.get(name));
     let known_within_s = stated.and_then(|stated| stated.known_within.as_ref()).map(Quantity::si);
     let Some((stated, signal)) = stated.and_then(|stated| Some((stated, stated.signal.as_ref()?))) else {
-        return Ok(EventSource::Channel { known_within_s });
+        return Ok(EventTimeSource::Channel { known_within_s });
     };
     let key = |key: &str| Key::from("estimate.events").child(name).child(key);
     let Some(measure) = device.measures().iter().position(|named| *named.name == **signal) else {
         let known = device.measures().iter().map(|named| &*named.name);
-        return Err(experiment.error(key("signal"), Fault::unknown_word(signal, known)));
+        return Err(experiment.error(key("signal"), ConfigFault::unknown_word(signal, known)));
     };
     let kind = names::kind_of(&device.measures()[measure]);
     let level = stated.level.as_ref();
     let level = level.map(|level| experiment.value(key("level"), level, kind, Sign::Any)).transpose()?;
     let Some(detector) = &stated.detector else {
         // The file was refused where it states none.
-        return Ok(EventSource::Channel { known_within_s });
+        return Ok(EventTimeSource::Channel { known_within_s });
     };
-    Ok(EventSource::Signal {
+    Ok(EventTimeSource::Signal {
         measure,
-        level: Level { value: level.unwrap_or(0.0), follows_mean: stated.follows_mean },
+        level: CrossingLevel { value: level.unwrap_or(0.0), follows_mean: stated.follows_mean },
         falls: stated.edge == Some(Edge::Falling),
         detector: DetectorSettings::from(detector),
     })
@@ -185,10 +190,10 @@ pub fn uses(
     experiment: &Experiment,
     own: &OwnDevice,
     events: &[EventSettings],
-    (at, filter): (&Key, &Filter),
-) -> Result<Vec<EventUse>, ConfigError> {
+    (at, filter): (&Key, &FilterTable),
+) -> Result<Vec<FilterEventUse>, ConfigError> {
     let at = at.clone().child("events");
-    let refuse = |key: Key, why: &str| Err(experiment.error(key, Fault::Value { why: why.to_owned() }));
+    let refuse = |key: Key, why: &str| Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }));
     if !filter.events.is_empty() && (!filter.method.claims() || filter.method.has_fixed_gain()) {
         let why = "this method has no gain by which an event could correct it; leave it out, or use `ekf`";
         return refuse(at, why);
@@ -203,7 +208,7 @@ pub fn uses(
             sd.map(|sd| experiment.value(at.clone().child("sd"), sd, names::kind_of(named), Sign::Positive));
         let sd = sd.transpose()?;
         match event.source {
-            EventSource::Channel { .. } => {
+            EventTimeSource::Channel { .. } => {
                 let of_signals = [
                     ("timing", stated.timing.is_some()),
                     ("applied", stated.applied.is_some()),
@@ -219,20 +224,20 @@ pub fn uses(
                         event.name
                     );
                     let key = Key::from("device.equations.noise").child(event.name);
-                    return Err(experiment.error(key, Fault::MissingKey { remedy }));
+                    return Err(experiment.error(key, ConfigFault::MissingKey { remedy }));
                 }
             }
-            EventSource::Signal { .. } => {
-                if stated.lag.is_some() && stated.applied == Some(Applied::InPlace) {
+            EventTimeSource::Signal { .. } => {
+                if stated.lag.is_some() && stated.applied == Some(CrossingApplication::InPlace) {
                     let why = "a filter that is told in place has no lag; leave it out, or write `applied = \"late\"`";
                     return refuse(at.child("lag"), why);
                 }
             }
         }
-        uses.push(EventUse {
+        uses.push(FilterEventUse {
             event: place,
             timing: stated.timing.unwrap_or_default(),
-            telling: Telling {
+            delivery: CrossingDelivery {
                 applied: stated.applied.unwrap_or_default(),
                 lag_s: stated.lag.as_ref().map(Quantity::si),
             },

@@ -1,21 +1,25 @@
 //! A filter of a device of one's own as source code for a microcontroller.
 
-use super::course::{Channel, EquationSegment};
-use super::event_times::{EventTimes, Found};
-use super::events::{EventSettings, EventSource, EventUse};
+use super::course::{EquationSegment, SegmentChannel};
+use super::event_times::{EventTimes, FoundEvents};
+use super::events::{EventSettings, EventTimeSource, FilterEventUse};
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, noises};
-use super::segment::{OneFilter, at_rest};
-use super::settings::{FilterSettings, OwnDevice, Settings};
+use super::segment::{EquationFilterTask, at_rest};
+use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
-use super::{Columns, names};
+use super::{EquationColumns, names};
 use crate::Rig;
-use crate::config::{Experiment, Fault, Key, Method};
-use crate::estimate::driven::Drive;
-use crate::estimate::{AnyFilter, FilterPast, GainOf, Known, Samples, Sensor, Tracked, Transition};
-use crate::export::{Digits, ExportError, Exported, Request, Target, c_name, heading, place_of_filter};
+use crate::config::{ConfigFault, Experiment, Key, Method};
+use crate::estimate::driven::SegmentDrive;
+use crate::estimate::{
+    AnyFilter, FilterPast, GainOf, MeanAndCovariance, SampleSelection, Sensor, Tracked, Transition,
+};
+use crate::export::{
+    ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, c_name, heading, place_of_filter,
+};
 use crate::progress::Silent;
-use crate::recording::{Recording, Segment};
+use crate::recording::{SampledRecording, Segment};
 use crate::units::kind;
 use kalmems_equations::{
     EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart,
@@ -33,16 +37,16 @@ const REHEARSED: usize = 3000;
 const FAR: f64 = 10.0;
 
 /// The same, as the source takes every sample.
-fn ungated(mut settings: Settings) -> Settings {
+fn ungated(mut settings: EquationSettings) -> EquationSettings {
     settings.filters.iter_mut().for_each(|filter| filter.basics.taking.largest_nis = None);
     settings
 }
 
 /// The source of a filter; see [`Rig::export`].
 #[allow(clippy::too_many_lines)] // one refusal after the other, each with its reason
-pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
+pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
     let place = place_of_filter(experiment, request)?;
-    let settings = ungated(Settings::of(experiment)?);
+    let settings = ungated(EquationSettings::of(experiment)?);
     let (own, filter) = (&settings.own, &settings.filters[place]);
     let refuse =
         |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
@@ -101,7 +105,7 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
         (Some(gain), [measure]) => settled((own, filter, model), gain, *measure, interval_s)?,
         (Some(_), _) => return refuse("its gain is that of one measurement; name it in `channels`"),
     };
-    let asked = if request.digits == Digits::AsNeeded { REHEARSED } else { 0 };
+    let asked = if request.digits == SourceDigits::AsNeeded { REHEARSED } else { 0 };
     let mut samples = match &recording {
         Some(recording) if asked.max(request.samples) > 0 => {
             let count = (request.samples, asked.max(request.samples));
@@ -113,13 +117,13 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
         }
         _ => Vec::new(),
     };
-    if request.digits == Digits::AsNeeded && samples.is_empty() {
+    if request.digits == SourceDigits::AsNeeded && samples.is_empty() {
         heading.push("There was no recording over which to see how many digits it needs.".to_owned());
     }
     let digits = match request.digits {
-        Digits::Double => EmitDigits::Double,
-        Digits::AsNeeded if !samples.is_empty() => EmitDigits::AsNeeded(samples.clone()),
-        Digits::AsNeeded | Digits::Single => EmitDigits::Single,
+        SourceDigits::Double => EmitDigits::Double,
+        SourceDigits::AsNeeded if !samples.is_empty() => EmitDigits::AsNeeded(samples.clone()),
+        SourceDigits::AsNeeded | SourceDigits::Single => EmitDigits::Single,
     };
     samples.truncate(request.samples * parts);
     let emitted = EmitRequest {
@@ -146,8 +150,8 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
         name,
     };
     let language = match request.target {
-        Target::C => EmitLanguage::C,
-        Target::Rust => EmitLanguage::Rust,
+        SourceLanguage::C => EmitLanguage::C,
+        SourceLanguage::Rust => EmitLanguage::Rust,
     };
     let files = own
         .device
@@ -159,13 +163,13 @@ pub fn export(experiment: &Experiment, request: &Request) -> Result<Exported, Ex
 /// The places of the parameters that the program may change.
 fn adjustable(
     experiment: &Experiment,
-    request: &Request,
+    request: &ExportRequest,
     own: &OwnDevice,
 ) -> Result<Vec<usize>, ExportError> {
     let known = || own.device.parameters().iter().map(|parameter| &*parameter.named.name);
     let place = |name: &String| {
         own.device.parameter(name).ok_or_else(|| {
-            experiment.error("device.equations.parameters", Fault::unknown_word(name, known())).into()
+            experiment.error("device.equations.parameters", ConfigFault::unknown_word(name, known())).into()
         })
     };
     request.adjustable.iter().map(place).collect()
@@ -186,7 +190,7 @@ fn free(own: &OwnDevice, tracked: &Tracked, walk: f64) -> Option<FreeParameter> 
 /// The measurements that correct the filter, with the variance of a sample of each.
 fn measures(
     experiment: &Experiment,
-    (own, filter): (&OwnDevice, &FilterSettings),
+    (own, filter): (&OwnDevice, &EquationFilterSettings),
     interval_s: f64,
 ) -> Result<Vec<EmitMeasure>, ExportError> {
     let (_, variances) =
@@ -202,21 +206,24 @@ fn measures(
                 own.device.measures().get(measure).map(|named| named.name.to_string()).unwrap_or_default();
             let remedy = "write the variance of a sample of it; a filter weighs the samples by it".to_owned();
             let key = Key::from("device.equations.noise").child(&name);
-            experiment.error(key, Fault::MissingKey { remedy }).into()
+            experiment.error(key, ConfigFault::MissingKey { remedy }).into()
         })
     };
     all.into_iter().map(of).collect()
 }
 
 /// The events that correct the filter.
-fn events(settings: &Settings, filter: &FilterSettings) -> Result<Vec<EmitEvent>, ExportError> {
-    let of = |used: &EventUse| {
+fn events(
+    settings: &EquationSettings,
+    filter: &EquationFilterSettings,
+) -> Result<Vec<EmitEvent>, ExportError> {
+    let of = |used: &FilterEventUse| {
         let event = &settings.events[used.event];
         let refuse = |why: &str| {
             let why = format!("of the event `{}`, {why}", event.name);
             Err(ExportError::Filter { filter: filter.basics.name.clone(), why })
         };
-        if matches!(event.source, EventSource::Signal { .. }) {
+        if matches!(event.source, EventTimeSource::Signal { .. }) {
             return refuse(
                 "the detector is not part of the source; leave `signal` out of `[estimate.events]`, and the source is told of it by its \
                  caller",
@@ -238,14 +245,14 @@ fn events(settings: &Settings, filter: &FilterSettings) -> Result<Vec<EmitEvent>
 
 /// The constant gain of a filter, in SI.
 fn settled(
-    (own, filter, model): (&OwnDevice, &FilterSettings, &EquationModel),
+    (own, filter, model): (&OwnDevice, &EquationFilterSettings, &EquationModel),
     gain: GainOf,
     EmitMeasure { measure, variance }: EmitMeasure,
     interval_s: f64,
 ) -> Result<EmitGain, ExportError> {
     // A filter that starts from the signal was refused before.
     let known = filter.stated().unwrap_or_default();
-    let made = |rest: &Known, step: &dyn Transition, sensor: &dyn Sensor| {
+    let made = |rest: &MeanAndCovariance, step: &dyn Transition, sensor: &dyn Sensor| {
         AnyFilter::constant_gain_of((gain, interval_s), (rest, &known), (step, sensor, variance))
     };
     let mut gain = at_rest(own, model, (measure, interval_s), made)
@@ -256,7 +263,10 @@ fn settled(
 }
 
 /// The first recording, where there is one, and the interval in s between samples.
-fn recorded(experiment: &Experiment, request: &Request) -> Result<(Option<Recording>, f64), ExportError> {
+fn recorded(
+    experiment: &Experiment,
+    request: &ExportRequest,
+) -> Result<(Option<SampledRecording>, f64), ExportError> {
     if let Some(interval_s) = request.interval_s {
         if request.samples > 0 {
             return Err(ExportError::SamplesOfAnotherRate);
@@ -267,10 +277,10 @@ fn recorded(experiment: &Experiment, request: &Request) -> Result<(Option<Record
     let wanted = if experiment.recordings.is_empty() { Vec::new() } else { rig.wanted(experiment)? };
     let Some(index) = wanted.first().copied() else {
         let why = "there is no recording to take the sampling interval from; give `--rate`".to_owned();
-        return Err(experiment.error("recording", Fault::Value { why }).into());
+        return Err(experiment.error("recording", ConfigFault::Value { why }).into());
     };
     let file = experiment.resolve(&experiment.recording(index)?.file);
-    let recording = Recording::read(&file, &rig.layout(experiment, index)?)?;
+    let recording = SampledRecording::read(&file, &rig.layout(experiment, index)?)?;
     let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
     let Some(interval_s) = interval_s else {
         return Err(ExportError::NoInterval { file: recording.source().file.clone() });
@@ -280,9 +290,9 @@ fn recorded(experiment: &Experiment, request: &Request) -> Result<(Option<Record
 
 /// How long before each row the events were, in s; an event at the first row, where the filter starts, is left out.
 fn events_ago(
-    settings: &Settings,
-    columns: &Columns<'_>,
-    (recording, segment): (&Recording, &Segment),
+    settings: &EquationSettings,
+    columns: &EquationColumns<'_>,
+    (recording, segment): (&SampledRecording, &Segment),
 ) -> Result<Vec<Vec<Option<f64>>>, ExportError> {
     let mut ago = Vec::new();
     for event in &settings.events {
@@ -301,8 +311,8 @@ fn inputs_of_part(
     between: &[Interpolation],
     (k, part, parts): (usize, usize, usize),
 ) -> [Vec<f64>; 3] {
-    let of = |(input, between): (&Drive<'_>, &Interpolation)| {
-        Drive::nodes_of_part(&between.nodes(input, k), part, parts)
+    let of = |(input, between): (&SegmentDrive<'_>, &Interpolation)| {
+        SegmentDrive::nodes_of_part(&between.nodes(input, k), part, parts)
     };
     let nodes: Vec<_> = data.inputs.iter().zip(between).map(of).collect();
     [
@@ -320,15 +330,15 @@ fn inputs_of_part(
 /// are those behind it.
 fn test_samples(
     experiment: &Experiment,
-    (settings, filter): (&Settings, &FilterSettings),
-    recording: &Recording,
+    (settings, filter): (&EquationSettings, &EquationFilterSettings),
+    recording: &SampledRecording,
     measures: &[EmitMeasure],
     ((at_least, at_most), parts): ((usize, usize), usize),
 ) -> Result<Vec<TestSample>, ExportError> {
     let own = &settings.own;
     let file = || recording.source().file.clone();
-    let columns = Columns::of(experiment, 0)?;
-    let Columns { inputs, measured, .. } = &columns;
+    let columns = EquationColumns::of(experiment, 0)?;
+    let EquationColumns { inputs, measured, .. } = &columns;
     let Some(segment) = recording.segments().first() else {
         return Err(ExportError::NoInterval { file: file() });
     };
@@ -345,7 +355,7 @@ fn test_samples(
         let Some((place, column)) = column else {
             let why = "a measurement of the filter is no channel of the recording; leave `--samples` out"
                 .to_owned();
-            return Err(experiment.error("recording", Fault::Value { why }).into());
+            return Err(experiment.error("recording", ConfigFault::Value { why }).into());
         };
         let kind = names::kind_of(&own.device.measures()[*place]);
         let mut signal = recording.column_of(column, kind)?.of(segment).to_vec();
@@ -358,7 +368,7 @@ fn test_samples(
     let happened = |(event, rows): (&EventSettings, &Vec<Option<f64>>)| {
         let rows = rows.iter().take(at_most + 1).enumerate();
         let told = rows.filter_map(|(row, ago_s)| Some((row, time_s.get(row)? - (*ago_s)?))).collect();
-        EventTimes { settings: *event, found: Found::Recorded(told) }
+        EventTimes { settings: *event, found: FoundEvents::Recorded(told) }
     };
     let whole = |k: &usize| {
         let finite = |values: &[f64]| values.get(*k).is_some_and(|value| value.is_finite());
@@ -373,8 +383,8 @@ fn test_samples(
     if count == 0 {
         return Ok(Vec::new());
     }
-    let drives: Vec<Drive<'_>> =
-        volts.iter().map(|values| Drive::new(&time_s[..rows], &values[..rows], interval_s)).collect();
+    let drives: Vec<SegmentDrive<'_>> =
+        volts.iter().map(|values| SegmentDrive::new(&time_s[..rows], &values[..rows], interval_s)).collect();
     let place = file();
     let data = EquationSegment {
         place: &place,
@@ -384,17 +394,17 @@ fn test_samples(
         events: settings.events.iter().zip(&ago).map(happened).collect(),
         channels: signals
             .iter()
-            .map(|(measure, signal)| Channel {
+            .map(|(measure, signal)| SegmentChannel {
                 name: &own.device.measures()[measure.measure].name,
                 measure: measure.measure,
                 variance: measure.variance,
                 signal,
             })
             .collect(),
-        samples: Samples::whole(count + 1, interval_s),
+        samples: SampleSelection::whole(count + 1, interval_s),
     };
     let models = filter.models(own).map_err(|error| ExportError::from(refused(experiment, &error)))?;
-    let way = OneFilter { own, filter, models: &models, data: &data, progress: &Silent };
+    let way = EquationFilterTask { own, filter, models: &models, data: &data, progress: &Silent };
     let found = way
         .follow(&mut FilterPast::default())
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;

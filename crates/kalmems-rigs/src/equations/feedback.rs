@@ -2,7 +2,7 @@
 
 use super::names;
 use super::settings::OwnDevice;
-use crate::config::{ConfigError, DriveSource, Experiment, Fault, InputSource, Key, Sign, Simulate};
+use crate::config::{ConfigError, ConfigFault, DriveSource, Experiment, InputSource, Key, Sign, Simulate};
 use crate::simulate::Drive;
 
 /// An input that follows a measurement from sample to sample.
@@ -38,7 +38,7 @@ pub fn loops(
         let measures = device.measures();
         let Some(measure) = measures.iter().position(|measure| *measure.name == *source.of) else {
             let known = measures.iter().map(|measure| &*measure.name);
-            return Err(experiment.error(key.child("of"), Fault::unknown_word(&source.of, known)));
+            return Err(experiment.error(key.child("of"), ConfigFault::unknown_word(&source.of, known)));
         };
         let (kind, seen) = (names::kind_of(named), names::kind_of(&measures[measure]));
         if kind.dimension != seen.dimension && source.one_bit.is_none() {
@@ -47,7 +47,7 @@ pub fn loops(
                  controller",
                 source.of, measures[measure].unit_text, named.name, named.unit_text
             );
-            return Err(experiment.error(key.child("of"), Fault::Value { why }));
+            return Err(experiment.error(key.child("of"), ConfigFault::Value { why }));
         }
         let level = |value| experiment.value(key.clone().child("one_bit"), value, kind, Sign::Positive);
         Ok(Some(Loop { input, measure, one_bit: source.one_bit.as_ref().map(level).transpose()? }))

@@ -1,7 +1,7 @@
 //! How an input goes between two samples of a recording.
 
 use super::ordered::Ordered;
-use crate::estimate::driven::Drive;
+use crate::estimate::driven::SegmentDrive;
 use crate::signal::band_limited;
 use kalmems_core::Nodes;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -47,7 +47,7 @@ impl Interpolation {
     }
 
     /// An input at the ends and in the middle of the interval that ends at sample `to`.
-    pub fn nodes(self, input: &Drive<'_>, to: usize) -> Nodes<f64> {
+    pub fn nodes(self, input: &SegmentDrive<'_>, to: usize) -> Nodes<f64> {
         match self {
             Self::Cubic => input.nodes(to),
             Self::Linear | Self::Hold | Self::Mean => {
@@ -55,7 +55,7 @@ impl Interpolation {
                 self.between_ends(Nodes { start, middle: f64::NAN, end })
             }
             Self::Sine => {
-                input.coming(to).map_or_else(|| input.nodes(to), |sine| input.nodes_along(sine, to))
+                input.continuation(to).map_or_else(|| input.nodes(to), |sine| input.nodes_along(sine, to))
             }
             Self::BandLimited => {
                 let mut nodes = input.nodes(to);
@@ -81,7 +81,7 @@ impl Interpolation {
 
 /// The middle of the interval that ends at sample `to`, of a band-limited input; `None` where the samples around are not at equal
 /// distances.
-fn band_limited_middle(input: &Drive<'_>, to: usize) -> Option<f64> {
+fn band_limited_middle(input: &SegmentDrive<'_>, to: usize) -> Option<f64> {
     let time_s = input.time_s();
     let last = time_s.len().checked_sub(1)?;
     let (from, until) = (to.saturating_sub(REACH), (to + REACH - 1).min(last));
@@ -152,8 +152,8 @@ impl Serialize for Interpolations {
 
 impl<'de> Deserialize<'de> for Interpolations {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct WordOrTable;
-        impl<'de> Visitor<'de> for WordOrTable {
+        struct InterpolationsVisitor;
+        impl<'de> Visitor<'de> for InterpolationsVisitor {
             type Value = Interpolations;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -168,7 +168,7 @@ impl<'de> Deserialize<'de> for Interpolations {
                 Ordered::deserialize(MapAccessDeserializer::new(map)).map(Interpolations::Each)
             }
         }
-        deserializer.deserialize_any(WordOrTable)
+        deserializer.deserialize_any(InterpolationsVisitor)
     }
 }
 
@@ -195,7 +195,7 @@ impl JsonSchema for Interpolations {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::Samples;
+    use crate::estimate::SampleSelection;
     use crate::estimate::driven::DrivePast;
     use std::f64::consts::TAU;
 
@@ -206,7 +206,8 @@ mod tests {
         let values: Vec<f64> = (0..9000).map(|k| wave(f64::from(k))).collect();
         let mut past = DrivePast::default();
         past.foresees = true;
-        let input = Drive::of(&time_s, &values, &Samples::whole(time_s.len(), 1e-6), &mut past);
+        let input =
+            SegmentDrive::of(&time_s, &values, &SampleSelection::whole(time_s.len(), 1e-6), &mut past);
         let ways =
             [Interpolation::Linear, Interpolation::Cubic, Interpolation::Sine, Interpolation::BandLimited];
         ways.map(|way| {

@@ -1,9 +1,9 @@
 //! The state that each sample means by itself, where a measurement is that of one state.
 
-use super::segment::OneFilter;
+use super::segment::EquationFilterTask;
 use super::settings::OwnDevice;
 use crate::estimate::{StateName, Trajectory, inversion};
-use kalmems_equations::{Readout, Work};
+use kalmems_equations::{ProgramNumbers, ReadoutProgram};
 use std::cell::RefCell;
 
 /// Newton's steps for one sample, at most; a measurement that is straight takes one.
@@ -15,7 +15,7 @@ const NEAR: f64 = 1e-9;
 
 /// A measurement that tells one state.
 pub struct Inverse {
-    readout: Readout,
+    readout: ReadoutProgram,
     /// The state.
     pub state: usize,
     /// Where the search begins, and the sign of the slope there.
@@ -53,7 +53,12 @@ impl Inverse {
 
     /// The state that a signal means under inputs, and the slope there; `None` where the measurement does not reach the signal
     /// before it turns back.
-    fn state_at(&self, work: &mut Work, inputs: &[f64], (signal, noise_sd): (f64, f64)) -> Option<[f64; 2]> {
+    fn state_at(
+        &self,
+        work: &mut ProgramNumbers,
+        inputs: &[f64],
+        (signal, noise_sd): (f64, f64),
+    ) -> Option<[f64; 2]> {
         let (mut x, mut slopes) = (self.rest.clone(), vec![0.0; self.rest.len()]);
         let mut read = |x: &[f64]| {
             let value = self.readout.linearize(work, x, inputs, &mut slopes);
@@ -90,7 +95,7 @@ impl Inverse {
     }
 }
 
-impl OneFilter<'_> {
+impl EquationFilterTask<'_> {
     /// Each sample by itself: the state that its signal means, with what the noise of the signal makes of it. A signal that no state
     /// makes counts as a missing one.
     pub fn inversion(&self, inverse: &Inverse, states: &[StateName]) -> Option<Trajectory> {

@@ -26,19 +26,21 @@ mod visibility;
 
 pub use table::EquationsTable;
 
-use crate::config::{ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
-use crate::estimate::{EstimateError, Parameter, Past, SegmentEstimate};
-use crate::evaluate::{MotionErrors, Reference, ValueState};
-use crate::export::{ExportError, Exported, Request};
+use crate::config::{
+    ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole,
+};
+use crate::estimate::{DeviceParameter, EstimateError, Past, SegmentEstimate};
+use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
+use crate::export::{ExportError, ExportRequest, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress};
-use crate::recording::Layout;
+use crate::recording::RecordingLayout;
 use crate::simulate::{SimulateError, Simulation};
-use crate::{Channels, Estimator, Rig, Template, TemplateChannel};
+use crate::{Estimator, RecordingChannels, Rig, Template, TemplateChannel};
 use kalmems_equations::Named;
 use segment::EquationEstimator;
-use settings::{OwnDevice, Settings};
+use settings::{EquationSettings, OwnDevice};
 use simulation::EquationSimulation;
 use table::refused;
 
@@ -60,7 +62,7 @@ static NO_METHODS: [(Method, &str); 1] = [(
 )];
 
 /// The columns of a recording.
-struct Columns<'a> {
+struct EquationColumns<'a> {
     /// Those of the inputs, in the order of the device.
     inputs: Vec<&'a str>,
     /// Those of measurements, with their places.
@@ -69,7 +71,7 @@ struct Columns<'a> {
     events: Vec<(usize, &'a str)>,
 }
 
-impl<'a> Columns<'a> {
+impl<'a> EquationColumns<'a> {
     /// Of a recording of an experiment.
     fn of(experiment: &'a Experiment, index: usize) -> Result<Self, ConfigError> {
         let (_, device) = EquationsTable::of(experiment)?;
@@ -84,7 +86,7 @@ impl<'a> Columns<'a> {
             let names: Vec<String> =
                 device.measures().iter().map(|named| format!("`{0} = \"{0}_V\"`", named.name)).collect();
             let remedy = format!("name the column of a measurement, such as {}", names.join(" or "));
-            return Err(experiment.error(key, Fault::MissingKey { remedy }));
+            return Err(experiment.error(key, ConfigFault::MissingKey { remedy }));
         }
         for settings in events::events(experiment, &OwnDevice::of(experiment)?)? {
             settings.require_channel(experiment, &key, (&measures, &events))?;
@@ -142,26 +144,26 @@ impl Rig for EquationsRig {
         EquationsTable::of(experiment).map(|_| true)
     }
 
-    fn uses(&self, _: &Experiment) -> Uses {
-        Uses {
+    fn uses(&self, _: &Experiment) -> DeviceUses {
+        DeviceUses {
             several_signals: true,
             simulated_channels: true,
             events: true,
             states_readout: true,
             no_methods: &NO_METHODS,
-            ..Uses::default()
+            ..DeviceUses::default()
         }
     }
 
-    fn channels(&self, experiment: &Experiment) -> Channels {
+    fn channels(&self, experiment: &Experiment) -> RecordingChannels {
         let there = |named: &Named| {
             let column =
                 experiment.recordings.first().and_then(|recording| recording.channels.column(&named.name));
             column.map(|_| named.name.to_string())
         };
         EquationsTable::of(experiment).map_or_else(
-            |_| Channels::default(),
-            |(_, device)| Channels {
+            |_| RecordingChannels::default(),
+            |(_, device)| RecordingChannels {
                 inputs: device.inputs().iter().filter_map(there).collect(),
                 signals: device.measures().iter().filter_map(there).collect(),
             },
@@ -173,16 +175,16 @@ impl Rig for EquationsRig {
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        Settings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState])?;
+        EquationSettings::of(experiment)?;
+        let wanted = experiment.to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState])?;
         for index in &wanted {
-            Columns::of(experiment, *index)?;
+            EquationColumns::of(experiment, *index)?;
         }
         Ok(wanted)
     }
 
-    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        let all = Columns::of(experiment, index)?.all();
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
+        let all = EquationColumns::of(experiment, index)?.all();
         // Where nothing moves by itself, a gap is bounded as if a cycle took a second.
         let cycle_s = OwnDevice::of(experiment)?.natural_hz().map_or(1.0, f64::recip);
         experiment.layout_to_estimate(index, &all, cycle_s)
@@ -196,7 +198,7 @@ impl Rig for EquationsRig {
         EquationsTable::of(experiment).map_or(&[], |(table, device)| names::values(&table, &device))
     }
 
-    fn parameters(&self, experiment: &Experiment) -> &'static [Parameter] {
+    fn parameters(&self, experiment: &Experiment) -> &'static [DeviceParameter] {
         EquationsTable::of(experiment).map_or(&[], |(_, device)| settings::parameters(experiment, &device))
     }
 
@@ -206,10 +208,10 @@ impl Rig for EquationsRig {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        let settings = Settings::of(experiment)?;
+        let settings = EquationSettings::of(experiment)?;
         let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
         let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
-        let columns = Columns::of(experiment, index)?;
+        let columns = EquationColumns::of(experiment, index)?;
         let past = Past::default();
         Ok(Box::new(EquationEstimator { experiment, settings, models, columns, past, progress }))
     }
@@ -220,10 +222,10 @@ impl Rig for EquationsRig {
         let names: Vec<String> = table.parameters.iter().map(|(name, _)| format!("\"{name}\"")).collect();
         let remedy =
             format!("name the parameters that are sought, such as `parameters = [{}]`", names.join(", "));
-        Err(experiment.error("identify.parameters", Fault::MissingKey { remedy }).into())
+        Err(experiment.error("identify.parameters", ConfigFault::MissingKey { remedy }).into())
     }
 
-    fn export(&self, experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
+    fn export(&self, experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
         export::export(experiment, request)
     }
 
@@ -241,7 +243,7 @@ impl Rig for EquationsRig {
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
-        _: &[Reference],
+        _: &[ReferenceMotion],
         _: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]

@@ -1,16 +1,18 @@
 //! A device's equations as filters run them: the step over an interval, and what is read.
 
-use crate::estimate::driven::{Drive, Held};
+use crate::estimate::driven::{ParameterStep, SegmentDrive};
 use crate::estimate::{Sensor, Tracked, Transition};
 use kalmems_core::augmentation::AddedState;
 use kalmems_core::discretize::discretize;
 use kalmems_core::{Mat, Nodes, NoiseDensity, ProcessNoise};
-use kalmems_equations::{Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, Readout, Work};
+use kalmems_equations::{
+    Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, ProgramNumbers, ReadoutProgram,
+};
 use std::cell::RefCell;
 
 /// How a step follows the equations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rule {
+pub enum StepRule {
     /// By Runge and Kutta's method of fourth order.
     RungeKutta,
     /// By Euler's method.
@@ -23,12 +25,12 @@ pub enum Rule {
 /// deviation.
 pub struct EquationModel {
     motion: Motion,
-    readouts: Vec<Readout>,
+    readouts: Vec<ReadoutProgram>,
     /// The expressions of all events.
-    events: Vec<Readout>,
+    events: Vec<ReadoutProgram>,
     /// Of each event, the states that it does not hang on, now or by its rates.
     apart: Vec<Vec<bool>>,
-    work: RefCell<Vec<Work>>,
+    work: RefCell<Vec<ProgramNumbers>>,
     /// Value and scale of each parameter that is a state, and how it drifts.
     free: Vec<(f64, AddedState<f64>)>,
     /// The power density of the noise of each state's rate.
@@ -38,13 +40,13 @@ pub struct EquationModel {
     /// Where the noise is linearised.
     rest: Vec<f64>,
     inputs: usize,
-    rule: Rule,
+    rule: StepRule,
     /// Steps per second that follow its motion.
     pace: f64,
 }
 
 /// The states that an event does not hang on: neither by its expression nor by the rates of those that it hangs on.
-fn apart(motion: &Motion, event: &Readout) -> Vec<bool> {
+fn apart(motion: &Motion, event: &ReadoutProgram) -> Vec<bool> {
     let mut apart = vec![true; motion.moving()];
     let mut found: Vec<usize> = event.sparsity().collect();
     while let Some(state) = found.pop() {
@@ -57,7 +59,7 @@ fn apart(motion: &Motion, event: &Readout) -> Vec<bool> {
 }
 
 /// One number for each state, with those that are parameters.
-type Numbers = [f64; MOST_STATES];
+type StateNumbers = [f64; MOST_STATES];
 
 impl EquationModel {
     /// With these values of all parameters; noise is discretised for the motion at `rest` under no input.
@@ -65,7 +67,7 @@ impl EquationModel {
         device: &Device,
         values: &[f64],
         tracked: &[Tracked],
-        (density, rule): (Vec<f64>, Rule),
+        (density, rule): (Vec<f64>, StepRule),
         (rest, pace): (&[f64], f64),
     ) -> Result<Self, EquationError> {
         let places: Vec<usize> =
@@ -76,9 +78,9 @@ impl EquationModel {
             .map(|(place, tracked)| (values.get(*place).copied().unwrap_or(f64::NAN), tracked.added));
         let free: Vec<_> = free.collect();
         let motion = device.motion(&places)?;
-        let readouts: Vec<Readout> =
+        let readouts: Vec<ReadoutProgram> =
             (0..device.measures().len()).map(|k| device.readout(k, &places)).collect::<Result<_, _>>()?;
-        let events: Vec<Readout> =
+        let events: Vec<ReadoutProgram> =
             (0..device.events().len()).map(|k| device.event(k, &places)).collect::<Result<_, _>>()?;
         let apart = events.iter().map(|event| apart(&motion, event)).collect();
         let mut work = vec![motion.work(values)];
@@ -110,7 +112,7 @@ impl EquationModel {
     pub fn over(&self, interval_s: f64) -> Interval {
         let moving = self.moving();
         let states = moving + self.free.len();
-        let held = Held::of(self.free.iter().map(|(_, added)| *added), interval_s);
+        let held = ParameterStep::of(self.free.iter().map(|(_, added)| *added), interval_s);
         let (mut covariance, mut root) = (vec![0.0; states * states], vec![0.0; states * states]);
         let mut noise = |jacobian: &[f64]| match moving {
             0..=2 => self.write_noise::<2>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
@@ -126,9 +128,9 @@ impl EquationModel {
         });
         noise(&jacobian);
         let steps = match self.rule {
-            Rule::RungeKutta => steps_over(self.pace, interval_s).unwrap_or(MOST_STEPS),
+            StepRule::RungeKutta => steps_over(self.pace, interval_s).unwrap_or(MOST_STEPS),
             // A published filter by Euler's method takes one step for a sample, however short that is.
-            Rule::Euler => 1,
+            StepRule::Euler => 1,
         };
         Interval { length_s: interval_s, steps, held, covariance, root }
     }
@@ -137,7 +139,7 @@ impl EquationModel {
         &self,
         jacobian: &[f64],
         interval_s: f64,
-        held: &Held,
+        held: &ParameterStep,
         (covariance, root): (&mut [f64], &mut [f64]),
     ) {
         let (moving, states) = (self.moving(), self.rest.len());
@@ -174,8 +176,8 @@ impl EquationModel {
     }
 
     /// A measurement under inputs.
-    pub fn sensor<'a>(&'a self, measure: usize, inputs: &'a [f64]) -> Seen<'a> {
-        Seen { model: self, measure, inputs }
+    pub fn sensor<'a>(&'a self, measure: usize, inputs: &'a [f64]) -> MeasurementUnderInputs<'a> {
+        MeasurementUnderInputs { model: self, measure, inputs }
     }
 
     /// Steps per second that follow its motion.
@@ -211,7 +213,7 @@ impl EquationModel {
 
     /// The expression of an event at a state with parameters by their values, with its derivatives where there is room.
     pub fn event(&self, event: usize, at: &[f64], inputs: &[f64], slopes: &mut [f64]) -> f64 {
-        let of = |readout: &Readout| {
+        let of = |readout: &ReadoutProgram| {
             self.with_work(1 + self.readouts.len() + event, |work| {
                 if slopes.is_empty() {
                     readout.read(work, at, inputs)
@@ -238,12 +240,12 @@ impl EquationModel {
         }
     }
 
-    fn with_work<R>(&self, place: usize, with: impl FnOnce(&mut Work) -> R) -> Option<R> {
+    fn with_work<R>(&self, place: usize, with: impl FnOnce(&mut ProgramNumbers) -> R) -> Option<R> {
         self.work.borrow_mut().get_mut(place).map(with)
     }
 
     /// The states with the values of the parameters behind them.
-    pub fn valued(&self, x: &[f64]) -> Numbers {
+    pub fn valued(&self, x: &[f64]) -> StateNumbers {
         let mut valued = [0.0; MOST_STATES];
         for (to, x) in valued.iter_mut().zip(x) {
             *to = *x;
@@ -260,7 +262,7 @@ pub struct Interval {
     length_s: f64,
     /// The steps in which the equations are followed over it.
     steps: usize,
-    held: Held,
+    held: ParameterStep,
     covariance: Vec<f64>,
     root: Vec<f64>,
 }
@@ -284,7 +286,7 @@ pub struct UnderInputs<'a> {
     model: &'a EquationModel,
     interval: &'a Interval,
     inputs: Nodes<&'a [f64]>,
-    turns: Numbers,
+    turns: StateNumbers,
 }
 
 impl UnderInputs<'_> {
@@ -294,8 +296,8 @@ impl UnderInputs<'_> {
         let mut valued = model.valued(x);
         let Some(at) = valued.get_mut(..x.len()) else { return };
         let finite = model.with_work(0, |work| match model.rule {
-            Rule::RungeKutta => self.by_runge_kutta(work, at, to, jacobian),
-            Rule::Euler => self.by_euler(work, at, to, jacobian),
+            StepRule::RungeKutta => self.by_runge_kutta(work, at, to, jacobian),
+            StepRule::Euler => self.by_euler(work, at, to, jacobian),
         });
         if finite != Some(true) {
             to.fill(f64::NAN);
@@ -306,7 +308,13 @@ impl UnderInputs<'_> {
         self.interval.held.advance(model.moving(), x, to);
     }
 
-    fn by_runge_kutta(&self, work: &mut Work, at: &mut [f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
+    fn by_runge_kutta(
+        &self,
+        work: &mut ProgramNumbers,
+        at: &mut [f64],
+        to: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> bool {
         let (motion, Interval { length_s, steps, .. }) = (&self.model.motion, self.interval);
         if *steps == 1 {
             return if jacobian.is_empty() {
@@ -338,12 +346,17 @@ impl UnderInputs<'_> {
     }
 
     /// The inputs over one of so many parts of the interval.
-    fn inputs_of_part<'b>(&self, step: usize, steps: usize, nodes: &'b mut [Numbers; 3]) -> Nodes<&'b [f64]> {
+    fn inputs_of_part<'b>(
+        &self,
+        step: usize,
+        steps: usize,
+        nodes: &'b mut [StateNumbers; 3],
+    ) -> Nodes<&'b [f64]> {
         let Nodes { start, middle, end } = self.inputs;
         let count = start.len().min(MOST_STATES);
         for (k, ((start, middle), end)) in start.iter().zip(middle).zip(end).take(count).enumerate() {
             let whole = Nodes { start: *start, middle: *middle, end: *end };
-            let part = Drive::nodes_of_part(&whole, step, steps);
+            let part = SegmentDrive::nodes_of_part(&whole, step, steps);
             for (list, value) in nodes.iter_mut().zip([part.start, part.middle, part.end]) {
                 list[k] = value;
             }
@@ -352,7 +365,7 @@ impl UnderInputs<'_> {
         Nodes { start: &start[..count], middle: &middle[..count], end: &end[..count] }
     }
 
-    fn by_euler(&self, work: &mut Work, at: &[f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
+    fn by_euler(&self, work: &mut ProgramNumbers, at: &[f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
         let (motion, interval_s) = (&self.model.motion, self.interval.length_s);
         let finite = if jacobian.is_empty() {
             motion.rates(work, at, self.inputs.start, to)
@@ -414,21 +427,25 @@ impl Transition for UnderInputs<'_> {
 }
 
 /// A measurement under inputs.
-pub struct Seen<'a> {
+pub struct MeasurementUnderInputs<'a> {
     model: &'a EquationModel,
     measure: usize,
     inputs: &'a [f64],
 }
 
-impl Seen<'_> {
-    fn of<R>(&self, x: &[f64], with: impl FnOnce(&Readout, &mut Work, &[f64]) -> R) -> Option<R> {
+impl MeasurementUnderInputs<'_> {
+    fn of<R>(
+        &self,
+        x: &[f64],
+        with: impl FnOnce(&ReadoutProgram, &mut ProgramNumbers, &[f64]) -> R,
+    ) -> Option<R> {
         let valued = self.model.valued(x);
         let (readout, x) = self.model.readouts.get(self.measure).zip(valued.get(..x.len()))?;
         self.model.with_work(self.measure + 1, |work| with(readout, work, x))
     }
 }
 
-impl Sensor for Seen<'_> {
+impl Sensor for MeasurementUnderInputs<'_> {
     fn read(&self, x: &[f64]) -> f64 {
         self.of(x, |readout, work, x| readout.read(work, x, self.inputs)).unwrap_or(f64::NAN)
     }

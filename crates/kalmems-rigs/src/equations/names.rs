@@ -1,11 +1,11 @@
 //! The names of a device's own, as estimates, references and tables have them.
 
 use super::table::EquationsTable;
-use crate::config::{Entry, Sign};
-use crate::estimate::{Parameter, StateName};
+use crate::config::{ExpectedEntry, Sign};
+use crate::estimate::{DeviceParameter, StateName};
 use crate::evaluate::ValueState;
-use crate::simulate::Channel;
-use crate::units::{Kind, Known, name};
+use crate::simulate::SimulatedColumn;
+use crate::units::{Interner, Kind, name};
 use kalmems_equations::{Device, Named};
 
 /// The kind of a name's unit.
@@ -20,17 +20,17 @@ pub fn states(device: &Device) -> Vec<StateName> {
 }
 
 /// The states, as tables of values name them.
-pub fn entries(device: &Device, sign: Sign) -> Vec<Entry> {
+pub fn entries(device: &Device, sign: Sign) -> Vec<ExpectedEntry> {
     device
         .states()
         .iter()
-        .map(|named| Entry { name: name(&named.name), kind: kind_of(named), sign })
+        .map(|named| ExpectedEntry { name: name(&named.name), kind: kind_of(named), sign })
         .collect()
 }
 
 /// The densities of the noises of the rates of all states, in the order of the table.
-pub fn densities(device: &Device) -> Vec<Entry> {
-    let of = |named: &Named| Entry {
+pub fn densities(device: &Device) -> Vec<ExpectedEntry> {
+    let of = |named: &Named| ExpectedEntry {
         name: name(&named.name),
         kind: kind_of(named).drift(),
         sign: Sign::NotNegative,
@@ -39,8 +39,8 @@ pub fn densities(device: &Device) -> Vec<Entry> {
 }
 
 /// Columns of a recording, one for each name: `x_m`.
-pub fn channels(all: &[Named]) -> Vec<Channel> {
-    let of = |named: &Named| Channel {
+pub fn channels(all: &[Named]) -> Vec<SimulatedColumn> {
+    let of = |named: &Named| SimulatedColumn {
         meaning: name(&named.name),
         column: name(&format!("{}_{}", named.name, kind_of(named).ending())),
     };
@@ -48,14 +48,14 @@ pub fn channels(all: &[Named]) -> Vec<Channel> {
 }
 
 /// The column of a recording that says how long before its row an event was: `crossing_ago_s`.
-pub fn event_channel(named: &Named) -> Channel {
-    Channel { meaning: name(&named.name), column: name(&format!("{}_ago_s", named.name)) }
+pub fn event_channel(named: &Named) -> SimulatedColumn {
+    SimulatedColumn { meaning: name(&named.name), column: name(&format!("{}_ago_s", named.name)) }
 }
 
 /// What a reference may know: every state that is stated, but those that come round, of which a reference would have to know
 /// the turns.
 pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] {
-    static KNOWN: Known<[ValueState]> = Known::new();
+    static KNOWN: Interner<[ValueState]> = Interner::new();
     let states: Vec<&Named> = device.states().iter().take(device.own_states()).collect();
     let rate_of = |named: &Named| {
         let text = table.derivative.get(&named.name)?.trim();
@@ -70,21 +70,21 @@ pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] 
 
 /// The parameters that a filter may hold as uncertain. Each is a factor on what the table says; `added` are those whose
 /// deviation is in their own unit.
-pub fn parameters(device: &Device, added: &[bool]) -> &'static [Parameter] {
-    static KNOWN: Known<[Parameter]> = Known::new();
-    static WRITTEN: Known<[(&'static str, i32)]> = Known::new();
+pub fn parameters(device: &Device, added: &[bool]) -> &'static [DeviceParameter] {
+    static KNOWN: Interner<[DeviceParameter]> = Interner::new();
+    static WRITTEN: Interner<[(&'static str, i32)]> = Interner::new();
     let one = |(place, parameter): (usize, &kalmems_equations::Parameter)| {
         let own = name(&parameter.named.name);
         let keys = [(name(&format!("parameters.{own}")), 1)];
         let written = WRITTEN.get(&keys, || keys.into());
         let all = if added.get(place).copied().unwrap_or(false) {
             let kind = kind_of(&parameter.named);
-            Parameter { kind, unit: kind.ending(), drift: kind.drift(), ..Parameter::factor(own) }
+            DeviceParameter { kind, unit: kind.ending(), drift: kind.drift(), ..DeviceParameter::factor(own) }
         } else {
-            Parameter::factor(own)
+            DeviceParameter::factor(own)
         };
         all.written(written)
     };
-    let all: Vec<Parameter> = device.parameters().iter().enumerate().map(one).collect();
+    let all: Vec<DeviceParameter> = device.parameters().iter().enumerate().map(one).collect();
     KNOWN.get(&all, || all.clone().into())
 }

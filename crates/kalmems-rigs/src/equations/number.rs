@@ -30,8 +30,8 @@ impl Serialize for NumberText {
 
 impl<'de> Deserialize<'de> for NumberText {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Either;
-        impl<'de> Visitor<'de> for Either {
+        struct NumberTextVisitor;
+        impl<'de> Visitor<'de> for NumberTextVisitor {
             type Value = NumberText;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -58,7 +58,7 @@ impl<'de> Deserialize<'de> for NumberText {
                 with_sd(map).map(NumberText)
             }
         }
-        deserializer.deserialize_any(Either)
+        deserializer.deserialize_any(NumberTextVisitor)
     }
 }
 

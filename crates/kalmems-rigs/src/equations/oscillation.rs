@@ -1,14 +1,14 @@
 //! The line that an oscillation of a state makes in a measurement, by which a lock-in reads the oscillation.
 
-use super::course::Channel;
-use super::segment::OneFilter;
+use super::course::SegmentChannel;
+use super::segment::EquationFilterTask;
 use super::settings::OwnDevice;
 use super::table::EquationsTable;
 use crate::estimate::{
-    EstimateError, FilterPast, StateName, Swing, Trajectory, Windows, amplitude_of_line, lock_in,
+    EstimateError, FilterPast, LockInWindows, StateName, Swing, Trajectory, amplitude_of_line, lock_in,
 };
 use crate::signal::{Sine, fit_sine_at};
-use kalmems_equations::{Motion, Readout, Work};
+use kalmems_equations::{Motion, ProgramNumbers, ReadoutProgram};
 use num_complex::Complex64;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -54,17 +54,17 @@ const SMALLEST: f64 = 1e-24;
 /// What a measurement shows of an oscillation x(t) = x₀ + A·sin φ of one state: its mean, and the complex amplitudes of the first
 /// harmonic and of that which is read, Re(c·e^{inφ}).
 #[derive(Clone, Copy, Debug)]
-struct Line {
+struct OscillationLine {
     mean: f64,
     first: Complex64,
     harmonic: Complex64,
 }
 
 /// A measurement of one oscillating state.
-pub struct Oscillation {
+pub struct MeasuredOscillation {
     measure: usize,
     motion: Motion,
-    readout: Readout,
+    readout: ReadoutProgram,
     /// The state that oscillates, and its rate.
     pub states: [usize; 2],
     /// The states of lags and delays on which the measurement depends, and how their rates depend on each other.
@@ -78,7 +78,7 @@ pub struct Oscillation {
     cycle: Vec<Complex64>,
 }
 
-impl Oscillation {
+impl MeasuredOscillation {
     /// Of a measurement, by its place, of a device that states one; why there is none.
     pub fn of(own: &OwnDevice, table: &EquationsTable, measure: usize) -> Result<Self, String> {
         let device = &own.device;
@@ -164,7 +164,7 @@ impl Oscillation {
     }
 
     /// What is worked on, for the values of all parameters.
-    fn work(&self, values: &[f64]) -> [Work; 2] {
+    fn work(&self, values: &[f64]) -> [ProgramNumbers; 2] {
         [self.motion.work(values), self.readout.work(values)]
     }
 
@@ -184,7 +184,7 @@ impl Oscillation {
     }
 
     /// What the measurement shows of an oscillation about `level` with an amplitude, at a rate in rad/s.
-    fn line(&self, work: &mut [Work; 2], level: f64, amplitude: f64, rate: f64) -> Line {
+    fn line(&self, work: &mut [ProgramNumbers; 2], level: f64, amplitude: f64, rate: f64) -> OscillationLine {
         let inputs = vec![0.0; self.inputs];
         let mut x = self.rest.clone();
         let place = |x: &mut [f64], at: Complex64| {
@@ -203,7 +203,7 @@ impl Oscillation {
             })
             .collect();
         let of = |harmonic| self.component(values.iter().copied(), harmonic);
-        Line { mean: 0.5 * of(0).re, first: of(1), harmonic: of(self.harmonic) }
+        OscillationLine { mean: 0.5 * of(0).re, first: of(1), harmonic: of(self.harmonic) }
     }
 
     /// The complex amplitude of a harmonic of a function over a cycle; twice its mean for the harmonic 0.
@@ -216,7 +216,7 @@ impl Oscillation {
     /// they follow makes its own.
     fn followed(
         &self,
-        work: &mut Work,
+        work: &mut ProgramNumbers,
         place: &impl Fn(&mut [f64], Complex64),
         inputs: &[f64],
         rate: f64,
@@ -281,7 +281,7 @@ impl Oscillation {
     /// there is any. `None` where there are too few samples, or more signal than an oscillation makes.
     fn swing(
         &self,
-        work: &mut [Work; 2],
+        work: &mut [ProgramNumbers; 2],
         (time_s, signal): (&[f64], &[f64]),
         motion_hz: f64,
         before: Option<&Swing>,
@@ -320,7 +320,7 @@ impl Oscillation {
     /// The amplitude that makes a line of this size.
     fn amplitude(
         &self,
-        work: &mut [Work; 2],
+        work: &mut [ProgramNumbers; 2],
         level: f64,
         rate: f64,
         (seen, before): (&Sine, Option<&Swing>),
@@ -345,7 +345,7 @@ impl Oscillation {
     }
 
     /// How fast the mean grows with the level.
-    fn slope(&self, work: &mut [Work; 2], level: f64, amplitude: f64, rate: f64) -> Option<f64> {
+    fn slope(&self, work: &mut [ProgramNumbers; 2], level: f64, amplitude: f64, rate: f64) -> Option<f64> {
         let step = 1e-4 * amplitude;
         let [above, below] =
             [level + step, level - step].map(|level| self.line(work, level, amplitude, rate).mean);
@@ -378,12 +378,12 @@ impl Mean {
     }
 }
 
-impl OneFilter<'_> {
+impl EquationFilterTask<'_> {
     /// Cycle by cycle, the oscillation that the lines of the signals show: the mean of all channels, by what the noise of their samples
     /// leaves of each.
     pub fn lock_in(
         &self,
-        oscillations: &[Oscillation],
+        oscillations: &[MeasuredOscillation],
         past: &mut FilterPast,
         states: &[StateName],
     ) -> Result<Trajectory, EstimateError> {
@@ -394,10 +394,10 @@ impl OneFilter<'_> {
             return Err(EstimateError::NoSteadyDrive { place, filter });
         };
         let motion_hz = drive.frequency_hz / first.drive_cycles;
-        let channels: Vec<&Channel> =
+        let channels: Vec<&SegmentChannel> =
             self.channels().into_iter().filter_map(|place| data.channels.get(place)).collect();
         let signals: Vec<&[f64]> = channels.iter().map(|channel| channel.signal).collect();
-        let windows = Windows {
+        let windows = LockInWindows {
             time_s: data.time_s,
             signals: &signals,
             samples: &data.samples,

@@ -4,9 +4,9 @@ use super::names;
 use super::settings::OwnDevice;
 use super::short;
 use super::table::{EquationsTable, refused};
-use crate::config::{ConfigError, Experiment, Start};
+use crate::config::{ConfigError, Experiment, FilterStart};
 use crate::inspect::quantity;
-use crate::outlook::{Fact, Outlook, Topic};
+use crate::outlook::{Fact, Outlook, OutlookTopic};
 use kalmems_equations::{Mode, Named};
 use std::f64::consts::TAU;
 
@@ -38,21 +38,21 @@ fn in_si(value: f64, named: &Named) -> String {
     if dimension == "1" { short(value) } else { format!("{} {dimension}", short(value)) }
 }
 
-fn equations(own: &OwnDevice) -> Topic {
+fn equations(own: &OwnDevice) -> OutlookTopic {
     let device = &own.device;
     let mut facts: Vec<Fact> =
         device.typeset().into_iter().map(|line| fact("equation", Vec::new(), line)).collect();
     let notices = device.notices().iter();
     facts.extend(notices.map(|notice| fact("notice", Vec::new(), format!("Look at {notice}"))));
-    Topic { title: "Equations", facts }
+    OutlookTopic { title: "Equations", facts }
 }
 
 /// Whether the equations keep the energy that the table states.
-fn energy(experiment: &Experiment, own: &OwnDevice) -> Result<Option<Topic>, ConfigError> {
+fn energy(experiment: &Experiment, own: &OwnDevice) -> Result<Option<OutlookTopic>, ConfigError> {
     let sizes = sizes(experiment, own)?;
     let inputs = vec![1.0; own.device.inputs().len()];
     let found = own.device.check_energy(&sizes, &inputs).map_err(|error| refused(experiment, &error))?;
-    Ok(found.map(|check| Topic {
+    Ok(found.map(|check| OutlookTopic {
         title: "Energy",
         facts: vec![fact("energy_imbalance", vec![check.imbalance], check.to_string())],
     }))
@@ -66,7 +66,7 @@ fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigErr
     let simulated = experiment.simulate.iter().map(|simulate| &simulate.start);
     let filters = || experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
     let started = filters().filter_map(|filter| match &filter.start {
-        Some(Start::Values(values)) => Some(values),
+        Some(FilterStart::Values(values)) => Some(values),
         _ => None,
     });
     for values in simulated.chain(started).chain(filters().map(|filter| &filter.start_sd)) {
@@ -91,7 +91,7 @@ fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigErr
     Ok(sizes.into_iter().map(|size| if size > 0.0 { size } else { 1.0 }).collect())
 }
 
-fn free_motion(own: &OwnDevice) -> Topic {
+fn free_motion(own: &OwnDevice) -> OutlookTopic {
     let device = &own.device;
     let mut facts = Vec::new();
     if own.rests {
@@ -133,11 +133,11 @@ fn free_motion(own: &OwnDevice) -> Topic {
             fact("mode_per_s", vec![mode.growth], text)
         });
     }
-    Topic { title: "Free motion", facts }
+    OutlookTopic { title: "Free motion", facts }
 }
 
 /// What is measured at rest, and how it depends on the states there.
-fn measurements(experiment: &Experiment, own: &OwnDevice) -> Result<Topic, ConfigError> {
+fn measurements(experiment: &Experiment, own: &OwnDevice) -> Result<OutlookTopic, ConfigError> {
     let device = &own.device;
     let wrong = |error| refused(experiment, &error);
     let inputs = vec![0.0; device.inputs().len()];
@@ -164,5 +164,5 @@ fn measurements(experiment: &Experiment, own: &OwnDevice) -> Result<Topic, Confi
         let text = format!("At rest `{}` is {}; {depends}.", named.name, in_si(value, named));
         facts.push(fact("measurement_at_rest", std::iter::once(value).chain(slopes).collect(), text));
     }
-    Ok(Topic { title: "Measurements", facts })
+    Ok(OutlookTopic { title: "Measurements", facts })
 }

@@ -1,20 +1,21 @@
 //! The filters of one segment.
 
-use super::Columns;
-use super::course::{Channel, EquationCourse, EquationSegment};
+use super::EquationColumns;
+use super::course::{EquationCourse, EquationSegment, SegmentChannel};
 use super::event_search::EventSearches;
 use super::model::{EquationModel, noises, steps_over};
 use super::names;
-use super::settings::{FilterSettings, OwnDevice, Settings};
+use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::start::{most_rows, start_of};
 use super::table::refused;
 use crate::Estimator;
-use crate::config::{Experiment, Fault, Key, Method};
-use crate::crossings::Needed;
-use crate::estimate::driven::{BLOCK, Drive, HYBRID_STEPS};
+use crate::config::{ConfigFault, Experiment, Key, Method};
+use crate::crossings::RowsNeeded;
+use crate::estimate::driven::{BLOCK, HYBRID_STEPS, SegmentDrive};
 use crate::estimate::{
-    AnyFilter, Around, Axis, BatchStart, Course, EstimateError, FilterPast, Known, Motion, Part, Past,
-    SegmentEstimate, Sensor, SignalSegment, Started, Trajectory, Transition, answers_of_bank, follow,
+    AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
+    RowsAround, SegmentEstimate, SegmentPart, Sensor, SignalSegment, StartedCourse, Trajectory, Transition,
+    answers_of_bank, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::Nodes;
@@ -28,11 +29,11 @@ pub struct EquationEstimator<'a> {
     /// The experiment.
     pub experiment: &'a Experiment,
     /// What it says of the device and its filters.
-    pub settings: Settings,
+    pub settings: EquationSettings,
     /// The models of each filter: one, but for a bank.
     pub models: Vec<Vec<EquationModel>>,
     /// The columns of the recording.
-    pub columns: Columns<'a>,
+    pub columns: EquationColumns<'a>,
     /// What is kept from one part to the next.
     pub past: Past,
     /// Who follows the work.
@@ -40,31 +41,31 @@ pub struct EquationEstimator<'a> {
 }
 
 impl Estimator for EquationEstimator<'_> {
-    fn around(&self, interval_s: f64) -> Around {
+    fn around(&self, interval_s: f64) -> RowsAround {
         let first_s = self.settings.own.natural_hz().map_or(0.0, |hz| STARTING_CYCLES / hz);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let rows = (first_s / interval_s).ceil() as usize;
         let from_signal = self.settings.filters.iter().any(|filter| filter.stated().is_none());
         let rows = if from_signal { rows.max(most_rows(&self.settings.own, interval_s)) } else { rows };
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        let Needed { before, after } = self.settings.needed(interval_s).with_a_margin();
+        let RowsNeeded { before, after } = self.settings.needed(interval_s).with_a_margin();
         let around = self.settings.own.between.iter().map(|between| between.rows_around());
         let (before, after) =
             around.fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
-        Around { head: rows.clamp(BLOCK, Around::LONGEST_HEAD), before, after, smooths }
+        RowsAround { head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD), before, after, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
         &mut self.past
     }
 
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, past) = (&self.settings, &mut self.past);
         let OwnDevice { device, values, .. } = &settings.own;
         let wrong = |error: EquationError| EstimateError::from(refused(self.experiment, &error));
         let Some((first, column)) = self.columns.measured.first().copied() else {
             let why = "no channel of the recording is measured of the device".to_owned();
-            return Err(self.experiment.error("recording", Fault::Value { why }).into());
+            return Err(self.experiment.error("recording", ConfigFault::Value { why }).into());
         };
         let kind = names::kind_of(&device.measures()[first]);
         let segment = SignalSegment::of(part, (column, kind), settings.skip_s, past)?;
@@ -75,7 +76,7 @@ impl Estimator for EquationEstimator<'_> {
             let of = column_of.of(segment.segment);
             let kept = past.input(index);
             kept.foresees |= settings.own.between[index].needs_sine();
-            let drive = Drive::of(&segment.time_s, of, &samples, kept);
+            let drive = SegmentDrive::of(&segment.time_s, of, &samples, kept);
             if let Some((first_s, count)) = drive.unknown() {
                 let (place, column) = (segment.place.clone(), (*column).to_owned());
                 return Err(EstimateError::DriveUnknown { place, column, count, first_s });
@@ -93,9 +94,9 @@ impl Estimator for EquationEstimator<'_> {
                     "write the variance of a sample of it, such as `{} = \"1e-6[{}^2]\"`; a filter weighs the samples by it",
                     named.name, named.unit_text
                 );
-                return Err(self.experiment.error(key, Fault::MissingKey { remedy }).into());
+                return Err(self.experiment.error(key, ConfigFault::MissingKey { remedy }).into());
             };
-            channels.push(Channel { name: &named.name, measure: *measure, variance, signal });
+            channels.push(SegmentChannel { name: &named.name, measure: *measure, variance, signal });
         }
         if steps_over(settings.own.pace(), segment.interval_s).is_none() {
             let why = format!(
@@ -103,18 +104,18 @@ impl Estimator for EquationEstimator<'_> {
                  a state, or sample faster; `kalmems inspect` lists its time constants",
                 super::short(segment.interval_s)
             );
-            return Err(self.experiment.error("device.equations", Fault::Value { why }).into());
+            return Err(self.experiment.error("device.equations", ConfigFault::Value { why }).into());
         }
         let drive = inputs.iter().find_map(|input| input.first_sine().copied());
         let natural_hz = settings.own.natural_hz().unwrap_or_else(|| segment.interval_s.recip() / 100.0);
         let motion = match &drive {
-            Some(sine) => Motion { frequency_hz: sine.frequency_hz, is_driven: true },
-            None => Motion { frequency_hz: natural_hz, is_driven: false },
+            Some(sine) => MotionRate { frequency_hz: sine.frequency_hz, is_driven: true },
+            None => MotionRate { frequency_hz: natural_hz, is_driven: false },
         };
         let mut kept = EventSearches::of(settings, &variances, &segment, past)?;
         kept.look(settings, &self.columns, &segment)?;
         let events = kept.times(self.experiment, settings, &self.columns, &segment)?;
-        let said = events.iter().flat_map(|event| event.said(&segment.fresh, segment.ends));
+        let said = events.iter().flat_map(|event| event.passings(&segment.fresh, segment.ends));
         let mut crossings: Vec<_> = said.collect();
         crossings.sort_by_key(|(row, _)| *row);
         let data = EquationSegment {
@@ -135,7 +136,7 @@ impl Estimator for EquationEstimator<'_> {
             let past = past.filter(index);
             let models = self.models.get(index).map_or(&[][..], Vec::as_slice);
             let (own, progress) = (&settings.own, self.progress);
-            let way = OneFilter { own, filter, models, data: &data, progress };
+            let way = EquationFilterTask { own, filter, models, data: &data, progress };
             let mut found = way.follow(past)?;
             for (answer, trajectory) in found.iter_mut().enumerate() {
                 let judge = &mut past.answer(answer).judge;
@@ -144,7 +145,7 @@ impl Estimator for EquationEstimator<'_> {
             all.append(&mut found);
         }
         let drive_column = self.columns.inputs.first().copied().unwrap_or_default();
-        let axis = Axis { angle: judged, motion, drive };
+        let axis = AngleAxis { angle: judged, motion, drive };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), all);
         estimate.crossings = crossings.into_iter().map(|(_, crossing)| crossing).collect();
         kept.pass(&segment);
@@ -155,11 +156,11 @@ impl Estimator for EquationEstimator<'_> {
 }
 
 /// One filter over the new samples.
-pub struct OneFilter<'a> {
+pub struct EquationFilterTask<'a> {
     /// The device.
     pub own: &'a OwnDevice,
     /// What the file says of the filter.
-    pub filter: &'a FilterSettings,
+    pub filter: &'a EquationFilterSettings,
     /// Its models: one, but for a bank.
     pub models: &'a [EquationModel],
     /// The samples.
@@ -168,7 +169,7 @@ pub struct OneFilter<'a> {
     pub progress: &'a dyn Progress,
 }
 
-impl OneFilter<'_> {
+impl EquationFilterTask<'_> {
     /// Its trajectory, and the smoothed ones that are wanted.
     pub fn follow(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let basics = &self.filter.basics;
@@ -197,7 +198,7 @@ impl OneFilter<'_> {
             let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps);
             // The model alone is corrected by nothing, wherever it starts.
             let corrects = basics.method != Method::Model;
-            Started::new(course, start_of(&starts, index).filter(|_| corrects))
+            StartedCourse::new(course, start_of(&starts, index).filter(|_| corrects))
         };
         if basics.method == Method::Bank {
             let courses = self.models.iter().enumerate();
@@ -229,8 +230,8 @@ impl OneFilter<'_> {
 
     fn begin(
         &self,
-        left: Option<Known>,
-        start: Known,
+        left: Option<MeanAndCovariance>,
+        start: MeanAndCovariance,
         model: &EquationModel,
         channels: &[usize],
     ) -> Result<AnyFilter, EstimateError> {
@@ -241,7 +242,7 @@ impl OneFilter<'_> {
             return Err(basics.no_gain(&"it has no channel"));
         };
         let known = left.unwrap_or(start);
-        let made = |rest: &Known, step: &dyn Transition, sensor: &dyn Sensor| {
+        let made = |rest: &MeanAndCovariance, step: &dyn Transition, sensor: &dyn Sensor| {
             let point = (step, sensor, channel.variance);
             AnyFilter::of_constant_gain((gain, interval_s), (rest, &known), point)
         };
@@ -254,11 +255,11 @@ pub fn at_rest<R>(
     own: &OwnDevice,
     model: &EquationModel,
     (measure, interval_s): (usize, f64),
-    made: impl FnOnce(&Known, &dyn Transition, &dyn Sensor) -> R,
+    made: impl FnOnce(&MeanAndCovariance, &dyn Transition, &dyn Sensor) -> R,
 ) -> R {
     let interval = model.over(interval_s);
     let inputs = vec![0.0; own.device.inputs().len()];
-    let rest = Known::apart(own.rest.iter().map(|at| (*at, 0.0)));
+    let rest = MeanAndCovariance::apart(own.rest.iter().map(|at| (*at, 0.0)));
     let step = model.under(&interval, Nodes::held(&inputs), &rest.mean);
     made(&rest, &step, &model.sensor(measure, &inputs))
 }

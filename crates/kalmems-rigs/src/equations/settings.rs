@@ -1,17 +1,20 @@
 //! From an experiment file to SI.
 
-use super::events::{self, EventSettings, EventUse};
+use super::events::{self, EventSettings, FilterEventUse};
 use super::interpolation::Interpolation;
 use super::inversion::Inverse;
-use super::model::{EquationModel, Rule, noises, pace};
+use super::model::{EquationModel, StepRule, noises, pace};
 use super::names;
-use super::oscillation::Oscillation;
+use super::oscillation::MeasuredOscillation;
 use super::table::{EquationsTable, refused};
 use crate::config::{
-    AnyValue, ConfigError, Estimate, Experiment, Fault, Filter, Key, Method, Sign, Start, Values,
+    AnyValue, ConfigError, ConfigFault, Estimate, Experiment, FilterStart, FilterTable, Key, Method, Sign,
+    Values,
 };
 use crate::estimate::driven::combinations;
-use crate::estimate::{FilterBasics, Known, Parameter, Prior, StateName, Tracked, process_noise};
+use crate::estimate::{
+    DeviceParameter, FilterBasics, MeanAndCovariance, StateName, StatePrior, Tracked, process_noise,
+};
 use crate::units::Dimension;
 use kalmems_equations::{Device, EquationError, Mode, modes};
 use std::sync::Arc;
@@ -113,7 +116,7 @@ impl OwnDevice {
 }
 
 /// What the file says of the filters.
-pub struct Settings {
+pub struct EquationSettings {
     /// The device.
     pub own: OwnDevice,
     /// How long the filters have to settle, in s.
@@ -121,44 +124,44 @@ pub struct Settings {
     /// The events whose times are looked for.
     pub events: Vec<EventSettings>,
     /// The filters.
-    pub filters: Vec<FilterSettings>,
+    pub filters: Vec<EquationFilterSettings>,
 }
 
 /// What the file says of one filter.
-pub struct FilterSettings {
+pub struct EquationFilterSettings {
     /// What every filter has.
     pub basics: FilterBasics,
     /// The measurements that correct it, by their places; none for all that the recording has.
     pub measures: Vec<usize>,
     /// How it uses the events.
-    pub events: Vec<EventUse>,
+    pub events: Vec<FilterEventUse>,
     /// The state that its measurement tells, where each sample is taken by itself.
     pub inverse: Option<Inverse>,
     /// The oscillation that lines of its measurements tell, of each of them, where it is a lock-in.
-    pub oscillations: Vec<Oscillation>,
-    start: StartOf,
+    pub oscillations: Vec<MeasuredOscillation>,
+    start: EquationStart,
     /// The density of the noise of each state's rate, where the file says one here.
     density: Vec<Option<f64>>,
 }
 
 /// Where a filter starts.
-enum StartOf {
+enum EquationStart {
     /// At these states, with their standard deviations.
     Stated { mean: Vec<f64>, sd: Vec<f64> },
     /// At what the first samples say, with the standard deviations that are known before, where some are.
     Signal { sd: Vec<Option<f64>> },
 }
 
-impl Settings {
+impl EquationSettings {
     /// Reads and checks them.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let own = OwnDevice::of(experiment)?;
         let Some(estimate) = &experiment.estimate else {
             let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
-            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+            return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
         };
         let events = events::events(experiment, &own)?;
-        let of = |index| FilterSettings::of(experiment, estimate, (&own, &events), index);
+        let of = |index| EquationFilterSettings::of(experiment, estimate, (&own, &events), index);
         let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
         Ok(Self { skip_s: estimate.skip.si(), events, filters, own })
     }
@@ -166,11 +169,11 @@ impl Settings {
 
 /// The parameters that a filter may hold as uncertain: each by a factor, but for those whose deviation some filter of the
 /// experiment states in the parameter's own unit.
-pub fn parameters(experiment: &Experiment, device: &Device) -> &'static [Parameter] {
+pub fn parameters(experiment: &Experiment, device: &Device) -> &'static [DeviceParameter] {
     let filters = || experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
     let is_added = |parameter: &kalmems_equations::Parameter| {
         let kind = names::kind_of(&parameter.named);
-        let own = |filter: &Filter| {
+        let own = |filter: &FilterTable| {
             let state = filter.states.get(&*parameter.named.name)?;
             let dimension = state.start_sd.value().unit().dimension();
             Some(dimension != Dimension::NONE && kind.accepts(dimension))
@@ -181,7 +184,7 @@ pub fn parameters(experiment: &Experiment, device: &Device) -> &'static [Paramet
     names::parameters(device, &added)
 }
 
-impl FilterSettings {
+impl EquationFilterSettings {
     fn of(
         experiment: &Experiment,
         estimate: &Estimate,
@@ -190,15 +193,16 @@ impl FilterSettings {
     ) -> Result<Self, ConfigError> {
         let (device, filter) = (&own.device, &estimate.filters[index]);
         let at = Key::from("estimate").child("filter").index(index);
-        let refuse =
-            |name: &str, why: String| Err(experiment.error(at.clone().child(name), Fault::Value { why }));
+        let refuse = |name: &str, why: String| {
+            Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
+        };
         if filter.demodulator {
             return refuse("demodulator", "this device has none; write a `lag` in its table".to_owned());
         }
         let entries = names::entries(device, Sign::Any);
         let start = match &filter.start {
-            Some(Start::Values(values)) => Some(values),
-            Some(Start::FromSignal) | None => None,
+            Some(FilterStart::Values(values)) => Some(values),
+            Some(FilterStart::FromSignal) | None => None,
         };
         let of = |name: &str, values: &Values, sign| {
             some(experiment, &at.clone().child(name), values, &names::entries(device, sign))
@@ -210,8 +214,8 @@ impl FilterSettings {
             vec![Some(0.0); entries.len()]
         };
         let start = match start {
-            None if claims => StartOf::Signal { sd },
-            None => StartOf::Signal { sd: vec![None; entries.len()] },
+            None if claims => EquationStart::Signal { sd },
+            None => EquationStart::Signal { sd: vec![None; entries.len()] },
             Some(values) => {
                 let mean = own.started(&of("start", values, Sign::Any)?);
                 let sd = following(own, &mean, sd).map_err(|missing| {
@@ -221,9 +225,9 @@ impl FilterSettings {
                         entry.name, entry.kind.example
                     );
                     let key = at.clone().child("start_sd").child(entry.name);
-                    experiment.error(key, Fault::MissingKey { remedy })
+                    experiment.error(key, ConfigFault::MissingKey { remedy })
                 })?;
-                StartOf::Stated { mean, sd }
+                EquationStart::Stated { mean, sd }
             }
         };
         let (noise_key, noise) = process_noise(estimate, &at, filter);
@@ -239,7 +243,7 @@ impl FilterSettings {
         let events = events::uses(experiment, own, events, (&at, filter))?;
         let all = 0..device.measures().len();
         let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
-        let refused = |why| experiment.error(at.clone().child("method"), Fault::Value { why });
+        let refused = |why| experiment.error(at.clone().child("method"), ConfigFault::Value { why });
         let mut inverse = None;
         if filter.method == Method::DirectInversion {
             let [measure] = chosen[..] else {
@@ -250,27 +254,27 @@ impl FilterSettings {
         let mut oscillations = Vec::new();
         if filter.method == Method::LockIn {
             let table = experiment.device::<EquationsTable>()?;
-            let of = |measure: &usize| Oscillation::of(own, &table, *measure);
+            let of = |measure: &usize| MeasuredOscillation::of(own, &table, *measure);
             oscillations = chosen.iter().map(of).collect::<Result<_, _>>().map_err(refused)?;
         }
         Ok(Self { basics, measures, events, inverse, oscillations, start, density })
     }
 
     /// What the file says of the states at the first sample; `None` where they come from the signal.
-    pub fn stated(&self) -> Option<Known> {
-        let StartOf::Stated { mean, sd } = &self.start else { return None };
+    pub fn stated(&self) -> Option<MeanAndCovariance> {
+        let EquationStart::Stated { mean, sd } = &self.start else { return None };
         let own = mean.iter().copied().zip(sd.iter().copied());
         let parameters = self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
-        Some(Known::apart(own.chain(parameters)))
+        Some(MeanAndCovariance::apart(own.chain(parameters)))
     }
 
     /// What is known of the states before the first sample, where the start comes from the signal: that they are about rest, as far as
     /// the file says how far.
-    pub fn prior(&self, own: &OwnDevice) -> Option<Vec<Prior>> {
-        let StartOf::Signal { sd } = &self.start else { return None };
-        let states = own.rest.iter().zip(sd).map(|(mean, sd)| Prior { mean: *mean, sd: *sd });
+    pub fn prior(&self, own: &OwnDevice) -> Option<Vec<StatePrior>> {
+        let EquationStart::Signal { sd } = &self.start else { return None };
+        let states = own.rest.iter().zip(sd).map(|(mean, sd)| StatePrior { mean: *mean, sd: *sd });
         let parameters = self.basics.parameters().iter();
-        let parameters = parameters.map(|tracked| Prior { mean: 0.0, sd: Some(tracked.sd) });
+        let parameters = parameters.map(|tracked| StatePrior { mean: 0.0, sd: Some(tracked.sd) });
         Some(states.chain(parameters).collect())
     }
 
@@ -292,7 +296,8 @@ impl FilterSettings {
         }
         let (stated, _) = noises(&own.device, &values, f64::NAN)?;
         let density = stated.iter().zip(&self.density).map(|(stated, own)| own.unwrap_or(*stated)).collect();
-        let rule = if self.basics.method == Method::EulerEkf { Rule::Euler } else { Rule::RungeKutta };
+        let rule =
+            if self.basics.method == Method::EulerEkf { StepRule::Euler } else { StepRule::RungeKutta };
         let tracked: &[Tracked] = self.basics.parameters();
         EquationModel::new(&own.device, &values, tracked, (density, rule), (&own.rest, own.pace()))
     }
@@ -303,13 +308,13 @@ fn some(
     experiment: &Experiment,
     at: &Key,
     values: &Values,
-    entries: &[crate::config::Entry],
+    entries: &[crate::config::ExpectedEntry],
 ) -> Result<Vec<Option<f64>>, ConfigError> {
     if let Some(name) = values.keys().find(|name| entries.iter().all(|entry| entry.name != name.as_str())) {
         let known = entries.iter().map(|entry| entry.name);
-        return Err(experiment.error(at.clone().child(name), Fault::unknown_key(name, known)));
+        return Err(experiment.error(at.clone().child(name), ConfigFault::unknown_key(name, known)));
     }
-    let one = |entry: &crate::config::Entry| {
+    let one = |entry: &crate::config::ExpectedEntry| {
         let value: Option<&AnyValue> = values.get(entry.name);
         let read = |value| experiment.value(at.clone().child(entry.name), value, entry.kind, entry.sign);
         value.map(read).transpose()
@@ -347,7 +352,7 @@ fn following(own: &OwnDevice, start: &[f64], sd: Vec<Option<f64>>) -> Result<Vec
 fn measures(
     experiment: &Experiment,
     at: &Key,
-    filter: &Filter,
+    filter: &FilterTable,
     device: &Device,
 ) -> Result<Vec<usize>, ConfigError> {
     let key = || at.clone().child("channels");
@@ -356,11 +361,11 @@ fn measures(
         let place = device.measures().iter().position(|measure| *measure.name == **name);
         let Some(place) = place else {
             let known = device.measures().iter().map(|measure| &*measure.name);
-            return Err(experiment.error(key(), Fault::unknown_word(name, known)));
+            return Err(experiment.error(key(), ConfigFault::unknown_word(name, known)));
         };
         if places.contains(&place) {
             let why = format!("`{name}` is named twice; a signal counts once");
-            return Err(experiment.error(key(), Fault::Value { why }));
+            return Err(experiment.error(key(), ConfigFault::Value { why }));
         }
         places.push(place);
     }

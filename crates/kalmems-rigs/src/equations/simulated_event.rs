@@ -3,7 +3,9 @@
 use super::settings::OwnDevice;
 use crate::signal::hermite;
 use crate::simulate::WhiteNoise;
-use kalmems_equations::{Device, EquationError, MOST_STATES, Motion, NoiseKind, Readout, Work};
+use kalmems_equations::{
+    Device, EquationError, MOST_STATES, Motion, NoiseKind, ProgramNumbers, ReadoutProgram,
+};
 use std::collections::VecDeque;
 
 /// The events whose noise is stated, by their places, with the variances of their times in s² and of their expressions.
@@ -21,8 +23,8 @@ pub fn recorded_events(own: &OwnDevice) -> Result<Vec<(usize, [f64; 2])>, Equati
 
 /// An event on the way of a simulation.
 pub struct SimulatedEvent {
-    readout: Readout,
-    work: Work,
+    readout: ReadoutProgram,
+    work: ProgramNumbers,
     variances: [f64; 2],
     noise: Option<WhiteNoise>,
     /// Time in s, value and rate of the expression where a step began.
@@ -48,12 +50,12 @@ impl SimulatedEvent {
     }
 
     /// Looks at the state where a step begins.
-    pub fn begin(&mut self, motion: (&Motion, &mut Work), state: &[f64], at: (f64, &[f64])) {
+    pub fn begin(&mut self, motion: (&Motion, &mut ProgramNumbers), state: &[f64], at: (f64, &[f64])) {
         self.begun = self.look(motion, state, at);
     }
 
     /// Looks at the state where it ends.
-    pub fn end(&mut self, motion: (&Motion, &mut Work), state: &[f64], at: (f64, &[f64])) {
+    pub fn end(&mut self, motion: (&Motion, &mut ProgramNumbers), state: &[f64], at: (f64, &[f64])) {
         let [from_s, before, rate_before] = self.begun;
         let [to_s, after, rate_after] = self.look(motion, state, at);
         if !(before * after < 0.0 || (after == 0.0 && before != 0.0)) {
@@ -90,7 +92,7 @@ impl SimulatedEvent {
 
     fn look(
         &mut self,
-        (motion, of_motion): (&Motion, &mut Work),
+        (motion, of_motion): (&Motion, &mut ProgramNumbers),
         state: &[f64],
         (time_s, inputs): (f64, &[f64]),
     ) -> [f64; 3] {

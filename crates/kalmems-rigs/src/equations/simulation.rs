@@ -6,11 +6,11 @@ use super::names;
 use super::settings::OwnDevice;
 use super::simulated_event::{SimulatedEvent, recorded_events};
 use super::table::{EquationsTable, refused};
-use crate::config::{DriveSource, Experiment, Fault, Key, Sign, Simulate, SimulatedChannel};
-use crate::recording::Source;
+use crate::config::{ConfigFault, DriveSource, Experiment, Key, Sign, Simulate, SimulatedChannel};
+use crate::recording::RecordingSource;
 use crate::simulate::{
-    Channel, Converter, Drive, Sample, SimulateError, SimulatedInput, Simulation, WhiteNoise, drive_of,
-    input_of, parts_of_all,
+    Converter, Drive, SimulateError, SimulatedColumn, SimulatedInput, SimulatedSample, Simulation,
+    WhiteNoise, drive_of, input_of, parts_of_all,
 };
 use crate::units::kind;
 use kalmems_equations::{Device, EquationError, Named};
@@ -26,7 +26,7 @@ pub struct EquationSimulation {
     loops: Vec<Loop>,
     /// For how long they move the device before the recording begins, in s.
     before_s: f64,
-    sources: Vec<Source>,
+    sources: Vec<RecordingSource>,
     start: Vec<f64>,
     simulate: Simulate,
     /// The density of the noise of each state's rate, and the variance of a sample of each measurement.
@@ -36,8 +36,8 @@ pub struct EquationSimulation {
     periods: Vec<(usize, f64)>,
     /// The events that are recorded, behind what is measured: their places, and the variances of their times and their expressions.
     events: Vec<(usize, [f64; 2])>,
-    recorded: Vec<Channel>,
-    truth: Vec<Channel>,
+    recorded: Vec<SimulatedColumn>,
+    truth: Vec<SimulatedColumn>,
     /// The states that they are.
     truth_of: Vec<usize>,
 }
@@ -81,7 +81,7 @@ fn inputs(
                 "bias and feedback resistance of a ring-down are those of another device; write `[simulate.drive.inputs.{}.ring_down]`",
                 input.name
             );
-            return Err(experiment.error("simulate.drive.ring_down", Fault::Value { why }).into());
+            return Err(experiment.error("simulate.drive.ring_down", ConfigFault::Value { why }).into());
         }
         (_, [input]) if names::kind_of(input).dimension == kind::VOLTAGE.dimension => {
             let (drive, source) = drive_of(experiment, simulate)?;
@@ -95,13 +95,13 @@ fn inputs(
                 names.join(" and "),
                 inputs[0].name
             );
-            return Err(experiment.error("simulate.drive", Fault::Value { why }).into());
+            return Err(experiment.error("simulate.drive", ConfigFault::Value { why }).into());
         }
     };
     let key = || Key::from("simulate.drive.inputs");
     if let Some(name) = named.keys().find(|name| device.inputs().iter().all(|input| *input.name != ***name)) {
         let known = device.inputs().iter().map(|input| &*input.name);
-        return Err(experiment.error(key().child(name), Fault::unknown_key(name, known)).into());
+        return Err(experiment.error(key().child(name), ConfigFault::unknown_key(name, known)).into());
     }
     let one = |input: &Named| {
         let Some(source) = named.get(&*input.name) else {
@@ -110,7 +110,9 @@ fn inputs(
                  `[simulate.drive.inputs.{0}.sine]`",
                 input.name
             );
-            return Err(experiment.error(key().child(&input.name), Fault::MissingKey { remedy }).into());
+            return Err(experiment
+                .error(key().child(&input.name), ConfigFault::MissingKey { remedy })
+                .into());
         };
         input_of(experiment, simulate, (&input.name, names::kind_of(input)), source)
     };
@@ -126,7 +128,7 @@ fn sampling(
     let key = || Key::from("simulate.channels");
     let known = || device.measures().iter().map(|measure| &*measure.name);
     if let Some(name) = simulate.channels.keys().find(|name| known().all(|known| known != name.as_str())) {
-        return Err(experiment.error(key().child(name), Fault::unknown_key(name, known())).into());
+        return Err(experiment.error(key().child(name), ConfigFault::unknown_key(name, known())).into());
     }
     let one = |measure: &Named| {
         let (at, kind) = (key().child(&measure.name), names::kind_of(measure));
@@ -139,7 +141,7 @@ fn sampling(
                 "`{text}` is not `{}` divided by a whole number; a channel is sampled at some of the rows of the recording",
                 simulate.sampling_rate.text()
             );
-            return Err(experiment.error(at.child("sampling_rate"), Fault::Value { why }).into());
+            return Err(experiment.error(at.child("sampling_rate"), ConfigFault::Value { why }).into());
         }
         let converter = match (&adc, &simulate.adc) {
             (Some(adc), _) => {
@@ -153,7 +155,7 @@ fn sampling(
                         adc.high.value().text(),
                         adc.low.value().text()
                     );
-                    return Err(experiment.error(at.child("high"), Fault::Value { why }).into());
+                    return Err(experiment.error(at.child("high"), ConfigFault::Value { why }).into());
                 }
                 Some(Converter::new(adc.bits, levels))
             }
@@ -163,7 +165,7 @@ fn sampling(
                     "`{}` is measured in {}, and its levels are in V; write `[simulate.channels.{}.adc]` instead",
                     measure.name, measure.unit_text, measure.name
                 );
-                return Err(experiment.error("simulate.adc", Fault::Value { why }).into());
+                return Err(experiment.error("simulate.adc", ConfigFault::Value { why }).into());
             }
             (None, None) => None,
         };
@@ -179,7 +181,7 @@ impl EquationSimulation {
         let Some(simulate) = &experiment.simulate else {
             let remedy =
                 "add the table `[simulate]` with a drive, such as `[simulate.drive.sine]`".to_owned();
-            return Err(experiment.error("simulate", Fault::MissingKey { remedy }).into());
+            return Err(experiment.error("simulate", ConfigFault::MissingKey { remedy }).into());
         };
         let own = OwnDevice::of(experiment)?;
         let device = &own.device;
@@ -202,7 +204,7 @@ impl EquationSimulation {
         {
             let known = entries.iter().map(|entry| entry.name);
             let key = Key::from("simulate.start").child(name);
-            return Err(experiment.error(key, Fault::unknown_key(name, known)).into());
+            return Err(experiment.error(key, ConfigFault::unknown_key(name, known)).into());
         }
         let rate_hz = simulate.sampling_rate.si();
         let (densities, variances) = noises(device, &own.values, rate_hz).map_err(wrong)?;
@@ -259,11 +261,11 @@ fn inputs_at(drives: &[Drive], time_s: f64, inputs: &mut [f64]) {
 }
 
 impl Simulation for EquationSimulation {
-    fn recorded(&self) -> &[Channel] {
+    fn recorded(&self) -> &[SimulatedColumn] {
         &self.recorded
     }
 
-    fn truth(&self) -> &[Channel] {
+    fn truth(&self) -> &[SimulatedColumn] {
         &self.truth
     }
 
@@ -271,7 +273,7 @@ impl Simulation for EquationSimulation {
         self.simulate.samples()
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &self.sources
     }
 
@@ -279,7 +281,7 @@ impl Simulation for EquationSimulation {
         None
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let Self { own, simulate, .. } = self;
         let too_large = |_| SimulateError::NotFinite { time_s: 0.0 };
         let motion = own.device.motion(&[]).map_err(too_large)?;
@@ -366,7 +368,7 @@ impl Simulation for EquationSimulation {
             for (to, place) in truth.iter_mut().zip(&self.truth_of) {
                 *to = state[*place];
             }
-            if each(&Sample { time_s, recorded: &recorded, truth: &truth }).is_break() {
+            if each(&SimulatedSample { time_s, recorded: &recorded, truth: &truth }).is_break() {
                 return Err(SimulateError::Interrupted);
             }
             for _ in 0..steps {

@@ -2,10 +2,10 @@
 
 use super::course::EquationCourse;
 use super::model::EquationModel;
-use super::segment::OneFilter;
+use super::segment::EquationFilterTask;
 use super::settings::OwnDevice;
 use crate::estimate::{
-    BatchStart, EstimateError, Prior, StartOf, StartSearch, rows_for_start, start_from_signal,
+    BatchStart, EstimateError, SignalStart, StartSearch, StatePrior, rows_for_start, start_from_signal,
 };
 use kalmems_equations::{MOST_STATES, Mode, shape};
 use std::f64::consts::TAU;
@@ -31,7 +31,7 @@ pub fn most_rows(own: &OwnDevice, interval_s: f64) -> usize {
 }
 
 /// What the search knows of a device and of a filter's states.
-fn search(own: &OwnDevice, prior: Vec<Prior>) -> StartSearch {
+fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
     let states = own.device.states().len();
     let mut search = StartSearch { prior, ..StartSearch::default() };
     search.periods = own.device.periods(&own.values).unwrap_or_default();
@@ -72,7 +72,7 @@ fn groups(states: usize, hangs_on: &[(usize, usize)]) -> Vec<Vec<usize>> {
     groups
 }
 
-impl OneFilter<'_> {
+impl EquationFilterTask<'_> {
     /// The start of one of the filter's models from the signal; `None` where the file states one.
     pub fn start(
         &self,
@@ -83,7 +83,7 @@ impl OneFilter<'_> {
         let Some(prior) = self.filter.prior(self.own) else { return Ok(None) };
         let search = search(self.own, prior);
         let states = self.filter.basics.states(&self.own.states());
-        let of = StartOf {
+        let of = SignalStart {
             place: self.data.place,
             basics: &self.filter.basics,
             states: (&states, self.own.device.states().len()),

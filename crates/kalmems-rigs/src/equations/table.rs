@@ -5,8 +5,8 @@ use super::interpolation::Interpolations;
 use super::number::NumberText;
 use super::ordered::Ordered;
 use super::oscillation::OscillationTable;
-use crate::config::{ConfigError, DeviceDescription, Experiment, Fault, Key};
-use kalmems_equations::{Description, Device, Entry, EquationError, Follower, Place, Points};
+use crate::config::{ConfigError, ConfigFault, DeviceDescription, Experiment, Key};
+use kalmems_equations::{CurvePoints, Description, Device, EquationError, Follower, NamedText, TextPlace};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, OnceLock};
@@ -138,7 +138,10 @@ impl EquationsTable {
         Ok((table, device))
     }
 
-    fn device_in(&self, points: &mut dyn FnMut(&CurveTable) -> Points) -> Result<Arc<Device>, EquationError> {
+    fn device_in(
+        &self,
+        points: &mut dyn FnMut(&CurveTable) -> CurvePoints,
+    ) -> Result<Arc<Device>, EquationError> {
         if let Some(device) = self.read.get() {
             return Ok(Arc::clone(device));
         }
@@ -149,14 +152,14 @@ impl EquationsTable {
     /// What the equations are read from.
     fn description(
         &self,
-        points: &mut dyn FnMut(&CurveTable) -> Points,
+        points: &mut dyn FnMut(&CurveTable) -> CurvePoints,
     ) -> Result<Description, EquationError> {
-        let entries = |table: &str, texts: &Ordered<String>| -> Vec<Entry> {
-            texts.iter().map(|(name, text)| Entry::new(table, name, text)).collect()
+        let entries = |table: &str, texts: &Ordered<String>| -> Vec<NamedText> {
+            texts.iter().map(|(name, text)| NamedText::new(table, name, text)).collect()
         };
-        let part = |table: &str, name: &str, key: &str, text: &str| Entry {
+        let part = |table: &str, name: &str, key: &str, text: &str| NamedText {
             name: name.to_owned(),
-            ..Entry::new(&format!("{table}.{name}"), key, text)
+            ..NamedText::new(&format!("{table}.{name}"), key, text)
         };
         let follower = |table: &str, name: &str, [of, time]: [&str; 2], order| Follower {
             name: name.to_owned(),
@@ -166,15 +169,17 @@ impl EquationsTable {
         };
         let mut curves = Vec::new();
         for (name, table) in self.tables.iter() {
-            let place = Place { key: format!("tables.{name}"), offset: None };
-            curves.push(Points { name: name.to_owned(), place, ..points(table) }.in_si()?);
+            let place = TextPlace { key: format!("tables.{name}"), offset: None };
+            curves.push(CurvePoints { name: name.to_owned(), place, ..points(table) }.in_si()?);
         }
         Ok(Description {
             states: entries("states", &self.states),
             inputs: entries("inputs", &self.inputs),
             // What cannot be read of an uncertainty was refused before.
             parameters: (self.parameters.iter())
-                .map(|(name, number)| Entry::new("parameters", name, &number.nominal().unwrap_or_default()))
+                .map(|(name, number)| {
+                    NamedText::new("parameters", name, &number.nominal().unwrap_or_default())
+                })
                 .collect(),
             lets: entries("let", &self.lets),
             functions: entries("functions", &self.functions),
@@ -190,10 +195,10 @@ impl EquationsTable {
                 .iter()
                 .map(|(name, delay)| follower("delay", name, [&delay.of, &delay.time], delay.order))
                 .collect(),
-            energy: self.energy.as_deref().map(|text| Entry {
+            energy: self.energy.as_deref().map(|text| NamedText {
                 name: "energy".to_owned(),
                 text: text.to_owned(),
-                place: Place { key: "energy".to_owned(), offset: None },
+                place: TextPlace { key: "energy".to_owned(), offset: None },
             }),
         })
     }
@@ -217,5 +222,5 @@ fn message(error: &EquationError) -> String {
 
 /// An error of the equations as one of the file.
 pub fn refused(experiment: &Experiment, error: &EquationError) -> ConfigError {
-    experiment.error(key_of(error), Fault::Value { why: message(error) })
+    experiment.error(key_of(error), ConfigFault::Value { why: message(error) })
 }

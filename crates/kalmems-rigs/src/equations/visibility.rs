@@ -5,9 +5,9 @@ use super::{EquationsRig, short};
 use crate::Rig;
 use crate::config::{Experiment, Quantity};
 use crate::estimate::Trajectory;
-use crate::outlook::{Fact, Topic};
+use crate::outlook::{Fact, OutlookTopic};
 use crate::progress::Silent;
-use crate::simulate::{SimulateError, Unwritten, described};
+use crate::simulate::{ComputedRecording, SimulateError, described};
 
 /// Samples of the motion that are looked at.
 const SAMPLES: f64 = 50_000.0;
@@ -20,7 +20,7 @@ const NOT_TOLD: f64 = 0.9;
 /// Each filter is led along the motion without noise, its own claims included: its covariance is then that about the true
 /// motion, which for the extended filter is the recursive Cramér–Rao bound (Tichavský, Muravchik & Nehorai, IEEE Transactions on
 /// Signal Processing 46, 1386, 1998). Nothing is said of an experiment without simulation or filters.
-pub fn visibility(experiment: &Experiment) -> Result<Option<Topic>, SimulateError> {
+pub fn visibility(experiment: &Experiment) -> Result<Option<OutlookTopic>, SimulateError> {
     let mut quiet = experiment.clone();
     let (Some(simulate), Some(estimate)) = (&mut quiet.simulate, &mut quiet.estimate) else {
         return Ok(None);
@@ -37,7 +37,7 @@ pub fn visibility(experiment: &Experiment) -> Result<Option<Topic>, SimulateErro
         filter.smooth_lag = None;
     }
     let simulation = EquationSimulation::of(&quiet)?;
-    let unwritten = Unwritten::of(&simulation, &Silent)?;
+    let unwritten = ComputedRecording::of(&simulation, &Silent)?;
     let recorded = described(&quiet, &simulation);
     let rig = EquationsRig;
     let read = unwritten.recorded(&rig.layout(&recorded, 0)?);
@@ -47,7 +47,7 @@ pub fn visibility(experiment: &Experiment) -> Result<Option<Topic>, SimulateErro
     };
     let trajectories = estimates.iter().flat_map(|estimate| &estimate.trajectories);
     let facts: Vec<Fact> = trajectories.filter_map(of_filter).collect();
-    Ok((!facts.is_empty()).then_some(Topic { title: "What the signal tells", facts }))
+    Ok((!facts.is_empty()).then_some(OutlookTopic { title: "What the signal tells", facts }))
 }
 
 fn of_filter(trajectory: &Trajectory) -> Option<Fact> {

@@ -1,8 +1,8 @@
 //! The stage's way through one record.
 
-use super::segment::Samples;
+use super::segment::StageSamples;
 use crate::estimate::driven::Plant;
-use crate::estimate::{Bridge, Counts, Course, Filtering, HeldSamples, Step, by_signals};
+use crate::estimate::{Bridge, Course, Filtering, HeldSamples, ProcessTransition, SampleCounts, by_signals};
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{FilterError, Innovation, Nodes};
 use kalmems_models::dynamics::PiezoStage;
@@ -10,7 +10,7 @@ use kalmems_models::readout::PlateCurrent;
 
 /// A channel over one record.
 #[derive(Clone, Copy, Debug)]
-pub struct Channel<'a> {
+pub struct StageChannel<'a> {
     /// Its name, such as `1A`.
     pub name: &'a str,
     /// How the signal depends on the state.
@@ -22,16 +22,16 @@ pub struct Channel<'a> {
 }
 
 /// The stage as an observer of itself, driven by its drive and the last sample.
-pub type Observer = HeldSamples<PiezoStage<f64>, PlateCurrent<f64>, 2>;
+pub type StageObserver = HeldSamples<PiezoStage<f64>, PlateCurrent<f64>, 2>;
 
 /// Model, drive and signals of one record.
 pub struct StageCourse<'a, P: Plant> {
-    samples: &'a Samples<'a>,
-    channels: &'a [Channel<'a>],
+    samples: &'a StageSamples<'a>,
+    channels: &'a [StageChannel<'a>],
     /// The stage as each channel reads it; it moves as the first one says.
     plants: &'a [P],
     usual: P::Motion,
-    observer: Option<Observer>,
+    observer: Option<StageObserver>,
     /// Innovation and standard deviation of each channel after the first, at the last sample.
     further: Vec<[f64; 2]>,
 }
@@ -42,8 +42,8 @@ const SAME: f64 = 1e-6;
 impl<'a, P: Plant> StageCourse<'a, P> {
     /// A way through this record, with a model for each of its channels. There is at least one.
     pub fn new(
-        samples: &'a Samples<'a>,
-        channels: &'a [Channel<'a>],
+        samples: &'a StageSamples<'a>,
+        channels: &'a [StageChannel<'a>],
         plants: &'a [P],
     ) -> Result<Self, AugmentationError> {
         let usual = plants[0].over(samples.taken.interval_s)?;
@@ -52,7 +52,7 @@ impl<'a, P: Plant> StageCourse<'a, P> {
 
     /// Likewise, where the step over the usual interval is that of an observer of the first channel.
     #[must_use]
-    pub fn observed_by(self, observer: Option<Observer>) -> Self {
+    pub fn observed_by(self, observer: Option<StageObserver>) -> Self {
         Self { observer, ..self }
     }
 }
@@ -64,6 +64,10 @@ impl<P: Plant> Course for StageCourse<'_, P> {
 
     fn signal(&self) -> &[f64] {
         self.channels.first().map_or(&[], |channel| channel.signal)
+    }
+
+    fn drive(&self, k: usize) -> Option<f64> {
+        self.samples.drive.get(k).copied()
     }
 
     fn further_signals(&self) -> Vec<String> {
@@ -78,18 +82,17 @@ impl<P: Plant> Course for StageCourse<'_, P> {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
-        let Samples { time_s, drive, sines, ref taken, .. } = *self.samples;
+        let StageSamples { time_s, drive, sines, ref taken, .. } = *self.samples;
         let (plant, from_s, start, end) = (&self.plants[0], time_s[to - 1], drive[to - 1], drive[to]);
         let interval = time_s[to] - from_s;
         if (interval / taken.interval_s - 1.0).abs() <= SAME {
             // The drive is a sampled sine: the mean of both ends.
             let nodes = Nodes { start, middle: start.midpoint(end), end };
             return match &self.observer {
-                Some(observer) if self.signal()[to - 1].is_finite() => {
-                    filter.predict(&Step::new(observer, &(nodes.middle, [self.signal()[to - 1]])))
-                }
+                Some(observer) if self.signal()[to - 1].is_finite() => filter
+                    .predict(&ProcessTransition::new(observer, &(nodes.middle, [self.signal()[to - 1]]))),
                 _ => filter.predict(&plant.under(&self.usual, &nodes)),
             };
         }
@@ -117,7 +120,7 @@ impl<P: Plant> Course for StageCourse<'_, P> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        _: &mut Counts,
+        _: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         let signals = self.channels.iter().zip(self.plants);
         let signals =

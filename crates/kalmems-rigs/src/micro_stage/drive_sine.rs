@@ -25,7 +25,7 @@ pub struct DriveSine {
     blocks: f64,
     middle_s: f64,
     /// The present block.
-    present: Block,
+    present: SineBlock,
 }
 
 /// Over how many blocks a sine is known at most.
@@ -33,14 +33,14 @@ const MEMORY: f64 = 64.0;
 
 /// What is summed over a block: the residuals r of a sine of phase ψ, and their products with cos ψ and sin ψ.
 #[derive(Clone, Copy, Debug, Default)]
-struct Block {
+struct SineBlock {
     rows: usize,
     first_s: f64,
     /// Σ of cos, sin, cos², cos·sin, r, r·cos, r·sin and r².
     sums: [f64; 8],
 }
 
-impl Block {
+impl SineBlock {
     fn add(&mut self, sine: &Sine, time_s: f64, volts: f64) {
         let (s, c) = (TAU * sine.frequency_hz * time_s + sine.phase_rad).portable_sin_cos();
         let r = volts - (sine.offset + sine.amplitude * c);
@@ -84,7 +84,7 @@ impl DriveSine {
             block,
             blocks: (rows as f64 / block as f64).clamp(1.0, MEMORY),
             middle_s: time_s.last()? - 0.5 * interval_s * rows.min(block) as f64,
-            present: Block::default(),
+            present: SineBlock::default(),
         })
     }
 
@@ -117,7 +117,7 @@ impl DriveSine {
     }
 
     /// The sine after another block.
-    fn moved(&self, sine: &Sine, block: &Block, middle_s: f64) -> Sine {
+    fn moved(&self, sine: &Sine, block: &SineBlock, middle_s: f64) -> Sine {
         let Some([offset, cosine, sine_part]) = block.fitted() else { return *sine };
         let (along, k) = (sine.amplitude + cosine, self.blocks);
         // (A + a)·cos ψ + b·sin ψ.
@@ -160,7 +160,7 @@ impl DriveSine {
             block: count(block).max(1),
             blocks,
             middle_s,
-            present: Block { rows: count(present), first_s, sums },
+            present: SineBlock { rows: count(present), first_s, sums },
         })
     }
 

@@ -1,13 +1,13 @@
 //! The stage as differential equations.
 
-use super::hardware::Hardware;
+use super::hardware::StageHardware;
 use crate::Expansion;
 use crate::config::{ConfigError, Experiment};
 use std::f64::consts::TAU;
 
 /// The device of an experiment.
 pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = StageHardware::of(experiment)?;
     let mut all = Expansion { noise: vec![("angular_acceleration", "rate")], ..Expansion::default() };
     all.table("states", &[("angle", "rad"), ("rate", "rad/s")]);
     all.table("inputs", &[("drive", "V")]);

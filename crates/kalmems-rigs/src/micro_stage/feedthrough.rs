@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 /// A record with the bias off: its drive, and the sine of the drive's frequency in each signal.
 #[derive(Clone, Debug)]
-pub struct BiasOff {
+pub struct BiasOffRecord {
     /// The record's label.
     pub label: String,
     /// Its drive.
@@ -17,7 +17,7 @@ pub struct BiasOff {
     pub samples: usize,
 }
 
-impl BiasOff {
+impl BiasOffRecord {
     /// From the drive and the signals of a record. `None` where a signal has too few samples.
     pub fn of(label: &str, time_s: &[f64], drive: Sine, signals: &[&[f64]]) -> Option<Self> {
         let fitted = signals.iter().map(|signal| fit_sine_at(time_s, signal, drive.frequency_hz));

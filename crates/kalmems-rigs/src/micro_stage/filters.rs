@@ -1,13 +1,15 @@
 //! What the rig takes from the tables of filters, in SI.
 
-use super::hardware::Hardware;
-use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Sign, Start, Values};
-use crate::estimate::{FilterBasics, Parameter, process_noise};
+use super::hardware::StageHardware;
+use crate::config::{
+    ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, Key, Sign, Values,
+};
+use crate::estimate::{DeviceParameter, FilterBasics, process_noise};
 use crate::units::kind;
 
 /// One filter.
 #[derive(Clone, Debug)]
-pub struct FilterSettings {
+pub struct StageFilterSettings {
     /// What every filter has.
     pub basics: FilterBasics,
     /// The electrodes whose signals it takes, as places in the hardware; empty for all that a recording has.
@@ -23,35 +25,36 @@ pub struct FilterSettings {
 }
 
 /// The parameters that can be states. Gap and gain are off by one ratio for all electrodes.
-pub static PARAMETERS: [Parameter; 5] = [
-    Parameter::factor("natural_frequency")
+pub static PARAMETERS: [DeviceParameter; 5] = [
+    DeviceParameter::factor("natural_frequency")
         .in_motion("resonator.natural_rate")
         .written(&[("resonator.natural_frequency", 1)]),
-    Parameter::factor("damping_ratio")
+    DeviceParameter::factor("damping_ratio")
         .in_motion("resonator.damping_ratio")
         .written(&[("resonator.damping_ratio", 1)]),
-    Parameter::factor("drive_gain").in_motion("drive_gain").written(&[("resonator.drive_gain", 1)]),
-    Parameter::factor("gap").in_readout("plate.gap").written(&[("electrodes.*.gap", 1)]),
-    Parameter::factor("gain").in_readout("gain").written(&[("electrodes.*.gain", 1)]),
+    DeviceParameter::factor("drive_gain").in_motion("drive_gain").written(&[("resonator.drive_gain", 1)]),
+    DeviceParameter::factor("gap").in_readout("plate.gap").written(&[("electrodes.*.gap", 1)]),
+    DeviceParameter::factor("gain").in_readout("gain").written(&[("electrodes.*.gain", 1)]),
 ];
 
 /// The states, as tables of values name them.
-pub const fn states(sign: Sign) -> [Entry; 2] {
-    [Entry::new("angle", &kind::ANGLE, sign), Entry::new("rate", &kind::ANGULAR_RATE, sign)]
+pub const fn states(sign: Sign) -> [ExpectedEntry; 2] {
+    [ExpectedEntry::new("angle", &kind::ANGLE, sign), ExpectedEntry::new("rate", &kind::ANGULAR_RATE, sign)]
 }
 
-impl FilterSettings {
+impl StageFilterSettings {
     /// Reads and checks the filter at this place of the file.
     pub fn of(
         experiment: &Experiment,
         estimate: &Estimate,
-        hardware: &Hardware,
+        hardware: &StageHardware,
         index: usize,
     ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
-        let refuse =
-            |name: &str, why: String| Err(experiment.error(at.clone().child(name), Fault::Value { why }));
+        let refuse = |name: &str, why: String| {
+            Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
+        };
         if filter.demodulator {
             return refuse("demodulator", "a micro-stage has none; leave it out".to_owned());
         }
@@ -60,7 +63,7 @@ impl FilterSettings {
             let place = hardware.channels.iter().position(|channel| channel.name == *name);
             let Some(place) = place else {
                 let known = hardware.channels.iter().map(|channel| channel.name.as_str());
-                return Err(experiment.error(at.child("channels"), Fault::unknown_word(name, known)));
+                return Err(experiment.error(at.child("channels"), ConfigFault::unknown_word(name, known)));
             };
             if electrodes.contains(&place) {
                 return refuse("channels", format!("`{name}` is named twice; a signal counts once"));
@@ -71,7 +74,7 @@ impl FilterSettings {
             experiment.values(at.clone().child(name), values, states(sign))
         };
         let start = match &filter.start {
-            Some(Start::Values(values)) => Some(read("start", values, Sign::Any)?),
+            Some(FilterStart::Values(values)) => Some(read("start", values, Sign::Any)?),
             _ => None,
         };
         let by_batch = start.is_none() && filter.method.claims() && filter.start_sd.is_empty();
@@ -81,8 +84,11 @@ impl FilterSettings {
             [0.0; 2]
         };
         let (noise_key, noise) = process_noise(estimate, &at, filter);
-        let entry =
-            Entry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative);
+        let entry = ExpectedEntry::new(
+            "angular_acceleration",
+            &kind::ANGULAR_ACCELERATION_DENSITY,
+            Sign::NotNegative,
+        );
         let density = if filter.method.claims() {
             let [density] = experiment.values(noise_key, noise, [entry])?;
             density
@@ -91,8 +97,9 @@ impl FilterSettings {
         };
         // A channel scales gap and gain by its own.
         let plate = hardware.channels.first().map(|channel| channel.current);
-        let scale =
-            |parameter: &Parameter| plate.map_or(1.0, |current| parameter.scale(&hardware.stage, &current));
+        let scale = |parameter: &DeviceParameter| {
+            plate.map_or(1.0, |current| parameter.scale(&hardware.stage, &current))
+        };
         let basics =
             FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &PARAMETERS.each_ref().map(scale)))?;
         Ok(Self { basics, electrodes, start, start_sd, by_batch, density })

@@ -1,6 +1,6 @@
 //! What the rig takes from the device table, in SI.
 
-use crate::config::{ConfigError, Experiment, Fault, Quantity};
+use crate::config::{ConfigError, ConfigFault, Experiment, Quantity};
 use crate::evaluate::EdgeVelocity;
 use crate::micro_stage::device::{Electrode, MicroStage};
 use kalmems_models::capacitance::TiltingPlate;
@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 
 /// The device alone.
 #[derive(Clone, Debug)]
-pub struct Hardware {
+pub struct StageHardware {
     /// How it tilts.
     pub stage: PiezoStage<f64>,
     /// How it rises and falls under the same drive, where the file says so.
@@ -61,7 +61,7 @@ impl ElectrodeChannel {
     }
 }
 
-impl Hardware {
+impl StageHardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let device = experiment.device::<MicroStage>()?;
@@ -71,7 +71,7 @@ impl Hardware {
                 "found {electrodes} electrodes; an axis has at most {}: describe those of the axis that is driven",
                 super::ELECTRODES
             );
-            return Err(experiment.error("device.micro_stage.electrodes", Fault::Value { why }));
+            return Err(experiment.error("device.micro_stage.electrodes", ConfigFault::Value { why }));
         }
         Ok(Self::from_table(&device))
     }

@@ -1,6 +1,6 @@
 //! The lock-in: amplitude and phase of the stage from the lines of its currents.
 
-use super::course::Channel;
+use super::course::StageChannel;
 use crate::estimate::{Swing, amplitude_of_line, current_line};
 use crate::signal::fit_sine_at;
 use kalmems_core::Portable;
@@ -15,11 +15,11 @@ use std::f64::consts::{PI, TAU};
 pub fn swing<'a>(
     motion_hz: f64,
     time_s: &[f64],
-    channels: impl Iterator<Item = Channel<'a>>,
+    channels: impl Iterator<Item = StageChannel<'a>>,
 ) -> Option<Swing> {
     let rate = TAU * motion_hz;
     let (mut sum, mut weights) = ([0.0; 2], 0.0);
-    for Channel { current, noise_variance, signal, .. } in channels {
+    for StageChannel { current, noise_variance, signal, .. } in channels {
         let Some(sine) = fit_sine_at(time_s, signal, motion_hz) else { continue };
         let line = |amplitude| current_line(|angle, rate| current.voltage(angle, rate), 1, rate, amplitude);
         let largest = SHORT_OF_CONTACT * contact(&current.plate);
@@ -73,7 +73,7 @@ mod tests {
             });
             signals[1].fill(f64::NAN);
             let channels = currents.into_iter().zip(&signals);
-            let channels = channels.map(|(current, signal)| Channel {
+            let channels = channels.map(|(current, signal)| StageChannel {
                 name: "",
                 current,
                 noise_variance: 1e-11,

@@ -22,27 +22,29 @@ mod simulation;
 
 use super::{Estimator, Rig, Template, TemplateChannel};
 use crate::Expansion;
-use crate::config::{self, ConfigError, DeviceKind, Experiment, Fault, Key, Method, Role, Uses};
+use crate::config::{
+    self, ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole,
+};
 use crate::estimate::{
-    Around, Axis, EstimateError, Motion, Parameter, Part, Past, SegmentEstimate, SignalSegment,
-    rows_for_start,
+    AngleAxis, DeviceParameter, EstimateError, MotionRate, Past, RowsAround, SegmentEstimate, SegmentPart,
+    SignalSegment, rows_for_start,
 };
 use crate::evaluate::{EdgeVelocity, Instruments};
-use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::micro_stage::device::MicroStage;
 use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress};
-use crate::recording::{Finding, Layout};
+use crate::recording::{Finding, RecordingLayout};
 use crate::signal::Sine;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use drive_sine::DriveSine;
-pub use feedthrough::{BiasOff, without_drive};
-pub use hardware::{ElectrodeChannel, Hardware};
-use records::{DRIVE, Records, columns, of_role, place, require_one_frequency};
-use segment::Samples;
-use settings::Settings;
+pub use feedthrough::{BiasOffRecord, without_drive};
+pub use hardware::{ElectrodeChannel, StageHardware};
+use records::{DRIVE, StageRecords, columns, of_role, place, require_one_frequency};
+use segment::StageSamples;
+use settings::StageSettings;
 use simulation::StageSimulation;
 use std::ops::Range;
 
@@ -100,8 +102,8 @@ impl Rig for MicroStageRig {
         experiment.device::<MicroStage>().map(|_| true)
     }
 
-    fn uses(&self, _: &Experiment) -> Uses {
-        Uses { several_signals: true, no_methods: &NO_METHODS, ..Uses::default() }
+    fn uses(&self, _: &Experiment) -> DeviceUses {
+        DeviceUses { several_signals: true, no_methods: &NO_METHODS, ..DeviceUses::default() }
     }
 
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
@@ -109,13 +111,13 @@ impl Rig for MicroStageRig {
         Ok(Instruments { edge: stage.vibrometer.as_ref().map(EdgeVelocity::from), ..Instruments::default() })
     }
 
-    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &filters::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        let settings = Settings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[Role::Test, Role::BiasOn])?;
+        let settings = StageSettings::of(experiment)?;
+        let wanted = experiment.to_estimate(&[RecordingRole::Test, RecordingRole::BiasOn])?;
         for index in &wanted {
             let (_, signals) = columns(experiment, &settings.hardware, *index)?;
             if signals.is_empty() {
@@ -124,17 +126,17 @@ impl Rig for MicroStageRig {
                 let meaning = meaning.unwrap_or_default();
                 let remedy =
                     format!("name the column of at least one electrode, such as `{meaning} = \"cap_V\"`");
-                return Err(experiment.error(key.child(&meaning), Fault::MissingKey { remedy }));
+                return Err(experiment.error(key.child(&meaning), ConfigFault::MissingKey { remedy }));
             }
-            if experiment.recordings[*index].role == Role::BiasOn {
+            if experiment.recordings[*index].role == RecordingRole::BiasOn {
                 bias_off_index(experiment)?;
             }
         }
         Ok(wanted)
     }
 
-    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        let hardware = Hardware::of(experiment)?;
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
+        let hardware = StageHardware::of(experiment)?;
         let (drive, signals) = columns(experiment, &hardware, index)?;
         let names: Vec<&str> =
             [drive].into_iter().chain(signals.into_iter().map(|(_, column)| column)).collect();
@@ -159,11 +161,11 @@ impl Rig for MicroStageRig {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        let settings = Settings::of(experiment)?;
+        let settings = StageSettings::of(experiment)?;
         let described = experiment.recording(index)?;
         let columns = columns(experiment, &settings.hardware, index)?;
         let bias_off = match described.role {
-            Role::BiasOn => Some(bias_off(experiment, &settings.hardware, progress)?),
+            RecordingRole::BiasOn => Some(bias_off(experiment, &settings.hardware, progress)?),
             _ => None,
         };
         let (past, off) = (Past::default(), None);
@@ -191,7 +193,7 @@ impl Rig for MicroStageRig {
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
-        _: &[Reference],
+        _: &[ReferenceMotion],
         _: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
@@ -209,40 +211,40 @@ impl Rig for MicroStageRig {
 /// Estimates recordings of the stage.
 struct StageEstimator<'a> {
     experiment: &'a Experiment,
-    settings: Settings,
+    settings: StageSettings,
     described: &'a config::Recording,
     /// That of the drive, and those of the electrodes by their places in the hardware.
     columns: (&'a str, Vec<(usize, &'a str)>),
     /// The recording without bias, where that is needed.
-    bias_off: Option<Records>,
+    bias_off: Option<StageRecords>,
     /// Its record for the present segment, and the electrodes that its signals are of.
-    off: Option<(BiasOff, Vec<usize>)>,
+    off: Option<(BiasOffRecord, Vec<usize>)>,
     past: Past,
     progress: &'a dyn Progress,
 }
 
 impl Estimator for StageEstimator<'_> {
     fn wants(&self, label: &str) -> bool {
-        !(self.described.role == Role::BiasOn && is_training(self.experiment, label))
+        !(self.described.role == RecordingRole::BiasOn && is_training(self.experiment, label))
     }
 
-    fn around(&self, interval_s: f64) -> Around {
+    fn around(&self, interval_s: f64) -> RowsAround {
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        Around { head: self.head(interval_s), before: 1, after: 1, smooths }
+        RowsAround { head: self.head(interval_s), before: 1, after: 1, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
         &mut self.past
     }
 
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (drive, signals) = &self.columns;
         let names: Vec<&str> = signals.iter().map(|(_, column)| *column).collect();
         let first = (names.first().copied().unwrap_or(DRIVE), &kind::VOLTAGE);
         let segment = SignalSegment::of(part, first, self.settings.skip_s, &mut self.past)?;
         segment.require_after_settling(segment.interval_s)?;
         let place = self.place(&segment);
-        segment.require_sound(&names)?;
+        segment.require_usable_signals(&names)?;
         let time_s = segment.time_s.as_slice();
         let volts = segment.recording.column_of(drive, &kind::VOLTAGE)?.of(segment.segment);
         let unknown: Vec<usize> = (0..volts.len()).filter(|k| !volts[*k].is_finite()).collect();
@@ -250,7 +252,7 @@ impl Estimator for StageEstimator<'_> {
             let (column, count, first_s) = ((*drive).to_owned(), unknown.len(), time_s[*first]);
             return Err(EstimateError::DriveUnknown { place, column, count, first_s });
         }
-        let kept = self.past.rig.take::<Followed>();
+        let kept = self.past.rig.take::<FollowedDrive>();
         let mut followed = self.followed(kept, &segment, volts, &place)?;
         let sine = followed.sine.sine();
         if segment.begins || self.off.is_none() {
@@ -267,7 +269,7 @@ impl Estimator for StageEstimator<'_> {
             }
             cleaned.push(self.cleaned(*electrode, (time_s, values), &sines, &place)?);
         }
-        let samples = Samples {
+        let samples = StageSamples {
             place: &place,
             time_s,
             taken: segment.samples(),
@@ -278,21 +280,21 @@ impl Estimator for StageEstimator<'_> {
             signals: cleaned,
         };
         let trajectories = segment::estimate(&self.settings, &samples, &mut self.past, self.progress)?;
-        let motion = Motion { frequency_hz: followed.first_hz, is_driven: true };
+        let motion = MotionRate { frequency_hz: followed.first_hz, is_driven: true };
         self.past.numbers = std::iter::once(followed.first_hz).chain(followed.sine.numbers()).collect();
         self.past.rig.put(Box::new(followed));
-        let axis = Axis { angle: "angle", motion, drive: Some(sine) };
+        let axis = AngleAxis { angle: "angle", motion, drive: Some(sine) };
         Ok(segment.estimated_under(drive, (axis, Vec::new()), trajectories))
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
         let names: Vec<&str> = self.columns.1.iter().map(|(_, column)| *column).collect();
-        EstimateError::of_unsound(diagnosis, (place, &names), |label| self.wants(label))
+        EstimateError::of_unusable_signal(diagnosis, (place, &names), |label| self.wants(label))
     }
 }
 
 /// What is known of the drive of a record.
-struct Followed {
+struct FollowedDrive {
     /// The frequency that it had at the record's beginning, in Hz.
     first_hz: f64,
     /// The sine that it follows.
@@ -317,30 +319,30 @@ impl StageEstimator<'_> {
         let for_start = by_batch
             .map(|filter| rows_for_start((cycle_s, interval_s), 2 + filter.basics.parameters().len()));
         let head = rows(self.settings.skip_s / interval_s).max(self.block(interval_s));
-        for_start.fold(head, usize::max).min(Around::LONGEST_HEAD)
+        for_start.fold(head, usize::max).min(RowsAround::LONGEST_HEAD)
     }
 
     /// The rows of a block that tells how the drive goes on.
     fn block(&self, interval_s: f64) -> usize {
         let (least, cycles) = HEAD;
         let cycles_s = cycles / self.settings.hardware.natural_hz();
-        rows(cycles_s / interval_s).clamp(least, Around::LONGEST_HEAD)
+        rows(cycles_s / interval_s).clamp(least, RowsAround::LONGEST_HEAD)
     }
 
     /// What the drive follows until the end of a part.
     fn followed(
         &self,
-        kept: Option<Box<Followed>>,
+        kept: Option<Box<FollowedDrive>>,
         segment: &SignalSegment,
         volts: &[f64],
         place: &str,
-    ) -> Result<Followed, EstimateError> {
+    ) -> Result<FollowedDrive, EstimateError> {
         let not_steady =
             || EstimateError::NoSteadyDrive { place: place.to_owned(), filter: "the rig".to_owned() };
         let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
         let resumed = || match self.past.numbers[..] {
             [first_hz, ref rest @ ..] if !segment.begins => {
-                DriveSine::resumed(rest).map(|sine| Followed { first_hz, sine })
+                DriveSine::resumed(rest).map(|sine| FollowedDrive { first_hz, sine })
             }
             _ => None,
         };
@@ -353,7 +355,7 @@ impl StageEstimator<'_> {
             let block = (interval_s, self.block(interval_s));
             let sine = DriveSine::of_head(&time_s[head.clone()], &volts[head], block);
             let sine = sine.ok_or_else(not_steady)?;
-            Followed { first_hz: sine.sine().frequency_hz, sine }
+            FollowedDrive { first_hz: sine.sine().frequency_hz, sine }
         };
         followed.sine.take(time_s, volts, fresh).map_err(|_| not_steady())?;
         Ok(followed)
@@ -403,21 +405,21 @@ fn is_training(experiment: &Experiment, label: &str) -> bool {
 
 /// The recording without bias that one with bias needs.
 fn bias_off_index(experiment: &Experiment) -> Result<usize, ConfigError> {
-    of_role(experiment, Role::BiasOff).first().copied().ok_or_else(|| {
+    of_role(experiment, RecordingRole::BiasOff).first().copied().ok_or_else(|| {
         let why = "a recording has the role `bias_on` and none has `bias_off`: what of the signals is the drive's and not \
                    the motion's is not known. Record the same drives with the sensing bias off and add them as a \
                    `[[recording]]` with `role = \"bias_off\"` and the same labels; or, where the electrodes state their \
                    `feedthrough`, give the recording the role `test`"
             .to_owned();
-        experiment.error("recording", Fault::Value { why })
+        experiment.error("recording", ConfigFault::Value { why })
     })
 }
 
 fn bias_off(
     experiment: &Experiment,
-    hardware: &Hardware,
+    hardware: &StageHardware,
     progress: &dyn Progress,
-) -> Result<Records, EstimateError> {
+) -> Result<StageRecords, EstimateError> {
     let index = bias_off_index(experiment)?;
     records::read(experiment, hardware, index, progress).map_err(as_estimate_error)
 }
@@ -437,11 +439,11 @@ fn as_estimate_error(error: IdentifyError) -> EstimateError {
 
 /// The record without bias that belongs to one with bias, and the electrodes that its signals are of.
 fn off_of(
-    records: &Records,
+    records: &StageRecords,
     label: &str,
     place: &str,
     drive: &Sine,
-) -> Result<(BiasOff, Vec<usize>), EstimateError> {
+) -> Result<(BiasOffRecord, Vec<usize>), EstimateError> {
     let (off, electrodes) = identification::off_of(records, label, place).map_err(as_estimate_error)?;
     require_one_frequency([(place, drive), (off.label.as_str(), &off.drive)]).map_err(as_estimate_error)?;
     Ok((off, electrodes.to_vec()))

@@ -1,16 +1,16 @@
 //! What can be said of the stage before anything is recorded.
 
-use super::hardware::Hardware;
+use super::hardware::StageHardware;
 use crate::config::{DriveSource, Experiment};
 use crate::inspect::quantity;
-use crate::outlook::{Outlook, Topic};
+use crate::outlook::{Outlook, OutlookTopic};
 use crate::simulate::SimulateError;
 use kalmems_core::Portable;
 use std::f64::consts::TAU;
 
 /// The resonance, what each electrode says of a motion, and the angles at which an outer and an inner one balance.
 pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = StageHardware::of(experiment)?;
     let mut topics = vec![resonance(&hardware)];
     if let Some(DriveSource::Sine(sine)) = experiment.simulate.as_ref().map(|simulate| &simulate.drive) {
         topics.push(driven(&hardware, sine.amplitude.si(), sine.frequency.si()));
@@ -28,13 +28,13 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     })
 }
 
-fn resonance(hardware: &Hardware) -> Topic {
+fn resonance(hardware: &StageHardware) -> OutlookTopic {
     let resonator = &hardware.stage.resonator;
     let hz = hardware.natural_hz();
     let quality = 0.5 / resonator.damping_ratio;
     let (re, im) = hardware.stage.response(resonator.natural_rate);
     let peak = resonator.natural_rate * re.portable_hypot(im);
-    Topic::new("Resonance").with(
+    OutlookTopic::new("Resonance").with(
         "resonance_hz_quality_rad_per_s_per_v",
         [hz, quality, peak],
         format!(
@@ -47,11 +47,11 @@ fn resonance(hardware: &Hardware) -> Topic {
 /// The clearance over the gap from which on a motion is said to come near contact.
 const NEAR: f64 = 0.2;
 
-fn driven(hardware: &Hardware, volts: f64, frequency_hz: f64) -> Topic {
+fn driven(hardware: &StageHardware, volts: f64, frequency_hz: f64) -> OutlookTopic {
     let rate = TAU * frequency_hz;
     let (re, im) = hardware.stage.response(rate);
     let angle = volts * re.portable_hypot(im);
-    let mut topic = Topic::new("Under the drive").with(
+    let mut topic = OutlookTopic::new("Under the drive").with(
         "motion_rad_and_rad_per_s",
         [angle, angle * rate],
         format!(
@@ -76,8 +76,8 @@ fn driven(hardware: &Hardware, volts: f64, frequency_hz: f64) -> Topic {
     topic
 }
 
-fn electrodes(hardware: &Hardware) -> Topic {
-    let mut topic = Topic::new("What the electrodes say");
+fn electrodes(hardware: &StageHardware) -> OutlookTopic {
+    let mut topic = OutlookTopic::new("What the electrodes say");
     for channel in &hardware.channels {
         let per_rate = channel.current.gain * channel.current.plate.slope(0.0);
         let mut words = format!("{}: {:.2} uV per rad/s at a small angle", channel.name, 1e6 * per_rate);
@@ -96,8 +96,8 @@ fn electrodes(hardware: &Hardware) -> Topic {
 const AT_REST: f64 = 1e-7;
 
 /// The angles at which the capacitances of electrodes on different sides of the axis are equal.
-fn thresholds(hardware: &Hardware) -> Topic {
-    let mut topic = Topic::new("Threshold angles");
+fn thresholds(hardware: &StageHardware) -> OutlookTopic {
+    let mut topic = OutlookTopic::new("Threshold angles");
     for (i, one) in hardware.channels.iter().enumerate() {
         for other in &hardware.channels[i + 1..] {
             let (a, b) = (&one.current.plate, &other.current.plate);

@@ -1,9 +1,9 @@
 //! The models that the filters run on: how the stage steps over any interval, and how an electrode reads it.
 
-use super::course::Channel;
-use super::filters::FilterSettings;
-use crate::estimate::driven::{ParametricReadout, Plain, Plant, WithParameters};
-use crate::estimate::{Reading, Sensor, Step, Tracked, Transition};
+use super::course::StageChannel;
+use super::filters::StageFilterSettings;
+use crate::estimate::driven::{ParametricReadout, PlainModel, Plant, WithParameters};
+use crate::estimate::{MeasurementSensor, ProcessTransition, Sensor, Tracked, Transition};
 use kalmems_core::augmentation::{AddedState, AugmentationError};
 use kalmems_core::{LinearProcess, Nodes, NoiseDensity};
 use kalmems_models::dynamics::PiezoStage;
@@ -11,17 +11,17 @@ use kalmems_models::readout::PlateCurrent;
 use std::array;
 
 /// The stage, read by one electrode.
-pub type Stage = Plain<PiezoStage<f64>, PlateCurrent<f64>, 2>;
+pub type StagePlant = PlainModel<PiezoStage<f64>, PlateCurrent<f64>, 2>;
 
 /// The stage under white angular acceleration, read by one channel.
-pub fn stage(dynamics: PiezoStage<f64>, filter: &FilterSettings, channel: &Channel) -> Stage {
-    Plain { dynamics, readout: channel.current, noise: NoiseDensity::none().on::<1>(filter.density) }
+pub fn stage(dynamics: PiezoStage<f64>, filter: &StageFilterSettings, channel: &StageChannel) -> StagePlant {
+    PlainModel { dynamics, readout: channel.current, noise: NoiseDensity::none().on::<1>(filter.density) }
 }
 
 /// The stage by its exact step, under a drive that is held at what it is in the middle of the interval.
-pub struct Exactly(pub Stage);
+pub struct ExactStageStep(pub StagePlant);
 
-impl Plant for Exactly {
+impl Plant for ExactStageStep {
     type Motion = LinearProcess<f64, 2, 1>;
 
     fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {
@@ -29,17 +29,17 @@ impl Plant for Exactly {
     }
 
     fn under<'a>(&'a self, motion: &'a Self::Motion, drive: &'a Nodes<f64>) -> impl Transition + 'a {
-        Step::new(motion, array::from_ref(&drive.middle))
+        ProcessTransition::new(motion, array::from_ref(&drive.middle))
     }
 
     fn sensor(&self) -> impl Sensor + '_ {
-        Reading::<_, 2>(&self.0.readout)
+        MeasurementSensor::<_, 2>(&self.0.readout)
     }
 }
 
 /// The stage with parameters as states.
 pub fn with_parameters(
-    stage: &Stage,
+    stage: &StagePlant,
     tracked: &[Tracked],
 ) -> Result<WithParameters<PiezoStage<f64>, ParametricReadout<PlateCurrent<f64>, 2>, 2>, AugmentationError> {
     let tracked = of_channel(stage, tracked);
@@ -49,7 +49,7 @@ pub fn with_parameters(
 
 /// The parameters with the scales of this channel: gaps and gains of all electrodes are off by the same ratio, as by a
 /// temperature or a bias voltage that all have in common.
-pub fn of_channel(stage: &Stage, tracked: &[Tracked]) -> Vec<Tracked> {
+pub fn of_channel(stage: &StagePlant, tracked: &[Tracked]) -> Vec<Tracked> {
     let scaled = |tracked: &Tracked| {
         let scale = tracked.parameter.scale(&stage.dynamics, &stage.readout);
         Tracked { added: AddedState { scale, ..tracked.added }, ..*tracked }

@@ -1,16 +1,16 @@
 //! The recordings of a stage: one record per drive amplitude or frequency, each of steady motion.
 
-use super::hardware::Hardware;
-use crate::config::{self, ConfigError, Experiment, Fault, Key, Role};
+use super::hardware::StageHardware;
+use crate::config::{self, ConfigError, ConfigFault, Experiment, Key, RecordingRole};
 use crate::identify::{IdentifyError, Material};
 use crate::progress::Progress;
-use crate::recording::{FindingKind, Instant, Layout, ReadError, Recording, unsound};
+use crate::recording::{FindingKind, Instant, ReadError, RecordingLayout, SampledRecording, unusable_signal};
 use crate::signal::{Sine, fit_sine, fit_sine_at};
 use crate::units::kind;
 
 /// One record.
 #[derive(Clone, Debug)]
-pub struct Record {
+pub struct StageRecord {
     /// The recording and the record's label, for messages.
     pub place: String,
     /// Its label.
@@ -29,13 +29,13 @@ pub struct Record {
 
 /// All records of one recording.
 #[derive(Clone, Debug)]
-pub struct Records {
+pub struct StageRecords {
     /// The recording's name.
     pub name: String,
     /// Which electrodes its signals are of: places in the hardware.
     pub electrodes: Vec<usize>,
     /// In the order of the file.
-    pub all: Vec<Record>,
+    pub all: Vec<StageRecord>,
     /// How late the experiment says that the reference is, in s.
     pub delay_s: f64,
     /// What an identification tells of it.
@@ -49,19 +49,19 @@ pub const DRIVE: &str = "drive";
 pub const EDGE: &str = "edge_velocity";
 
 /// The recordings of a role, as places in the experiment.
-pub fn of_role(experiment: &Experiment, role: Role) -> Vec<usize> {
+pub fn of_role(experiment: &Experiment, role: RecordingRole) -> Vec<usize> {
     (0..experiment.recordings.len()).filter(|i| experiment.recordings[*i].role == role).collect()
 }
 
 /// Columns of signals with the electrodes that they are of, as places in the hardware.
-pub type Signals<'a> = Vec<(usize, &'a str)>;
+pub type SignalColumns<'a> = Vec<(usize, &'a str)>;
 
 /// The columns of drive and signals of a recording, and the electrodes that the signals are of.
 pub fn columns<'a>(
     experiment: &'a Experiment,
-    hardware: &Hardware,
+    hardware: &StageHardware,
     index: usize,
-) -> Result<(&'a str, Signals<'a>), ConfigError> {
+) -> Result<(&'a str, SignalColumns<'a>), ConfigError> {
     let channels = &experiment.recording(index)?.channels;
     let key = || Key::from("recording").index(index).child("channels");
     let meanings: Vec<String> =
@@ -69,12 +69,12 @@ pub fn columns<'a>(
     for (name, _) in channels.iter() {
         if name != DRIVE && !meanings.iter().any(|meaning| meaning == name) {
             let known: Vec<&str> = [DRIVE].into_iter().chain(meanings.iter().map(String::as_str)).collect();
-            return Err(experiment.error(key().child(name), Fault::unknown_key(name, known)));
+            return Err(experiment.error(key().child(name), ConfigFault::unknown_key(name, known)));
         }
     }
     let drive = channels.column(DRIVE).ok_or_else(|| {
         let remedy = "name the column of the drive, such as `drive = \"drive_V\"`".to_owned();
-        experiment.error(key().child(DRIVE), Fault::MissingKey { remedy })
+        experiment.error(key().child(DRIVE), ConfigFault::MissingKey { remedy })
     })?;
     let signals =
         meanings.iter().enumerate().filter_map(|(i, meaning)| Some((i, channels.column(meaning)?))).collect();
@@ -84,22 +84,23 @@ pub fn columns<'a>(
 /// Reads a recording of driven motion.
 pub fn read(
     experiment: &Experiment,
-    hardware: &Hardware,
+    hardware: &StageHardware,
     index: usize,
     progress: &dyn Progress,
-) -> Result<Records, IdentifyError> {
+) -> Result<StageRecords, IdentifyError> {
     let described = experiment.recording(index)?;
     let (drive, signals) = columns(experiment, hardware, index)?;
     let wanted: Vec<&str> = [drive].into_iter().chain(signals.iter().map(|(_, column)| *column)).collect();
     let recording = read_file(experiment, described, &described.layout(&wanted), progress)?;
-    let reference = Shown::read(experiment, hardware, (index, recording.origin()), progress)?;
+    let reference = StageReference::read(experiment, hardware, (index, recording.origin()), progress)?;
     let name = described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
     let unfit = |place: &str, why: String| IdentifyError::Unfit { recording: place.to_owned(), why };
     let drive_column = recording.column_of(drive, &kind::VOLTAGE)?;
     let mut records = Vec::new();
     for segment in recording.segments() {
         let place = place(&name, &segment.label);
-        if let Some(finding) = unsound(recording.diagnosis(), &wanted, |label| label == segment.label) {
+        if let Some(finding) = unusable_signal(recording.diagnosis(), &wanted, |label| label == segment.label)
+        {
             let (column, count) = (finding.column.as_deref().unwrap_or_default(), finding.count);
             if finding.kind == FindingKind::Repeats {
                 let found = &finding.detail;
@@ -136,7 +137,7 @@ pub fn read(
             })?),
             None => None,
         };
-        records.push(Record {
+        records.push(StageRecord {
             place,
             label: segment.label.clone(),
             time_s,
@@ -149,7 +150,7 @@ pub fn read(
     let mut sources = vec![recording.source().clone()];
     sources.extend(reference.iter().map(|r| r.recording.source().clone()));
     sources.dedup();
-    Ok(Records {
+    Ok(StageRecords {
         electrodes: signals.iter().map(|(electrode, _)| *electrode).collect(),
         all: records,
         delay_s: described.reference.as_ref().map_or(0.0, config::Reference::delay_s),
@@ -168,17 +169,17 @@ pub fn read(
 }
 
 /// The reference of a recording.
-struct Shown {
-    recording: Recording,
+struct StageReference {
+    recording: SampledRecording,
     column: String,
     /// rad/s of one unit of the column.
     scale: f64,
 }
 
-impl Shown {
+impl StageReference {
     fn read(
         experiment: &Experiment,
-        hardware: &Hardware,
+        hardware: &StageHardware,
         (index, origin): (usize, Instant),
         progress: &dyn Progress,
     ) -> Result<Option<Self>, IdentifyError> {
@@ -191,19 +192,20 @@ impl Shown {
                 let remedy =
                     "write `[device.micro_stage.vibrometer]` with `gain` and `target_width`".to_owned();
                 let key = Key::from("device").child("micro_stage").child("vibrometer");
-                return Err(experiment.error(key, Fault::MissingKey { remedy }).into());
+                return Err(experiment.error(key, ConfigFault::MissingKey { remedy }).into());
             }
             (None, _) => {
                 let column = reference.channels.column("rate").ok_or_else(|| {
                     let remedy = format!("name the vibrometer's column, such as `{EDGE} = \"ldv_V\"`");
-                    experiment.error(key().child(EDGE), Fault::MissingKey { remedy })
+                    experiment.error(key().child(EDGE), ConfigFault::MissingKey { remedy })
                 })?;
                 (column, 1.0, &kind::ANGULAR_RATE)
             }
         };
         let path = experiment.resolve(reference.file(described));
-        let layout = Layout { origin: Some(origin), ..described.reference_layout(reference, &[column]) };
-        let recording = Recording::read_with(&path, &layout, &mut |done, _| progress.reached(done))?;
+        let layout =
+            RecordingLayout { origin: Some(origin), ..described.reference_layout(reference, &[column]) };
+        let recording = SampledRecording::read_with(&path, &layout, &mut |done, _| progress.reached(done))?;
         recording.column_of(column, kind)?;
         Ok(Some(Self { column: column.to_owned(), scale, recording }))
     }
@@ -227,11 +229,11 @@ impl Shown {
 pub fn read_file(
     experiment: &Experiment,
     described: &config::Recording,
-    layout: &Layout,
+    layout: &RecordingLayout,
     progress: &dyn Progress,
-) -> Result<Recording, ReadError> {
+) -> Result<SampledRecording, ReadError> {
     let mut started = false;
-    Recording::read_with(&experiment.resolve(&described.file), layout, &mut |done, total| {
+    SampledRecording::read_with(&experiment.resolve(&described.file), layout, &mut |done, total| {
         if !started {
             progress.begin("reading", total);
             started = true;

@@ -1,17 +1,17 @@
 //! The estimates of one record.
 
-use super::course::{Channel, Observer, StageCourse};
-use super::filters::FilterSettings;
+use super::course::{StageChannel, StageCourse, StageObserver};
+use super::filters::StageFilterSettings;
 use super::identification::motion_by;
 use super::lock_in::swing;
-use super::plant::{Exactly, Stage, of_channel, stage, with_parameters};
-use super::settings::Settings;
+use super::plant::{ExactStageStep, StagePlant, of_channel, stage, with_parameters};
+use super::settings::StageSettings;
 use crate::config::Method;
-use crate::estimate::driven::{ByEuler, Enters, Plain, Plant, side_by_side};
+use crate::estimate::driven::{ByEuler, ParameterPlaces, PlainModel, Plant, side_by_side};
 use crate::estimate::{
-    self, AnyFilter, BatchStart, ConstantGain, Course, EstimateError, FilterPast, GainOf, Known, Motion,
-    Past, Prior, StartOf, StartSearch, Started, StateName, Swing, Trajectory, Windows, answers_of_bank,
-    begun, follow, kalman_bucy, lock_in, start_from_signal,
+    self, AnyFilter, BatchStart, ConstantGain, Course, EstimateError, FilterPast, GainOf, LockInWindows,
+    MeanAndCovariance, MotionRate, Past, SignalStart, StartSearch, StartedCourse, StateName, StatePrior,
+    Swing, Trajectory, answers_of_bank, begun, follow, kalman_bucy, lock_in, start_from_signal,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -24,13 +24,13 @@ use std::ops::Range;
 
 /// A part of a record as the filters see it.
 #[derive(Clone, Debug)]
-pub struct Samples<'a> {
+pub struct StageSamples<'a> {
     /// The record, for messages.
     pub place: &'a str,
     /// When, in s.
     pub time_s: &'a [f64],
     /// Which of them are new, and the usual interval.
-    pub taken: estimate::Samples,
+    pub taken: estimate::SampleSelection,
     /// The drive at each sample in V.
     pub drive: &'a [f64],
     /// The sines that it follows, each with the samples that it is for.
@@ -51,18 +51,19 @@ const CYCLES: f64 = 2.0;
 
 /// Runs the wanted filters over the new samples of a record.
 pub fn estimate(
-    settings: &Settings,
-    samples: &Samples,
+    settings: &StageSettings,
+    samples: &StageSamples,
     past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
-    let motion = Motion { frequency_hz: samples.drive_hz, is_driven: true };
+    let motion = MotionRate { frequency_hz: samples.drive_hz, is_driven: true };
     let (begun_s, start_s) = (past.start_s, past.start_s + settings.skip_s);
     let mut all = Vec::new();
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
         let channels = channels(settings, filter, samples)?;
-        let mut trajectories = Task { settings, filter, samples, begun_s, channels, progress }.run(past)?;
+        let mut trajectories =
+            StageFilterTask { settings, filter, samples, begun_s, channels, progress }.run(past)?;
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             let judge = &mut past.answer(answer).judge;
             trajectory.lock = judge.judge(trajectory, &[("angle", motion)], start_s, samples.taken.ends);
@@ -86,17 +87,17 @@ fn correct(trajectory: &mut Trajectory, [scale, bias]: [f64; 2]) {
 }
 
 /// One filter over one record.
-struct Task<'a> {
-    settings: &'a Settings,
-    filter: &'a FilterSettings,
-    samples: &'a Samples<'a>,
+struct StageFilterTask<'a> {
+    settings: &'a StageSettings,
+    filter: &'a StageFilterSettings,
+    samples: &'a StageSamples<'a>,
     /// When the record began, in s.
     begun_s: f64,
-    channels: Vec<Channel<'a>>,
+    channels: Vec<StageChannel<'a>>,
     progress: &'a dyn Progress,
 }
 
-impl Task<'_> {
+impl StageFilterTask<'_> {
     /// Chooses the model, smoothed where that is wanted.
     fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let filter = self.filter;
@@ -110,8 +111,8 @@ impl Task<'_> {
         if basics.method.has_fixed_gain() && self.channels.len() > 1 {
             return Err(basics.no_gain(&"it is for one signal; name one in `channels`"));
         }
-        let of_each = |channel: &Channel| stage(self.settings.hardware.stage, filter, channel);
-        let stages: Vec<Stage> = self.channels.iter().map(of_each).collect();
+        let of_each = |channel: &StageChannel| stage(self.settings.hardware.stage, filter, channel);
+        let stages: Vec<StagePlant> = self.channels.iter().map(of_each).collect();
         let begin = |left| basics.begin(left, || self.start());
         match basics.method {
             Method::LockIn => return Ok(vec![self.lock_in(past)]),
@@ -127,11 +128,11 @@ impl Task<'_> {
             }
             _ => {}
         }
-        let plants: Vec<_> = stages.into_iter().map(Exactly).collect();
+        let plants: Vec<_> = stages.into_iter().map(ExactStageStep).collect();
         let interval_s = self.samples.taken.interval_s;
         let Some(gain) = basics.gain() else { return self.follow(&plants, None, past, begin) };
         if let GainOf::Continuous = gain {
-            let Plain { dynamics, readout, noise } = plants[0].0;
+            let PlainModel { dynamics, readout, noise } = plants[0].0;
             let found = kalman_bucy((dynamics, readout), (&noise, first.noise_variance), interval_s, 0.0);
             let (observer, point) = found.map_err(|why| basics.no_gain(&why))?;
             return self.follow(&plants, Some(observer), past, |left| {
@@ -146,7 +147,7 @@ impl Task<'_> {
             let nodes = Nodes::held(0.0);
             let (rest, sensor) = (plants[0].under(&process, &nodes), plants[0].sensor());
             // Of the motion at rest: what a sample tells of the rate hangs on the angle by its square alone.
-            let at_rest = Known::apart([(0.0, 0.0); 2]);
+            let at_rest = MeanAndCovariance::apart([(0.0, 0.0); 2]);
             let point = (&rest as _, &sensor as _, first.noise_variance);
             let filtering = AnyFilter::of_constant_gain((gain, interval_s), (&at_rest, &known), point);
             filtering.map_err(|why| basics.no_gain(&why))
@@ -157,16 +158,16 @@ impl Task<'_> {
     fn follow<P: Plant>(
         &self,
         plants: &[P],
-        observer: Option<Observer>,
+        observer: Option<StageObserver>,
         past: &mut FilterPast,
-        begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
+        begin: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let (basics, states) = (&self.filter.basics, self.filter.basics.states(&STATES));
         let found = self.batch_start(plants, past.left().is_some())?;
         // An observer forgets its start.
         let corrects = basics.gain().is_none();
         let course = self.course(plants)?.observed_by(observer);
-        let mut course = Started::new(course, found.as_ref().filter(|_| corrects));
+        let mut course = StartedCourse::new(course, found.as_ref().filter(|_| corrects));
         let way = (&mut course as _, &self.samples.taken);
         let begin = |left| begin(begun(left, found.as_ref()));
         follow((basics, past), begin, way, &states, self.progress)
@@ -178,18 +179,18 @@ impl Task<'_> {
         plants: &[P],
         is_begun: bool,
     ) -> Result<Option<BatchStart>, EstimateError> {
-        let Samples { place, ref taken, drive_hz, .. } = *self.samples;
+        let StageSamples { place, ref taken, drive_hz, .. } = *self.samples;
         let basics = &self.filter.basics;
         if is_begun || !self.filter.by_batch {
             return Ok(None);
         }
-        let free = [Prior { mean: 0.0, sd: None }; 2];
+        let free = [StatePrior { mean: 0.0, sd: None }; 2];
         let mut prior = free.to_vec();
         prior.extend(basics.priors());
         let seed = start_from(&self.channels, self.samples, self.filter)?.to_vec();
         let search = StartSearch { seeds: vec![seed], ..StartSearch::of_oscillation(prior, TAU * drive_hz) };
         let states = basics.states(&STATES);
-        let of = StartOf { place, basics, states: (&states, 2), sizes: &[], cycle_s: drive_hz.recip() };
+        let of = SignalStart { place, basics, states: (&states, 2), sizes: &[], cycle_s: drive_hz.recip() };
         start_from_signal(&mut self.course(plants)?, taken, &search, of).map(Some)
     }
 
@@ -199,14 +200,14 @@ impl Task<'_> {
     }
 
     /// Filters of several models side by side.
-    fn bank(&self, stages: &[Stage], past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+    fn bank(&self, stages: &[StagePlant], past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let basics = &self.filter.basics;
-        let enters: Enters = [|parameter| parameter.in_motion, |parameter| parameter.in_readout];
+        let enters: ParameterPlaces = [|parameter| parameter.in_motion, |parameter| parameter.in_readout];
         let varied = |stage| side_by_side(stage, &of_channel(stage, &basics.tracked), enters);
         let mut of_channels: Vec<_> = stages.iter().map(|stage| varied(stage).into_iter()).collect();
         // By channels first; the bank has them by models.
-        let mut models: Vec<Vec<Exactly>> = Vec::new();
-        while let Some(model) = of_channels.iter_mut().map(|all| all.next().map(Exactly)).collect() {
+        let mut models: Vec<Vec<ExactStageStep>> = Vec::new();
+        while let Some(model) = of_channels.iter_mut().map(|all| all.next().map(ExactStageStep)).collect() {
             models.push(model);
         }
         let is_begun = past.left().is_some();
@@ -214,7 +215,7 @@ impl Task<'_> {
         let starts = starts.collect::<Result<Vec<_>, _>>()?;
         let mut courses: Vec<Box<dyn Course + '_>> = Vec::new();
         for (model, start) in models.iter().zip(&starts) {
-            courses.push(Box::new(Started::new(self.course(model)?, start.as_ref())));
+            courses.push(Box::new(StartedCourse::new(self.course(model)?, start.as_ref())));
         }
         let start = |model: usize| {
             let found = starts.get(model).and_then(Option::as_ref);
@@ -226,33 +227,33 @@ impl Task<'_> {
 
     /// Cycle by cycle of the drive, over all channels.
     fn lock_in(&self, past: &mut FilterPast) -> Trajectory {
-        let Samples { time_s, ref taken, drive_hz, .. } = *self.samples;
+        let StageSamples { time_s, ref taken, drive_hz, .. } = *self.samples;
         let signals: Vec<&[f64]> = self.channels.iter().map(|channel| channel.signal).collect();
         let (start_s, length_s) = (self.begun_s, 1.0 / drive_hz);
-        let windows = Windows { time_s, signals: &signals, samples: taken, start_s, length_s };
+        let windows = LockInWindows { time_s, signals: &signals, samples: taken, start_s, length_s };
         let detect = |time_s: &[f64], signals: &[&[f64]], _: &[Swing]| {
             let channels = self.channels.iter().zip(signals);
-            let channels = channels.map(|(channel, signal)| Channel { signal, ..*channel });
+            let channels = channels.map(|(channel, signal)| StageChannel { signal, ..*channel });
             Some(vec![swing(drive_hz, time_s, channels)?])
         };
         lock_in((&self.filter.basics, past), &windows, &STATES, detect)
     }
 
     /// What is known at the first sample.
-    fn start(&self) -> Result<Known, EstimateError> {
+    fn start(&self) -> Result<MeanAndCovariance, EstimateError> {
         let filter = self.filter;
         let mean = filter.start.map_or_else(|| start_from(&self.channels, self.samples, filter), Ok)?;
         let parameters = filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
-        Ok(Known::apart(mean.into_iter().zip(filter.start_sd).chain(parameters)))
+        Ok(MeanAndCovariance::apart(mean.into_iter().zip(filter.start_sd).chain(parameters)))
     }
 }
 
 /// The channels that a filter takes, in the order of its file or of the recording.
 fn channels<'a>(
-    settings: &'a Settings,
-    filter: &FilterSettings,
-    samples: &'a Samples,
-) -> Result<Vec<Channel<'a>>, EstimateError> {
+    settings: &'a StageSettings,
+    filter: &StageFilterSettings,
+    samples: &'a StageSamples,
+) -> Result<Vec<StageChannel<'a>>, EstimateError> {
     let wanted = if filter.electrodes.is_empty() { samples.electrodes } else { &filter.electrodes };
     let one = |electrode: &usize| {
         let described = &settings.hardware.channels[*electrode];
@@ -263,7 +264,7 @@ fn channels<'a>(
                 filter: filter.basics.name.clone(),
                 why: format!("the recording has no channel `{}`", described.meaning()),
             })?;
-        Ok(Channel {
+        Ok(StageChannel {
             name: &described.name,
             current: described.current,
             // The settings were refused where it is not known.
@@ -279,9 +280,9 @@ fn channels<'a>(
 /// Its fundamental over what a small angle makes of it: a few percent off at the largest motion, which the filter mends
 /// within a cycle.
 fn start_from(
-    channels: &[Channel],
-    samples: &Samples,
-    filter: &FilterSettings,
+    channels: &[StageChannel],
+    samples: &StageSamples,
+    filter: &StageFilterSettings,
 ) -> Result<[f64; 2], EstimateError> {
     let frequency_hz = samples.drive_hz;
     let first = samples.time_s.first().copied().unwrap_or(0.0);

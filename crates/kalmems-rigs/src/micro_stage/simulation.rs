@@ -1,10 +1,10 @@
 //! A recording of the stage that is computed.
 
-use super::hardware::Hardware;
+use super::hardware::StageHardware;
 use super::settings::noise_of;
-use crate::config::{ConfigError, DriveSource, Experiment, Fault, Key, Quantity, StageConditions};
-use crate::recording::Source;
-use crate::simulate::{Channel, Sample, SimulateError, Simulation, WhiteNoise};
+use crate::config::{ConfigError, ConfigFault, DriveSource, Experiment, Key, Quantity, StageConditions};
+use crate::recording::RecordingSource;
+use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise};
 use kalmems_core::Portable;
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_models::dynamics::PiezoStage;
@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 
 /// The stage in steady motion under a sine, seen through its four electrodes.
 pub struct StageSimulation {
-    hardware: Hardware,
+    hardware: StageHardware,
     /// Offset and amplitude in V, frequency in Hz and phase in rad of the drive.
     drive: [f64; 4],
     conditions: Conditions,
@@ -56,12 +56,12 @@ impl Conditions {
     }
 }
 
-const RECORDED: [Channel; 5] = [
-    Channel { meaning: "drive", column: "drive_V" },
-    Channel { meaning: "signal_1A", column: "cap1A_V" },
-    Channel { meaning: "signal_1B", column: "cap1B_V" },
-    Channel { meaning: "signal_2A", column: "cap2A_V" },
-    Channel { meaning: "signal_2B", column: "cap2B_V" },
+const RECORDED: [SimulatedColumn; 5] = [
+    SimulatedColumn { meaning: "drive", column: "drive_V" },
+    SimulatedColumn { meaning: "signal_1A", column: "cap1A_V" },
+    SimulatedColumn { meaning: "signal_1B", column: "cap1B_V" },
+    SimulatedColumn { meaning: "signal_2A", column: "cap2A_V" },
+    SimulatedColumn { meaning: "signal_2B", column: "cap2B_V" },
 ];
 
 /// The electrodes in the order of the columns.
@@ -70,16 +70,16 @@ const NAMES: [&str; 4] = ["1A", "1B", "2A", "2B"];
 impl StageSimulation {
     /// Reads and checks what the file says of the simulation.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = StageHardware::of(experiment)?;
         let Some(simulate) = &experiment.simulate else {
             let remedy = "add the table `[simulate]` with `duration`, `sampling_rate`, `integration_rate`, `start = {}` and \
                           `[simulate.drive.sine]`"
                 .to_owned();
-            return Err(experiment.error("simulate", Fault::MissingKey { remedy }));
+            return Err(experiment.error("simulate", ConfigFault::MissingKey { remedy }));
         };
         let refuse = |name: &str, why: &str| {
             let key = Key::from("simulate").child(name);
-            Err(experiment.error(key, Fault::Value { why: why.to_owned() }))
+            Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }))
         };
         let DriveSource::Sine(sine) = &simulate.drive else {
             return refuse(
@@ -102,7 +102,7 @@ impl StageSimulation {
                 "found the electrodes {}; a simulation is of the four `1A`, `1B`, `2A` and `2B`",
                 names.join(", ")
             );
-            return Err(experiment.error("device.micro_stage.electrodes", Fault::Value { why }));
+            return Err(experiment.error("device.micro_stage.electrodes", ConfigFault::Value { why }));
         }
         if simulate.noise && simulate.stage.as_ref().is_none_or(|stage| stage.single_shot_noise.is_none()) {
             for channel in &hardware.channels {
@@ -146,7 +146,7 @@ impl StageSimulation {
                     );
                     let key =
                         ["drive", "sine", "amplitude"].into_iter().fold(Key::from("simulate"), Key::child);
-                    return Err(experiment.error(key, Fault::Value { why }));
+                    return Err(experiment.error(key, ConfigFault::Value { why }));
                 }
             }
         }
@@ -161,14 +161,14 @@ impl StageSimulation {
 }
 
 impl Simulation for StageSimulation {
-    fn recorded(&self) -> &[Channel] {
+    fn recorded(&self) -> &[SimulatedColumn] {
         &RECORDED
     }
 
-    fn truth(&self) -> &[Channel] {
+    fn truth(&self) -> &[SimulatedColumn] {
         &[
-            Channel { meaning: "rate", column: "rate_rad_per_s" },
-            Channel { meaning: "angle", column: "angle_rad" },
+            SimulatedColumn { meaning: "rate", column: "rate_rad_per_s" },
+            SimulatedColumn { meaning: "angle", column: "angle_rad" },
         ]
     }
 
@@ -176,7 +176,7 @@ impl Simulation for StageSimulation {
         self.samples
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &[]
     }
 
@@ -184,7 +184,7 @@ impl Simulation for StageSimulation {
         None
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let mut noises: Vec<WhiteNoise> = (0..4).map(|stream| WhiteNoise::new(self.seed, stream)).collect();
         let rate = TAU * self.drive[2];
         let tilt = self.steady(&self.hardware.stage);
@@ -222,7 +222,7 @@ impl Simulation for StageSimulation {
                     *y += variance.sqrt() * noise.sample();
                 }
             }
-            if each(&Sample { time_s, recorded: &recorded, truth: &[speed, angle] }).is_break() {
+            if each(&SimulatedSample { time_s, recorded: &recorded, truth: &[speed, angle] }).is_break() {
                 return Err(SimulateError::Interrupted);
             }
         }

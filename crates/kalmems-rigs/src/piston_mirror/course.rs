@@ -1,20 +1,22 @@
 //! The mirror's way through one segment.
 
-use super::data::SegmentData;
+use super::data::PistonSegment;
 use super::phasor::Phasor;
-use crate::estimate::driven::{Beside, Held};
-use crate::estimate::{Bridge, Counts, Course, Derived, Filtering, Sensor, Step, Tracked, by_signal};
+use crate::estimate::driven::{ParameterAugmentedStep, ParameterStep};
+use crate::estimate::{
+    Bridge, Course, DerivedQuantities, Filtering, ProcessTransition, SampleCounts, Sensor, Tracked, by_signal,
+};
 use kalmems_core::{FilterError, Innovation};
 use std::f64::consts::TAU;
 
 /// Model and signal of one segment.
 pub struct PhasorCourse<'a, P: Phasor<N>, const N: usize> {
     phasor: &'a P,
-    data: &'a SegmentData<'a>,
+    data: &'a PistonSegment<'a>,
     usual: P::Process,
     sensor: Box<dyn Sensor + 'a>,
     /// The parameters behind the states of the motion, and their step over the usual interval.
-    parameters: (&'a [Tracked], Held),
+    parameters: (&'a [Tracked], ParameterStep),
 }
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
@@ -23,7 +25,7 @@ const SAME: f64 = 1e-6;
 
 impl<'a, P: Phasor<N>, const N: usize> PhasorCourse<'a, P, N> {
     /// A way through this segment, read by this sensor.
-    pub fn new(phasor: &'a P, data: &'a SegmentData<'a>, sensor: Box<dyn Sensor + 'a>) -> Self {
+    pub fn new(phasor: &'a P, data: &'a PistonSegment<'a>, sensor: Box<dyn Sensor + 'a>) -> Self {
         let usual = phasor.over(data.interval_s);
         Self { phasor, data, usual, sensor, parameters: (&[], held(&[], data.interval_s)) }
     }
@@ -37,19 +39,19 @@ impl<'a, P: Phasor<N>, const N: usize> PhasorCourse<'a, P, N> {
     fn step(
         &self,
         filter: &mut dyn Filtering,
-        (process, held): (&P::Process, &Held),
+        (process, held): (&P::Process, &ParameterStep),
         turns: f64,
     ) -> Result<(), FilterError> {
         match self.parameters.0 {
-            [] => filter.predict(&Step::new(process, &turns)),
-            _ => filter.predict(&Beside { process, input: &turns, held }),
+            [] => filter.predict(&ProcessTransition::new(process, &turns)),
+            _ => filter.predict(&ParameterAugmentedStep { process, input: &turns, held }),
         }
     }
 }
 
 /// The step of these parameters over an interval in s.
-fn held(tracked: &[Tracked], interval_s: f64) -> Held {
-    Held::of(tracked.iter().map(|tracked| tracked.added), interval_s)
+fn held(tracked: &[Tracked], interval_s: f64) -> ParameterStep {
+    ParameterStep::of(tracked.iter().map(|tracked| tracked.added), interval_s)
 }
 
 impl<P: Phasor<N>, const N: usize> Course for PhasorCourse<'_, P, N> {
@@ -61,7 +63,7 @@ impl<P: Phasor<N>, const N: usize> Course for PhasorCourse<'_, P, N> {
         self.data.signal
     }
 
-    fn derived(&self) -> Option<Derived> {
+    fn derived(&self) -> Option<DerivedQuantities> {
         Some(self.phasor.derived())
     }
 
@@ -69,7 +71,7 @@ impl<P: Phasor<N>, const N: usize> Course for PhasorCourse<'_, P, N> {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         let interval = self.data.time_s[to] - self.data.time_s[to - 1];
         let x = filter.mean();
@@ -87,7 +89,7 @@ impl<P: Phasor<N>, const N: usize> Course for PhasorCourse<'_, P, N> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        _: &mut Counts,
+        _: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         by_signal(filter, self.data.signal[k], (&*self.sensor, self.data.noise_variance))
     }

@@ -2,7 +2,7 @@
 
 /// One segment of a recording as the estimators see it.
 #[derive(Clone, Copy, Debug)]
-pub struct SegmentData<'a> {
+pub struct PistonSegment<'a> {
     /// When, in s.
     pub time_s: &'a [f64],
     /// The capacitance in F.

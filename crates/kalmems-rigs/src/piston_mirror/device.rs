@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct PistonMirror {
     /// The capacitance over the distance.
-    pub capacitance: DistanceSeries,
+    pub capacitance: DistanceSeriesTable,
     /// From capacitance to samples.
     pub readout: CapacitanceReadout,
     /// The mechanics and the drive; for a simulation of the driven mirror, and for what can be said before it moves.
@@ -29,7 +29,7 @@ pub struct PistonMirror {
 /// `["0 F", "109.3 fF"]` is a parallel plate; higher powers describe fringing fields.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct DistanceSeries {
+pub struct DistanceSeriesTable {
     /// The distance at which the capacitance is the sum of the coefficients.
     pub reference_distance: Quantity<Length, Positive>,
     /// The coefficients, from power 0 on.

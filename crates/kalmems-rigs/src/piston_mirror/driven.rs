@@ -1,10 +1,11 @@
 //! A recording of the mirror under its drive.
 
-use super::settings::Hardware;
-use crate::config::{ConfigError, DriveSource, Entry, Experiment, Fault, Sign, Simulate};
-use crate::recording::Source;
+use super::settings::PistonHardware;
+use crate::config::{ConfigError, ConfigFault, DriveSource, ExpectedEntry, Experiment, Sign, Simulate};
+use crate::recording::RecordingSource;
 use crate::simulate::{
-    Channel, Drive, Sample, SimulateError, Simulation, Simulator, Stability, WhiteNoise, drive_of,
+    Drive, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator, Stability, WhiteNoise,
+    drive_of,
 };
 use crate::units::kind;
 use kalmems_models::dynamics::ParametricScanner;
@@ -12,8 +13,8 @@ use std::ops::ControlFlow;
 
 /// The mirror's motion by its equation, under a pulse-width modulated voltage at about twice its resonance, seen through
 /// the capacitance with white noise; beside it the modulation as a trigger.
-pub struct DrivenSimulation {
-    hardware: Hardware,
+pub struct DrivenPistonSimulation {
+    hardware: PistonHardware,
     device: ParametricScanner<f64>,
     drive: Drive,
     /// High and low of the drive in V: the trigger is 1 V where it is high.
@@ -33,25 +34,29 @@ pub struct DrivenSimulation {
 /// The stream of the readout's noise.
 const SIGNAL_NOISE: u64 = 0;
 
-impl DrivenSimulation {
+impl DrivenPistonSimulation {
     /// Reads and checks what the file says of the simulation.
     pub fn of(experiment: &Experiment, simulate: &Simulate) -> Result<Self, SimulateError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = PistonHardware::of(experiment)?;
         let DriveSource::Square(square) = &simulate.drive else {
             let why = "a piston mirror is simulated by its motion or by its pulses; write `drive = { prescribed = {} }` or a \
                        table `[simulate.drive.square]`";
-            return Err(experiment.error("simulate.drive", Fault::Value { why: why.to_owned() }).into());
+            return Err(experiment
+                .error("simulate.drive", ConfigFault::Value { why: why.to_owned() })
+                .into());
         };
         let Some(mechanics) = hardware.mechanics else {
             let remedy = "add the table `[device.piston_mirror.mirror]`, or prescribe the motion with \
                           `drive = { prescribed = {} }`"
                 .to_owned();
-            return Err(experiment.error("device.piston_mirror.mirror", Fault::MissingKey { remedy }).into());
+            return Err(experiment
+                .error("device.piston_mirror.mirror", ConfigFault::MissingKey { remedy })
+                .into());
         };
         let entries = [
-            Entry { name: "displacement", kind: &kind::LENGTH, sign: Sign::Any },
-            Entry { name: "velocity", kind: &kind::VELOCITY, sign: Sign::Any },
-            Entry { name: "offset", kind: &kind::LENGTH, sign: Sign::Positive },
+            ExpectedEntry { name: "displacement", kind: &kind::LENGTH, sign: Sign::Any },
+            ExpectedEntry { name: "velocity", kind: &kind::VELOCITY, sign: Sign::Any },
+            ExpectedEntry { name: "offset", kind: &kind::LENGTH, sign: Sign::Positive },
         ];
         let [displacement, velocity, rest] = experiment.values("simulate.start", &simulate.start, entries)?;
         let (drive, _) = drive_of(experiment, simulate)?;
@@ -77,7 +82,7 @@ impl DrivenSimulation {
 pub fn noise_deviation(
     experiment: &Experiment,
     simulate: &Simulate,
-    hardware: &Hardware,
+    hardware: &PistonHardware,
     interval_s: f64,
 ) -> Result<f64, ConfigError> {
     if !simulate.noise {
@@ -87,20 +92,23 @@ pub fn noise_deviation(
         let why = "below half of `simulate.sampling_rate`: noise that neighbouring samples share is not simulated; sample \
                    at no more than twice the bandwidth, or leave it out"
             .to_owned();
-        return Err(experiment.error("device.piston_mirror.readout.bandwidth", Fault::Value { why }));
+        return Err(experiment.error("device.piston_mirror.readout.bandwidth", ConfigFault::Value { why }));
     }
     Ok(hardware.noise_variance(interval_s).sqrt())
 }
 
-impl Simulation for DrivenSimulation {
-    fn recorded(&self) -> &[Channel] {
-        &[Channel { meaning: "signal", column: "cap_F" }, Channel { meaning: "trigger", column: "trigger_V" }]
+impl Simulation for DrivenPistonSimulation {
+    fn recorded(&self) -> &[SimulatedColumn] {
+        &[
+            SimulatedColumn { meaning: "signal", column: "cap_F" },
+            SimulatedColumn { meaning: "trigger", column: "trigger_V" },
+        ]
     }
 
-    fn truth(&self) -> &[Channel] {
+    fn truth(&self) -> &[SimulatedColumn] {
         &[
-            Channel { meaning: "position", column: "position_m" },
-            Channel { meaning: "velocity", column: "velocity_m_per_s" },
+            SimulatedColumn { meaning: "position", column: "position_m" },
+            SimulatedColumn { meaning: "velocity", column: "velocity_m_per_s" },
         ]
     }
 
@@ -108,7 +116,7 @@ impl Simulation for DrivenSimulation {
         self.samples
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &[]
     }
 
@@ -116,7 +124,7 @@ impl Simulation for DrivenSimulation {
         Stability::of(&self.device, &self.drive).map(|stability| stability.to_string())
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let mut simulator =
             Simulator::new(self.device, self.drive.clone(), self.integration_rate_hz, self.start);
         let mut noise = WhiteNoise::new(self.seed, SIGNAL_NOISE);
@@ -132,7 +140,8 @@ impl Simulation for DrivenSimulation {
             }
             let signal = self.hardware.plates.capacitance(position) + self.noise_sd * noise.sample();
             let trigger = if simulator.drive() > self.level { 1.0 } else { 0.0 };
-            let sample = Sample { time_s, recorded: &[signal, trigger], truth: &[position, velocity] };
+            let sample =
+                SimulatedSample { time_s, recorded: &[signal, trigger], truth: &[position, velocity] };
             if each(&sample).is_break() {
                 return Err(SimulateError::Interrupted);
             }

@@ -1,12 +1,12 @@
 //! The piston mirror before its electrode as differential equations: a phasor whose amplitude, frequency and rest position drift.
 
-use super::settings::Hardware;
+use super::settings::PistonHardware;
 use crate::Expansion;
 use crate::config::{ConfigError, Experiment};
 
 /// The device of an experiment.
 pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = PistonHardware::of(experiment)?;
     let mut all = Expansion {
         noise: ["amplitude", "frequency", "phase", "offset", "amplitude_rate"]
             .map(|name| (name, name))

@@ -88,8 +88,8 @@ const AS_GOOD: f64 = 1.1;
 /// Fits a series to a table of distances in m and capacitances in F, its degree chosen by cross-validation.
 ///
 /// Errors are those of the distance, (C_fit − C)/|dC/dd|, so that near and far rows count alike. Each of five
-/// interleaved parts of the table is left out in turn and foretold from the others; the nearest and the farthest row
-/// are never left out, since a series foretells nothing beyond its table.
+/// interleaved parts of the table is left out in turn and predicted from the others; the nearest and the farthest row
+/// are never left out, since a series predicts nothing beyond its table.
 pub fn fit_table(
     distance_m: &[f64],
     capacitance_f: &[f64],
@@ -168,7 +168,7 @@ fn error_m(plates: &Plates, &(distance, capacitance): &(f64, f64)) -> f64 {
 }
 
 fn of_degree(rows: &[(f64, f64)], reference_m: f64, degree: usize) -> Result<Plates, FitError> {
-    let table = Table { rows, reference_m };
+    let table = SeriesResiduals { rows, reference_m };
     let free = std::array::from_fn(|k| k <= degree);
     let settings = FitSettings { free, ..FitSettings::from_start([0.0; COEFFICIENTS]) };
     let found = fit(&table, &settings)?;
@@ -176,12 +176,12 @@ fn of_degree(rows: &[(f64, f64)], reference_m: f64, degree: usize) -> Result<Pla
 }
 
 /// The rows less the series, as distances by the slope of a parallel plate.
-struct Table<'a> {
+struct SeriesResiduals<'a> {
     rows: &'a [(f64, f64)],
     reference_m: f64,
 }
 
-impl Table<'_> {
+impl SeriesResiduals<'_> {
     fn each(&self, coefficients: &[f64; COEFFICIENTS], each: &mut impl FnMut(f64, &[f64; COEFFICIENTS])) {
         for (distance, capacitance) in self.rows {
             let weight = distance / capacitance;
@@ -197,7 +197,7 @@ impl Table<'_> {
     }
 }
 
-impl Regression<COEFFICIENTS> for Table<'_> {
+impl Regression<COEFFICIENTS> for SeriesResiduals<'_> {
     fn residuals(&self, coefficients: &[f64; COEFFICIENTS], each: &mut impl FnMut(f64)) {
         self.each(coefficients, &mut |residual, _| each(residual));
     }

@@ -27,26 +27,28 @@ mod trigger;
 
 use super::{Estimator, Rig, Template, TemplateChannel};
 use crate::Expansion;
-use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Key, Role, Uses};
-use crate::estimate::{Around, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
-use crate::evaluate::{MotionErrors, Reference, ValueState};
+use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment, Key, RecordingRole};
+use crate::estimate::{
+    DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
+};
+use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::outlook::Outlook;
 use crate::piston_mirror::device::PistonMirror;
 use crate::progress::{Interruption, Progress};
-use crate::recording::{Finding, Layout};
+use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use bound::{MotionBound, motion_bound};
-pub use data::SegmentData;
+pub use data::PistonSegment;
 use kalmems_engines::rig::LengthScale;
 pub use mechanics::Mechanics;
 pub use metamodel::{DegreeError, Metamodel, MetamodelError, OutsideTable, fit_table};
 pub use plates::{COEFFICIENTS, Plates, distance_at};
 use range::without_impossible;
-use remarks::Tally;
+use remarks::RemarkTally;
 pub use segment::{PartData, estimate as estimate_segment};
-pub use settings::{FilterSettings, Hardware, Motion, Settings};
-pub use start::{BatchStart, NoBatchStart, batch_fit, batch_start, canonical};
+pub use settings::{MotionKnowledge, PistonFilterSettings, PistonHardware, PistonSettings};
+pub use start::{NoPistonBatchStart, PistonBatchStart, batch_fit, batch_start, canonical};
 use trigger::motion_frequency;
 
 /// The rig.
@@ -65,7 +67,7 @@ static VALUES: [ValueState; 2] = [
 const MEANINGS: [&str; 2] = ["signal", "trigger"];
 
 /// The columns of a recording.
-struct Columns<'a> {
+struct PistonColumns<'a> {
     signal: &'a str,
     trigger: Option<&'a str>,
 }
@@ -99,8 +101,8 @@ impl Rig for PistonMirrorRig {
         )
     }
 
-    fn uses(&self, _: &Experiment) -> Uses {
-        Uses { reads_capacitance: true, ..Uses::default() }
+    fn uses(&self, _: &Experiment) -> DeviceUses {
+        DeviceUses { reads_capacitance: true, ..DeviceUses::default() }
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
@@ -113,23 +115,23 @@ impl Rig for PistonMirrorRig {
         Ok(Some(LengthScale { key: "device.piston_mirror.capacitance.reference_distance", length }))
     }
 
-    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &settings::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        Settings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[Role::Test])?;
+        PistonSettings::of(experiment)?;
+        let wanted = experiment.to_estimate(&[RecordingRole::Test])?;
         for index in &wanted {
             columns(experiment, *index)?;
         }
         Ok(wanted)
     }
 
-    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
         let columns = columns(experiment, index)?;
         let all: Vec<&str> = [Some(columns.signal), columns.trigger].into_iter().flatten().collect();
-        experiment.layout_to_estimate(index, &all, Settings::cycle_s(experiment)?)
+        experiment.layout_to_estimate(index, &all, PistonSettings::cycle_s(experiment)?)
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {
@@ -150,7 +152,7 @@ impl Rig for PistonMirrorRig {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        let settings = Settings::of(experiment)?;
+        let settings = PistonSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
         Ok(Box::new(PistonEstimator { settings, columns, past: Past::default(), progress }))
     }
@@ -163,7 +165,7 @@ impl Rig for PistonMirrorRig {
         if let Some(simulate) = &experiment.simulate
             && !matches!(simulate.drive, DriveSource::Prescribed(_))
         {
-            return Ok(Box::new(driven::DrivenSimulation::of(experiment, simulate)?));
+            return Ok(Box::new(driven::DrivenPistonSimulation::of(experiment, simulate)?));
         }
         Ok(Box::new(simulation::PhasorSimulation::of(experiment)?))
     }
@@ -172,7 +174,7 @@ impl Rig for PistonMirrorRig {
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
-        _: &[Reference],
+        _: &[ReferenceMotion],
         _: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         vec![None; estimate.trajectories.len()]
@@ -181,28 +183,28 @@ impl Rig for PistonMirrorRig {
 
 /// Estimates recordings of the mirror.
 struct PistonEstimator<'a> {
-    settings: Settings,
-    columns: Columns<'a>,
+    settings: PistonSettings,
+    columns: PistonColumns<'a>,
     past: Past,
     progress: &'a dyn Progress,
 }
 
 impl Estimator for PistonEstimator<'_> {
-    fn around(&self, interval_s: f64) -> Around {
+    fn around(&self, interval_s: f64) -> RowsAround {
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        Around { head: self.head(interval_s), before: 1, after: 1, smooths }
+        RowsAround { head: self.head(interval_s), before: 1, after: 1, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
         &mut self.past
     }
 
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, columns) = (&self.settings, &self.columns);
         let hardware = &settings.hardware;
         let segment =
             SignalSegment::of(part, (columns.signal, &kind::CAPACITANCE), settings.skip_s, &mut self.past)?;
-        segment.require_sound(&[columns.signal])?;
+        segment.require_usable_signals(&[columns.signal])?;
         let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
         let head = if segment.begins { segment.fresh.end.min(self.head(interval_s)) } else { 0 };
         let head = 0..head;
@@ -213,7 +215,7 @@ impl Estimator for PistonEstimator<'_> {
                 EstimateError::Trigger { place, column, why: why.to_string() }
             })
         });
-        let recorded = SegmentData {
+        let recorded = PistonSegment {
             time_s,
             signal: segment.signal,
             interval_s,
@@ -224,11 +226,11 @@ impl Estimator for PistonEstimator<'_> {
             require_fast_enough(hardware, &recorded, &segment.place)?;
         }
         let (kept, beyond) = without_impossible(hardware, &recorded, &segment.fresh);
-        let data = SegmentData { signal: kept.as_deref().unwrap_or(segment.signal), ..recorded };
+        let data = PistonSegment { signal: kept.as_deref().unwrap_or(segment.signal), ..recorded };
         let part = PartData { data, samples: segment.samples(), head, place: &segment.place };
         let (trajectories, motion) = segment::estimate(settings, &part, &mut self.past, self.progress)?;
         segment.require_after_settling(CYCLES / motion.frequency_hz)?;
-        let mut tally = self.past.rig.take::<Tally>().unwrap_or_default();
+        let mut tally = self.past.rig.take::<RemarkTally>().unwrap_or_default();
         tally.add(hardware, beyond, &trajectories);
         let remarks = if segment.ends { tally.remarks(hardware, &data, &trajectories) } else { Vec::new() };
         self.past.rig.put(tally);
@@ -236,7 +238,7 @@ impl Estimator for PistonEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns.signal]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns.signal]), |_| true)
     }
 }
 
@@ -252,23 +254,27 @@ impl PistonEstimator<'_> {
         let head_s = least_s.max(stated_s).max(self.settings.skip_s);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let head = (head_s / interval_s).ceil() as usize;
-        head.clamp(least, Around::LONGEST_HEAD)
+        head.clamp(least, RowsAround::LONGEST_HEAD)
     }
 }
 
-fn columns(experiment: &Experiment, index: usize) -> Result<Columns<'_>, ConfigError> {
+fn columns(experiment: &Experiment, index: usize) -> Result<PistonColumns<'_>, ConfigError> {
     let key = Key::from("recording").index(index).child("channels");
     let channels = &experiment.recording(index)?.channels;
     if let Some(trigger) = channels.column("trigger") {
         let [signal, _] = experiment.columns(key, channels, MEANINGS)?;
-        return Ok(Columns { signal, trigger: Some(trigger) });
+        return Ok(PistonColumns { signal, trigger: Some(trigger) });
     }
     let [signal] = experiment.columns(key, channels, [MEANINGS[0]])?;
-    Ok(Columns { signal, trigger: None })
+    Ok(PistonColumns { signal, trigger: None })
 }
 
 /// Refuses samples that are too far apart for the motion that trigger or mechanics speak of.
-fn require_fast_enough(hardware: &Hardware, data: &SegmentData, place: &str) -> Result<(), EstimateError> {
+fn require_fast_enough(
+    hardware: &PistonHardware,
+    data: &PistonSegment,
+    place: &str,
+) -> Result<(), EstimateError> {
     let stated = hardware.mechanics.map(|mechanics| mechanics.resonance_hz);
     let rate_hz = 1.0 / data.interval_s;
     let Some(motion_hz) = data.motion_hz.or(stated).filter(|motion_hz| rate_hz <= 2.0 * motion_hz) else {

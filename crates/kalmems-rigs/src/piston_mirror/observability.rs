@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 /// To first order in the fault: what it adds to the capacitance over a cycle, e(φ), is fitted by
 /// C′·(δA·cos φ + δd₀) with the weight that white noise gives, and what is left is all that a filter's innovations show.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unseen {
+pub struct ReadoutFault {
     /// δA in m per unit of the fault.
     pub amplitude_m: f64,
     /// δd₀ in m per unit of the fault.
@@ -25,7 +25,7 @@ const POINTS: u32 = 256;
 /// What is left of a fault relative to itself where it is taken up but for rounding.
 const ROUNDING: f64 = 1e-9;
 
-impl Unseen {
+impl ReadoutFault {
     /// Of a gain: all that varies with the distance is larger by this share.
     pub fn gain(plates: &Plates, motion: [f64; 2]) -> Self {
         Self::of(plates, motion, |plates, distance| plates.capacitance(distance) - plates.coefficients[0])
@@ -67,14 +67,14 @@ impl Unseen {
 
     /// The fault from which on the mean NIS of so many updates with this noise in F² leaves its 95 % interval in half of
     /// all recordings; infinite where it never does.
-    pub fn seen_from(&self, noise_variance: f64, updates: usize) -> f64 {
+    pub fn detectable_from(&self, noise_variance: f64, updates: usize) -> f64 {
         // n·NIS is χ²: its mean's interval is 1 ± 1.96·√(2/n).
         let excess = 1.96 * (2.0 / updates.max(1) as f64).sqrt();
         (excess * noise_variance).sqrt() / self.left_f
     }
 
     /// The standard deviation to which so many updates could tell the fault if it were a state.
-    pub fn told_to(&self, noise_variance: f64, updates: usize) -> f64 {
+    pub fn attainable_deviation(&self, noise_variance: f64, updates: usize) -> f64 {
         (noise_variance / updates.max(1) as f64).sqrt() / self.left_f
     }
 }
@@ -106,11 +106,11 @@ mod tests {
     /// A parallel plate: C·(1 + g) at d is C at d·(1 − g), whatever the motion.
     #[test]
     fn a_gain_before_a_parallel_plate_is_a_scale_of_distances() {
-        let unseen = Unseen::gain(&plates([3e-15, 109.3e-15, 0.0, 0.0]), [0.4e-3, 0.9e-3]);
+        let unseen = ReadoutFault::gain(&plates([3e-15, 109.3e-15, 0.0, 0.0]), [0.4e-3, 0.9e-3]);
         assert!((unseen.amplitude_m / -0.4e-3 - 1.0).abs() < 1e-9);
         assert!((unseen.rest_m / -0.9e-3 - 1.0).abs() < 1e-9);
         assert_eq!(unseen.left_f, 0.0);
-        assert_eq!(unseen.seen_from(1e-34, 1000), f64::INFINITY);
+        assert_eq!(unseen.detectable_from(1e-34, 1000), f64::INFINITY);
     }
 
     /// Fringing fields leave something of a gain, and any plate of an offset: less than there was, and it shows in
@@ -118,11 +118,11 @@ mod tests {
     #[test]
     fn fringing_fields_let_a_gain_be_seen() {
         let fringing = plates([0.0, 95e-15, 12e-15, -1e-15]);
-        let gain = Unseen::gain(&fringing, [0.5e-3, 1e-3]);
+        let gain = ReadoutFault::gain(&fringing, [0.5e-3, 1e-3]);
         assert!(gain.left_f > 0.0 && gain.left_f < 1e-2 * 109.3e-15, "{gain:?}");
-        let offset = Unseen::offset(&fringing, [0.5e-3, 1e-3]);
+        let offset = ReadoutFault::offset(&fringing, [0.5e-3, 1e-3]);
         assert!(offset.left_f > 0.0 && offset.left_f < 1.0, "{offset:?}");
-        let seen = gain.seen_from(1e-34, 20_000);
+        let seen = gain.detectable_from(1e-34, 20_000);
         assert!(((seen * gain.left_f).powi(2) / 1e-34 - 1.96 * 0.01).abs() < 1e-6);
     }
 }

@@ -2,11 +2,11 @@
 
 use super::bound::motion_bound;
 use super::mechanics::Mechanics;
-use super::observability::Unseen;
+use super::observability::ReadoutFault;
 use super::phasor::{Drifting, Phasor, position_and_velocity};
-use super::settings::{FilterSettings, Hardware, Motion, Settings};
+use super::settings::{MotionKnowledge, PistonFilterSettings, PistonHardware, PistonSettings};
 use crate::config::{DriveSource, Experiment};
-use crate::outlook::{Outlook, Recorded, Topic};
+use crate::outlook::{Outlook, OutlookTopic, Recorded};
 use crate::piston_mirror::device::CarrierFrontEnd;
 use crate::piston_mirror::device::PistonMirror;
 use crate::simulate::{Balance, Drive, SimulateError, Stability, SteadyMotion, drive_of};
@@ -22,7 +22,7 @@ const ATTO: f64 = 1e18;
 
 /// The motion that figures are for, and whether the file states it.
 #[derive(Clone, Copy)]
-struct Stated {
+struct StatedMotion {
     /// [A, f, φ, d₀, Ȧ].
     motion: [f64; 5],
     is_given: bool,
@@ -30,8 +30,8 @@ struct Stated {
 
 /// Front end, motion, information, observability and bandwidth.
 pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
-    let hardware = Hardware::of(experiment)?;
-    let settings = if experiment.estimate.is_some() { Some(Settings::of(experiment)?) } else { None };
+    let hardware = PistonHardware::of(experiment)?;
+    let settings = if experiment.estimate.is_some() { Some(PistonSettings::of(experiment)?) } else { None };
     let filters = settings.as_ref().map_or(&[][..], |settings| &settings.filters);
     let stated = stated_motion(experiment, &hardware, filters)?;
     let (rate_hz, is_given) = sampling_rate(experiment).map_or((20e3, false), |rate| (rate, true));
@@ -57,26 +57,28 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
 /// That of the simulation, of the first filter with a start, or half the reference distance at the resonance.
 fn stated_motion(
     experiment: &Experiment,
-    hardware: &Hardware,
-    filters: &[FilterSettings],
-) -> Result<Stated, SimulateError> {
+    hardware: &PistonHardware,
+    filters: &[PistonFilterSettings],
+) -> Result<StatedMotion, SimulateError> {
     if let Some(simulate) = &experiment.simulate
         && matches!(simulate.drive, DriveSource::Prescribed(_))
     {
         let motion = super::simulation::start_of(experiment, simulate)?;
-        return Ok(Stated { motion, is_given: true });
+        return Ok(StatedMotion { motion, is_given: true });
     }
     let given = filters.iter().find_map(|filter| match filter.motion {
-        Motion::Steady { start: Some(([a, f, phase], _, rest)), .. } => Some([a, f, phase, rest, 0.0]),
-        Motion::Drifting { start: Some((mean, _)), .. } => Some(mean),
+        MotionKnowledge::Steady { start: Some(([a, f, phase], _, rest)), .. } => {
+            Some([a, f, phase, rest, 0.0])
+        }
+        MotionKnowledge::Drifting { start: Some((mean, _)), .. } => Some(mean),
         _ => None,
     });
     let resonance_hz = hardware.mechanics.map_or(500.0, |mechanics| mechanics.resonance_hz);
     let rest = hardware.plates.reference_distance;
-    Ok(given
-        .map_or(Stated { motion: [0.5 * rest, resonance_hz, 0.0, rest, 0.0], is_given: false }, |motion| {
-            Stated { motion, is_given: true }
-        }))
+    Ok(given.map_or(
+        StatedMotion { motion: [0.5 * rest, resonance_hz, 0.0, rest, 0.0], is_given: false },
+        |motion| StatedMotion { motion, is_given: true },
+    ))
 }
 
 /// That of the simulation, or of the first recording that has one.
@@ -90,11 +92,11 @@ fn distances(&[amplitude, _, _, rest, _]: &[f64; 5]) -> [f64; 3] {
     [rest - amplitude, rest, rest + amplitude]
 }
 
-fn front_end(experiment: &Experiment, hardware: &Hardware, stated: &Stated) -> Topic {
+fn front_end(experiment: &Experiment, hardware: &PistonHardware, stated: &StatedMotion) -> OutlookTopic {
     let at = distances(&stated.motion);
     let [near, rest, far] = at.map(|d| hardware.noise_density / hardware.plates.slope(d).abs() * NM);
     let of = if stated.is_given { "" } else { " (taken for this; the file states no motion)" };
-    let topic = Topic::new("Front end").with(
+    let topic = OutlookTopic::new("Front end").with(
         "position_noise_nm_per_root_hz",
         [near, rest, far],
         format!(
@@ -163,11 +165,11 @@ fn divider(circuit: &CarrierFrontEnd) -> CarrierDivider<f64> {
 /// Pressures in Pa over which the quality factor is given.
 const PRESSURES: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
 
-fn mirror(experiment: &Experiment, mechanics: &Mechanics) -> Result<Topic, SimulateError> {
+fn mirror(experiment: &Experiment, mechanics: &Mechanics) -> Result<OutlookTopic, SimulateError> {
     let quality = mechanics.damping.quality(mechanics.pressure);
     let resonance = mechanics.damping.resonance(mechanics.resonance_hz, mechanics.pressure);
     let over = PRESSURES.map(|p| mechanics.damping.quality(p));
-    let mut topic = Topic::new("Mirror")
+    let mut topic = OutlookTopic::new("Mirror")
         .with(
             "resonance_hz_and_quality",
             [resonance, quality],
@@ -255,12 +257,16 @@ fn third_harmonic(device: &ParametricScanner<f64>, drive: &Drive, motion: &Stead
     cosine.portable_hypot(sine) / stiffness
 }
 
-fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)) -> Topic {
+fn signal(
+    hardware: &PistonHardware,
+    stated: &StatedMotion,
+    (rate_hz, is_given): (f64, bool),
+) -> OutlookTopic {
     let [amplitude, frequency, ..] = stated.motion;
     let of = if is_given { "" } else { " (taken for this; neither the file nor a recording says a rate)" };
     let sample = hardware.noise_variance(1.0 / rate_hz).sqrt();
     let one = distances(&stated.motion).map(|d| sample / hardware.plates.slope(d).abs() * NM);
-    let mut topic = Topic::new("What the signal tells").with(
+    let mut topic = OutlookTopic::new("What the signal tells").with(
         "one_sample_nm",
         one,
         format!(
@@ -310,16 +316,21 @@ fn signal(hardware: &Hardware, stated: &Stated, (rate_hz, is_given): (f64, bool)
 /// The drift whose lag stands for others, relative per minute: that of Faller and Zangl, 2017, section IV.
 const DRIFT: f64 = 0.2;
 
-fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], rate_hz: f64) -> Topic {
-    let mut topic = Topic::new("What its filters settle at");
-    if filters.iter().all(|filter| matches!(filter.motion, Motion::None)) {
+fn of_filters(
+    hardware: &PistonHardware,
+    stated: &StatedMotion,
+    filters: &[PistonFilterSettings],
+    rate_hz: f64,
+) -> OutlookTopic {
+    let mut topic = OutlookTopic::new("What its filters settle at");
+    if filters.iter().all(|filter| matches!(filter.motion, MotionKnowledge::None)) {
         return topic.with("settled", [], "The file names no filter with states.");
     }
     let variance = hardware.noise_variance(1.0 / rate_hz);
     for filter in filters {
         match filter.motion {
-            Motion::None => {}
-            Motion::Drifting { density, .. } => {
+            MotionKnowledge::None => {}
+            MotionKnowledge::Drifting { density, .. } => {
                 let drifting = Drifting::new(hardware.plates, density);
                 let process = drifting.over(1.0 / rate_hz);
                 let point = PhasorDetector { series: hardware.plates }.operating_point(
@@ -349,7 +360,7 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
                     }
                 };
             }
-            Motion::Steady { density: [amplitude_density, _], .. } => {
+            MotionKnowledge::Steady { density: [amplitude_density, _], .. } => {
                 // A random walk of density q seen with σ0²: P² = q·σ0², and the lag is rate·σ0²/P = rate·√(σ0²/q).
                 let rate = DRIFT * stated.motion[0] / 60.0;
                 let one_second = amplitude_information(hardware, &stated.motion, 2.0 * variance / rate_hz);
@@ -372,7 +383,11 @@ fn of_filters(hardware: &Hardware, stated: &Stated, filters: &[FilterSettings], 
 
 /// σ0 in m·√s: what one second leaves of the amplitude where the rest position is known, for a one-sided density in
 /// F²/Hz.
-fn amplitude_information(hardware: &Hardware, &[amplitude, _, _, rest, _]: &[f64; 5], density: f64) -> f64 {
+fn amplitude_information(
+    hardware: &PistonHardware,
+    &[amplitude, _, _, rest, _]: &[f64; 5],
+    density: f64,
+) -> f64 {
     const POINTS: u32 = 256;
     let square = |k: u32| {
         let cosine = (TAU * f64::from(k) / f64::from(POINTS)).portable_cos();
@@ -394,21 +409,22 @@ fn over_cycle(motion: &[f64; 5], covariance: &Covariance<f64, 5>) -> f64 {
     ((0..POINTS).map(square).sum::<f64>() / f64::from(POINTS)).sqrt()
 }
 
-fn unseen(hardware: &Hardware, stated: &Stated, rate_hz: f64) -> Topic {
+fn unseen(hardware: &PistonHardware, stated: &StatedMotion, rate_hz: f64) -> OutlookTopic {
     let motion = [stated.motion[0], stated.motion[3]];
     let variance = hardware.noise_variance(1.0 / rate_hz);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // one second of samples
     let updates = rate_hz as usize;
-    let (gain, offset) = (Unseen::gain(&hardware.plates, motion), Unseen::offset(&hardware.plates, motion));
-    let of = |name: &str, per: f64, unseen: &Unseen| {
-        let seen = unseen.seen_from(variance, updates);
+    let (gain, offset) =
+        (ReadoutFault::gain(&hardware.plates, motion), ReadoutFault::offset(&hardware.plates, motion));
+    let of = |name: &str, per: f64, unseen: &ReadoutFault| {
+        let seen = unseen.detectable_from(variance, updates);
         let first = format!("{name} makes {:.1} nm rms", per * unseen.position_rms_m * NM);
         if seen.is_finite() {
             format!(
                 "{first}; one second shows it in the mean NIS from {:.1} times that on, and could tell it to {:.3} \
                  times that as a state.",
                 seen / per,
-                unseen.told_to(variance, updates) / per
+                unseen.attainable_deviation(variance, updates) / per
             )
         } else {
             format!(
@@ -416,15 +432,15 @@ fn unseen(hardware: &Hardware, stated: &Stated, rate_hz: f64) -> Topic {
             )
         }
     };
-    let values = |per: f64, unseen: &Unseen| {
+    let values = |per: f64, unseen: &ReadoutFault| {
         [
             per * unseen.position_rms_m * NM,
-            unseen.seen_from(variance, updates) / per,
+            unseen.detectable_from(variance, updates) / per,
             per * unseen.amplitude_m * NM,
             per * unseen.rest_m * NM,
         ]
     };
-    Topic::new("What it cannot tell")
+    OutlookTopic::new("What it cannot tell")
         .with("gain_nm_per_1e_4", values(1e-4, &gain), of("A gain that is 1e-4 too high", 1e-4, &gain))
         .with("offset_nm_per_af", values(1e-18, &offset), of("An offset of 1 aF", 1e-18, &offset))
         .with(
@@ -441,7 +457,7 @@ const BANDWIDTHS: [f64; 5] = [500.0, 2e3, 10e3, 50e3, 200e3];
 const WANTED_M: f64 = 50e-9;
 
 /// What a filter of first order in place of an estimator does: noise falls with its bandwidth, and the motion with it.
-fn bandwidth(hardware: &Hardware, stated: &Stated) -> Topic {
+fn bandwidth(hardware: &PistonHardware, stated: &StatedMotion) -> OutlookTopic {
     let [amplitude, frequency, _, rest, _] = stated.motion;
     let noise_at = |bandwidth: f64, distance: f64| {
         hardware.noise_density * bandwidth.sqrt() / hardware.plates.slope(distance).abs()
@@ -451,7 +467,7 @@ fn bandwidth(hardware: &Hardware, stated: &Stated) -> Topic {
         let share = frequency / bandwidth;
         amplitude / 2_f64.sqrt() * share / (1.0 + share * share).sqrt()
     };
-    let mut topic = Topic::new("Bandwidth, if each sample is taken by itself");
+    let mut topic = OutlookTopic::new("Bandwidth, if each sample is taken by itself");
     for bandwidth in BANDWIDTHS {
         let [near, at_rest, far] = distances(&stated.motion).map(|d| noise_at(bandwidth, d) * NM);
         topic = topic.with(

@@ -8,8 +8,8 @@ use kalmems_core::filter::{Pole, place_poles};
 use kalmems_core::riccati::{continuous_riccati, kalman_bucy_gain};
 use kalmems_core::update::Policy;
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, Link, Lu, Mat, NoiseDensity,
-    NumericMeasurement, NumericProcess, OperatingPoint,
+    Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, Lu, Mat, NoiseDensity, NumericMeasurement,
+    NumericProcess, OperatingPoint, StateTransition,
 };
 use kalmems_models::readout::PhasorDetector;
 use std::f64::consts::TAU;
@@ -107,9 +107,9 @@ impl Filter<f64, 5> for PhaseLock {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<f64, 5>, FilterError> {
+    ) -> Result<StateTransition<f64, 5>, FilterError> {
         self.lock.predict(process, u)?;
-        Ok(Link { transition: self.transition, noise: self.noise, taken: true })
+        Ok(StateTransition { transition: self.transition, noise: self.noise, taken: true })
     }
 
     fn update_where<H: NumericMeasurement<f64, 5, M>, const M: usize>(

@@ -1,7 +1,7 @@
 //! The models of the motion: what a filter knows of a phasor.
 
 use super::plates::{COEFFICIENTS, Plates};
-use crate::estimate::{Derived, StateName};
+use crate::estimate::{DerivedQuantities, StateName};
 use crate::units::kind;
 use kalmems_core::Portable;
 use kalmems_core::{Measurement, NoiseDensity, Process};
@@ -37,11 +37,11 @@ pub trait Phasor<const N: usize> {
     fn readout(&self) -> &Self::Readout;
 
     /// Position and velocity, from the states.
-    fn derived(&self) -> Derived;
+    fn derived(&self) -> DerivedQuantities;
 }
 
 /// [A, f, φ] about a known rest position.
-pub struct Steady {
+pub struct FixedRestPhasor {
     /// The densities of A, f and φ in m²/s, Hz²/s and rad²/s.
     pub density: NoiseDensity<f64, 3>,
     /// C(d₀ + A·cos φ).
@@ -56,7 +56,7 @@ pub struct Drifting {
     pub readout: DriftingPhasorCapacitance<f64, COEFFICIENTS>,
 }
 
-impl Steady {
+impl FixedRestPhasor {
     /// With noise on the amplitude and the frequency.
     pub fn new(series: Plates, rest_distance: f64, [amplitude, frequency]: [f64; 2]) -> Self {
         Self {
@@ -83,7 +83,7 @@ impl Drifting {
     }
 }
 
-impl Phasor<3> for Steady {
+impl Phasor<3> for FixedRestPhasor {
     type Process = SteadyPhasor<f64>;
     type Readout = SteadyPhasorCapacitance<f64, COEFFICIENTS>;
 
@@ -95,13 +95,13 @@ impl Phasor<3> for Steady {
         &self.readout
     }
 
-    fn derived(&self) -> Derived {
+    fn derived(&self) -> DerivedQuantities {
         let compute = |rest: f64, x: &[f64], p: &dyn Fn(usize, usize) -> f64| {
             let (values, gradients) = position_and_velocity(&[x[0], x[1], x[2], rest, 0.0]);
             let sd = gradients.map(|gradient| deviation(&gradient[..3], p));
             [(values[0], sd[0]), (values[1], sd[1])]
         };
-        Derived { names: DERIVED, parameter: self.readout.rest_distance, compute }
+        DerivedQuantities { names: DERIVED, parameter: self.readout.rest_distance, compute }
     }
 }
 
@@ -117,13 +117,13 @@ impl Phasor<5> for Drifting {
         &self.readout
     }
 
-    fn derived(&self) -> Derived {
+    fn derived(&self) -> DerivedQuantities {
         let compute = |_: f64, x: &[f64], p: &dyn Fn(usize, usize) -> f64| {
             let (values, gradients) = position_and_velocity(&[x[0], x[1], x[2], x[3], x[4]]);
             let sd = gradients.map(|gradient| deviation(&gradient, p));
             [(values[0], sd[0]), (values[1], sd[1])]
         };
-        Derived { names: DERIVED, parameter: 0.0, compute }
+        DerivedQuantities { names: DERIVED, parameter: 0.0, compute }
     }
 }
 

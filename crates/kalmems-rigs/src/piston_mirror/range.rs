@@ -1,8 +1,8 @@
 //! Samples that the device cannot have made.
 
-use super::data::SegmentData;
+use super::data::PistonSegment;
 use super::plates::capacitance_range;
-use super::settings::Hardware;
+use super::settings::PistonHardware;
 use std::ops::Range;
 
 /// How many standard deviations of its noise a sample may be beyond the capacitances of the device: one in 10⁹ is.
@@ -10,7 +10,7 @@ const BEYOND: f64 = 6.0;
 
 /// The samples beyond what the device can have at any distance, noise included.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beyond {
+pub struct SamplesOutOfRange {
     /// How many.
     pub count: usize,
     /// Time in s and capacitance in F of the first of them.
@@ -19,7 +19,7 @@ pub struct Beyond {
     pub largest_f: f64,
 }
 
-impl Beyond {
+impl SamplesOutOfRange {
     /// With those that came later.
     pub fn add(&mut self, later: &Self) {
         self.count += later.count;
@@ -33,10 +33,10 @@ impl Beyond {
 ///
 /// They say nothing of the distance: such a sample is a fault of the readout, and no estimator takes it for the motion.
 pub fn without_impossible(
-    hardware: &Hardware,
-    data: &SegmentData,
+    hardware: &PistonHardware,
+    data: &PistonSegment,
     fresh: &Range<usize>,
-) -> (Option<Vec<f64>>, Option<Beyond>) {
+) -> (Option<Vec<f64>>, Option<SamplesOutOfRange>) {
     let [low, high] = capacitance_range(&hardware.plates, hardware.table_m);
     let margin = BEYOND * data.noise_variance.sqrt();
     // 0 within the range.
@@ -52,11 +52,11 @@ pub fn without_impossible(
     if data.signal.iter().all(|y| beyond(*y) == 0.0) {
         return (None, None);
     }
-    let mut found: Option<Beyond> = None;
+    let mut found: Option<SamplesOutOfRange> = None;
     for k in fresh.clone() {
         let (y, off) = (data.signal[k], beyond(data.signal[k]));
         if off != 0.0 {
-            let one = Beyond { count: 1, first: [data.time_s[k], y], largest_f: off };
+            let one = SamplesOutOfRange { count: 1, first: [data.time_s[k], y], largest_f: off };
             match &mut found {
                 Some(found) => found.add(&one),
                 None => found = Some(one),

@@ -1,10 +1,10 @@
 //! What a reader must know of an estimate that its mean NIS does not say.
 
-use super::data::SegmentData;
-use super::observability::Unseen;
+use super::data::PistonSegment;
+use super::observability::ReadoutFault;
 use super::plates::{capacitance_range, last_term_m};
-use super::range::Beyond;
-use super::settings::Hardware;
+use super::range::SamplesOutOfRange;
+use super::settings::PistonHardware;
 use crate::estimate::Trajectory;
 use kalmems_core::Portable;
 use kalmems_figures::significant;
@@ -16,36 +16,41 @@ const NM: f64 = 1e9;
 
 /// What is counted of a segment until its end, where the remarks are made.
 #[derive(Clone, Debug, Default)]
-pub struct Tally {
-    beyond: Option<Beyond>,
+pub struct RemarkTally {
+    beyond: Option<SamplesOutOfRange>,
     /// One per trajectory.
-    of: Vec<Counted>,
+    of: Vec<TrajectoryCounts>,
 }
 
 /// What is counted of one trajectory.
 #[derive(Clone, Debug, Default)]
-struct Counted {
+struct TrajectoryCounts {
     updates: usize,
-    outside: Option<Outside>,
+    outside: Option<OutsidePositions>,
 }
 
 /// Positions outside the table of the capacitance.
 #[derive(Clone, Copy, Debug)]
-struct Outside {
+struct OutsidePositions {
     count: usize,
     near: f64,
     far: f64,
 }
 
-impl Tally {
+impl RemarkTally {
     /// Counts what a part of the segment has.
-    pub fn add(&mut self, hardware: &Hardware, beyond: Option<Beyond>, trajectories: &[Trajectory]) {
+    pub fn add(
+        &mut self,
+        hardware: &PistonHardware,
+        beyond: Option<SamplesOutOfRange>,
+        trajectories: &[Trajectory],
+    ) {
         match (&mut self.beyond, beyond) {
             (Some(all), Some(later)) => all.add(&later),
             (None, later) => self.beyond = later,
             (Some(_), None) => {}
         }
-        self.of.resize_with(trajectories.len(), Counted::default);
+        self.of.resize_with(trajectories.len(), TrajectoryCounts::default);
         for (counted, trajectory) in self.of.iter_mut().zip(trajectories) {
             counted.updates += trajectory.counts.updates;
             counted.count_outside(hardware, trajectory);
@@ -55,12 +60,13 @@ impl Tally {
     /// The remarks on the estimates of a segment that ends with these trajectories; `data` has its noise.
     pub fn remarks(
         &self,
-        hardware: &Hardware,
-        data: &SegmentData,
+        hardware: &PistonHardware,
+        data: &PistonSegment,
         trajectories: &[Trajectory],
     ) -> Vec<String> {
         let counted = || self.of.iter().zip(trajectories);
-        let followed = counted().find_map(|(counted, trajectory)| Followed::of(trajectory, counted.updates));
+        let followed =
+            counted().find_map(|(counted, trajectory)| FinalEstimate::of(trajectory, counted.updates));
         let mut said = Vec::new();
         if let Some(followed) = &followed {
             said.extend(of_gain(hardware, data, followed));
@@ -72,15 +78,16 @@ impl Tally {
     }
 }
 
-impl Counted {
-    fn count_outside(&mut self, hardware: &Hardware, trajectory: &Trajectory) {
+impl TrajectoryCounts {
+    fn count_outside(&mut self, hardware: &PistonHardware, trajectory: &Trajectory) {
         let [nearest, farthest] = hardware.table_m;
         // Direct inversion has noise of its own, which is no distance.
         let (Some(_), Some(position)) = (trajectory.state("amplitude"), trajectory.state("position")) else {
             return;
         };
         for d in position.mean.iter().copied().filter(|d| *d < nearest || *d > farthest) {
-            let outside = self.outside.get_or_insert(Outside { count: 0, near: f64::INFINITY, far: 0.0 });
+            let outside =
+                self.outside.get_or_insert(OutsidePositions { count: 0, near: f64::INFINITY, far: 0.0 });
             outside.count += 1;
             (outside.near, outside.far) = (outside.near.min(d), outside.far.max(d));
         }
@@ -88,14 +95,14 @@ impl Counted {
 }
 
 /// What a filter that claims something says at its end.
-struct Followed {
+struct FinalEstimate {
     amplitude: f64,
     rest: f64,
     position_sd: f64,
     updates: usize,
 }
 
-impl Followed {
+impl FinalEstimate {
     fn of(trajectory: &Trajectory, updates: usize) -> Option<Self> {
         let last =
             |name: &str| trajectory.state(name)?.mean.last().copied().filter(|value| value.is_finite());
@@ -106,10 +113,10 @@ impl Followed {
     }
 }
 
-fn of_gain(hardware: &Hardware, data: &SegmentData, followed: &Followed) -> Option<String> {
-    let unseen = Unseen::gain(&hardware.plates, [followed.amplitude, followed.rest]);
+fn of_gain(hardware: &PistonHardware, data: &PistonSegment, followed: &FinalEstimate) -> Option<String> {
+    let unseen = ReadoutFault::gain(&hardware.plates, [followed.amplitude, followed.rest]);
     let effect = significant(GAIN * unseen.position_rms_m * NM);
-    let seen = unseen.seen_from(data.noise_variance, followed.updates);
+    let seen = unseen.detectable_from(data.noise_variance, followed.updates);
     let first = format!(
         "a gain of the readout, or a reference distance, that is wrong by {GAIN:e} makes the position wrong by \
          {effect} nm rms"
@@ -132,7 +139,12 @@ fn of_gain(hardware: &Hardware, data: &SegmentData, followed: &Followed) -> Opti
     })
 }
 
-fn of_range(hardware: &Hardware, data: &SegmentData, beyond: Beyond, followed: Option<&Followed>) -> String {
+fn of_range(
+    hardware: &PistonHardware,
+    data: &PistonSegment,
+    beyond: SamplesOutOfRange,
+    followed: Option<&FinalEstimate>,
+) -> String {
     let range = capacitance_range(&hardware.plates, hardware.table_m).map(|c| significant(c * 1e15));
     let first = format!(
         "{} samples hold a capacitance that the device has at no distance of its table, the first {:.4e} F at {} s; \
@@ -149,9 +161,9 @@ fn of_range(hardware: &Hardware, data: &SegmentData, beyond: Beyond, followed: O
     )
 }
 
-fn outside_table(hardware: &Hardware, trajectory: &Trajectory, outside: Outside) -> String {
+fn outside_table(hardware: &PistonHardware, trajectory: &Trajectory, outside: OutsidePositions) -> String {
     let [nearest, farthest] = hardware.table_m;
-    let Outside { count, near, far } = outside;
+    let OutsidePositions { count, near, far } = outside;
     let (worst, end) = if near < nearest { (near, nearest) } else { (far, farthest) };
     format!(
         "{}: {count} samples lie outside the table of the capacitance, from {} to {} mm, the farthest at {:.4} mm. \
@@ -166,7 +178,11 @@ fn outside_table(hardware: &Hardware, trajectory: &Trajectory, outside: Outside)
     )
 }
 
-fn of_bandwidth(hardware: &Hardware, data: &SegmentData, followed: Option<&Followed>) -> Option<String> {
+fn of_bandwidth(
+    hardware: &PistonHardware,
+    data: &PistonSegment,
+    followed: Option<&FinalEstimate>,
+) -> Option<String> {
     let bandwidth_hz = hardware.bandwidth_hz?;
     let rate_hz = 1.0 / data.interval_s;
     let factor = (2.0 * bandwidth_hz / rate_hz).sqrt();

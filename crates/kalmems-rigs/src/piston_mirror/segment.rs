@@ -1,18 +1,19 @@
 //! The estimates of one segment.
 
 use super::course::PhasorCourse;
-use super::data::SegmentData;
-use super::observability::{Unseen, amplitude_per_rest};
+use super::data::PistonSegment;
+use super::observability::{ReadoutFault, amplitude_per_rest};
 use super::phase_lock::PhaseLock;
-use super::phasor::{Drifting, Phasor, STATES, Steady};
+use super::phasor::{Drifting, FixedRestPhasor, Phasor, STATES};
 use super::plates::distance_at;
-use super::settings::{FilterSettings, Motion, Settings};
-use super::start::{BatchStart, batch_fit, batch_start, wrapped};
+use super::settings::{MotionKnowledge, PistonFilterSettings, PistonSettings};
+use super::start::{PistonBatchStart, batch_fit, batch_start, wrapped};
 use crate::config::Method;
 use crate::estimate::driven::{OfMotion, ParametricReadout, combinations, shifted};
 use crate::estimate::{
-    self, AnyFilter, Course, EstimateError, FilterPast, GainOf, Known, Past, Reading, Samples, StateName,
-    Swing, Tracked, Trajectory, Windows, answers, answers_of_bank, follow, inversion, lock_in,
+    self, AnyFilter, Course, EstimateError, FilterPast, GainOf, LockInWindows, MeanAndCovariance,
+    MeasurementSensor, Past, SampleSelection, StateName, Swing, Tracked, Trajectory, answers,
+    answers_of_bank, follow, inversion, lock_in,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -28,14 +29,15 @@ use std::ops::Range;
 ///
 /// The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
-    settings: &Settings,
+    settings: &PistonSettings,
     part: &PartData,
     past: &mut Past,
     progress: &dyn Progress,
-) -> Result<(Vec<Trajectory>, estimate::Motion), EstimateError> {
+) -> Result<(Vec<Trajectory>, estimate::MotionRate), EstimateError> {
     let mut all = Vec::new();
     for (index, filter) in settings.filters.iter().enumerate() {
-        let mut trajectories = Task { settings, filter, part, progress }.run(past.filter(index))?;
+        let mut trajectories =
+            PistonFilterTask { settings, filter, part, progress }.run(past.filter(index))?;
         let phases = trajectories.iter_mut().flat_map(|trajectory| &mut trajectory.states);
         for phase in phases.filter(|state| state.name == "phase") {
             phase.mean.iter_mut().for_each(|phase| *phase = wrapped(*phase));
@@ -48,11 +50,13 @@ pub fn estimate(
         _ => match all.iter().flatten().find_map(|trajectory| found_frequency(trajectory, part.head.len())) {
             Some(frequency_hz) => frequency_hz,
             // Where no filter says it, the signal does.
-            None => Task { settings, filter: &settings.filters[0], part, progress }.batch()?.mean[1],
+            None => {
+                PistonFilterTask { settings, filter: &settings.filters[0], part, progress }.batch()?.mean[1]
+            }
         },
     };
     past.numbers = vec![frequency_hz];
-    let motion = estimate::Motion { frequency_hz, is_driven: false };
+    let motion = estimate::MotionRate { frequency_hz, is_driven: false };
     let start_s = past.start_s + settings.skip_s;
     for (index, trajectories) in all.iter_mut().enumerate() {
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
@@ -68,9 +72,9 @@ pub fn estimate(
 #[derive(Clone, Debug)]
 pub struct PartData<'a> {
     /// Those that are there.
-    pub data: SegmentData<'a>,
+    pub data: PistonSegment<'a>,
     /// Which of them are new.
-    pub samples: Samples,
+    pub samples: SampleSelection,
     /// Those of the segment's beginning that a start from the signal looks at; none in a later part.
     pub head: Range<usize>,
     /// What messages call the segment.
@@ -79,9 +83,13 @@ pub struct PartData<'a> {
 
 impl<'a> PartData<'a> {
     /// The samples of the segment's beginning.
-    fn head(&self) -> SegmentData<'a> {
+    fn head(&self) -> PistonSegment<'a> {
         let head = self.head.clone();
-        SegmentData { time_s: &self.data.time_s[head.clone()], signal: &self.data.signal[head], ..self.data }
+        PistonSegment {
+            time_s: &self.data.time_s[head.clone()],
+            signal: &self.data.signal[head],
+            ..self.data
+        }
     }
 }
 
@@ -93,9 +101,9 @@ fn found_frequency(trajectory: &Trajectory, samples: usize) -> Option<f64> {
 }
 
 /// One filter over one part of a segment.
-struct Task<'a> {
-    settings: &'a Settings,
-    filter: &'a FilterSettings,
+struct PistonFilterTask<'a> {
+    settings: &'a PistonSettings,
+    filter: &'a PistonFilterSettings,
     part: &'a PartData<'a>,
     progress: &'a dyn Progress,
 }
@@ -112,34 +120,36 @@ const RATE_SD: f64 = 0.3 / 60.0;
 const POSITION: [StateName; 2] = [("position", "m", &kind::LENGTH), ("velocity", "m_per_s", &kind::VELOCITY)];
 
 /// Mean and standard deviations that a file gives.
-type Given = ([f64; 5], [f64; 5]);
+type StatedStart = ([f64; 5], [f64; 5]);
 
 /// Mean and covariance.
-type State<const N: usize> = ([f64; N], Covariance<f64, N>);
+type PistonState<const N: usize> = ([f64; N], Covariance<f64, N>);
 
-impl Task<'_> {
+impl PistonFilterTask<'_> {
     /// Chooses the model.
     fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let plates = self.settings.hardware.plates;
         match self.filter.motion {
-            Motion::None if self.filter.basics.method == Method::LockIn => Ok(vec![self.lock_in(past)?]),
-            Motion::None => Ok(vec![self.inversion()]),
-            Motion::Steady { density, start } => {
+            MotionKnowledge::None if self.filter.basics.method == Method::LockIn => {
+                Ok(vec![self.lock_in(past)?])
+            }
+            MotionKnowledge::None => Ok(vec![self.inversion()]),
+            MotionKnowledge::Steady { density, start } => {
                 let names = &STATES[..3];
                 if let Some((mean, sd, rest)) = start {
                     let covariance = Covariance::from_standard_deviations(sd);
-                    let steady = Steady::new(plates, rest, density);
+                    let steady = FixedRestPhasor::new(plates, rest, density);
                     return self.follow::<_, 3>(&steady, names, past, || Ok((mean, covariance).into()));
                 }
                 let (start, held) = self.held(past)?;
-                let steady = Steady::new(plates, held.rest, density);
+                let steady = FixedRestPhasor::new(plates, held.rest, density);
                 let mut trajectories = self.follow::<_, 3>(&steady, names, past, || Ok(start.into()))?;
                 for trajectory in &mut trajectories {
                     held.add_to(trajectory);
                 }
                 Ok(trajectories)
             }
-            Motion::Drifting { density, start } => {
+            MotionKnowledge::Drifting { density, start } => {
                 let drifting = Drifting::new(plates, density);
                 let basics = &self.filter.basics;
                 if let Some(gain) = basics.gain() {
@@ -158,7 +168,7 @@ impl Task<'_> {
     }
 
     /// What a filter of five states knows at the first sample.
-    fn started(&self, given: Option<Given>) -> Result<State<5>, EstimateError> {
+    fn started(&self, given: Option<StatedStart>) -> Result<PistonState<5>, EstimateError> {
         if let Some((mean, sd)) = given {
             return Ok((mean, Covariance::from_standard_deviations(sd)));
         }
@@ -168,12 +178,12 @@ impl Task<'_> {
 
     /// What one of each parameter adds to the amplitude and the rest position that a start from the signal says. A start of
     /// values is where the mirror is, whatever the readout has.
-    fn misled(&self, given: Option<Given>, mean: &[f64; 5]) -> Vec<[f64; 2]> {
+    fn misled(&self, given: Option<StatedStart>, mean: &[f64; 5]) -> Vec<[f64; 2]> {
         let (plates, motion) = (&self.settings.hardware.plates, [mean[0], mean[3]]);
         let of = |tracked: &Tracked| match (given, tracked.parameter.unit) {
             (Some(_), _) => [0.0; 2],
-            (None, "1") => Unseen::gain(plates, motion).takes_up(),
-            (None, _) => Unseen::offset(plates, motion).takes_up(),
+            (None, "1") => ReadoutFault::gain(plates, motion).takes_up(),
+            (None, _) => ReadoutFault::offset(plates, motion).takes_up(),
         };
         self.filter.basics.tracked.iter().map(of).collect()
     }
@@ -183,7 +193,7 @@ impl Task<'_> {
         &self,
         drifting: &Drifting,
         past: &mut FilterPast,
-        given: Option<Given>,
+        given: Option<StatedStart>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let basics = &self.filter.basics;
         let readout =
@@ -193,7 +203,7 @@ impl Task<'_> {
             let (mean, covariance) = self.started(given)?;
             let misled = self.misled(given, &mean);
             let parameters = basics.tracked.iter().map(|tracked| (0.0, tracked.sd));
-            let mut known = Known::from((mean, covariance)).with(parameters);
+            let mut known = MeanAndCovariance::from((mean, covariance)).with(parameters);
             for (parameter, ([amplitude, rest], tracked)) in misled.iter().zip(&basics.tracked).enumerate() {
                 // x is what the signal says less what the parameter adds to that.
                 let column = [(0, -amplitude), (3, -rest)];
@@ -212,7 +222,7 @@ impl Task<'_> {
         &self,
         drifting: &Drifting,
         past: &mut FilterPast,
-        given: Option<Given>,
+        given: Option<StatedStart>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let basics = &self.filter.basics;
         let models = combinations(&basics.tracked);
@@ -249,7 +259,7 @@ impl Task<'_> {
         let distance = |capacitance: &f64| distance_at(plates, *capacitance).unwrap_or(f64::NAN);
         let distances: Vec<f64> = data.signal.iter().map(distance).collect();
         let (time_s, length_s) = (data.time_s, 1.0 / motion_hz);
-        let windows = Windows { time_s, signals: &[&distances], samples, start_s, length_s };
+        let windows = LockInWindows { time_s, signals: &[&distances], samples, start_s, length_s };
         let detect = |time_s: &[f64], distances: &[&[f64]], _: &[Swing]| {
             let Sine { offset, amplitude, phase_rad, .. } =
                 fit_sine_at(time_s, distances.first()?, motion_hz)?;
@@ -259,17 +269,20 @@ impl Task<'_> {
     }
 
     /// Where a filter of three states goes on, or at the beginning starts, and the rest position that it holds.
-    fn held(&self, past: &mut FilterPast) -> Result<(State<3>, Held), EstimateError> {
+    fn held(&self, past: &mut FilterPast) -> Result<(PistonState<3>, HeldRestPosition), EstimateError> {
         if let (Some(left), [rest, rest_sd, taken_up]) = (past.left(), &past.numbers[..]) {
             let Gaussian { mean, covariance } = left.gaussian();
-            return Ok(((mean, covariance), Held { rest: *rest, rest_sd: *rest_sd, taken_up: *taken_up }));
+            return Ok((
+                (mean, covariance),
+                HeldRestPosition { rest: *rest, rest_sd: *rest_sd, taken_up: *taken_up },
+            ));
         }
         let batch = self.batch()?;
         let [a, f, phase, ..] = batch.mean;
         let (rest, rest_sd) = self.rest(&batch);
         let taken_up = amplitude_per_rest(&self.settings.hardware.plates, [a, rest]);
         past.numbers = vec![rest, rest_sd, taken_up];
-        Ok((([a, f, phase], widened(&batch.covariance)), Held { rest, rest_sd, taken_up }))
+        Ok((([a, f, phase], widened(&batch.covariance)), HeldRestPosition { rest, rest_sd, taken_up }))
     }
 
     /// The phase-locked loop from a state, or from what the signal says.
@@ -287,33 +300,34 @@ impl Task<'_> {
             (Err(_), None) => self.settled(self.batch()?.mean),
         };
         past.numbers = mean.to_vec();
-        let begin = |_: Option<Known>| {
+        let begin = |_: Option<MeanAndCovariance>| {
             let detector = PhasorDetector { series: self.settings.hardware.plates };
             let samples = (data.interval_s, data.noise_variance);
             let lock = PhaseLock::new(detector, drifting, gain, mean, samples);
             let lock = lock.map_err(|why| self.filter.basics.no_gain(&why))?;
             Ok(AnyFilter::this(lock))
         };
-        let mut course = PhasorCourse::new(drifting, data, Box::new(Reading::<_, 5>(drifting.readout())));
+        let mut course =
+            PhasorCourse::new(drifting, data, Box::new(MeasurementSensor::<_, 5>(drifting.readout())));
         let (filter, course) = (&self.filter.basics, (&mut course as _, &self.part.samples));
         follow((filter, past), begin, course, &STATES, self.progress)
     }
 
     /// The motion at the first sample from the whole settling time, in which no filter is scored; `None` where that
     /// is not longer than what a start looks at, or the fit does not settle.
-    fn over_settling_time(&self, from: [f64; 5]) -> Option<BatchStart> {
+    fn over_settling_time(&self, from: [f64; 5]) -> Option<PistonBatchStart> {
         let head = self.part.head();
         let first_s = head.time_s.first().copied()?;
         let end = head.time_s.partition_point(|t| *t < first_s + self.settings.skip_s);
-        let window = SegmentData { time_s: &head.time_s[..end], signal: &head.signal[..end], ..head };
+        let window = PistonSegment { time_s: &head.time_s[..end], signal: &head.signal[..end], ..head };
         batch_fit(&self.settings.hardware.plates, &window, from, true).ok()
     }
 
     /// The rest position and its standard deviation in m, for a filter that holds it. What 20 ms leave of it a
     /// filter of three states would keep for ever, and its innovations would not show it: all of the settling time
     /// is used.
-    fn rest(&self, batch: &BatchStart) -> (f64, f64) {
-        let of = |fit: &BatchStart| (fit.mean[3], fit.covariance.standard_deviation(3));
+    fn rest(&self, batch: &PistonBatchStart) -> (f64, f64) {
+        let of = |fit: &PistonBatchStart| (fit.mean[3], fit.covariance.standard_deviation(3));
         let first = of(batch);
         let longer = self.over_settling_time(batch.mean).map_or(first, |fit| of(&fit));
         if longer.1 < first.1 { longer } else { first }
@@ -330,9 +344,9 @@ impl Task<'_> {
         phasor: &P,
         states: &[StateName],
         past: &mut FilterPast,
-        start: impl FnOnce() -> Result<Known, EstimateError>,
+        start: impl FnOnce() -> Result<MeanAndCovariance, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let sensor = Box::new(Reading::<_, N>(phasor.readout()));
+        let sensor = Box::new(MeasurementSensor::<_, N>(phasor.readout()));
         let mut course = PhasorCourse::new(phasor, &self.part.data, sensor);
         let (past, course) = ((&self.filter.basics, past), (&mut course as _, &self.part.samples));
         let mut all = answers(past, start, course, states, self.progress)?;
@@ -343,7 +357,7 @@ impl Task<'_> {
     }
 
     /// Where the first samples say that the motion starts.
-    fn batch(&self) -> Result<BatchStart, EstimateError> {
+    fn batch(&self) -> Result<PistonBatchStart, EstimateError> {
         let (plates, head) = (&self.settings.hardware.plates, self.part.head());
         batch_start(plates, &head).map_err(|why| EstimateError::NoStart {
             place: self.part.place.to_owned(),
@@ -369,7 +383,7 @@ impl Task<'_> {
 
 /// A rest position that a filter holds.
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct HeldRestPosition {
     /// The rest position in m.
     rest: f64,
     /// Its standard deviation in m.
@@ -378,7 +392,7 @@ struct Held {
     taken_up: f64,
 }
 
-impl Held {
+impl HeldRestPosition {
     /// Adds what the uncertainty of the rest position makes of position, velocity and amplitude to what the filter says
     /// of them. The amplitude takes up what it can of a wrong rest position.
     fn add_to(&self, trajectory: &mut Trajectory) {

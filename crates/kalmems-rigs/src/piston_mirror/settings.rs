@@ -4,26 +4,27 @@ use super::mechanics::Mechanics;
 use super::phasor::STATES;
 use super::plates::{COEFFICIENTS, Plates};
 use crate::config::{
-    CYCLES, ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Method, Quantity, Sign, Start,
+    CYCLES, ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key,
+    Method, Quantity, Sign,
 };
-use crate::estimate::{FilterBasics, Parameter, process_noise};
+use crate::estimate::{DeviceParameter, FilterBasics, process_noise};
 use crate::piston_mirror::device::PistonMirror;
 use crate::units::kind;
 
 /// What an experiment says of a piston mirror and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub struct PistonSettings {
     /// The device.
-    pub hardware: Hardware,
+    pub hardware: PistonHardware,
     /// How long a filter has to settle before it is scored, in s.
     pub skip_s: f64,
     /// The filters, in the order of the file.
-    pub filters: Vec<FilterSettings>,
+    pub filters: Vec<PistonFilterSettings>,
 }
 
 /// The mirror: its capacitance over the distance, the noise of the readout, and its mechanics where they are described.
 #[derive(Clone, Copy, Debug)]
-pub struct Hardware {
+pub struct PistonHardware {
     /// C(d).
     pub plates: Plates,
     /// The one-sided density of the capacitance's noise in F/√Hz.
@@ -38,16 +39,16 @@ pub struct Hardware {
 
 /// What one `[[estimate.filter]]` says of a filter.
 #[derive(Clone, Debug)]
-pub struct FilterSettings {
+pub struct PistonFilterSettings {
     /// What every filter has.
     pub basics: FilterBasics,
     /// Its states and where they start.
-    pub motion: Motion,
+    pub motion: MotionKnowledge,
 }
 
 /// What of the readout can be a state: its gain on all that varies with the distance, and a capacitance beside the plates.
-pub static PARAMETERS: [Parameter; 2] = [
-    Parameter::factor("gain").in_readout("gain").written(&[
+pub static PARAMETERS: [DeviceParameter; 2] = [
+    DeviceParameter::factor("gain").in_readout("gain").written(&[
         ("capacitance.coefficients[1]", 1),
         ("capacitance.coefficients[2]", 1),
         ("capacitance.coefficients[3]", 1),
@@ -57,12 +58,14 @@ pub static PARAMETERS: [Parameter; 2] = [
         ("capacitance.coefficients[7]", 1),
         ("capacitance.coefficients[8]", 1),
     ]),
-    Parameter::farads("stray_capacitance").in_readout("stray").written(&[("capacitance.coefficients[0]", 1)]),
+    DeviceParameter::farads("stray_capacitance")
+        .in_readout("stray")
+        .written(&[("capacitance.coefficients[0]", 1)]),
 ];
 
 /// What a filter knows of the motion.
 #[derive(Clone, Copy, Debug)]
-pub enum Motion {
+pub enum MotionKnowledge {
     /// Nothing: each capacitance is inverted by itself, or the distances of a cycle are taken together.
     None,
     /// [A, f, φ] about a known rest position.
@@ -81,7 +84,7 @@ pub enum Motion {
     },
 }
 
-impl Hardware {
+impl PistonHardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let device = experiment.device::<PistonMirror>()?;
@@ -94,7 +97,7 @@ impl Hardware {
                 COEFFICIENTS - 1
             );
             return Err(
-                experiment.error("device.piston_mirror.capacitance.coefficients", Fault::Value { why })
+                experiment.error("device.piston_mirror.capacitance.coefficients", ConfigFault::Value { why })
             );
         }
         let coefficients = std::array::from_fn(|k| given.get(k).map_or(0.0, Quantity::si));
@@ -118,16 +121,16 @@ impl Hardware {
     }
 }
 
-impl Settings {
+impl PistonSettings {
     /// How long a swing of the mirror takes in s, as far as the file says it: by its mechanics, or by the start of a filter.
     /// Where both are left to the signal, the settling time stands for as many swings as a gap may last that is predicted
     /// over.
     pub fn cycle_s(experiment: &Experiment) -> Result<f64, ConfigError> {
         let settings = Self::of(experiment)?;
         let started = settings.filters.iter().find_map(|filter| match filter.motion {
-            Motion::Steady { start, .. } => start.map(|([_, hz, _], ..)| hz),
-            Motion::Drifting { start, .. } => start.map(|([_, hz, ..], _)| hz),
-            Motion::None => None,
+            MotionKnowledge::Steady { start, .. } => start.map(|([_, hz, _], ..)| hz),
+            MotionKnowledge::Drifting { start, .. } => start.map(|([_, hz, ..], _)| hz),
+            MotionKnowledge::None => None,
         });
         let known_hz = settings.hardware.mechanics.map(|mechanics| mechanics.resonance_hz).or(started);
         let settling_s = if settings.skip_s > 0.0 { settings.skip_s } else { 1.0 };
@@ -136,32 +139,32 @@ impl Settings {
 
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = PistonHardware::of(experiment)?;
         let Some(estimate) = &experiment.estimate else {
             let remedy = "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`";
-            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+            return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
         };
-        let filters = (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, i));
+        let filters = (0..estimate.filters.len()).map(|i| PistonFilterSettings::of(experiment, estimate, i));
         Ok(Self { hardware, skip_s: estimate.skip.si(), filters: filters.collect::<Result<_, _>>()? })
     }
 }
 
-impl FilterSettings {
+impl PistonFilterSettings {
     /// Reads and checks the filter at this place of the file.
     fn of(experiment: &Experiment, estimate: &Estimate, index: usize) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
         let refuse = |name: &str, why: &str| {
-            Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
+            Err(experiment.error(at.clone().child(name), ConfigFault::Value { why: why.to_owned() }))
         };
         if filter.demodulator {
             return refuse("demodulator", "a piston mirror's filter has no such states; leave it out");
         }
         let motion = match filter.method {
-            Method::DirectInversion | Method::LockIn => Motion::None,
+            Method::DirectInversion | Method::LockIn => MotionKnowledge::None,
             _ => motion(experiment, estimate, filter, &at)?,
         };
-        let drifts = matches!(motion, Motion::Drifting { .. });
+        let drifts = matches!(motion, MotionKnowledge::Drifting { .. });
         if filter.method.has_fixed_gain() && !drifts {
             let why = "a phase-locked loop has the rest position and the rate of the amplitude as states; give its \
                        `process_noise` an `amplitude_rate`";
@@ -181,27 +184,27 @@ impl FilterSettings {
 fn motion(
     experiment: &Experiment,
     estimate: &Estimate,
-    filter: &Filter,
+    filter: &FilterTable,
     at: &Key,
-) -> Result<Motion, ConfigError> {
+) -> Result<MotionKnowledge, ConfigError> {
     let (noise_key, noise) = process_noise(estimate, at, filter);
     let [start_key, sd_key] = ["start", "start_sd"].map(|name| at.clone().child(name));
     let given = match &filter.start {
-        Some(Start::Values(values)) => Some(values),
-        Some(Start::FromSignal) | None => None,
+        Some(FilterStart::Values(values)) => Some(values),
+        Some(FilterStart::FromSignal) | None => None,
     };
     if given.is_none() && !filter.start_sd.is_empty() {
         let why = "a start from the signal brings its own; leave it out".to_owned();
-        return Err(experiment.error(sd_key, Fault::Value { why }));
+        return Err(experiment.error(sd_key, ConfigFault::Value { why }));
     }
     let [amplitude, frequency, phase, offset, rate] =
-        STATES.map(|(name, _, kind)| move |sign| Entry { name, kind, sign });
-    let frequency_noise = Entry::new("frequency", &kind::FREQUENCY_DRIFT, Sign::NotNegative);
+        STATES.map(|(name, _, kind)| move |sign| ExpectedEntry { name, kind, sign });
+    let frequency_noise = ExpectedEntry::new("frequency", &kind::FREQUENCY_DRIFT, Sign::NotNegative);
     if noise.contains_key("amplitude_rate") {
         let entries = [
             frequency_noise,
-            Entry::new("offset", &kind::LENGTH_DRIFT, Sign::NotNegative),
-            Entry::new("amplitude_rate", &kind::VELOCITY_DRIFT, Sign::NotNegative),
+            ExpectedEntry::new("offset", &kind::LENGTH_DRIFT, Sign::NotNegative),
+            ExpectedEntry::new("amplitude_rate", &kind::VELOCITY_DRIFT, Sign::NotNegative),
         ];
         let density = experiment.values(noise_key, noise, entries)?;
         let five = |mean: bool| {
@@ -215,9 +218,9 @@ fn motion(
             let sd = || experiment.values(sd_key, &filter.start_sd, five(false));
             Ok::<_, ConfigError>((mean, if claims { sd()? } else { [0.0; 5] }))
         });
-        return Ok(Motion::Drifting { density, start: start.transpose()? });
+        return Ok(MotionKnowledge::Drifting { density, start: start.transpose()? });
     }
-    let entries = [Entry::new("amplitude", &kind::LENGTH_DRIFT, Sign::NotNegative), frequency_noise];
+    let entries = [ExpectedEntry::new("amplitude", &kind::LENGTH_DRIFT, Sign::NotNegative), frequency_noise];
     let density = experiment.values(noise_key, noise, entries)?;
     let start = given.map(|values| {
         let positive = Sign::Positive;
@@ -227,5 +230,5 @@ fn motion(
         let sd = || experiment.values(sd_key, &filter.start_sd, entries);
         Ok::<_, ConfigError>(([a, f, p], if filter.method.claims() { sd()? } else { [0.0; 3] }, rest))
     });
-    Ok(Motion::Steady { density, start: start.transpose()? })
+    Ok(MotionKnowledge::Steady { density, start: start.transpose()? })
 }

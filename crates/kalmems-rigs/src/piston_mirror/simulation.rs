@@ -3,17 +3,19 @@
 use super::driven::noise_deviation;
 use super::phasor::{STATES, position_and_velocity};
 use super::plates::last_term_m;
-use super::settings::Hardware;
-use crate::config::{ConfigError, DriveSource, Entry, Experiment, Fault, Quantity, Sign, Simulate};
-use crate::recording::Source;
-use crate::simulate::{Channel, Sample, SimulateError, Simulation, WhiteNoise};
+use super::settings::PistonHardware;
+use crate::config::{
+    ConfigError, ConfigFault, DriveSource, ExpectedEntry, Experiment, Quantity, Sign, Simulate,
+};
+use crate::recording::RecordingSource;
+use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise};
 use kalmems_core::Portable;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 /// A motion with constant rates, as the file states it, seen through the capacitance with white noise.
 pub struct PhasorSimulation {
-    hardware: Hardware,
+    hardware: PistonHardware,
     /// [A, f, φ, d₀, Ȧ] at the first sample.
     start: [f64; 5],
     /// Amplitude in m and phase in rad of the second harmonic.
@@ -32,7 +34,7 @@ pub fn start_of(experiment: &Experiment, simulate: &Simulate) -> Result<[f64; 5]
     let positive = ["amplitude", "frequency", "offset"];
     let entries = STATES.map(|(name, _, kind)| {
         let sign = if positive.contains(&name) { Sign::Positive } else { Sign::Any };
-        Entry { name, kind, sign }
+        ExpectedEntry { name, kind, sign }
     });
     experiment.values("simulate.start", &simulate.start, entries)
 }
@@ -40,17 +42,17 @@ pub fn start_of(experiment: &Experiment, simulate: &Simulate) -> Result<[f64; 5]
 impl PhasorSimulation {
     /// Reads and checks what the file says of the simulation.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = PistonHardware::of(experiment)?;
         let Some(simulate) = &experiment.simulate else {
             let remedy = "add the table `[simulate]` with `duration`, `sampling_rate`, `integration_rate`, `start` and \
                           `drive = { prescribed = {} }`"
                 .to_owned();
-            return Err(experiment.error("simulate", Fault::MissingKey { remedy }));
+            return Err(experiment.error("simulate", ConfigFault::MissingKey { remedy }));
         };
         let DriveSource::Prescribed(motion) = &simulate.drive else {
             let why =
                 "a piston mirror is simulated by its motion; write `drive = { prescribed = {} }`".to_owned();
-            return Err(experiment.error("simulate.drive", Fault::Value { why }));
+            return Err(experiment.error("simulate.drive", ConfigFault::Value { why }));
         };
         let start = start_of(experiment, simulate)?;
         let harmonic = [
@@ -75,7 +77,7 @@ impl PhasorSimulation {
                 "the mirror would come to {nearest:.3e} m from the electrode; expected a distance above 0 all along: \
                  an `amplitude` below `offset`"
             );
-            return Err(experiment.error("simulate.start", Fault::Value { why }));
+            return Err(experiment.error("simulate.start", ConfigFault::Value { why }));
         }
         let [near_end, far_end] = simulation.hardware.table_m;
         if nearest < near_end || farthest > far_end {
@@ -84,7 +86,7 @@ impl PhasorSimulation {
                 "the mirror would come to {outside:.4e} m, outside the table of its capacitance, which ends at {end:.4e} m;                  there the series may be wrong by {:.1e} m and more: take a smaller motion, or fit a longer table",
                 last_term_m(&simulation.hardware.plates, outside)
             );
-            return Err(experiment.error("simulate.start", Fault::Value { why }));
+            return Err(experiment.error("simulate.start", ConfigFault::Value { why }));
         }
         Ok(simulation)
     }
@@ -102,14 +104,14 @@ impl PhasorSimulation {
 }
 
 impl Simulation for PhasorSimulation {
-    fn recorded(&self) -> &[Channel] {
-        &[Channel { meaning: "signal", column: "cap_F" }]
+    fn recorded(&self) -> &[SimulatedColumn] {
+        &[SimulatedColumn { meaning: "signal", column: "cap_F" }]
     }
 
-    fn truth(&self) -> &[Channel] {
+    fn truth(&self) -> &[SimulatedColumn] {
         &[
-            Channel { meaning: "position", column: "position_m" },
-            Channel { meaning: "velocity", column: "velocity_m_per_s" },
+            SimulatedColumn { meaning: "position", column: "position_m" },
+            SimulatedColumn { meaning: "velocity", column: "velocity_m_per_s" },
         ]
     }
 
@@ -117,7 +119,7 @@ impl Simulation for PhasorSimulation {
         self.samples
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &[]
     }
 
@@ -125,14 +127,15 @@ impl Simulation for PhasorSimulation {
         None
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let mut noise = WhiteNoise::new(self.seed, SIGNAL_NOISE);
         for k in 0..self.samples {
             let time_s = k as f64 * self.interval_s;
             let [position, velocity] = self.at(time_s);
             let clean: f64 = self.hardware.plates.capacitance(position);
             let signal = clean + self.noise_sd * noise.sample();
-            if each(&Sample { time_s, recorded: &[signal], truth: &[position, velocity] }).is_break() {
+            if each(&SimulatedSample { time_s, recorded: &[signal], truth: &[position, velocity] }).is_break()
+            {
                 return Err(SimulateError::Interrupted);
             }
         }

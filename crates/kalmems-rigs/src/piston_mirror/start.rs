@@ -1,8 +1,8 @@
 //! Where the motion starts, from the first samples alone.
 
-use super::data::SegmentData;
+use super::data::PistonSegment;
 use super::plates::{Plates, distance_at};
-use crate::fit::{ByDual, FitError, FitSettings, Law, fit, outliers};
+use crate::fit::{ByDual, FitError, FitSettings, ResidualLaw, fit, outliers};
 use crate::signal::{fit_sine, fit_sine_at};
 use kalmems_core::{Covariance, Over};
 use std::f64::consts::TAU;
@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 /// A motion with constant rates: [A, f, φ, d₀, Ȧ] at the first sample, and how well they are known from the samples
 /// that it was fitted to.
 #[derive(Clone, Copy, Debug)]
-pub struct BatchStart {
+pub struct PistonBatchStart {
     /// [A, f, φ, d₀, Ȧ] in m, Hz, rad, m and m/s, with A > 0, f > 0 and φ in (−π, π].
     pub mean: [f64; 5],
     /// Their covariance, from the stated noise of a sample; that of Ȧ is without limit where it was held at 0.
@@ -26,7 +26,7 @@ pub struct BatchStart {
 
 /// Why there is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum NoBatchStart {
+pub enum NoPistonBatchStart {
     /// Not even a sine was found in the distances.
     NoSine,
     /// The fit did not settle.
@@ -38,7 +38,7 @@ pub enum NoBatchStart {
     },
 }
 
-impl std::fmt::Display for NoBatchStart {
+impl std::fmt::Display for NoPistonBatchStart {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::NoSine => f.write_str(
@@ -71,12 +71,12 @@ const POOR: f64 = 4.0;
 /// the frequency, no line is looked for.
 ///
 /// Ȧ is held at 0: so short a window says nothing of it.
-pub fn batch_start(plates: &Plates, data: &SegmentData) -> Result<BatchStart, NoBatchStart> {
-    let first_s = data.time_s.first().copied().ok_or(NoBatchStart::NoSine)?;
+pub fn batch_start(plates: &Plates, data: &PistonSegment) -> Result<PistonBatchStart, NoPistonBatchStart> {
+    let first_s = data.time_s.first().copied().ok_or(NoPistonBatchStart::NoSine)?;
     let mut window_s = WINDOW_S;
     loop {
         let end = data.time_s.partition_point(|t| *t < first_s + window_s);
-        let window = SegmentData { time_s: &data.time_s[..end], signal: &data.signal[..end], ..*data };
+        let window = PistonSegment { time_s: &data.time_s[..end], signal: &data.signal[..end], ..*data };
         let start = within(plates, &window);
         let enough = start.as_ref().is_ok_and(|start| start.mean[1] * window_s >= CYCLES);
         if enough || end == data.time_s.len() {
@@ -87,7 +87,7 @@ pub fn batch_start(plates: &Plates, data: &SegmentData) -> Result<BatchStart, No
 }
 
 /// The same in one window, without the samples that are none of the signal by what the motion leaves of them.
-fn within(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchStart> {
+fn within(plates: &Plates, window: &PistonSegment) -> Result<PistonBatchStart, NoPistonBatchStart> {
     let mut signal = window.signal.to_vec();
     let mut found = of_all(plates, window)?;
     for _ in 0..ROUNDS {
@@ -106,16 +106,16 @@ fn within(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchSt
             break;
         }
         signal = used;
-        found = of_all(plates, &SegmentData { signal: &signal, ..*window })?;
+        found = of_all(plates, &PistonSegment { signal: &signal, ..*window })?;
     }
     if found.mean_square > POOR {
-        return Err(NoBatchStart::Poor { mean_square: found.mean_square });
+        return Err(NoPistonBatchStart::Poor { mean_square: found.mean_square });
     }
     Ok(found)
 }
 
-fn of_all(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchStart> {
-    let first_s = window.time_s.first().copied().ok_or(NoBatchStart::NoSine)?;
+fn of_all(plates: &Plates, window: &PistonSegment) -> Result<PistonBatchStart, NoPistonBatchStart> {
+    let first_s = window.time_s.first().copied().ok_or(NoPistonBatchStart::NoSine)?;
     let distances: Vec<f64> =
         window.signal.iter().map(|c| distance_at(plates, *c).unwrap_or(f64::NAN)).collect();
     let times: Vec<f64> = window.time_s.iter().map(|t| t - first_s).collect();
@@ -123,9 +123,9 @@ fn of_all(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchSt
         Some(frequency_hz) => fit_sine_at(&times, &distances, frequency_hz),
         None => fit_sine(&times, &distances, window.interval_s),
     };
-    let sine = sine.ok_or(NoBatchStart::NoSine)?;
+    let sine = sine.ok_or(NoPistonBatchStart::NoSine)?;
     batch_fit(plates, window, [sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.offset, 0.0], false)
-        .map_err(|_| NoBatchStart::NotFitted)
+        .map_err(|_| NoPistonBatchStart::NotFitted)
         .map(|mut start| {
             start.left_out = distances.iter().filter(|d| !d.is_finite()).count();
             start
@@ -136,10 +136,10 @@ fn of_all(plates: &Plates, window: &SegmentData) -> Result<BatchStart, NoBatchSt
 /// whether Ȧ is fitted too.
 pub fn batch_fit(
     plates: &Plates,
-    window: &SegmentData,
+    window: &PistonSegment,
     start: [f64; 5],
     drifts: bool,
-) -> Result<BatchStart, FitError> {
+) -> Result<PistonBatchStart, FitError> {
     let law = ByDual(MotionLaw { plates, window });
     let settings = FitSettings {
         free: [true, true, true, true, drifts],
@@ -154,7 +154,7 @@ pub fn batch_fit(
     if !drifts {
         covariance.0[4][4] = f64::INFINITY;
     }
-    Ok(BatchStart {
+    Ok(PistonBatchStart {
         mean: canonical(found.parameters),
         covariance: Covariance::from_lower(covariance),
         samples: found.degrees_of_freedom + if drifts { 5 } else { 4 },
@@ -182,10 +182,10 @@ pub fn wrapped(phase: f64) -> f64 {
 /// The samples of a window less a motion, over the noise.
 struct MotionLaw<'a> {
     plates: &'a Plates,
-    window: &'a SegmentData<'a>,
+    window: &'a PistonSegment<'a>,
 }
 
-impl Law<5> for MotionLaw<'_> {
+impl ResidualLaw<5> for MotionLaw<'_> {
     fn residuals<S: Over<f64>>(&self, p: &[S; 5], each: &mut impl FnMut(S)) {
         let weight = self.window.noise_variance.sqrt().recip();
         let first_s = self.window.time_s.first().copied().unwrap_or(0.0);

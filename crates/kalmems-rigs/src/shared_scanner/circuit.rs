@@ -1,11 +1,12 @@
 //! The circuit of an experiment file, and the signal through it.
 
-use super::settings::{Hardware, Settings};
-use super::simulation::{Sensing, Sensor};
+use super::settings::{ScannerHardware, ScannerSettings};
+use super::simulation::{Sensing, SimulatedSensor};
 use crate::circuit::{
-    Adequacy, AdequacyError, Chain, Circuit, Detector, HighPass, Inputs, SAMPLES_PER_CARRIER_CYCLE, Setting,
+    Adequacy, AdequacyError, AdequacySettings, AmplitudeDetector, Chain, Circuit, CircuitInputs, HighPass,
+    SAMPLES_PER_CARRIER_CYCLE,
 };
-use crate::config::{ConfigError, Experiment, Fault, Key, Quantity, Simulate};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, Quantity, Simulate};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::device::{DetectorSource, ModulatedCircuit};
 use crate::simulate::{Drive, Simulator, WhiteNoise};
@@ -37,25 +38,28 @@ impl SensingCircuit {
         let missing = || {
             let key = Key::from("device").child("shared_scanner").child("circuit");
             let remedy = "describe the circuit, or simulate without one".to_owned();
-            experiment.error(key, Fault::MissingKey { remedy })
+            experiment.error(key, ConfigFault::MissingKey { remedy })
         };
         let device = experiment.device::<SharedScanner>()?;
         let described = device.circuit.as_ref().ok_or_else(missing)?;
         let integration_rate_hz = simulate.integration_rate.si();
-        let at = |keys: &[&str], fault: Fault| {
+        let at = |keys: &[&str], fault: ConfigFault| {
             Err(experiment
                 .error(keys[1..].iter().fold(Key::from(keys[0]), |key, name| key.child(name)), fault))
         };
         let Some(frequency) = &device.carrier.frequency else {
             let remedy = "a circuit needs the carrier; write `frequency = \"500 kHz\"`".to_owned();
-            return at(&["device", "shared_scanner", "carrier", "frequency"], Fault::MissingKey { remedy });
+            return at(
+                &["device", "shared_scanner", "carrier", "frequency"],
+                ConfigFault::MissingKey { remedy },
+            );
         };
         let carrier_hz = frequency.si();
         if drive.slope(0.0).is_none() {
             let why = "the circuit takes the derivative of the drive, which a square wave and a recording do not have; \
                        simulate with a constant, a sine or a sweep, or without `[device.shared_scanner.circuit]`"
                 .to_owned();
-            return at(&["simulate", "drive"], Fault::Value { why });
+            return at(&["simulate", "drive"], ConfigFault::Value { why });
         }
         let least_hz = SAMPLES_PER_CARRIER_CYCLE * carrier_hz;
         if integration_rate_hz < least_hz * (1.0 - 1e-9) {
@@ -63,11 +67,14 @@ impl SensingCircuit {
                 "the circuit needs {SAMPLES_PER_CARRIER_CYCLE} steps per cycle of the carrier; write at least `{} MHz`",
                 least_hz / 1e6
             );
-            return at(&["simulate", "integration_rate"], Fault::Value { why });
+            return at(&["simulate", "integration_rate"], ConfigFault::Value { why });
         }
         let Some(circuit) = circuit_of(described) else {
             let why = "a high-pass has 1 to 8 poles".to_owned();
-            return at(&["device", "shared_scanner", "circuit", "high_pass", "order"], Fault::Value { why });
+            return at(
+                &["device", "shared_scanner", "circuit", "high_pass", "order"],
+                ConfigFault::Value { why },
+            );
         };
         let seed = simulate.noise.then_some(simulate.seed);
         Ok(Self { circuit, carrier: device.carrier.amplitude.si(), carrier_hz, seed })
@@ -76,11 +83,11 @@ impl SensingCircuit {
     /// What a filter needs to know of it. `acceleration_density` is that of the filter.
     pub fn adequacy(
         &self,
-        hardware: &Hardware,
+        hardware: &ScannerHardware,
         (drive, start): (&Drive, [f64; 2]),
         acceleration_density: f64,
     ) -> Result<Adequacy, AdequacyError> {
-        let setting = Setting {
+        let setting = AdequacySettings {
             acceleration_density,
             noise_variance: hardware.noise_variance,
             carrier: self.carrier,
@@ -104,7 +111,7 @@ pub fn density_asked(experiment: &Experiment) -> Result<f64, ConfigError> {
     if experiment.estimate.is_none() {
         return Ok(USUAL_DENSITY);
     }
-    let filters = Settings::of(experiment)?.filters;
+    let filters = ScannerSettings::of(experiment)?.filters;
     Ok(filters.iter().find(|f| f.basics.method.claims()).map_or(USUAL_DENSITY, |f| f.acceleration_density))
 }
 
@@ -120,16 +127,16 @@ fn circuit_of(described: &ModulatedCircuit) -> Option<Circuit> {
         high_pass: HighPass::new(described.high_pass.order, described.high_pass.cutoff.si())?,
         detector: match &described.detector {
             DetectorSource::SquareLaw(law) => {
-                Detector::SquareLaw(SquareLaw { linear: law.linear.si(), square: law.square.si() })
+                AmplitudeDetector::SquareLaw(SquareLaw { linear: law.linear.si(), square: law.square.si() })
             }
-            DetectorSource::Diode(diode) => Detector::Diode(DiodeEnvelope {
+            DetectorSource::Diode(diode) => AmplitudeDetector::Diode(DiodeEnvelope {
                 forward_drop: diode.forward_drop.si(),
                 series_resistance: diode.series_resistance.si(),
                 load_resistance: diode.load_resistance.si(),
                 load_capacitance: diode.load_capacitance.si(),
             }),
             DetectorSource::Synchronous(law) => {
-                Detector::Synchronous(SynchronousDemodulator { phase: law.phase.si() })
+                AmplitudeDetector::Synchronous(SynchronousDemodulator { phase: law.phase.si() })
             }
         },
         low_pass_hz: [first.si(), second.si()],
@@ -137,7 +144,7 @@ fn circuit_of(described: &ModulatedCircuit) -> Option<Circuit> {
     })
 }
 
-impl Sensor<ParametricScanner<f64>, 2> for SensingCircuit {
+impl SimulatedSensor<ParametricScanner<f64>, 2> for SensingCircuit {
     type Sensing<'a> = Circuitry<'a>;
 
     /// The circuit as it is when it has been on for long while the device was held where it starts.
@@ -154,8 +161,8 @@ impl Sensor<ParametricScanner<f64>, 2> for SensingCircuit {
         // More than 30 time constants of the slowest stage.
         let slowest_hz = self.circuit.low_pass_hz.into_iter().fold(f64::INFINITY, f64::min);
         let discharge_s = match self.circuit.detector {
-            Detector::Diode(diode) => diode.load_resistance * diode.load_capacitance,
-            Detector::SquareLaw(_) | Detector::Synchronous(_) => 0.0,
+            AmplitudeDetector::Diode(diode) => diode.load_resistance * diode.load_capacitance,
+            AmplitudeDetector::SquareLaw(_) | AmplitudeDetector::Synchronous(_) => 0.0,
         };
         let settle_s = 30.0 * discharge_s.max(1.0 / (TAU * slowest_hz));
         #[allow(clippy::cast_possible_truncation)] // saturates
@@ -196,7 +203,7 @@ impl Circuitry<'_> {
         let drive_slope = self.drive.slope(time_s).unwrap_or(f64::NAN);
         let noise = self.noise.as_mut().map_or(0.0, |noise| self.chain.noise() * noise.sample());
         let comb = &self.scanner.comb;
-        let stages = self.chain.step(&Inputs {
+        let stages = self.chain.step(&CircuitInputs {
             capacitance: comb.capacitance(angle),
             capacitance_rate: comb.slope(angle) * rate,
             voltage: self.drive.at(time_s) + carrier * sine,

@@ -1,6 +1,6 @@
 //! The scanner as differential equations.
 
-use super::settings::Hardware;
+use super::settings::ScannerHardware;
 use super::two_axes;
 use crate::Expansion;
 use crate::config::{ConfigError, Experiment};
@@ -13,8 +13,8 @@ const COMB: [&str; 2] = [
 
 /// The device of an experiment with one axis.
 pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
-    let hardware = Hardware::of(experiment)?;
-    let Hardware { scanner, readout, poles, delay_s, noise_variance } = hardware;
+    let hardware = ScannerHardware::of(experiment)?;
+    let ScannerHardware { scanner, readout, poles, delay_s, noise_variance } = hardware;
     let mut all = Expansion { noise: vec![("angular_acceleration", "rate")], ..Expansion::default() };
     all.table("states", &[("angle", "rad"), ("rate", "rad/s")]);
     all.table("inputs", &[("drive", "V")]);
@@ -75,8 +75,8 @@ const SIGN: &str = "The signal is the same for the mirrored motion; `first_peak`
 
 /// The device of an experiment with two axes.
 pub fn expanded_two_axes(experiment: &Experiment) -> Result<Expansion, ConfigError> {
-    let two_axes::hardware::Hardware { scanner, readout, noise_variance } =
-        two_axes::hardware::Hardware::of(experiment)?;
+    let two_axes::hardware::TwoAxisHardware { scanner, readout, noise_variance } =
+        two_axes::hardware::TwoAxisHardware::of(experiment)?;
     let mut all = Expansion {
         noise: vec![("angular_acceleration_x", "rate_x"), ("angular_acceleration_y", "rate_y")],
         ..Expansion::default()

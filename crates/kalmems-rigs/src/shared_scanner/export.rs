@@ -1,12 +1,12 @@
 //! Which filter can be exported, and what of it.
 
-use super::settings::Settings;
+use super::settings::ScannerSettings;
 use crate::config::{Experiment, Method};
-use crate::export::{ExportError, Filter, Integration, ScannerFilter};
+use crate::export::{ExportError, ExportableFilter, Integration, ScannerFilter};
 
 /// The filter at this place of the file.
-pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportError> {
-    let settings = Settings::of(experiment)?;
+pub fn exported(experiment: &Experiment, place: usize) -> Result<ExportableFilter, ExportError> {
+    let settings = ScannerSettings::of(experiment)?;
     let (hardware, filter) = (&settings.hardware, &settings.filters[place]);
     let refuse =
         |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
@@ -28,7 +28,7 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportE
             "it starts from the signal; give `start` as values, such as `{ angle = \"0.05 rad\", rate = \"0 rad/s\" }`",
         );
     };
-    Ok(Filter::Scanner(ScannerFilter {
+    Ok(ExportableFilter::Scanner(ScannerFilter {
         scanner: hardware.scanner,
         readout: hardware.readout,
         noise_variance: hardware.noise_variance,

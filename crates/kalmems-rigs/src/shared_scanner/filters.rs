@@ -1,13 +1,15 @@
 //! What the rig takes from the tables of filters, in SI.
 
-use super::settings::{Hardware, state_at, states};
-use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Sign, Start};
-use crate::estimate::{FilterBasics, Parameter, StateName, process_noise};
+use super::settings::{ScannerHardware, state_at, states};
+use crate::config::{
+    ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key, Sign,
+};
+use crate::estimate::{DeviceParameter, FilterBasics, StateName, process_noise};
 use crate::units::kind;
 
 /// What one `[[estimate.filter]]` says of a filter of one axis: its states, where they start, and its process noise.
 #[derive(Clone, Debug)]
-pub struct FilterSettings {
+pub struct ScannerFilterSettings {
     /// What every filter has.
     pub basics: FilterBasics,
     /// Angle in rad and rate in rad/s to start from; `None` starts from the signal.
@@ -23,25 +25,28 @@ pub struct FilterSettings {
 }
 
 /// All of them, for one axis.
-pub static PARAMETERS: [Parameter; 5] = [
-    Parameter::factor("stiffness")
+pub static PARAMETERS: [DeviceParameter; 5] = [
+    DeviceParameter::factor("stiffness")
         .in_motion("scanner.resonator.stiffness")
         .in_whole("device.scanner.resonator.stiffness")
         .written(&[("resonator.stiffness", 1)]),
-    Parameter::factor("damping")
+    DeviceParameter::factor("damping")
         .in_motion("scanner.resonator.damping")
         .in_whole("device.scanner.resonator.damping")
         .written(&[("resonator.damping", 1)]),
-    Parameter::factor("drive_gain")
+    DeviceParameter::factor("drive_gain")
         .in_motion("drive_gain")
         .in_whole("device.drive_gain")
         .written(&super::settings::DRIVE_GAIN),
-    Parameter::factor("gain").in_readout("gain").in_whole("gain").written(&[("readout.gain", 1)]),
-    Parameter::volts("offset").in_readout("offset").in_whole("offset").written(&[("readout.offset", 1)]),
+    DeviceParameter::factor("gain").in_readout("gain").in_whole("gain").written(&[("readout.gain", 1)]),
+    DeviceParameter::volts("offset")
+        .in_readout("offset")
+        .in_whole("offset")
+        .written(&[("readout.offset", 1)]),
 ];
 
 /// What a deviation of 1 adds to each of them.
-fn scales(hardware: &Hardware) -> [f64; 5] {
+fn scales(hardware: &ScannerHardware) -> [f64; 5] {
     let resonator = &hardware.scanner.resonator;
     [resonator.stiffness, resonator.damping, 1.0, hardware.readout.gain, 1.0]
 }
@@ -54,32 +59,34 @@ const MOTION: [StateName; 4] = [
     ("stage_2", "V", &kind::VOLTAGE),
 ];
 
-const NOISE: [Entry; 1] =
-    [Entry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative)];
+const NOISE: [ExpectedEntry; 1] =
+    [ExpectedEntry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative)];
 
-impl FilterSettings {
+impl ScannerFilterSettings {
     /// Reads and checks the filter at this place of the file.
     pub fn of(
         experiment: &Experiment,
         estimate: &Estimate,
-        hardware: &Hardware,
+        hardware: &ScannerHardware,
         index: usize,
     ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
         let start = match &filter.start {
-            Some(Start::Values(values)) => Some(state_at(experiment, at.clone().child("start"), values)?),
-            Some(Start::FromSignal) | None => None,
+            Some(FilterStart::Values(values)) => {
+                Some(state_at(experiment, at.clone().child("start"), values)?)
+            }
+            Some(FilterStart::FromSignal) | None => None,
         };
         if filter.demodulator && hardware.poles.is_none() {
             let why = "the device's readout states no `poles`; add them, such as `poles = [\"31.35 kHz\", \
                        \"31.35 kHz\"]`, or leave `demodulator` out";
-            return Err(experiment.error(at.child("demodulator"), Fault::Value { why: why.to_owned() }));
+            return Err(experiment.error(at.child("demodulator"), ConfigFault::Value { why: why.to_owned() }));
         }
         if filter.demodulator && filter.method.has_fixed_gain() {
             let why =
                 "the gain for all of a swing is that of angle and rate alone; leave it out, or use `ekf`";
-            return Err(experiment.error(at.child("demodulator"), Fault::Value { why: why.to_owned() }));
+            return Err(experiment.error(at.child("demodulator"), ConfigFault::Value { why: why.to_owned() }));
         }
         let by_batch = start.is_none() && filter.method.claims() && filter.start_sd.is_empty();
         let (start_sd, demodulator_sd) = if by_batch {
@@ -105,7 +112,7 @@ impl FilterSettings {
 fn deviations(
     experiment: &Experiment,
     at: &Key,
-    filter: &Filter,
+    filter: &FilterTable,
 ) -> Result<([f64; 2], Option<f64>), ConfigError> {
     let key = at.clone().child("start_sd");
     let [angle, rate] = states(Sign::Positive);
@@ -113,7 +120,7 @@ fn deviations(
         return Ok(([0.0; 2], filter.demodulator.then_some(0.0)));
     }
     if filter.demodulator {
-        let stages = Entry::new("demodulator", &kind::VOLTAGE, Sign::Positive);
+        let stages = ExpectedEntry::new("demodulator", &kind::VOLTAGE, Sign::Positive);
         let [angle, rate, volts] = experiment.values(key, &filter.start_sd, [angle, rate, stages])?;
         return Ok(([angle, rate], Some(volts)));
     }

@@ -1,6 +1,6 @@
 //! The lock-in: amplitude and phase of the signal at the drive's frequency.
 
-use super::settings::Hardware;
+use super::settings::ScannerHardware;
 use crate::estimate::Swing;
 use crate::signal::{Sine, fit_sine_at};
 use kalmems_core::Portable;
@@ -16,7 +16,7 @@ use std::f64::consts::{PI, TAU};
 /// of 1.76·θ₀; a larger one gives the same signal as a smaller one.
 #[derive(Clone, Copy, Debug)]
 pub struct LockIn<'a> {
-    hardware: &'a Hardware,
+    hardware: &'a ScannerHardware,
     drive: &'a Sine,
     /// What the demodulator's stages leave of the component, and by how much they and the readout's delay turn it, in
     /// rad.
@@ -28,7 +28,7 @@ const LARGEST: f64 = 1.545_127_3;
 
 impl<'a> LockIn<'a> {
     /// For this device and drive, behind low-pass stages with these corners in rad/s, if any.
-    pub fn new(hardware: &'a Hardware, drive: &'a Sine, poles: Option<[f64; 2]>) -> Self {
+    pub fn new(hardware: &'a ScannerHardware, drive: &'a Sine, poles: Option<[f64; 2]>) -> Self {
         let rate = TAU * drive.frequency_hz;
         let stages =
             poles.into_iter().flatten().fold((1.0, rate * hardware.delay_s), |(left, delay), pole| {

@@ -4,7 +4,6 @@
 //! Electrodes in Endomicroscopy, 2020. The mirror is driven parametrically; a carrier on the same electrodes,
 //! demodulated, gives a voltage that is affine in the capacitance and even in the angle.
 
-mod beside;
 mod circuit;
 pub mod device;
 mod expanded;
@@ -19,31 +18,32 @@ pub mod regulation;
 mod ring_down;
 mod segment;
 mod settings;
+mod side_outputs;
 mod simulation;
 pub mod two_axes;
 
-use super::{Estimator, Form, LeftOut, Rig, Template, TemplateChannel};
+use super::{Estimator, NumberForm, OmittedNumber, Rig, Template, TemplateChannel};
 use crate::Expansion;
-use crate::config::{ConfigError, DeviceKind, DriveSource, Experiment, Method, Role, Uses};
+use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment, Method, RecordingRole};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{
-    Around, Axis, Beside, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment,
-    rows_for_start,
+    AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SideOutputs,
+    SignalSegment, rows_for_start,
 };
-use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
-use crate::export::{ExportError, Filter};
+use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
+use crate::export::{ExportError, ExportableFilter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress};
-use crate::recording::{Finding, Layout, Recording};
+use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-pub use filters::FilterSettings;
+pub use filters::ScannerFilterSettings;
 pub use outlook::CycleBound;
 use ring_down::RingDownSimulation;
 pub use segment::{estimate as estimate_segment, estimate_with as estimate_segment_with};
-pub use settings::{Hardware, Settings};
+pub use settings::{ScannerHardware, ScannerSettings};
 
 /// The rig.
 pub struct SharedScannerRig;
@@ -59,8 +59,8 @@ static NO_METHODS: [(Method, &str); 1] = [(
 
 /// How late the readout may be of a motion of this frequency in Hz, in steps of a two-thousandth of its cycle: as a whole, or by the
 /// poles of its demodulator.
-fn left_out(natural_hz: f64) -> Vec<LeftOut> {
-    let late = |key, form, filter_switch| LeftOut {
+fn left_out(natural_hz: f64) -> Vec<OmittedNumber> {
+    let late = |key, form, filter_switch| OmittedNumber {
         key,
         unit: "s",
         step: 5e-4 / natural_hz,
@@ -69,8 +69,8 @@ fn left_out(natural_hz: f64) -> Vec<LeftOut> {
         filter_switch,
     };
     vec![
-        late("readout.delay", Form::Number, None),
-        late("readout.poles", Form::TwoPoles, Some("demodulator")),
+        late("readout.delay", NumberForm::Number, None),
+        late("readout.poles", NumberForm::TwoPoles, Some("demodulator")),
     ]
 }
 
@@ -99,26 +99,27 @@ impl Rig for SharedScannerRig {
         Ok(experiment.device::<SharedScanner>()?.second_axis.is_none())
     }
 
-    fn uses(&self, _: &Experiment) -> Uses {
-        Uses { no_methods: &NO_METHODS, ..Uses::default() }
+    fn uses(&self, _: &Experiment) -> DeviceUses {
+        DeviceUses { no_methods: &NO_METHODS, ..DeviceUses::default() }
     }
 
-    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &filters::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        Settings::of(experiment)?;
+        ScannerSettings::of(experiment)?;
         wanted(experiment)
     }
 
-    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        let cycle_s = 1.0 / Hardware::of(experiment)?.natural_hz();
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
+        let cycle_s = 1.0 / ScannerHardware::of(experiment)?.natural_hz();
         experiment.layout_to_estimate(index, &columns(experiment, index)?, cycle_s)
     }
 
-    fn left_out(&self, experiment: &Experiment) -> Vec<LeftOut> {
-        Hardware::of(experiment).map_or_else(|_| Vec::new(), |hardware| left_out(hardware.natural_hz()))
+    fn left_out(&self, experiment: &Experiment) -> Vec<OmittedNumber> {
+        ScannerHardware::of(experiment)
+            .map_or_else(|_| Vec::new(), |hardware| left_out(hardware.natural_hz()))
     }
 
     fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
@@ -131,10 +132,10 @@ impl Rig for SharedScannerRig {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        let settings = Settings::of(experiment)?;
+        let settings = ScannerSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        let beside = Beside::default();
-        Ok(Box::new(ScannerEstimator { settings, columns, beside, past: Past::default(), progress }))
+        let side_outputs = SideOutputs::default();
+        Ok(Box::new(ScannerEstimator { settings, columns, side_outputs, past: Past::default(), progress }))
     }
 
     fn live<'a>(
@@ -143,22 +144,22 @@ impl Rig for SharedScannerRig {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        let settings = Settings::of(experiment)?;
+        let settings = ScannerSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        let beside = beside::of(experiment, &settings)?;
-        Ok(Box::new(ScannerEstimator { settings, columns, beside, past: Past::default(), progress }))
+        let side_outputs = side_outputs::of(experiment, &settings)?;
+        Ok(Box::new(ScannerEstimator { settings, columns, side_outputs, past: Past::default(), progress }))
     }
 
     fn signs_from_s(
         &self,
         experiment: &Experiment,
         index: usize,
-        recording: &Recording,
+        recording: &SampledRecording,
     ) -> Result<Vec<f64>, EstimateError> {
-        let skip_s = Settings::of(experiment)?.skip_s;
+        let skip_s = ScannerSettings::of(experiment)?.skip_s;
         let Some(first) = recording.segments().first() else { return Ok(Vec::new()) };
         let ([drive, signal], mut past) = (columns(experiment, index)?, Past::default());
-        let part = Part::whole(recording, first);
+        let part = SegmentPart::whole(recording, first);
         let segment = SignalSegment::of(&part, (signal, &kind::VOLTAGE), skip_s, &mut past)?;
         Ok(vec![DrivenSegment::of(&segment, drive, &mut past)?.first_drive_peak(skip_s)])
     }
@@ -186,10 +187,10 @@ impl Rig for SharedScannerRig {
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
-        references: &[Reference],
+        references: &[ReferenceMotion],
         stop: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
-        let extent = Extent {
+        let extent = ComparisonExtent {
             from_s: estimate.from_s(),
             motion_hz: estimate.motion.frequency_hz,
             drive: estimate.drive.as_ref(),
@@ -198,7 +199,11 @@ impl Rig for SharedScannerRig {
         estimate.trajectories.iter().map(errors).collect()
     }
 
-    fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
+    fn exported(
+        &self,
+        experiment: &Experiment,
+        place: usize,
+    ) -> Result<(ExportableFilter, [String; 2]), ExportError> {
         let index = self.wanted(experiment)?.first().copied().unwrap_or(0);
         Ok((export::exported(experiment, place)?, columns(experiment, index)?.map(str::to_owned)))
     }
@@ -206,41 +211,41 @@ impl Rig for SharedScannerRig {
 
 /// Estimates recordings of a scanner with one axis.
 struct ScannerEstimator<'a> {
-    settings: Settings,
+    settings: ScannerSettings,
     /// Those of drive and signal.
     columns: [&'a str; 2],
-    /// What is said beside the estimates.
-    beside: Beside,
+    /// What it gives besides the estimates.
+    side_outputs: SideOutputs,
     past: Past,
     progress: &'a dyn Progress,
 }
 
 impl Estimator for ScannerEstimator<'_> {
-    fn around(&self, interval_s: f64) -> Around {
+    fn around(&self, interval_s: f64) -> RowsAround {
         let cycle_s = 1.0 / self.settings.hardware.natural_hz();
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         let around = around_driven(interval_s, self.settings.skip_s + STARTING_CYCLES * cycle_s, smooths);
         let by_batch = self.settings.filters.iter().filter(|filter| filter.by_batch);
         let rows = by_batch.map(|filter| rows_for_start((cycle_s, interval_s), filter.states().len()));
-        Around { head: rows.fold(around.head, usize::max), ..around }
+        RowsAround { head: rows.fold(around.head, usize::max), ..around }
     }
 
     fn past(&mut self) -> &mut Past {
         &mut self.past
     }
 
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
-        segment.require_sound(&[signal_column])?;
-        past.drive.foresees = self.beside.foretelling.is_some();
+        segment.require_usable_signals(&[signal_column])?;
+        past.drive.foresees = self.side_outputs.prediction.is_some();
         let data = &DrivenSegment::of(&segment, drive_column, past)?;
         let motion = data.motion(settings.hardware.natural_hz());
         segment.require_cycles(motion.frequency_hz)?;
-        let (beside, place) = (&self.beside, &segment.place);
-        let trajectories = segment::estimate(settings, beside, data, past, place, self.progress)?;
-        let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
+        let (side_outputs, place) = (&self.side_outputs, &segment.place);
+        let trajectories = segment::estimate(settings, side_outputs, data, past, place, self.progress)?;
+        let axis = AngleAxis { angle: "angle", motion, drive: data.drive.sine().copied() };
         let mut remarks = sign_after_restart(part, settings.first_peak_positive.is_some());
         remarks.extend(settings.poles_left_out().filter(|_| part.begins));
         Ok(SegmentEstimate {
@@ -251,12 +256,12 @@ impl Estimator for ScannerEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns[1]]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns[1]]), |_| true)
     }
 }
 
 /// What has to be known of the sign of a motion that was calibrated for the first stretch of a record, in a later one.
-fn sign_after_restart(part: &Part, calibrated: bool) -> Vec<String> {
+fn sign_after_restart(part: &SegmentPart, calibrated: bool) -> Vec<String> {
     if !(calibrated && part.begins && part.segment.stretch.number > 1) {
         return Vec::new();
     }
@@ -275,15 +280,15 @@ const INTERPOLATED: usize = 4;
 
 /// What the estimators of driven scanners need around the new rows: at first what shows the sine of the drive and the motion
 /// for this long in s.
-fn around_driven(interval_s: f64, start_s: f64, smooths: bool) -> Around {
+fn around_driven(interval_s: f64, start_s: f64, smooths: bool) -> RowsAround {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
     let rows = (start_s / interval_s).ceil() as usize;
-    Around { head: rows.max(BLOCK), before: INTERPOLATED, after: 1, smooths }
+    RowsAround { head: rows.max(BLOCK), before: INTERPOLATED, after: 1, smooths }
 }
 
 /// The recordings that are estimated, their channels checked.
 fn wanted(experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-    let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState])?;
+    let wanted = experiment.to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState])?;
     for index in &wanted {
         columns(experiment, *index)?;
     }

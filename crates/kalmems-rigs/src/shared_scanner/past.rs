@@ -5,14 +5,14 @@ use std::collections::VecDeque;
 /// The state of a device that is being integrated, a constant number of steps ago, between the steps by a cubic.
 ///
 /// Before its first step the device was where it starts.
-pub struct Past<const N: usize> {
+pub struct DelayedState<const N: usize> {
     /// The newest last; as many as the cubic reaches back.
     states: VecDeque<[f64; N]>,
     /// Those of the oldest states, the oldest first.
     weights: [f64; 4],
 }
 
-impl<const N: usize> Past<N> {
+impl<const N: usize> DelayedState<N> {
     /// So many steps back, 0 or more.
     pub fn new(start: &[f64; N], steps: f64) -> Self {
         if steps == 0.0 {
@@ -49,7 +49,7 @@ mod tests {
     fn a_cubic_is_read_exactly_and_a_start_is_held() {
         let cubic = |t: f64| 3.0 - t + 0.5 * t * t - 0.02 * t * t * t;
         for steps in [0.0, 0.3, 1.0, 1.6, 2.0, 7.0, 29.25] {
-            let mut past = Past::new(&[cubic(0.0), -1.0], steps);
+            let mut past = DelayedState::new(&[cubic(0.0), -1.0], steps);
             for k in 1..60 {
                 past.push(&[cubic(f64::from(k)), f64::from(k) - 1.0]);
                 let [first, second] = past.state();

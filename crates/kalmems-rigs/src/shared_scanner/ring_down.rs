@@ -1,11 +1,12 @@
 //! A ring-down that is computed.
 
 use super::identification::RingDownSettings;
-use super::settings::{Hardware, state_at};
-use crate::config::{Experiment, Fault, RingDownDrive, Role};
-use crate::recording::Source;
+use super::settings::{ScannerHardware, state_at};
+use crate::config::{ConfigFault, Experiment, RecordingRole, RingDownDrive};
+use crate::recording::RecordingSource;
 use crate::simulate::{
-    Channel, Drive, Sample, SimulateError, Simulation, Simulator, Stability, WhiteNoise, drive_of,
+    Drive, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator, Stability, WhiteNoise,
+    drive_of,
 };
 use kalmems_core::Measurement;
 use kalmems_models::dynamics::ParametricScanner;
@@ -17,7 +18,7 @@ use std::ops::ControlFlow;
 ///
 /// From the switch on there is no carrier: at 500 kHz it would hide the current of the motion.
 pub struct RingDownSimulation {
-    hardware: Hardware,
+    hardware: ScannerHardware,
     settings: RingDownSettings,
     before: Drive,
     lasting_steps: u64,
@@ -40,19 +41,19 @@ impl RingDownSimulation {
     pub fn of(experiment: &Experiment, drive: &RingDownDrive) -> Result<Self, SimulateError> {
         let Some(simulate) = &experiment.simulate else {
             let remedy = "add the table `[simulate]`".to_owned();
-            return Err(experiment.error("simulate", Fault::MissingKey { remedy }).into());
+            return Err(experiment.error("simulate", ConfigFault::MissingKey { remedy }).into());
         };
         if simulate.adc.is_some() {
             let why =
                 "a ring-down has two channels, and the converter is that of one; remove `[simulate.adc]`";
-            return Err(experiment.error("simulate.adc", Fault::Value { why: why.to_owned() }).into());
+            return Err(experiment.error("simulate.adc", ConfigFault::Value { why: why.to_owned() }).into());
         }
         let integration_rate_hz = simulate.integration_rate.si();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, and saturating
         let lasting_steps = (drive.lasting.si() * integration_rate_hz).round() as u64;
         let noise = if simulate.noise { 1.0 } else { 0.0 };
         Ok(Self {
-            hardware: Hardware::of(experiment)?,
+            hardware: ScannerHardware::of(experiment)?,
             settings: RingDownSettings::of(experiment)?,
             before: drive_of(experiment, simulate)?.0,
             lasting_steps,
@@ -69,23 +70,23 @@ impl RingDownSimulation {
 }
 
 impl Simulation for RingDownSimulation {
-    fn recorded(&self) -> &[Channel] {
-        &[Channel { meaning: "current_signal", column: "vo1_V" }]
+    fn recorded(&self) -> &[SimulatedColumn] {
+        &[SimulatedColumn { meaning: "current_signal", column: "vo1_V" }]
     }
 
-    fn truth(&self) -> &[Channel] {
-        &[Channel { meaning: "angle", column: "angle_rad" }]
+    fn truth(&self) -> &[SimulatedColumn] {
+        &[SimulatedColumn { meaning: "angle", column: "angle_rad" }]
     }
 
-    fn role(&self) -> Role {
-        Role::RingDown
+    fn role(&self) -> RecordingRole {
+        RecordingRole::RingDown
     }
 
     fn samples(&self) -> u64 {
         self.samples
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &[]
     }
 
@@ -93,7 +94,7 @@ impl Simulation for RingDownSimulation {
         Stability::of(&self.hardware.scanner, &self.before).map(|stability| format!("before: {stability}"))
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let rate = self.integration_rate_hz;
         let mut driven = Simulator::new(self.hardware.scanner, self.before.clone(), rate, self.start);
         for _ in 0..self.lasting_steps {
@@ -122,7 +123,7 @@ impl Simulation for RingDownSimulation {
             let [signal, angle] = readout.predict(simulator.state());
             let signal = signal + self.signal_noise * noises[0].sample();
             let angle = angle + self.angle_noise * noises[1].sample();
-            let sample = Sample { time_s, recorded: &[signal], truth: &[angle] };
+            let sample = SimulatedSample { time_s, recorded: &[signal], truth: &[angle] };
             if each(&sample).is_break() {
                 return Err(SimulateError::Interrupted);
             }

@@ -1,17 +1,17 @@
 //! The estimates of one segment.
 
-use super::filters::FilterSettings;
+use super::filters::ScannerFilterSettings;
 use super::lock_in::LockIn;
 use super::plant::{affine, affine_models, affine_with, staged, staged_models, staged_with};
-use super::settings::Settings;
+use super::settings::ScannerSettings;
 use crate::config::Method;
 use crate::estimate::driven::{
     ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant, SteadySwing, TurningGain,
 };
 use crate::estimate::{
-    AnyFilter, BatchStart, Beside, Course, EstimateError, FilterBasics, FilterPast, Foreteller, Foretelling,
-    GainOf, Known, Past, Prior, StartOf, StartSearch, Started, StateName, Swing, Trajectory, answers_of_bank,
-    begun, follow, lock_in, start_from_signal,
+    AnyFilter, BatchStart, Course, EstimateError, FilterBasics, FilterPast, GainOf, MeanAndCovariance, Past,
+    PhasePrediction, PhasePredictor, SideOutputs, SignalStart, StartSearch, StartedCourse, StateName,
+    StatePrior, Swing, Trajectory, answers_of_bank, begun, follow, lock_in, start_from_signal,
 };
 use crate::progress::Progress;
 use crate::signal::Sine;
@@ -25,8 +25,8 @@ use std::f64::consts::{PI, TAU};
 /// `place` names the segment in messages. The past is [`Past::default`] at the beginning of a segment, and is kept from one
 /// part of it to the next.
 pub fn estimate(
-    settings: &Settings,
-    beside: &Beside,
+    settings: &ScannerSettings,
+    side_outputs: &SideOutputs,
     data: &DrivenSegment,
     past: &mut Past,
     place: &str,
@@ -40,11 +40,13 @@ pub fn estimate(
     let rate = *past.motion_rate.get_or_insert(TAU * first_hz);
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let foretelling = beside.foretelling.filter(|(place, _)| *place == index).map(|(_, which)| which);
+        let prediction = side_outputs.prediction.filter(|(place, _)| *place == index).map(|(_, which)| which);
         // Without a stated sign it is as the filter has it.
         let mirrored = settings.first_peak_positive.map_or(Some(false), |_| past.is_mirrored());
-        let said = Said { rate, phase: beside.phase, foretelling, mirrored, from_s: start_s };
-        let mut trajectories = one(&Task { settings, filter, data, place, said, progress }, past)?;
+        let side_outputs =
+            FilterSideOutputs { rate, phase: side_outputs.phase, prediction, mirrored, from_s: start_s };
+        let mut trajectories =
+            one(&ScannerFilterTask { settings, filter, data, place, side_outputs, progress }, past)?;
         judge(settings, data, past, &mut trajectories);
         all.append(&mut trajectories);
     }
@@ -65,19 +67,19 @@ pub fn estimate(
 ///
 /// ```
 /// use kalmems_core::SquareRootEkf;
-/// use kalmems_engines::estimate::{FilterPast, Part, Past, SignalSegment, driven::DrivenSegment};
+/// use kalmems_engines::estimate::{FilterPast, SegmentPart, Past, SignalSegment, driven::DrivenSegment};
 /// use kalmems_engines::progress::Silent;
-/// use kalmems_engines::{recording::Recording, units::kind};
-/// use kalmems_rigs::shared_scanner::{Settings, estimate_segment_with};
+/// use kalmems_engines::{recording::SampledRecording, units::kind};
+/// use kalmems_rigs::shared_scanner::{ScannerSettings, estimate_segment_with};
 /// # use std::path::Path;
 ///
 /// # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
 /// let experiment = kalmems_rigs::published().load(&root.join("examples/shared_scanner/experiment.toml"))?;
-/// let settings = Settings::of(&experiment)?;
+/// let settings = ScannerSettings::of(&experiment)?;
 /// let file = experiment.resolve(&experiment.recording(0)?.file);
-/// let recording = Recording::read(&file, &kalmems_rigs::published().rig(&experiment)?.layout(&experiment, 0)?)?;
+/// let recording = SampledRecording::read(&file, &kalmems_rigs::published().rig(&experiment)?.layout(&experiment, 0)?)?;
 ///
-/// let (part, mut past) = (Part::whole(&recording, &recording.segments()[0]), Past::default());
+/// let (part, mut past) = (SegmentPart::whole(&recording, &recording.segments()[0]), Past::default());
 /// let samples = SignalSegment::of(&part, ("cap_V", &kind::VOLTAGE), settings.skip_s, &mut past)?;
 /// let data = DrivenSegment::of(&samples, "drive_V", &mut past)?;
 /// let ekf = settings.filters.iter().find(|filter| filter.basics.key == "ekf").ok_or("no EKF")?;
@@ -87,8 +89,8 @@ pub fn estimate(
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
-    settings: &Settings,
-    filter: &FilterSettings,
+    settings: &ScannerSettings,
+    filter: &ScannerFilterSettings,
     data: &DrivenSegment,
     past: &mut FilterPast,
     place: &str,
@@ -105,9 +107,10 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
     if let Some((_, found)) = other.into_iter().find(|(is, _)| *is) {
         return Err(EstimateError::NotAngleAndRate { filter: basics.name.clone(), found });
     }
-    let said = Said { from_s: data.scored_from(settings.skip_s), ..Said::default() };
-    let task = Task { settings, filter, data, place, said, progress };
-    let begin = |left: Option<Known>| {
+    let side_outputs =
+        FilterSideOutputs { from_s: data.scored_from(settings.skip_s), ..FilterSideOutputs::default() };
+    let task = ScannerFilterTask { settings, filter, data, place, side_outputs, progress };
+    let begin = |left: Option<MeanAndCovariance>| {
         let Gaussian { mean, covariance } = left.map_or_else(|| task.start(), Ok)?.gaussian();
         Ok(AnyFilter::this(make(mean, covariance)))
     };
@@ -124,7 +127,12 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
 }
 
 /// Gives the trajectories of one filter the sign of the motion, where it is stated, and judges their lock.
-fn judge(settings: &Settings, data: &DrivenSegment, past: &mut FilterPast, trajectories: &mut [Trajectory]) {
+fn judge(
+    settings: &ScannerSettings,
+    data: &DrivenSegment,
+    past: &mut FilterPast,
+    trajectories: &mut [Trajectory],
+) {
     let axes = [("angle", data.motion(settings.hardware.natural_hz()))];
     for (answer, trajectory) in trajectories.iter_mut().enumerate() {
         let past = past.answer(answer);
@@ -147,33 +155,33 @@ fn turn_phase(trajectory: &mut Trajectory) {
     }
 }
 
-/// What is said of a filter beside its states.
+/// What a filter gives besides its states.
 #[derive(Clone, Copy, Default)]
-pub struct Said {
+pub struct FilterSideOutputs {
     /// The rate of the motion in rad/s.
     rate: f64,
     /// Whether amplitude and phase are said.
     phase: bool,
-    /// Which zero phases are foretold.
-    foretelling: Option<Foretelling>,
+    /// Which zero phases are predicted.
+    prediction: Option<PhasePrediction>,
     /// Whether the motion is mirrored, where that is known.
     mirrored: Option<bool>,
-    /// From when on they are foretold, in s.
+    /// From when on they are predicted, in s.
     from_s: f64,
 }
 
 /// One filter over one segment.
-struct Task<'a> {
-    settings: &'a Settings,
-    filter: &'a FilterSettings,
+struct ScannerFilterTask<'a> {
+    settings: &'a ScannerSettings,
+    filter: &'a ScannerFilterSettings,
     data: &'a DrivenSegment<'a>,
     place: &'a str,
-    said: Said,
+    side_outputs: FilterSideOutputs,
     progress: &'a dyn Progress,
 }
 
 /// Chooses the model: once per segment, so that the loops inside know their types.
-fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
+fn one(task: &ScannerFilterTask, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
     let (hardware, filter) = (&task.settings.hardware, task.filter);
     let method = filter.basics.method;
     let wrong = |why: AugmentationError| filter.basics.no_model(why);
@@ -194,22 +202,22 @@ fn one(task: &Task, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateEr
 }
 
 /// A filter of one axis or two on its way through a segment.
-pub struct Follower<'a> {
+pub struct ScannerFilterRun<'a> {
     /// The filter.
     pub filter: &'a FilterBasics,
     /// The segment.
     pub data: &'a DrivenSegment<'a>,
     /// The variance of the signal's noise per sample, in V².
     pub noise_variance: f64,
-    /// What is said beside the states.
-    pub said: Said,
+    /// What it gives besides the states.
+    pub side_outputs: FilterSideOutputs,
     /// Where it says how far it has come.
     pub progress: &'a dyn Progress,
     /// Where it starts, or each model of a bank does, where all of the first samples say that.
     pub starts: Vec<Option<BatchStart>>,
 }
 
-impl Follower<'_> {
+impl ScannerFilterRun<'_> {
     /// Likewise, from a start that all of the first samples have told.
     #[must_use]
     pub fn started(self, start: Option<BatchStart>) -> Self {
@@ -227,7 +235,7 @@ impl Follower<'_> {
         plant: &P,
         states: &[StateName],
         past: &mut FilterPast,
-        start: impl FnOnce() -> Result<Known, EstimateError>,
+        start: impl FnOnce() -> Result<MeanAndCovariance, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let mut trajectories = self.follow(plant, states, past, |left| self.filter.begin(left, start))?;
         if self.filter.method == Method::Model {
@@ -242,12 +250,12 @@ impl Follower<'_> {
         plants: &[P],
         states: &[StateName],
         past: &mut FilterPast,
-        start: impl Fn() -> Result<Known, EstimateError>,
+        start: impl Fn() -> Result<MeanAndCovariance, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
         let course = |(model, plant)| -> Result<Box<dyn Course + '_>, EstimateError> {
             let course = DrivenCourse::new(plant, self.noise_variance, self.data);
             let course = course.map_err(|why| self.filter.no_model(why))?;
-            Ok(Box::new(Started::new(course, self.start(model))))
+            Ok(Box::new(StartedCourse::new(course, self.start(model))))
         };
         let courses = plants.iter().enumerate().map(course).collect::<Result<Vec<_>, _>>()?;
         let way = (courses, &self.data.samples);
@@ -261,52 +269,54 @@ impl Follower<'_> {
         plant: &P,
         states: &[StateName],
         past: &mut FilterPast,
-        begin: impl FnOnce(Option<Known>) -> Result<AnyFilter, EstimateError>,
+        begin: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let Said { rate, phase, from_s, .. } = self.said;
+        let FilterSideOutputs { rate, phase, from_s, .. } = self.side_outputs;
         let course = DrivenCourse::new(plant, self.noise_variance, self.data);
         let course = match self.filter.method {
             Method::HybridEkf => course.and_then(|course| course.in_steps(HYBRID_STEPS)),
             _ => course,
         };
         let course = course.map_err(|why| self.filter.no_model(why))?.with_phase(phase.then_some(rate));
-        let course = course.foretelling(self.foreteller(past)?, from_s);
+        let course = course.predicting_phases(self.phase_predictor(past)?, from_s);
         // An observer forgets its start.
         let corrects = self.filter.gain().is_none();
-        let mut course = Started::new(course, self.start(0).filter(|_| corrects));
+        let mut course = StartedCourse::new(course, self.start(0).filter(|_| corrects));
         let begin = |left| begin(begun(left, self.start(0)));
         let told =
             follow((self.filter, past), begin, (&mut course, &self.data.samples), states, self.progress);
-        past.foreteller = course.into_inner().into_foreteller();
+        past.predictor = course.into_inner().into_phase_predictor();
         told
     }
 
-    /// What foretells zero phases on the filter's way, where it is to.
-    fn foreteller(&self, past: &mut FilterPast) -> Result<Option<Foreteller>, EstimateError> {
-        let Said { rate, mirrored, foretelling: Some(foretelling), .. } = self.said else { return Ok(None) };
-        let mut foreteller = if let Some(foreteller) = past.foreteller.take() {
-            foreteller
+    /// What predicts zero phases on the filter's way, where it is to.
+    fn phase_predictor(&self, past: &mut FilterPast) -> Result<Option<PhasePredictor>, EstimateError> {
+        let FilterSideOutputs { rate, mirrored, prediction: Some(prediction), .. } = self.side_outputs else {
+            return Ok(None);
+        };
+        let mut predictor = if let Some(predictor) = past.predictor.take() {
+            predictor
         } else {
             let motion = (self.data.interval_s, rate);
-            Foreteller::new(&self.filter.key, foretelling, motion, past.told_s())
+            PhasePredictor::new(&self.filter.key, prediction, motion, past.last_predicted_s())
                 .map_err(|why| EstimateError::Ahead { filter: self.filter.name.clone(), why })?
         };
-        foreteller.hear(mirrored);
-        Ok(Some(foreteller))
+        predictor.set_mirrored(mirrored);
+        Ok(Some(predictor))
     }
 }
 
-impl Task<'_> {
-    fn follower(&self) -> Follower<'_> {
+impl ScannerFilterTask<'_> {
+    fn follower(&self) -> ScannerFilterRun<'_> {
         let (filter, noise_variance) = (&self.filter.basics, self.settings.hardware.noise_variance);
-        let (data, said, progress) = (self.data, self.said, self.progress);
-        Follower { filter, data, noise_variance, said, progress, starts: Vec::new() }
+        let (data, side_outputs, progress) = (self.data, self.side_outputs, self.progress);
+        ScannerFilterRun { filter, data, noise_variance, side_outputs, progress, starts: Vec::new() }
     }
 
     fn bank<P: Plant>(&self, plants: &[P], past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let is_begun = past.left().is_some();
         let starts = plants.iter().map(|plant| self.batch_start(plant, is_begun));
-        let follower = Follower { starts: starts.collect::<Result<_, _>>()?, ..self.follower() };
+        let follower = ScannerFilterRun { starts: starts.collect::<Result<_, _>>()?, ..self.follower() };
         follower.bank(plants, &self.filter.states(), past, || self.start())
     }
 
@@ -329,7 +339,7 @@ impl Task<'_> {
             hardware.readout.gain * hardware.readout.comb.capacitance(angle) + hardware.readout.offset
         };
         let stages = if filter.demodulator_sd.is_some() { 2 } else { 0 };
-        let prior = |mean: f64| Prior { mean, sd: None };
+        let prior = |mean: f64| StatePrior { mean, sd: None };
         let prior = [prior(0.0); 2].into_iter().chain(vec![prior(volts(0.0)); stages]);
         let prior = prior.chain(filter.basics.priors()).collect();
         // Without a steady drive there is no lock-in, and the search begins at its own phases.
@@ -347,12 +357,12 @@ impl Task<'_> {
         let mut course = course.map_err(|why| filter.basics.no_model(why))?;
         let (states, place) = (filter.states(), self.place);
         let (basics, cycle_s) = (&filter.basics, motion_hz.recip());
-        let of = StartOf { place, basics, states: (&states, 2 + stages), sizes: &[], cycle_s };
+        let of = SignalStart { place, basics, states: (&states, 2 + stages), sizes: &[], cycle_s };
         start_from_signal(&mut course, &data.samples, &search, of).map(Some)
     }
 
     /// What is known at the first sample.
-    fn start(&self) -> Result<Known, EstimateError> {
+    fn start(&self) -> Result<MeanAndCovariance, EstimateError> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
         let motion = if let Some(start) = filter.start {
             start
@@ -366,7 +376,7 @@ impl Task<'_> {
         let stages = filter.demodulator_sd.map(|sd| [(volts, sd); 2]);
         let parameters = filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
         let motion = motion.into_iter().zip(filter.start_sd);
-        Ok(Known::apart(motion.chain(stages.into_iter().flatten()).chain(parameters)))
+        Ok(MeanAndCovariance::apart(motion.chain(stages.into_iter().flatten()).chain(parameters)))
     }
 
     /// The motion that the first cycles of the signal show, and how long they last in s.
@@ -388,7 +398,7 @@ impl Task<'_> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
         let plant = affine(hardware, filter);
         let found = self.batch_start(&plant, past.left().is_some())?;
-        let begin = |left: Option<Known>| {
+        let begin = |left: Option<MeanAndCovariance>| {
             let (mean, drive) = (left.map_or_else(|| self.start(), Ok)?.gaussian().mean, self.drive()?);
             let (swing, length_s) = self.first_swing()?;
             let over_s = [self.data.time_s.first().copied().unwrap_or(0.0), length_s];

@@ -1,7 +1,9 @@
 //! What the rig takes from an experiment file, in SI.
 
-use super::filters::FilterSettings;
-use crate::config::{ConfigError, Entry, Estimate, Experiment, Fault, Key, Peak, Quantity, Sign, Values};
+use super::filters::ScannerFilterSettings;
+use crate::config::{
+    ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, ExtremeSign, Key, Quantity, Sign, Values,
+};
 use crate::shared_scanner::device::SharedScanner;
 use crate::units::kind;
 use kalmems_models::capacitance::GaussianComb;
@@ -24,21 +26,21 @@ pub const DRIVE_GAIN: [(&str, i32); 7] = [
 
 /// What an experiment says of a shared-electrode scanner with one axis and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub struct ScannerSettings {
     /// The device.
-    pub hardware: Hardware,
+    pub hardware: ScannerHardware,
     /// How long a filter has to settle before it is scored, in s.
     pub skip_s: f64,
     /// Whether the first angle extreme after the settling time and the drive peak that follows it is a maximum;
     /// `None` leaves the sign as the filter started.
     pub first_peak_positive: Option<bool>,
     /// The filters, in the order of the file.
-    pub filters: Vec<FilterSettings>,
+    pub filters: Vec<ScannerFilterSettings>,
 }
 
 /// The scanner: how it moves, how it is read, and the noise of a sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Hardware {
+pub struct ScannerHardware {
     /// How it moves.
     pub scanner: ParametricScanner<f64>,
     /// What is recorded of it.
@@ -51,7 +53,7 @@ pub struct Hardware {
     pub noise_variance: f64,
 }
 
-impl Hardware {
+impl ScannerHardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let device = experiment.device::<SharedScanner>()?;
@@ -75,7 +77,7 @@ impl Hardware {
             );
             let key =
                 ["shared_scanner", "readout", "delay"].into_iter().fold(Key::from("device"), Key::child);
-            return Err(experiment.error(key, Fault::Value { why }));
+            return Err(experiment.error(key, ConfigFault::Value { why }));
         }
         Ok(Self {
             scanner: ParametricScanner { resonator, comb, carrier_mean_square: carrier * carrier / 2.0 },
@@ -105,24 +107,24 @@ impl Hardware {
 const LONGEST_DELAY_RAD: f64 = FRAC_PI_4;
 
 /// The states of the motion, as tables of values name them.
-pub const fn states(sign: Sign) -> [Entry; 2] {
+pub const fn states(sign: Sign) -> [ExpectedEntry; 2] {
     [
-        Entry { name: "angle", kind: &kind::ANGLE, sign },
-        Entry { name: "rate", kind: &kind::ANGULAR_RATE, sign },
+        ExpectedEntry { name: "angle", kind: &kind::ANGLE, sign },
+        ExpectedEntry { name: "rate", kind: &kind::ANGULAR_RATE, sign },
     ]
 }
 
-impl Settings {
+impl ScannerSettings {
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = ScannerHardware::of(experiment)?;
         let estimate = estimate_table(experiment)?;
-        let filters =
-            (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, &hardware, i));
+        let filters = (0..estimate.filters.len())
+            .map(|i| ScannerFilterSettings::of(experiment, estimate, &hardware, i));
         Ok(Self {
             hardware,
             skip_s: estimate.skip.si(),
-            first_peak_positive: estimate.first_peak.map(|peak| peak == Peak::Positive),
+            first_peak_positive: estimate.first_peak.map(|peak| peak == ExtremeSign::Positive),
             filters: filters.collect::<Result<_, _>>()?,
         })
     }
@@ -146,7 +148,7 @@ pub fn estimate_table(experiment: &Experiment) -> Result<&Estimate, ConfigError>
     experiment.estimate.as_ref().ok_or_else(|| {
         let remedy =
             "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`";
-        experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() })
+        experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() })
     })
 }
 
@@ -162,7 +164,7 @@ pub fn state_at(
         let why = "angle and rate are exactly 0; signal and torque are symmetric there, so that neither a filter \
                    nor the model would ever leave it; start from a small angle, such as `angle = \"1e-6 rad\"`"
             .to_owned();
-        return Err(experiment.error(key, Fault::Value { why }));
+        return Err(experiment.error(key, ConfigFault::Value { why }));
     }
     Ok(mean)
 }

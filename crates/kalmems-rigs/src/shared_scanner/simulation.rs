@@ -1,19 +1,20 @@
 //! A recording of the scanner that is computed.
 
 use super::circuit::{SensingCircuit, density_asked, not_reduced};
-use super::past::Past;
-use super::settings::{Hardware, state_at};
-use crate::config::{ConfigError, DriveSource, Experiment, Fault, Key, Simulate, Values};
-use crate::recording::Source;
+use super::past::DelayedState;
+use super::settings::{ScannerHardware, state_at};
+use crate::config::{ConfigError, ConfigFault, DriveSource, Experiment, Key, Simulate, Values};
+use crate::recording::RecordingSource;
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{
-    Channel, Converter, Drive, Sample, SimulateError, Simulation, Simulator, Stability, WhiteNoise, drive_of,
+    Converter, Drive, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator, Stability,
+    WhiteNoise, drive_of,
 };
 use kalmems_core::{Dynamics, Measurement};
 use std::ops::ControlFlow;
 
 /// What makes a signal of a motion.
-pub trait Sensor<D, const N: usize> {
+pub trait SimulatedSensor<D, const N: usize> {
     /// The sensor at work.
     type Sensing<'a>: Sensing<D, N>
     where
@@ -40,7 +41,7 @@ pub trait Sensing<D, const N: usize> {
 }
 
 /// A readout that is a function of the state as it was a constant time ago, with white noise.
-pub struct Readout<H> {
+pub struct NoisyReadout<H> {
     law: H,
     delay_s: f64,
     /// The standard deviation of the noise in V.
@@ -48,7 +49,7 @@ pub struct Readout<H> {
     seed: u64,
 }
 
-impl<H> Readout<H> {
+impl<H> NoisyReadout<H> {
     /// The readout so many seconds late, with noise of this variance in V², where the file wants noise.
     pub fn new(law: H, delay_s: f64, noise_variance: f64, simulate: &Simulate) -> Self {
         let noise = if simulate.noise { noise_variance.sqrt() } else { 0.0 };
@@ -56,33 +57,39 @@ impl<H> Readout<H> {
     }
 }
 
-impl<D: Dynamics<f64, N, Input = f64> + Copy, H: Measurement<f64, N, 1>, const N: usize> Sensor<D, N>
-    for Readout<H>
+impl<D: Dynamics<f64, N, Input = f64> + Copy, H: Measurement<f64, N, 1>, const N: usize> SimulatedSensor<D, N>
+    for NoisyReadout<H>
 {
     type Sensing<'a>
-        = Reading<'a, H, N>
+        = SimulatedReadout<'a, H, N>
     where
         Self: 'a,
         D: 'a;
 
-    fn begin<'a>(&'a self, _: &'a D, _: &'a Drive, rate_hz: f64, start: &[f64; N]) -> Reading<'a, H, N> {
-        Reading {
+    fn begin<'a>(
+        &'a self,
+        _: &'a D,
+        _: &'a Drive,
+        rate_hz: f64,
+        start: &[f64; N],
+    ) -> SimulatedReadout<'a, H, N> {
+        SimulatedReadout {
             readout: self,
-            past: Past::new(start, self.delay_s * rate_hz),
+            past: DelayedState::new(start, self.delay_s * rate_hz),
             noise: WhiteNoise::new(self.seed, SIGNAL_NOISE),
         }
     }
 }
 
-/// A [`Readout`] at work.
-pub struct Reading<'a, H, const N: usize> {
-    readout: &'a Readout<H>,
-    past: Past<N>,
+/// A [`NoisyReadout`] at work.
+pub struct SimulatedReadout<'a, H, const N: usize> {
+    readout: &'a NoisyReadout<H>,
+    past: DelayedState<N>,
     noise: WhiteNoise,
 }
 
 impl<D: Dynamics<f64, N, Input = f64> + Copy, H: Measurement<f64, N, 1>, const N: usize> Sensing<D, N>
-    for Reading<'_, H, N>
+    for SimulatedReadout<'_, H, N>
 {
     fn follow(&mut self, simulator: &Simulator<D, N>) {
         self.past.push(simulator.state());
@@ -99,26 +106,26 @@ pub struct ScannerSimulation<D, Z, const N: usize> {
     dynamics: D,
     sensor: Z,
     drive: Drive,
-    sources: Vec<Source>,
+    sources: Vec<RecordingSource>,
     start: [f64; N],
     integration_rate_hz: f64,
     steps_per_sample: u64,
     samples: u64,
     sampling_rate_hz: f64,
     converter: Option<Converter>,
-    truth: &'static [Channel],
+    truth: &'static [SimulatedColumn],
     outlook: Option<String>,
 }
 
 /// The simulation of the scanner of one axis: its signal comes through the circuit where the file describes one.
 pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = ScannerHardware::of(experiment)?;
     let scanner = hardware.scanner;
     let stability = |drive: &Drive| Stability::of(&scanner, drive).map(|stability| stability.to_string());
     let start = |key: &str, values: &Values| state_at(experiment, key, values);
     let truth = &[
-        Channel { meaning: "angle", column: "angle_rad" },
-        Channel { meaning: "rate", column: "rate_rad_per_s" },
+        SimulatedColumn { meaning: "angle", column: "angle_rad" },
+        SimulatedColumn { meaning: "rate", column: "rate_rad_per_s" },
     ];
     if experiment.device::<SharedScanner>()?.circuit.is_some() {
         let density = density_asked(experiment)?;
@@ -133,9 +140,9 @@ pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, Simula
         return Ok(Box::new(ScannerSimulation::of(experiment, scanner, circuit, start, truth, outlook)?));
     }
     let readout = |simulate: &Simulate, _: &Drive| {
-        Ok(Readout::new(hardware.readout, hardware.delay_s, hardware.noise_variance, simulate))
+        Ok(NoisyReadout::new(hardware.readout, hardware.delay_s, hardware.noise_variance, simulate))
     };
-    let outlook = |_: &Readout<_>, drive: &Drive, _: [f64; 2]| stability(drive);
+    let outlook = |_: &NoisyReadout<_>, drive: &Drive, _: [f64; 2]| stability(drive);
     Ok(Box::new(ScannerSimulation::of(experiment, scanner, readout, start, truth, outlook)?))
 }
 
@@ -146,7 +153,7 @@ impl<D, Z, const N: usize> ScannerSimulation<D, Z, N> {
         dynamics: D,
         sensor: impl FnOnce(&Simulate, &Drive) -> Result<Z, ConfigError>,
         start: impl FnOnce(&str, &Values) -> Result<[f64; N], ConfigError>,
-        truth: &'static [Channel],
+        truth: &'static [SimulatedColumn],
         outlook: impl FnOnce(&Z, &Drive, [f64; N]) -> Option<String>,
     ) -> Result<Self, SimulateError> {
         let Some(simulate) = &experiment.simulate else {
@@ -154,14 +161,14 @@ impl<D, Z, const N: usize> ScannerSimulation<D, Z, N> {
                 "add the table `[simulate]` with `duration`, `sampling_rate`, `integration_rate`, `start` \
                           and one drive, such as `[simulate.drive.sine]`"
                     .to_owned();
-            return Err(experiment.error("simulate", Fault::MissingKey { remedy }).into());
+            return Err(experiment.error("simulate", ConfigFault::MissingKey { remedy }).into());
         };
         let recorded = matches!(simulate.drive, DriveSource::Recorded(_));
         if experiment.device::<SharedScanner>()?.carrier.included_in_drive && !recorded {
             let why = "a drive that is computed has no carrier in it; write `false`, or simulate with a recorded drive";
             let key = ["shared_scanner", "carrier", "included_in_drive"];
             let key = key.into_iter().fold(Key::from("device"), Key::child);
-            return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }).into());
         }
         let start = start("simulate.start", &simulate.start)?;
         let (drive, source) = drive_of(experiment, simulate)?;
@@ -189,13 +196,16 @@ pub const SIGNAL_NOISE: u64 = 0;
 impl<D, Z, const N: usize> Simulation for ScannerSimulation<D, Z, N>
 where
     D: Dynamics<f64, N, Input = f64> + Copy,
-    Z: Sensor<D, N>,
+    Z: SimulatedSensor<D, N>,
 {
-    fn recorded(&self) -> &[Channel] {
-        &[Channel { meaning: "drive", column: "drive_V" }, Channel { meaning: "signal", column: "cap_V" }]
+    fn recorded(&self) -> &[SimulatedColumn] {
+        &[
+            SimulatedColumn { meaning: "drive", column: "drive_V" },
+            SimulatedColumn { meaning: "signal", column: "cap_V" },
+        ]
     }
 
-    fn truth(&self) -> &[Channel] {
+    fn truth(&self) -> &[SimulatedColumn] {
         self.truth
     }
 
@@ -203,7 +213,7 @@ where
         self.samples
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &self.sources
     }
 
@@ -211,7 +221,7 @@ where
         self.outlook.clone()
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let mut simulator =
             Simulator::new(self.dynamics, self.drive.clone(), self.integration_rate_hz, self.start);
         let mut sensing =
@@ -229,7 +239,8 @@ where
             }
             let analogue = sensing.sample(simulator.state());
             let signal = self.converter.map_or(analogue, |converter| converter.round(analogue));
-            let sample = Sample { time_s, recorded: &[simulator.drive(), signal], truth: simulator.state() };
+            let sample =
+                SimulatedSample { time_s, recorded: &[simulator.drive(), signal], truth: simulator.state() };
             if each(&sample).is_break() {
                 return Err(SimulateError::Interrupted);
             }

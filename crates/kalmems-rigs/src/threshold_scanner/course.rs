@@ -1,11 +1,11 @@
 //! The scanner's way through one segment: the signal at each sample, and the crossings when they are told.
 
-use super::filters::{FilterSettings, ThresholdSettings};
+use super::filters::{ThresholdFilterSettings, ThresholdSettings};
 use super::plant::MirrorPlant;
-use crate::config::{Method, Timing, Variant};
-use crate::crossings::{Crossing, Instant, Telling};
+use crate::config::{CrossingTiming, Method, Variant};
+use crate::crossings::{CrossingDelivery, CrossingReading, LevelCrossing};
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, HYBRID_STEPS, Plant};
-use crate::estimate::{Counts, Course, EVENTS, Filtering, MOST_STATES, Sensor, Trajectory, Transition};
+use crate::estimate::{Course, EVENTS, Filtering, MOST_STATES, SampleCounts, Sensor, Trajectory, Transition};
 use crate::signal::cubic_between;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{FilterError, Innovation, Nodes};
@@ -25,19 +25,19 @@ pub struct ThresholdCourse<'a> {
     signal_variance: f64,
     threshold: Option<ThresholdSettings>,
     /// By the sample at which the filter is told, or could be.
-    crossings: Vec<(usize, Told)>,
+    crossings: Vec<(usize, DeliveredCrossing)>,
     /// The angle that is passed, in rad, for the likelihood of the crossings.
     angle: f64,
     log_likelihood: f64,
 }
 
-/// A crossing as a filter is told of it.
+/// A crossing as it is delivered to a filter.
 #[derive(Clone, Copy)]
-struct Told {
+struct DeliveredCrossing {
     /// Where in time the filter takes it to lie.
-    taken: Instant,
+    taken: CrossingReading,
     /// Where it is judged, which is the same for every filter.
-    judged: Instant,
+    judged: CrossingReading,
 }
 
 /// The longest step back to a crossing in s: with ω_n·h below 0.15 the method of fourth order is right to 10⁻⁶ of the
@@ -60,11 +60,11 @@ impl<'a> ThresholdCourse<'a> {
         (noise_variance, angle): (f64, f64),
         data: &'a DrivenSegment<'a>,
         drive_slope: &'a [f64],
-        filter: &FilterSettings,
-        (found, first): (&[Crossing], usize),
+        filter: &ThresholdFilterSettings,
+        (found, first): (&[LevelCrossing], usize),
     ) -> Result<Self, AugmentationError> {
         let told = |crossing| told(crossing, filter.threshold, data, first);
-        let mut crossings: Vec<(usize, Told)> = found.iter().filter_map(told).collect();
+        let mut crossings: Vec<(usize, DeliveredCrossing)> = found.iter().filter_map(told).collect();
         crossings.retain(|(sample, _)| *sample < data.time_s.len());
         crossings.sort_by_key(|(sample, _)| *sample);
         let motion = DrivenCourse::new(moving, noise_variance, data)?;
@@ -92,12 +92,12 @@ impl<'a> ThresholdCourse<'a> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         let first = self.crossings.partition_point(|(sample, _)| *sample < k);
         let last = self.crossings.partition_point(|(sample, _)| *sample <= k);
         for i in first..last {
-            let Told { taken, judged } = self.crossings[i].1;
+            let DeliveredCrossing { taken, judged } = self.crossings[i].1;
             let angle = self.angle_then(judged, k)?;
             let variance = judged.angle_variance + LEAST_VARIANCE;
             let judgement = filter.update_within(&angle, self.angle, variance, NEVER)?;
@@ -120,7 +120,7 @@ impl<'a> ThresholdCourse<'a> {
 
     /// The state that says how much more feedthrough there is than was taken off the signal before it was looked at, and
     /// by how many s one of it makes a crossing seem too late: R_s·δC_ft·dV/dt over the rise of the signal.
-    fn late(&self, crossing: Instant) -> Option<(usize, f64)> {
+    fn late(&self, crossing: CrossingReading) -> Option<(usize, f64)> {
         let (state, scale) = self.plant.feedthrough_state()?;
         let times = self.data.time_s;
         let nearest = times.partition_point(|t| *t < crossing.time_s).min(times.len() - 1);
@@ -129,7 +129,7 @@ impl<'a> ThresholdCourse<'a> {
     }
 
     /// The angle at a crossing, as the state at a sample says it.
-    fn angle_then(&self, crossing: Instant, k: usize) -> Result<AngleThen<'_>, FilterError> {
+    fn angle_then(&self, crossing: CrossingReading, k: usize) -> Result<AngleThen<'_>, FilterError> {
         let time_s = crossing.time_s;
         let now_s = self.data.time_s[k];
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
@@ -154,16 +154,16 @@ impl<'a> ThresholdCourse<'a> {
 
 /// The sample at which a filter is told of a crossing, or could be, and when it was; `None` before those that are there.
 fn told(
-    crossing: &Crossing,
+    crossing: &LevelCrossing,
     threshold: Option<ThresholdSettings>,
     data: &DrivenSegment,
     first: usize,
-) -> Option<(usize, Told)> {
-    let taken = crossing.at(threshold.map_or(Timing::default(), |threshold| threshold.timing))?;
-    let judged = crossing.at(Timing::default()).or(crossing.fallback).unwrap_or(taken);
-    let telling = threshold.map_or(Telling::default(), |threshold| threshold.telling);
-    let sample = telling.row(taken.time_s, (crossing.known_at, first), (data.time_s, data.interval_s))?;
-    Some((sample, Told { taken, judged }))
+) -> Option<(usize, DeliveredCrossing)> {
+    let taken = crossing.at(threshold.map_or(CrossingTiming::default(), |threshold| threshold.timing))?;
+    let judged = crossing.at(CrossingTiming::default()).or(crossing.fallback).unwrap_or(taken);
+    let delivery = threshold.map_or(CrossingDelivery::default(), |threshold| threshold.delivery);
+    let sample = delivery.row(taken.time_s, (crossing.known_at, first), (data.time_s, data.interval_s))?;
+    Some((sample, DeliveredCrossing { taken, judged }))
 }
 
 impl Course for ThresholdCourse<'_> {
@@ -175,6 +175,10 @@ impl Course for ThresholdCourse<'_> {
         self.data.signal
     }
 
+    fn drive(&self, k: usize) -> Option<f64> {
+        Some(self.data.drive.sample(k).0)
+    }
+
     /// Σ ln p(θ_th | what came before) over the crossings.
     fn conclude(&self, trajectory: &mut Trajectory) {
         trajectory.crossings_log_likelihood = self.log_likelihood;
@@ -184,7 +188,7 @@ impl Course for ThresholdCourse<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         self.motion.advance(filter, to, counts)
     }
@@ -193,7 +197,7 @@ impl Course for ThresholdCourse<'_> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         self.cross(filter, k, counts)?;
         let y = self.data.signal[k];

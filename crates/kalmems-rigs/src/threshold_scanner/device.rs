@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct ThresholdScanner {
     /// The mirror on its torsion bars.
-    pub resonator: MirrorResonator,
+    pub resonator: MirrorResonatorTable,
     /// The comb's voltage per rate over the angle.
     pub comb: SensingComb,
     /// The amplifier of the comb's current.
@@ -33,7 +33,7 @@ pub struct ThresholdScanner {
 /// A resonator known by its free decay.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct MirrorResonator {
+pub struct MirrorResonatorTable {
     /// The frequency without damping.
     pub natural_frequency: Quantity<Frequency, Positive>,
     /// The ratio of damping to critical damping.

@@ -1,22 +1,21 @@
 //! The threshold scanner as differential equations.
 
 use super::course::LEAST_VARIANCE;
-use super::hardware::Hardware;
+use super::hardware::ThresholdHardware;
 use crate::Expansion;
-use crate::config::{ConfigError, Estimate, Experiment, Fault, Quantity};
+use crate::config::{ConfigError, ConfigFault, Estimate, Experiment, Quantity};
 use kalmems_models::capacitance::CurveShape;
 use toml::{Table, Value};
 
 /// The device of an experiment.
 pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = ThresholdHardware::of(experiment)?;
     let comb = hardware.mirror.comb;
     if !matches!(comb.shape, CurveShape::Logistic) {
         let why = "a comb of Gaussian shape is no law of the equations yet; write `shape = \"logistic\"`, or the integral of its curve as a \
                    table";
-        return Err(
-            experiment.error("device.threshold_scanner.comb.shape", Fault::Value { why: why.to_owned() })
-        );
+        return Err(experiment
+            .error("device.threshold_scanner.comb.shape", ConfigFault::Value { why: why.to_owned() }));
     }
     let mut all = Expansion { noise: vec![("angular_acceleration", "rate")], ..Expansion::default() };
     all.table("states", &[("angle", "rad"), ("rate", "rad/s")]);
@@ -78,7 +77,7 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
 }
 
 /// An angle that filters are told of.
-struct Passed {
+struct PassedAngle {
     /// The event.
     name: String,
     /// The parameter that is the angle.
@@ -88,7 +87,7 @@ struct Passed {
 }
 
 /// The angles whose passage filters are told of, each once; the comb's where there is no filter that is told.
-fn passed(experiment: &Experiment) -> Vec<Passed> {
+fn passed(experiment: &Experiment) -> Vec<PassedAngle> {
     let filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
     let mut angles: Vec<Option<f64>> = Vec::new();
     for threshold in filters.filter_map(|filter| filter.threshold.as_ref()) {
@@ -104,7 +103,7 @@ fn passed(experiment: &Experiment) -> Vec<Passed> {
         0 => name.to_owned(),
         _ => format!("{name}_{}", place + 1),
     };
-    let one = |(place, angle): (usize, Option<f64>)| Passed {
+    let one = |(place, angle): (usize, Option<f64>)| PassedAngle {
         name: numbered("crossing", place),
         parameter: angle.map_or("threshold_angle".to_owned(), |_| numbered("crossing_angle", place)),
         angle,
@@ -113,7 +112,7 @@ fn passed(experiment: &Experiment) -> Vec<Passed> {
 }
 
 /// Where the times of the crossings come from, and how the filters are told of them.
-fn crossings(all: &mut Expansion, estimate: &Estimate, passed: &[Passed], (offset, falls): (f64, bool)) {
+fn crossings(all: &mut Expansion, estimate: &Estimate, passed: &[PassedAngle], (offset, falls): (f64, bool)) {
     let Some(detector) = estimate.crossings.as_ref().and_then(|found| Value::try_from(found).ok()) else {
         return;
     };

@@ -1,14 +1,14 @@
 //! Which filter can be exported, and what of it.
 
 use super::course::LEAST_VARIANCE;
-use super::settings::Settings;
-use crate::config::{Applied, Experiment, Method, Timing, Variant};
+use super::settings::ThresholdScannerSettings;
+use crate::config::{CrossingApplication, CrossingTiming, Experiment, Method, Variant};
 use crate::crossings::Acceptance;
-use crate::export::{CrossingSettings, ExportError, Filter, ThresholdFilter};
+use crate::export::{CrossingSettings, ExportError, ExportableFilter, ThresholdFilter};
 
 /// The filter at this place of the file.
-pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportError> {
-    let settings = Settings::of(experiment)?;
+pub fn exported(experiment: &Experiment, place: usize) -> Result<ExportableFilter, ExportError> {
+    let settings = ThresholdScannerSettings::of(experiment)?;
     let (hardware, filter) = (&settings.hardware, &settings.filters[place]);
     let refuse =
         |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
@@ -31,8 +31,8 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportE
             "its crossings are accepted by a rate of false alarms; give `threshold` in `[estimate.crossings]`",
         );
     };
-    let told = (threshold.timing, threshold.telling.applied, threshold.telling.lag_s, threshold.angle_sd);
-    let (Timing::ZeroCrossing, Applied::Late, None, None) = told else {
+    let told = (threshold.timing, threshold.delivery.applied, threshold.delivery.lag_s, threshold.angle_sd);
+    let (CrossingTiming::ZeroCrossing, CrossingApplication::Late, None, None) = told else {
         return refuse(
             "it takes crossings otherwise than by their zero as soon as they are known; leave `timing`, `applied`, `lag` and `angle_sd` out",
         );
@@ -42,7 +42,7 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Filter, ExportE
             "it starts from the signal; give `start` as values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`",
         );
     }
-    Ok(Filter::Threshold(ThresholdFilter {
+    Ok(ExportableFilter::Threshold(ThresholdFilter {
         resonator: hardware.mirror.resonator,
         readout: hardware.readout,
         noise_variance: hardware.noise_variance,

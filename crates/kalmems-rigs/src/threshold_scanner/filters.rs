@@ -1,18 +1,20 @@
 //! What the rig takes from the tables of filters, in SI.
 
-use super::hardware::Hardware;
+use super::hardware::ThresholdHardware;
 use super::settings::{state_at, states};
 use crate::config::{
-    Applied, ConfigError, Entry, Estimate, Experiment, Fault, Key, Method, Quantity, Sign, Start, Timing,
-    Variant,
+    ConfigError, ConfigFault, CrossingApplication, CrossingTiming, Estimate, ExpectedEntry, Experiment,
+    FilterStart, Key, Method, Quantity, Sign, Variant,
 };
-use crate::crossings::Telling;
-use crate::estimate::{FilterBasics, Known, Parameter, Prior, StateName, process_noise};
+use crate::crossings::CrossingDelivery;
+use crate::estimate::{
+    DeviceParameter, FilterBasics, MeanAndCovariance, StateName, StatePrior, process_noise,
+};
 use crate::units::kind;
 
 /// What one `[[estimate.filter]]` says: how the filter takes signal and crossings, where it starts, and its process noise.
 #[derive(Clone, Debug)]
-pub struct FilterSettings {
+pub struct ThresholdFilterSettings {
     /// What every filter has.
     pub basics: FilterBasics,
     /// How it takes the signal.
@@ -36,9 +38,9 @@ pub struct FilterSettings {
 #[derive(Clone, Copy, Debug)]
 pub struct ThresholdSettings {
     /// Where in time a crossing lies.
-    pub timing: Timing,
+    pub timing: CrossingTiming,
     /// When the filter is told.
-    pub telling: Telling,
+    pub delivery: CrossingDelivery,
     /// The angle in rad.
     pub angle: f64,
     /// Its standard deviation in rad; `None` takes that which follows from the crossing's time.
@@ -51,46 +53,46 @@ pub struct ThresholdSettings {
 pub const FEEDTHROUGH: &str = "feedthrough";
 
 /// All of them.
-pub static PARAMETERS: [Parameter; 4] = [
-    Parameter::factor("gain").in_readout("comb.gain").written(&[("comb.gain", 1)]),
-    Parameter::volts("offset").in_readout("offset").written(&[("readout.offset", 1)]),
-    Parameter::factor("natural_frequency")
+pub static PARAMETERS: [DeviceParameter; 4] = [
+    DeviceParameter::factor("gain").in_readout("comb.gain").written(&[("comb.gain", 1)]),
+    DeviceParameter::volts("offset").in_readout("offset").written(&[("readout.offset", 1)]),
+    DeviceParameter::factor("natural_frequency")
         .in_motion("resonator.natural_rate")
         .written(&[("resonator.natural_frequency", 1)]),
-    Parameter::factor(FEEDTHROUGH).written(&[("readout.feedthrough_capacitance", 1)]),
+    DeviceParameter::factor(FEEDTHROUGH).written(&[("readout.feedthrough_capacitance", 1)]),
 ];
 
 /// What a deviation of 1 adds to each of them.
-fn scales(hardware: &Hardware) -> [f64; 4] {
+fn scales(hardware: &ThresholdHardware) -> [f64; 4] {
     [hardware.readout.comb.gain, 1.0, hardware.mirror.resonator.natural_rate, hardware.feedthrough]
 }
 
 /// The states of the motion, as trajectories name them.
 const MOTION: [StateName; 2] = [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];
 
-const NOISE: [Entry; 1] =
-    [Entry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative)];
+const NOISE: [ExpectedEntry; 1] =
+    [ExpectedEntry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative)];
 
-impl FilterSettings {
+impl ThresholdFilterSettings {
     /// Reads and checks the filter at this place of the file.
     pub fn of(
         experiment: &Experiment,
         estimate: &Estimate,
-        hardware: &Hardware,
+        hardware: &ThresholdHardware,
         index: usize,
     ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
         let refuse = |name: &str, why: &str| {
-            Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
+            Err(experiment.error(at.clone().child(name), ConfigFault::Value { why: why.to_owned() }))
         };
         let claims = filter.method.claims();
         if filter.demodulator {
             return refuse("demodulator", "this device has no demodulator; leave it out");
         }
         let start = match &filter.start {
-            Some(Start::Values(start)) => Some(state_at(experiment, at.clone().child("start"), start)?),
-            Some(Start::FromSignal) | None => None,
+            Some(FilterStart::Values(start)) => Some(state_at(experiment, at.clone().child("start"), start)?),
+            Some(FilterStart::FromSignal) | None => None,
         };
         let variant = filter.variant.unwrap_or_default();
         let more = [
@@ -106,12 +108,12 @@ impl FilterSettings {
         }
         if let Some(threshold) = &filter.threshold
             && threshold.lag.is_some()
-            && threshold.applied == Applied::InPlace
+            && threshold.applied == CrossingApplication::InPlace
         {
             let why =
                 "a filter that is told in place has no lag; leave it out, or write `applied = \"late\"`";
             let key = at.clone().child("threshold").child("lag");
-            return Err(experiment.error(key, Fault::Value { why: why.to_owned() }));
+            return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }));
         }
         if variant == Variant::Literal && !filter.states.is_empty() {
             return refuse("states", "the variant `literal` has the published states alone; leave it out");
@@ -147,7 +149,7 @@ impl FilterSettings {
             signal_variance: filter.signal_variance.as_ref().map_or(hardware.noise_variance, Quantity::si),
             threshold: filter.threshold.as_ref().map(|threshold| ThresholdSettings {
                 timing: threshold.timing,
-                telling: Telling {
+                delivery: CrossingDelivery {
                     applied: threshold.applied,
                     lag_s: threshold.lag.as_ref().map(Quantity::si),
                 },
@@ -168,14 +170,16 @@ impl FilterSettings {
     }
 
     /// What is known of its states before the first sample, where the start comes from the signal.
-    pub fn prior(&self) -> Vec<Prior> {
-        let motion = self.start_sd.map(|sd| Prior { mean: 0.0, sd: Some(sd).filter(|sd| *sd > 0.0) });
+    pub fn prior(&self) -> Vec<StatePrior> {
+        let motion = self.start_sd.map(|sd| StatePrior { mean: 0.0, sd: Some(sd).filter(|sd| *sd > 0.0) });
         motion.into_iter().chain(self.basics.priors()).collect()
     }
 
     /// What the file says of its states at the first sample.
-    pub fn start(&self) -> Known {
+    pub fn start(&self) -> MeanAndCovariance {
         let motion = self.start.into_iter().zip(self.start_sd);
-        Known::apart(motion.chain(self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
+        MeanAndCovariance::apart(
+            motion.chain(self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))),
+        )
     }
 }

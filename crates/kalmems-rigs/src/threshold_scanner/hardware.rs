@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 /// The threshold-sensing scanner: how it moves, how its comb is read, and the noise of a sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Hardware {
+pub struct ThresholdHardware {
     /// How it moves.
     pub mirror: CombDrivenMirror<f64>,
     /// What is recorded of it, but for the drive's part.
@@ -22,7 +22,7 @@ pub struct Hardware {
     pub noise_variance: f64,
 }
 
-impl Hardware {
+impl ThresholdHardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let device = experiment.device::<ThresholdScanner>()?;

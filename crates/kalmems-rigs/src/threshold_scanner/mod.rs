@@ -18,28 +18,29 @@ mod settings;
 mod simulation;
 mod verdict;
 
-use super::{Estimator, Form, LeftOut, Rig, Template, TemplateChannel};
+use super::{Estimator, NumberForm, OmittedNumber, Rig, Template, TemplateChannel};
 use crate::Expansion;
-use crate::config::{ConfigError, DeviceKind, Experiment, Key, Method, Role, Uses};
-use crate::crossings::{Crossing, Instant, Kept, Needed, Sought};
+use crate::config::{ConfigError, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole};
+use crate::crossings::{CrossingReading, LevelCrossing, RowsNeeded, SearchState, SearchedSignal};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{
-    self, Around, Axis, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment, rows_for_start,
+    self, AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart,
+    SignalSegment, rows_for_start,
 };
 use crate::evaluate::Instruments;
-use crate::evaluate::{Extent, MotionErrors, Reference, ReferenceLag, evaluate_motion};
-use crate::export::{ExportError, Filter};
+use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceLag, ReferenceMotion, evaluate_motion};
+use crate::export::{ExportError, ExportableFilter};
 use crate::identify::{Identification, IdentifyError};
-use crate::outlook::{Outlook, Topic};
+use crate::outlook::{Outlook, OutlookTopic};
 use crate::progress::{Interruption, Progress};
-use crate::recording::{Finding, Layout};
+use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::threshold_scanner::device::ThresholdScanner;
 use crate::units::kind;
-pub use filters::{FilterSettings, ThresholdSettings};
-pub use hardware::Hardware;
-pub use segment::{Samples, estimate as estimate_segment};
-pub use settings::Settings;
+pub use filters::{ThresholdFilterSettings, ThresholdSettings};
+pub use hardware::ThresholdHardware;
+pub use segment::{ThresholdSamples, estimate as estimate_segment};
+pub use settings::ThresholdScannerSettings;
 use simulation::ThresholdSimulation;
 
 /// The rig.
@@ -90,41 +91,45 @@ impl Rig for ThresholdScannerRig {
         experiment.device::<ThresholdScanner>().map(|_| true)
     }
 
-    fn uses(&self, _: &Experiment) -> Uses {
-        Uses { crossings: true, no_methods: &NO_METHODS, ..Uses::default() }
+    fn uses(&self, _: &Experiment) -> DeviceUses {
+        DeviceUses { crossings: true, no_methods: &NO_METHODS, ..DeviceUses::default() }
     }
 
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
         instruments(experiment)
     }
 
-    fn left_out(&self, _: &Experiment) -> Vec<LeftOut> {
-        let number = |key, unit, step| LeftOut {
+    fn left_out(&self, _: &Experiment) -> Vec<OmittedNumber> {
+        let number = |key, unit, step| OmittedNumber {
             key,
             unit,
             step,
             is_never_negative: false,
-            form: Form::Number,
+            form: NumberForm::Number,
             filter_switch: None,
         };
         vec![number("readout.feedthrough_capacitance", "pF", 1e-3), number("readout.offset", "mV", 0.1)]
     }
 
-    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &filters::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        Settings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[Role::Test, Role::SteadyState, Role::RingDown])?;
+        ThresholdScannerSettings::of(experiment)?;
+        let wanted = experiment.to_estimate(&[
+            RecordingRole::Test,
+            RecordingRole::SteadyState,
+            RecordingRole::RingDown,
+        ])?;
         for index in &wanted {
             columns(experiment, *index)?;
         }
         Ok(wanted)
     }
 
-    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        let cycle_s = 1.0 / Hardware::of(experiment)?.natural_hz();
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
+        let cycle_s = 1.0 / ThresholdHardware::of(experiment)?.natural_hz();
         experiment.layout_to_estimate(index, &columns(experiment, index)?, cycle_s)
     }
 
@@ -138,7 +143,7 @@ impl Rig for ThresholdScannerRig {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        let settings = Settings::of(experiment)?;
+        let settings = ThresholdScannerSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
         Ok(Box::new(ThresholdEstimator { settings, columns, past: Past::default(), refused: None, progress }))
     }
@@ -154,11 +159,12 @@ impl Rig for ThresholdScannerRig {
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
-        references: &[Reference],
+        references: &[ReferenceMotion],
         stop: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         let motion_hz = estimate.motion.frequency_hz;
-        let extent = Extent { from_s: estimate.from_s(), motion_hz, drive: estimate.drive.as_ref() };
+        let extent =
+            ComparisonExtent { from_s: estimate.from_s(), motion_hz, drive: estimate.drive.as_ref() };
         let time = &estimate.segment.time;
         let end_s = time.at(time.len().saturating_sub(1)) + time.interval_s().unwrap_or(0.0);
         let one = |trajectory| {
@@ -181,7 +187,11 @@ impl Rig for ThresholdScannerRig {
         identification::identify(experiment, progress)
     }
 
-    fn exported(&self, experiment: &Experiment, place: usize) -> Result<(Filter, [String; 2]), ExportError> {
+    fn exported(
+        &self,
+        experiment: &Experiment,
+        place: usize,
+    ) -> Result<(ExportableFilter, [String; 2]), ExportError> {
         let index = self.wanted(experiment)?.first().copied().unwrap_or(0);
         Ok((export::exported(experiment, place)?, columns(experiment, index)?.map(str::to_owned)))
     }
@@ -189,7 +199,7 @@ impl Rig for ThresholdScannerRig {
 
 /// Estimates recordings of the scanner.
 struct ThresholdEstimator<'a> {
-    settings: Settings,
+    settings: ThresholdScannerSettings,
     /// Those of drive and signal.
     columns: [&'a str; 2],
     past: Past,
@@ -199,7 +209,7 @@ struct ThresholdEstimator<'a> {
 }
 
 impl Estimator for ThresholdEstimator<'_> {
-    fn around(&self, interval_s: f64) -> Around {
+    fn around(&self, interval_s: f64) -> RowsAround {
         let settings = &self.settings;
         let start_s = settings.skip_s + STARTING_CYCLES / settings.hardware.natural_hz();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
@@ -208,23 +218,23 @@ impl Estimator for ThresholdEstimator<'_> {
         let cycle_s = settings.hardware.natural_hz().recip();
         let rows = from_signal.map(|filter| rows_for_start((cycle_s, interval_s), filter.states().len()));
         let head = rows.fold(head, usize::max);
-        let Needed { before, after } = needed(settings, interval_s).with_a_margin();
+        let RowsNeeded { before, after } = needed(settings, interval_s).with_a_margin();
         let smooths = settings.filters.iter().any(|filter| filter.basics.smooth);
-        Around { head, before, after, smooths }
+        RowsAround { head, before, after, smooths }
     }
 
     fn past(&mut self) -> &mut Past {
         &mut self.past
     }
 
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let (past, natural_hz) = (&mut self.past, settings.hardware.natural_hz());
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
         segment.require_after_settling(CYCLES / natural_hz)?;
         let (place, is_whole) = ((segment.place.as_str(), signal_column), segment.begins && segment.ends);
         // The flanks that tell of a crossing are the first to be clipped.
-        segment.require_sound(&[signal_column])?;
+        segment.require_usable_signals(&[signal_column])?;
         let data = DrivenSegment::of(&segment, drive_column, past)?;
         let drive_slope = slope(&data, &settings.hardware);
         let mut kept = kept(settings, &segment, past)?;
@@ -241,9 +251,9 @@ impl Estimator for ThresholdEstimator<'_> {
         }
         let motion = data.motion(natural_hz);
         let crossings = if settings.crossings.is_some() { kept.crossings.as_slice() } else { &[] };
-        let samples = Samples { data: &data, drive_slope: &drive_slope, crossings, first, motion };
+        let samples = ThresholdSamples { data: &data, drive_slope: &drive_slope, crossings, first, motion };
         let trajectories = segment::estimate(settings, samples, past, &segment.place, self.progress)?;
-        let axis = Axis { angle: "angle", motion, drive: data.drive.sine().copied() };
+        let axis = AngleAxis { angle: "angle", motion, drive: data.drive.sine().copied() };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), trajectories);
         let new = found.map_or(0, |(count, _)| count);
         let new = &crossings[crossings.len().saturating_sub(new)..];
@@ -261,19 +271,19 @@ impl Estimator for ThresholdEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &self.columns[1..]), |_| true)?;
+        EstimateError::of_unusable_signal(diagnosis, (place, &self.columns[1..]), |_| true)?;
         self.refused.take().map_or(Ok(()), Err)
     }
 }
 
 /// Crossings as they are told beside what the filters say, and how many are not told, as their time is hardly better known than
 /// that of any crossing.
-fn told(crossings: &[Crossing], angle: f64, passes_hz: f64) -> (Vec<estimate::Crossing>, usize) {
+fn told(crossings: &[LevelCrossing], angle: f64, passes_hz: f64) -> (Vec<estimate::RecordedPassing>, usize) {
     let largest_s = LARGEST_SHARE * 0.5 / passes_hz / 3.0_f64.sqrt();
-    let told = |crossing: &Crossing| {
-        let Instant { time_s, sd_s, .. } = crossing.best();
-        estimate::Crossing {
-            of: estimate::Passed::Angle(angle),
+    let told = |crossing: &LevelCrossing| {
+        let CrossingReading { time_s, sd_s, .. } = crossing.best();
+        estimate::RecordedPassing {
+            of: estimate::PassedMark::Angle(angle),
             time_s,
             sd_s,
             is_fallback: crossing.fallback.is_some(),
@@ -299,23 +309,27 @@ const PARTS_OF_WHAT: &str = "The errors in equal parts of the duration, `parts`,
                              parts: its duration is not known before its end.";
 
 /// Rows of a recording of this interval in s that the search and the filters need around the new ones.
-fn needed(settings: &Settings, interval_s: f64) -> Needed {
-    Needed::by(settings.detector().as_ref(), settings.tellings(), interval_s)
+fn needed(settings: &ThresholdScannerSettings, interval_s: f64) -> RowsNeeded {
+    RowsNeeded::by(settings.detector().as_ref(), settings.deliveries(), interval_s)
 }
 
 /// What is kept of the segment until now.
-fn kept(settings: &Settings, segment: &SignalSegment, past: &mut Past) -> Result<Kept, EstimateError> {
-    if let Some(kept) = past.rig.take::<Kept>() {
+fn kept(
+    settings: &ThresholdScannerSettings,
+    segment: &SignalSegment,
+    past: &mut Past,
+) -> Result<SearchState, EstimateError> {
+    if let Some(kept) = past.rig.take::<SearchState>() {
         return Ok(*kept);
     }
-    let Hardware { noise_variance, readout, mirror, .. } = settings.hardware;
+    let ThresholdHardware { noise_variance, readout, mirror, .. } = settings.hardware;
     let sought = |interval_s| {
         let samples = (interval_s, noise_variance, readout.offset);
         settings
             .detector()
-            .map(|detector| (Sought::of_comb(samples, readout.comb, mirror.resonator), detector))
+            .map(|detector| (SearchedSignal::of_comb(samples, readout.comb, mirror.resonator), detector))
     };
-    Kept::of(sought, segment, &past.numbers)
+    SearchState::of(sought, segment, &past.numbers)
         .map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })
 }
 
@@ -324,7 +338,7 @@ const BEND: f64 = 3.0;
 
 /// dV/dt at each sample by central differences, in V/s. Where the drive bends so sharply, as where its power is cut off,
 /// that what it adds to the signal is not known to its noise, it is not a number.
-fn slope(data: &DrivenSegment, hardware: &Hardware) -> Vec<f64> {
+fn slope(data: &DrivenSegment, hardware: &ThresholdHardware) -> Vec<f64> {
     let last = data.time_s.len().saturating_sub(1);
     let volts = |k: usize| data.drive.sample(k).0;
     let between = |a: usize, b: usize| (volts(b) - volts(a)) / (data.time_s[b] - data.time_s[a]);
@@ -344,7 +358,7 @@ fn slope(data: &DrivenSegment, hardware: &Hardware) -> Vec<f64> {
 }
 
 /// The signal without what the drive adds to it, in V.
-fn without_drive(settings: &Settings, data: &DrivenSegment, drive_slope: &[f64]) -> Vec<f64> {
+fn without_drive(settings: &ThresholdScannerSettings, data: &DrivenSegment, drive_slope: &[f64]) -> Vec<f64> {
     let per_slope = settings.hardware.feedback_resistance * settings.hardware.feedthrough;
     data.signal.iter().zip(drive_slope).map(|(y, slope)| y + per_slope * slope).collect()
 }
@@ -360,13 +374,13 @@ fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigErr
 }
 
 fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = ThresholdHardware::of(experiment)?;
     let resonator = &hardware.mirror.resonator;
     let decay_s = 1.0 / (resonator.damping_ratio * resonator.natural_rate);
     let (hz, steepest) = (hardware.natural_hz(), hardware.readout.comb.steepest());
     let noise = hardware.noise_variance.sqrt();
     let flank = |amplitude: f64| steepest * (amplitude * resonator.natural_rate).powi(2);
-    let device = Topic::new("Device").with(
+    let device = OutlookTopic::new("Device").with(
         "natural_hz",
         [hz],
         format!(
@@ -374,7 +388,7 @@ fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
             1e3 * decay_s
         ),
     );
-    let signal = [0.15_f64, 0.05, 0.02].into_iter().fold(Topic::new("What the signal tells"), |topic, amplitude| {
+    let signal = [0.15_f64, 0.05, 0.02].into_iter().fold(OutlookTopic::new("What the signal tells"), |topic, amplitude| {
         let rise = flank(amplitude);
         topic.with(
             "flank_v_per_s",

@@ -1,34 +1,34 @@
 //! The model that the filters run on.
 
-use super::filters::{FEEDTHROUGH, FilterSettings};
-use super::hardware::Hardware;
+use super::filters::{FEEDTHROUGH, ThresholdFilterSettings};
+use super::hardware::ThresholdHardware;
 use crate::estimate::driven::{
-    ByEuler, ParametricReadout, Plain, Plant, WithParameters, combinations, shifted,
+    ByEuler, ParametricReadout, PlainModel, Plant, WithParameters, combinations, shifted,
 };
-use crate::estimate::{Parameter, Sensor, Tracked, Transition};
+use crate::estimate::{DeviceParameter, Sensor, Tracked, Transition};
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Nodes, NoiseDensity};
 use kalmems_models::dynamics::CombDrivenMirror;
 use kalmems_models::readout::CurrentReadout;
 
 /// Angle and rate.
-pub type Mirror = Plain<CombDrivenMirror<f64>, CurrentReadout<f64>, 2>;
+pub type Mirror = PlainModel<CombDrivenMirror<f64>, CurrentReadout<f64>, 2>;
 
 /// Angle and rate with parameters as states behind them.
 type MirrorWithParameters =
     WithParameters<CombDrivenMirror<f64>, ParametricReadout<CurrentReadout<f64>, 2>, 2>;
 
 /// The noise of the angular acceleration.
-fn noise(filter: &FilterSettings) -> NoiseDensity<f64, 2> {
+fn noise(filter: &ThresholdFilterSettings) -> NoiseDensity<f64, 2> {
     NoiseDensity::none().on::<1>(filter.acceleration_density)
 }
 
 /// The mirror alone, by Euler's method.
 pub fn by_euler(
-    hardware: &Hardware,
-    filter: &FilterSettings,
+    hardware: &ThresholdHardware,
+    filter: &ThresholdFilterSettings,
 ) -> ByEuler<CombDrivenMirror<f64>, CurrentReadout<f64>, 2> {
-    ByEuler(Plain { dynamics: hardware.mirror, readout: hardware.readout, noise: noise(filter) })
+    ByEuler(PlainModel { dynamics: hardware.mirror, readout: hardware.readout, noise: noise(filter) })
 }
 
 /// The mirror, and what its drive adds to the signal.
@@ -42,20 +42,23 @@ pub struct MirrorPlant {
 
 impl MirrorPlant {
     /// The device as a filter sees it.
-    pub fn new(hardware: &Hardware, filter: &FilterSettings) -> Result<Self, AugmentationError> {
+    pub fn new(
+        hardware: &ThresholdHardware,
+        filter: &ThresholdFilterSettings,
+    ) -> Result<Self, AugmentationError> {
         Self::with(hardware, filter, filter.basics.parameters())
     }
 
     /// The device with each of the parameters of a bank as stated, and off by its deviation to both sides.
     pub fn side_by_side(
-        hardware: &Hardware,
-        filter: &FilterSettings,
+        hardware: &ThresholdHardware,
+        filter: &ThresholdFilterSettings,
     ) -> Result<Vec<Self>, AugmentationError> {
         let tracked = filter.basics.tracked.as_slice();
         let one = |shifts: Vec<f64>| {
             let by = (tracked, &shifts[..]);
-            let through = |parameter: &Parameter| (parameter.name == FEEDTHROUGH).then_some("");
-            let varied = Hardware {
+            let through = |parameter: &DeviceParameter| (parameter.name == FEEDTHROUGH).then_some("");
+            let varied = ThresholdHardware {
                 mirror: shifted(&hardware.mirror, by, |parameter| parameter.in_motion),
                 readout: shifted(&hardware.readout, by, |parameter| parameter.in_readout),
                 feedthrough: shifted(&hardware.feedthrough, by, through),
@@ -67,8 +70,8 @@ impl MirrorPlant {
     }
 
     fn with(
-        hardware: &Hardware,
-        filter: &FilterSettings,
+        hardware: &ThresholdHardware,
+        filter: &ThresholdFilterSettings,
         tracked: &[Tracked],
     ) -> Result<Self, AugmentationError> {
         let readout = ParametricReadout::new(hardware.readout, tracked, |parameter| parameter.in_readout)?;

@@ -1,17 +1,18 @@
 //! The estimates of one segment.
 
 use super::course::ThresholdCourse;
-use super::filters::FilterSettings;
+use super::filters::ThresholdFilterSettings;
 use super::lock_in::swing;
 use super::plant::{Mirror, MirrorPlant, by_euler};
-use super::settings::Settings;
+use super::settings::ThresholdScannerSettings;
 use super::without_drive;
 use crate::config::{Method, Variant};
-use crate::crossings::Crossing;
+use crate::crossings::LevelCrossing;
 use crate::estimate::driven::{DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, BatchStart, Course, EstimateError, FilterPast, GainOf, Known, Motion, Past, StartOf,
-    StartSearch, Started, Swing, Trajectory, answers, answers_of_bank, follow, lock_in, start_from_signal,
+    AnyFilter, BatchStart, Course, EstimateError, FilterPast, GainOf, MeanAndCovariance, MotionRate, Past,
+    SignalStart, StartSearch, StartedCourse, Swing, Trajectory, answers, answers_of_bank, follow, lock_in,
+    start_from_signal,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
@@ -19,25 +20,25 @@ use std::f64::consts::TAU;
 
 /// One segment as the filters see it: signal, drive and the crossings that were found.
 #[derive(Clone, Copy)]
-pub struct Samples<'a> {
+pub struct ThresholdSamples<'a> {
     /// Time, signal and drive.
     pub data: &'a DrivenSegment<'a>,
     /// dV/dt at each sample in V/s; not a number where it is not known.
     pub drive_slope: &'a [f64],
     /// The crossings, in the order of time.
-    pub crossings: &'a [Crossing],
+    pub crossings: &'a [LevelCrossing],
     /// Which row of the segment the first one is.
     pub first: usize,
     /// How fast the device moves.
-    pub motion: Motion,
+    pub motion: MotionRate,
 }
 
 /// Runs the filters of the settings over the new samples of a segment, and judges the lock of each trajectory.
 ///
 /// `place` names the segment in messages. The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
 pub fn estimate(
-    settings: &Settings,
-    samples: Samples,
+    settings: &ThresholdScannerSettings,
+    samples: ThresholdSamples,
     past: &mut Past,
     place: &str,
     progress: &dyn Progress,
@@ -47,7 +48,8 @@ pub fn estimate(
     let start_s = data.scored_from(settings.skip_s);
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let mut trajectories = Task { settings, filter, samples, place, progress }.run(past)?;
+        let mut trajectories =
+            ThresholdFilterTask { settings, filter, samples, place, progress }.run(past)?;
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             trajectory.lock = past.answer(answer).judge.judge(trajectory, &axes, start_s, data.samples.ends);
         }
@@ -57,15 +59,15 @@ pub fn estimate(
 }
 
 /// One filter over one segment.
-struct Task<'a> {
-    settings: &'a Settings,
-    filter: &'a FilterSettings,
-    samples: Samples<'a>,
+struct ThresholdFilterTask<'a> {
+    settings: &'a ThresholdScannerSettings,
+    filter: &'a ThresholdFilterSettings,
+    samples: ThresholdSamples<'a>,
     place: &'a str,
     progress: &'a dyn Progress,
 }
 
-impl Task<'_> {
+impl ThresholdFilterTask<'_> {
     fn run(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (filter, hardware) = (self.filter, &self.settings.hardware);
         let wrong = |why: AugmentationError| filter.basics.no_model(why);
@@ -84,7 +86,7 @@ impl Task<'_> {
             let starts = starts.collect::<Result<Vec<_>, _>>()?;
             let mut courses: Vec<Box<dyn Course + '_>> = Vec::new();
             for (plant, start) in plants.iter().zip(&starts) {
-                courses.push(Box::new(Started::new(self.course(plant, plant)?, start.as_ref())));
+                courses.push(Box::new(StartedCourse::new(self.course(plant, plant)?, start.as_ref())));
             }
             let start = |model: usize| Ok(known(starts.get(model).and_then(Option::as_ref)));
             let basics = (&filter.basics, past);
@@ -100,10 +102,11 @@ impl Task<'_> {
             Method::EulerEkf => self.course(&plant, &euler)?,
             _ => self.course(&plant, &plant)?,
         };
-        let mut course = Started::new(course, found.as_ref().filter(|_| corrects));
+        let mut course = StartedCourse::new(course, found.as_ref().filter(|_| corrects));
         let basics = (&filter.basics, past);
         if let Some(gain) = filter.basics.gain() {
-            let begin = |left: Option<Known>| self.turning(gain, &euler.0, &left.map_or_else(start, Ok)?);
+            let begin =
+                |left: Option<MeanAndCovariance>| self.turning(gain, &euler.0, &left.map_or_else(start, Ok)?);
             return follow(basics, begin, (&mut course, taken), &states, self.progress);
         }
         let mut trajectories = answers(basics, start, (&mut course, taken), &states, self.progress)?;
@@ -122,7 +125,7 @@ impl Task<'_> {
             return Ok(None);
         }
         let noise_variance = self.settings.hardware.noise_variance;
-        let by_signal = FilterSettings {
+        let by_signal = ThresholdFilterSettings {
             variant: Variant::Full,
             signal_variance: noise_variance,
             threshold: None,
@@ -143,7 +146,7 @@ impl Task<'_> {
             ..StartSearch::of_oscillation(filter.prior(), TAU * motion_hz)
         };
         let (states, place) = (filter.states(), self.place);
-        let of = StartOf {
+        let of = SignalStart {
             place,
             basics: &filter.basics,
             states: (&states, 2),
@@ -179,7 +182,12 @@ impl Task<'_> {
     }
 
     /// A filter with a gain that is constant but for the phase, that for the first cycle of the motion.
-    fn turning(&self, gain: GainOf, mirror: &Mirror, known: &Known) -> Result<AnyFilter, EstimateError> {
+    fn turning(
+        &self,
+        gain: GainOf,
+        mirror: &Mirror,
+        known: &MeanAndCovariance,
+    ) -> Result<AnyFilter, EstimateError> {
         let (basics, hardware, data) = (&self.filter.basics, &self.settings.hardware, self.samples.data);
         let (motion_hz, first_s) = (self.motion_hz(), data.time_s.first().copied().unwrap_or(0.0));
         let swing = self.first_swing();

@@ -1,16 +1,16 @@
 //! What the rig takes from an experiment file, in SI.
 
-use super::filters::FilterSettings;
-use super::hardware::Hardware;
-use crate::config::{ConfigError, Entry, Experiment, Fault, Key, Method, Sign, Values};
-use crate::crossings::{DetectorSettings, Telling};
+use super::filters::ThresholdFilterSettings;
+use super::hardware::ThresholdHardware;
+use crate::config::{ConfigError, ConfigFault, ExpectedEntry, Experiment, Key, Method, Sign, Values};
+use crate::crossings::{CrossingDelivery, DetectorSettings};
 use crate::units::kind;
 
 /// What an experiment says of a threshold-sensing scanner, of the detector of its crossings and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub struct ThresholdScannerSettings {
     /// The device.
-    pub hardware: Hardware,
+    pub hardware: ThresholdHardware,
     /// How long a filter has to settle before it is scored, in s.
     pub skip_s: f64,
     /// In how many parts a record is judged beside the whole.
@@ -18,34 +18,34 @@ pub struct Settings {
     /// How crossings are found, where the file says so.
     pub crossings: Option<DetectorSettings>,
     /// The filters, in the order of the file.
-    pub filters: Vec<FilterSettings>,
+    pub filters: Vec<ThresholdFilterSettings>,
 }
 
-impl Settings {
+impl ThresholdScannerSettings {
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = ThresholdHardware::of(experiment)?;
         let Some(estimate) = &experiment.estimate else {
             let remedy = "add the table `[estimate]` with `skip`, `process_noise` and at least one `[[estimate.filter]]`";
-            return Err(experiment.error("estimate", Fault::MissingKey { remedy: remedy.to_owned() }));
+            return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
         };
         for (name, given) in
             [("first_peak", estimate.first_peak.is_some()), ("first_peak_y", estimate.first_peak_y.is_some())]
         {
             if given {
                 let why = "the signal of this device says itself which way it moves; leave it out".to_owned();
-                return Err(experiment.error(Key::from("estimate").child(name), Fault::Value { why }));
+                return Err(experiment.error(Key::from("estimate").child(name), ConfigFault::Value { why }));
             }
         }
         let crossings = estimate.crossings.as_ref().map(DetectorSettings::from);
-        let filters =
-            (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, &hardware, i));
+        let filters = (0..estimate.filters.len())
+            .map(|i| ThresholdFilterSettings::of(experiment, estimate, &hardware, i));
         let filters = filters.collect::<Result<Vec<_>, _>>()?;
         if crossings.is_none() && filters.iter().any(|filter| filter.threshold.is_some()) {
             let remedy = "a filter uses the crossings of the threshold; write `[estimate.crossings]` with `width = \
                           \"30 us\"`, `separation = \"300 us\"` and `threshold = 4`";
             return Err(
-                experiment.error("estimate.crossings", Fault::MissingKey { remedy: remedy.to_owned() })
+                experiment.error("estimate.crossings", ConfigFault::MissingKey { remedy: remedy.to_owned() })
             );
         }
         Ok(Self {
@@ -58,10 +58,10 @@ impl Settings {
     }
 }
 
-impl Settings {
+impl ThresholdScannerSettings {
     /// How filters are told of crossings.
-    pub fn tellings(&self) -> impl Iterator<Item = Telling> + '_ {
-        self.filters.iter().filter_map(|filter| filter.threshold.map(|threshold| threshold.telling))
+    pub fn deliveries(&self) -> impl Iterator<Item = CrossingDelivery> + '_ {
+        self.filters.iter().filter_map(|filter| filter.threshold.map(|threshold| threshold.delivery))
     }
 
     /// How crossings are looked for. Where the file asks for none they are looked for all the same, to see that the signal is
@@ -80,8 +80,8 @@ impl Settings {
 }
 
 /// The states of the motion, as tables of values name them.
-pub const fn states(sign: Sign) -> [Entry; 2] {
-    [Entry::new("angle", &kind::ANGLE, sign), Entry::new("rate", &kind::ANGULAR_RATE, sign)]
+pub const fn states(sign: Sign) -> [ExpectedEntry; 2] {
+    [ExpectedEntry::new("angle", &kind::ANGLE, sign), ExpectedEntry::new("rate", &kind::ANGULAR_RATE, sign)]
 }
 
 /// A state to start from.

@@ -1,14 +1,14 @@
 //! A recording of the scanner that is computed.
 
-use super::hardware::Hardware;
+use super::hardware::ThresholdHardware;
 use super::settings::state_at;
-use crate::config::{CaptureDrive, DriveSource, Experiment, Fault, Key, Quantity};
+use crate::config::{CaptureDrive, ConfigFault, DriveSource, Experiment, Key, Quantity};
 use crate::evaluate::BeamPosition;
-use crate::recording::Source;
+use crate::recording::RecordingSource;
 use crate::signal::hermite;
 use crate::simulate::{
-    Channel, Converter, Drive, Interruptions, Sample, SimulateError, Simulation, Simulator, WhiteNoise,
-    drive_of,
+    Converter, Drive, Interruptions, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator,
+    WhiteNoise, drive_of,
 };
 use crate::threshold_scanner::device::ThresholdScanner;
 use kalmems_core::Measurement;
@@ -19,25 +19,25 @@ use std::ops::ControlFlow;
 
 /// The scanner under a drive that may be cut off, its signal, and the position of its beam where there is a detector.
 pub struct ThresholdSimulation {
-    hardware: Hardware,
+    hardware: ThresholdHardware,
     /// The drive before the recording begins, and for how many steps; none where the recording begins at the start.
     before: Option<(Drive, u64)>,
     drive: Drive,
-    sources: Vec<Source>,
+    sources: Vec<RecordingSource>,
     start: [f64; 2],
     integration_rate_hz: f64,
     steps_per_sample: u64,
     samples: u64,
     sampling_rate_hz: f64,
     converter: Option<Converter>,
-    detector: Option<Detector>,
+    detector: Option<SimulatedDetector>,
     signal_noise: f64,
     seed: u64,
 }
 
 /// A position detector at work.
 #[derive(Clone, Copy)]
-struct Detector {
+struct SimulatedDetector {
     beam: BeamPosition,
     /// By how many samples it is late.
     late: f64,
@@ -48,18 +48,20 @@ struct Detector {
 const SIGNAL_NOISE: u64 = 0;
 const POSITION_NOISE: u64 = 1;
 
-const DRIVE: Channel = Channel { meaning: "drive", column: "drive_V" };
-const SIGNAL: Channel = Channel { meaning: "signal", column: "cap_V" };
-const POSITION: Channel = Channel { meaning: "position", column: "psd_V" };
+const DRIVE: SimulatedColumn = SimulatedColumn { meaning: "drive", column: "drive_V" };
+const SIGNAL: SimulatedColumn = SimulatedColumn { meaning: "signal", column: "cap_V" };
+const POSITION: SimulatedColumn = SimulatedColumn { meaning: "position", column: "psd_V" };
 
 impl ThresholdSimulation {
     /// Reads and checks what the file says of the simulation.
     pub fn of(experiment: &Experiment) -> Result<Self, SimulateError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = ThresholdHardware::of(experiment)?;
         let Some(simulate) = &experiment.simulate else {
             let remedy = "add the table `[simulate]` with `duration`, `sampling_rate`, `integration_rate`, `start` \
                           and one drive, such as `[simulate.drive.capture]`";
-            return Err(experiment.error("simulate", Fault::MissingKey { remedy: remedy.to_owned() }).into());
+            return Err(experiment
+                .error("simulate", ConfigFault::MissingKey { remedy: remedy.to_owned() })
+                .into());
         };
         let integration_rate_hz = simulate.integration_rate.si();
         let (before, drive, source) = if let DriveSource::Capture(capture) = &simulate.drive {
@@ -73,12 +75,12 @@ impl ThresholdSimulation {
             let why = "the current through the feedthrough capacitance has no bound where the drive jumps; use a drive \
                        that does not, or no feedthrough";
             let key = Key::from("simulate").child("drive").child("square");
-            return Err(experiment.error(key, Fault::Value { why: why.to_owned() }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }).into());
         }
         let sampling_rate_hz = simulate.sampling_rate.si();
         let noise = if simulate.noise { 1.0 } else { 0.0 };
         let device = experiment.device::<ThresholdScanner>()?;
-        let detector = device.position_detector.as_ref().map(|detector| Detector {
+        let detector = device.position_detector.as_ref().map(|detector| SimulatedDetector {
             beam: detector.beam(),
             late: detector.delay.as_ref().map_or(0.0, Quantity::si) * sampling_rate_hz,
             noise: noise * detector.noise_variance.si().sqrt(),
@@ -86,7 +88,7 @@ impl ThresholdSimulation {
         if detector.is_some_and(|detector| detector.late.abs() > simulate.samples() as f64) {
             let why = "the detector is later than the recording is long".to_owned();
             let key = Key::from("device.threshold_scanner.position_detector.delay");
-            return Err(experiment.error(key, Fault::Value { why }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why }).into());
         }
         Ok(Self {
             signal_noise: noise * hardware.noise_variance.sqrt(),
@@ -161,14 +163,14 @@ fn captured(capture: &CaptureDrive, rate_hz: f64) -> ((Drive, u64), Drive) {
 }
 
 impl Simulation for ThresholdSimulation {
-    fn recorded(&self) -> &[Channel] {
+    fn recorded(&self) -> &[SimulatedColumn] {
         if self.detector.is_some() { &[DRIVE, SIGNAL, POSITION] } else { &[DRIVE, SIGNAL] }
     }
 
-    fn truth(&self) -> &[Channel] {
+    fn truth(&self) -> &[SimulatedColumn] {
         &[
-            Channel { meaning: "angle", column: "angle_rad" },
-            Channel { meaning: "rate", column: "rate_rad_per_s" },
+            SimulatedColumn { meaning: "angle", column: "angle_rad" },
+            SimulatedColumn { meaning: "rate", column: "rate_rad_per_s" },
         ]
     }
 
@@ -176,7 +178,7 @@ impl Simulation for ThresholdSimulation {
         self.samples
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &self.sources
     }
 
@@ -184,7 +186,7 @@ impl Simulation for ThresholdSimulation {
         None
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let late = self.detector.map_or(0.0, |detector| detector.late);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not more than there are samples
         let whole = |samples: f64| samples.max(0.0).ceil() as usize + 1;
@@ -225,7 +227,7 @@ impl Simulation for ThresholdSimulation {
                 }
                 None => 2,
             };
-            if each(&Sample { time_s, recorded: &recorded[..channels], truth: &state }).is_break() {
+            if each(&SimulatedSample { time_s, recorded: &recorded[..channels], truth: &state }).is_break() {
                 return Err(SimulateError::Interrupted);
             }
             states.pop_front();

@@ -1,11 +1,13 @@
 //! The main job on recordings of any length, in memory that does not grow with them.
 
 use super::{RecordingOutcome, WorkflowError, evaluate, require};
-use crate::config::{Experiment, Fault, Key};
-use crate::estimate::{Around, EstimateError, Part, SegmentEstimate, StretchJudge, StretchSummary};
+use crate::config::{ConfigFault, Experiment, Key};
+use crate::estimate::{
+    EstimateError, RowsAround, SegmentEstimate, SegmentPart, StretchJudge, StretchSummary,
+};
 use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording, SegmentJudge};
 use crate::progress::{Progress, Silent};
-use crate::recording::{self, Finding, Instant, Source, Stretches};
+use crate::recording::{self, Finding, Instant, RecordingSource, Stretches};
 use crate::{Estimator, Rig, Workbench};
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -34,11 +36,11 @@ pub struct PartOutcome {
 #[derive(Clone, Debug)]
 pub struct WholeRecording {
     /// Its file.
-    pub source: Source,
+    pub source: RecordingSource,
     /// What was found in it.
     pub diagnosis: Vec<Finding>,
     /// The same of its reference, where there is one.
-    pub reference: Option<(Source, Vec<Finding>)>,
+    pub reference: Option<(RecordingSource, Vec<Finding>)>,
     /// What became of the stretches of records that were cut.
     pub stretches: StretchSummary,
 }
@@ -88,14 +90,14 @@ pub fn estimate_in_parts<E>(
     let rig = workbench.rig(experiment)?;
     let mut all = Vec::new();
     for (place, index) in rig.wanted(experiment)?.into_iter().enumerate() {
-        let work = Work { experiment, rig, index, place, progress };
+        let work = RecordingWork { experiment, rig, index, place, progress };
         all.push(work.run(taken)?);
     }
     Ok(all)
 }
 
 /// The work on one recording.
-struct Work<'a> {
+struct RecordingWork<'a> {
     experiment: &'a Experiment,
     rig: &'a dyn Rig,
     index: usize,
@@ -103,7 +105,7 @@ struct Work<'a> {
     progress: &'a dyn Progress,
 }
 
-impl Work<'_> {
+impl RecordingWork<'_> {
     fn run<E>(
         &self,
         taken: &mut dyn FnMut(PartOutcome) -> Result<(), E>,
@@ -111,9 +113,9 @@ impl Work<'_> {
         let (experiment, index) = (self.experiment, self.index);
         let file = &experiment.recording(index)?.file;
         // A filter says nothing of its way through a part; how far the reading has come is what is told.
-        let stopped = Stopped { progress: self.progress, reached: Cell::new(0) };
+        let stopped = PartProgress { progress: self.progress, reached: Cell::new(0) };
         let mut estimator = self.rig.considering(experiment, index, &stopped)?;
-        let around = recording::Around { rows: PART, first: PART, before: 0, after: 1 };
+        let around = recording::StretchSize { rows: PART, first: PART, before: 0, after: 1 };
         let layout = self.rig.layout(experiment, index)?;
         let mut stretches = Stretches::open(&experiment.resolve(file), &layout, around)?;
         // It is opened once the recording says where its times count from.
@@ -143,7 +145,7 @@ impl Work<'_> {
             if stretch.begins {
                 innovations = SegmentJudge::default();
             }
-            let part = Part {
+            let part = SegmentPart {
                 recording: &stretch.recording,
                 segment,
                 fresh: stretch.fresh.clone(),
@@ -167,7 +169,7 @@ impl Work<'_> {
         }
         if !any {
             let why = "no recording has a segment to estimate".to_owned();
-            return Err(experiment.error("recording", Fault::Value { why }).into());
+            return Err(experiment.error("recording", ConfigFault::Value { why }).into());
         }
         let (source, diagnosis) = stretches.finish();
         estimator.conclude(&source.file, &diagnosis)?;
@@ -183,7 +185,7 @@ impl Work<'_> {
     fn part(
         &self,
         estimate: SegmentEstimate,
-        part: &Part,
+        part: &SegmentPart,
         reference: Option<&mut ReferenceParts>,
         judge: &mut SegmentJudge,
     ) -> Result<RecordingOutcome, WorkflowError> {
@@ -208,13 +210,13 @@ impl Work<'_> {
 }
 
 /// Stops the work on a part where the whole is stopped, and tells nothing of it.
-struct Stopped<'a> {
+struct PartProgress<'a> {
     progress: &'a dyn Progress,
     /// How far the whole has come.
     reached: Cell<u64>,
 }
 
-impl Progress for Stopped<'_> {
+impl Progress for PartProgress<'_> {
     fn begin(&self, _: &str, _: u64) {}
 
     fn reached(&self, _: u64) -> ControlFlow<()> {
@@ -224,14 +226,14 @@ impl Progress for Stopped<'_> {
 
 /// What an estimator is given of a segment at a time: a first part that holds what it needs of the beginning, and, where it
 /// smooths, all of the part before.
-fn around_part(Around { head, before, after, smooths }: Around) -> recording::Around {
-    let first = head.clamp(PART, Around::LONGEST_HEAD);
+fn around_part(RowsAround { head, before, after, smooths }: RowsAround) -> recording::StretchSize {
+    let first = head.clamp(PART, RowsAround::LONGEST_HEAD);
     let before = before + if smooths { first } else { 0 };
-    recording::Around { rows: PART, first, before, after: after.max(1) }
+    recording::StretchSize { rows: PART, first, before, after: after.max(1) }
 }
 
 /// Refuses a first part that is too short for the estimator although the segment goes on.
-fn require_head(estimator: &dyn Estimator, part: &Part, file: &Path) -> Result<(), WorkflowError> {
+fn require_head(estimator: &dyn Estimator, part: &SegmentPart, file: &Path) -> Result<(), WorkflowError> {
     let Some(interval_s) = part.segment.time.interval_s() else { return Ok(()) };
     let needed = estimator.around(interval_s).head;
     if !part.begins || part.ends || part.fresh.len() >= needed {

@@ -23,8 +23,8 @@ fn scanner() -> Experiment {
     parse(SCANNER).unwrap()
 }
 
-const ANGLE: Entry = Entry::new("angle", &kind::ANGLE, Sign::Any);
-const RATE: Entry = Entry::new("rate", &kind::ANGULAR_RATE, Sign::Any);
+const ANGLE: ExpectedEntry = ExpectedEntry::new("angle", &kind::ANGLE, Sign::Any);
+const RATE: ExpectedEntry = ExpectedEntry::new("rate", &kind::ANGULAR_RATE, Sign::Any);
 
 #[test]
 fn values_arrive_in_si() {
@@ -104,7 +104,7 @@ fn start_of(filter: usize) -> Key {
 
 fn start(experiment: &Experiment, filter: usize) -> &Values {
     match &experiment.estimate.as_ref().unwrap().filters[filter].start {
-        Some(Start::Values(values)) => values,
+        Some(FilterStart::Values(values)) => values,
         other => panic!("{other:?}"),
     }
 }
@@ -130,7 +130,7 @@ fn a_rig_refuses_the_values_it_does_not_know() {
 #[test]
 fn a_rig_checks_the_sign_of_values() {
     let experiment = scanner();
-    let positive = Entry::new("rate", &kind::ANGULAR_RATE, Sign::Positive);
+    let positive = ExpectedEntry::new("rate", &kind::ANGULAR_RATE, Sign::Positive);
     let error = experiment.values(start_of(0), start(&experiment, 0), [ANGLE, positive]).unwrap_err();
     insta::assert_snapshot!(error, @"lab/experiment.toml:41: estimate.filter[0].start.rate: `0 rad/s` is not above 0; expected an angular rate above 0, such as `0.1 deg/s`");
 }
@@ -151,9 +151,9 @@ fn a_rig_takes_the_columns_it_knows() {
 fn the_first_fault_in_the_file_is_reported() {
     let text = SCANNER.replace("stiffness", "stifness").replace("angular_width", "angular_widht");
     let error = parse(&text).unwrap_err();
-    assert_eq!(error.place.position, Some(Position { line: 6, column: 1 }));
+    assert_eq!(error.place.position, Some(LineAndColumn { line: 6, column: 1 }));
     assert_eq!(error.place.key.to_string(), "device.shared_scanner.resonator.stifness");
-    assert!(matches!(&error.fault, Fault::UnknownKey { suggestion: Some(s), .. } if s == "stiffness"));
+    assert!(matches!(&error.fault, ConfigFault::UnknownKey { suggestion: Some(s), .. } if s == "stiffness"));
 }
 
 #[test]
@@ -161,13 +161,13 @@ fn line_ends_and_byte_order_marks_of_other_systems_are_read() {
     assert_eq!(parse(&SCANNER.replace('\n', "\r\n")).unwrap(), scanner());
     assert_eq!(parse(&format!("\u{feff}{SCANNER}")).unwrap(), scanner());
     let error = parse(&SCANNER.replace("stiffness", "stifness").replace('\n', "\r\n")).unwrap_err();
-    assert_eq!(error.place.position, Some(Position { line: 6, column: 1 }));
+    assert_eq!(error.place.position, Some(LineAndColumn { line: 6, column: 1 }));
 }
 
 #[test]
 fn columns_count_characters() {
     let error = parse("name = \"µµ\" x").unwrap_err();
-    assert_eq!(error.place.position, Some(Position { line: 1, column: 13 }));
+    assert_eq!(error.place.position, Some(LineAndColumn { line: 1, column: 13 }));
 }
 
 #[test]
@@ -178,17 +178,17 @@ fn files_that_cannot_be_read_say_so() {
         fs::write(&path, bytes).unwrap();
         Experiment::load(&path).unwrap_err()
     };
-    assert_eq!(Experiment::load(&folder.path().join("none.toml")).unwrap_err().fault, Fault::NotFound);
-    assert_eq!(Experiment::load(folder.path()).unwrap_err().fault, Fault::Folder);
+    assert_eq!(Experiment::load(&folder.path().join("none.toml")).unwrap_err().fault, ConfigFault::NotFound);
+    assert_eq!(Experiment::load(folder.path()).unwrap_err().fault, ConfigFault::Folder);
     let large = write("large.toml", &vec![b'#'; 1_000_001]);
-    assert_eq!(large.fault, Fault::TooLarge { limit: 1_000_000 });
-    assert!(matches!(write("fits.toml", &vec![b'#'; 1_000_000]).fault, Fault::MissingKey { .. }));
+    assert_eq!(large.fault, ConfigFault::TooLarge { limit: 1_000_000 });
+    assert!(matches!(write("fits.toml", &vec![b'#'; 1_000_000]).fault, ConfigFault::MissingKey { .. }));
     let latin = write("latin.toml", b"name = \"a\"\ndescription = \"5 \xb5m\"\n");
-    assert_eq!(latin.fault, Fault::NotUtf8);
-    assert_eq!(latin.place.position, Some(Position { line: 2, column: 18 }));
+    assert_eq!(latin.fault, ConfigFault::NotUtf8);
+    assert_eq!(latin.place.position, Some(LineAndColumn { line: 2, column: 18 }));
     assert!(latin.to_string().ends_with("latin.toml:2: the file is not UTF-8 text; save it as UTF-8"));
     let text = "#".repeat(1_000_001);
-    assert_eq!(parse(&text).unwrap_err().fault, Fault::TooLarge { limit: 1_000_000 });
+    assert_eq!(parse(&text).unwrap_err().fault, ConfigFault::TooLarge { limit: 1_000_000 });
 }
 
 #[test]
@@ -264,7 +264,7 @@ fn a_channel_is_a_name_or_a_table_and_comes_back_as_it_was() {
     let recording = &experiment.recordings[0];
     assert_eq!(recording.channels.column("drive"), Some("Vdrive"));
     let layout = recording.layout(&["Vdrive", "Ucap"]);
-    assert_eq!(layout.clock, kalmems_engines::recording::Clock::Column("t".to_owned()));
+    assert_eq!(layout.clock, kalmems_engines::recording::TimeSource::Column("t".to_owned()));
     let drive = layout.declared.iter().find(|known| known.key == "drive").unwrap();
     let reading = drive.reading.as_ref().unwrap();
     assert_eq!(

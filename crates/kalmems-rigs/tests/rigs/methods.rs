@@ -4,9 +4,9 @@
 //! what says the same, to the last bit, of a recording that is taken in parts.
 
 use kalmems_engines::config::Experiment;
-use kalmems_engines::estimate::{Part, SegmentEstimate};
+use kalmems_engines::estimate::{SegmentEstimate, SegmentPart};
 use kalmems_engines::progress::Silent;
-use kalmems_engines::recording::{Recording, Segment};
+use kalmems_engines::recording::{SampledRecording, Segment};
 use kalmems_rigs::published;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -226,7 +226,7 @@ fn estimate(experiment: &Experiment) -> Result<SegmentEstimate, String> {
     let wanted = rig.wanted(experiment).map_err(|why| why.to_string())?;
     let index = wanted[0];
     let file = experiment.resolve(&experiment.recording(index).unwrap().file);
-    let recording = Recording::read(&file, &rig.layout(experiment, index).unwrap()).unwrap();
+    let recording = SampledRecording::read(&file, &rig.layout(experiment, index).unwrap()).unwrap();
     let mut found = rig.estimate(experiment, index, &recording, &Silent).map_err(|why| why.to_string())?;
     let found = found.remove(0);
     let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
@@ -244,7 +244,7 @@ const PART: usize = 4_999;
 /// The states of the first answer over a segment that is taken in parts.
 fn in_parts(
     experiment: &Experiment,
-    (index, recording): (usize, &Recording),
+    (index, recording): (usize, &SampledRecording),
     segment: &Segment,
 ) -> Vec<Vec<f64>> {
     let rig = published().rig(experiment).unwrap();
@@ -255,7 +255,7 @@ fn in_parts(
         let end = if from == 0 { around.head.max(PART) } else { from + PART };
         let end = if end + around.after >= rows { rows } else { end };
         let there = from.saturating_sub(around.before)..(end + around.after).min(rows);
-        let part = Part {
+        let part = SegmentPart {
             recording,
             segment: &segment.part(&there),
             fresh: from - there.start..end - there.start,

@@ -6,12 +6,12 @@ use super::scanner::{
     DENSITY, INTERVAL, Motion, NOISE_VARIANCE, READOUT, SCANNER, START_SD, Score, Truth, signal,
 };
 use kalmems::figures::{Axis, Figure, Panel};
-use kalmems_core::smooth::{Backward, Course, FixedLag, IntervalError, smooth_interval};
+use kalmems_core::smooth::{Backward, FixedLag, SmoothingCourse, SmoothingError, smooth_interval};
 use kalmems_core::update::{Always, Decimation, OnNeed, Policy};
 use kalmems_core::{
     AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Filter, FilterError, IteratedEkf,
-    Link, Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4, Scaled, Scales, SigmaPoints,
-    SquareRootEkf, SquareRootUkf, Ukf,
+    Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4, Scaled, Scales, SigmaPoints, SquareRootEkf,
+    SquareRootUkf, StateTransition, Ukf,
 };
 use kalmems_models::dynamics::ParametricScanner;
 use std::cell::RefCell;
@@ -248,12 +248,12 @@ struct Whole<'a> {
     process: Rk4<ParametricScanner<f64>, f64, 2>,
 }
 
-impl<F: Filter<f64, 2>> Course<f64, F, 2> for Whole<'_> {
+impl<F: Filter<f64, 2>> SmoothingCourse<f64, F, 2> for Whole<'_> {
     type Error = FilterError;
     fn samples(&self) -> usize {
         self.recording.signal.len()
     }
-    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<Link<f64, 2>, FilterError> {
+    fn advance(&mut self, filter: &mut F, sample: usize) -> Result<StateTransition<f64, 2>, FilterError> {
         filter.predict_linked(&self.process, &self.recording.motion.drive[sample])
     }
     fn correct(&mut self, filter: &mut F, sample: usize) -> Result<(), FilterError> {
@@ -277,7 +277,7 @@ fn whole() -> Candidate {
             angle[k] = smoothed.mean[0];
             Ok(())
         })
-        .map_err(|error: IntervalError<FilterError>| error.to_string())?;
+        .map_err(|error: SmoothingError<FilterError>| error.to_string())?;
         Ok(1.0)
     })
 }

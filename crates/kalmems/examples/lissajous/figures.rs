@@ -1,10 +1,10 @@
 //! What a phase error of x does to an image.
 
 use kalmems::applications::image::{
-    Lissajous, PhaseAccuracy, Picture, Raster, Scene, ShiftHistogram, edge_width, psnr_db,
+    Lissajous, PhaseAccuracy, Picture, Raster, ShiftHistogram, TissueScene, edge_width, psnr_db,
     structural_similarity,
 };
-use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::figures::{Axis, Figure, Panel, Series, SeriesRole};
 use std::error::Error;
 use std::fmt::Write as _;
 use std::fs::File;
@@ -18,7 +18,7 @@ const ERRORS_DEG: [f64; 4] = [0.0, 0.05, 0.38, 2.73];
 
 /// Writes the pictures; the figures, and the table of the figures of merit.
 pub fn run(folder: &Path) -> Result<(Vec<Figure>, String), Box<dyn Error>> {
-    let scene = Scene::mucosa(1);
+    let scene = TissueScene::mucosa(1);
     let truth = Picture::of_scene([PIXELS; 2], 8, |at| scene.intensity(at));
     let best = image(0.0, |at| scene.intensity(at));
     let mut table =
@@ -30,7 +30,7 @@ pub fn run(folder: &Path) -> Result<(Vec<Figure>, String), Box<dyn Error>> {
     for degrees in ERRORS_DEG {
         let seen = image(degrees, |at| scene.intensity(at));
         let histogram = histogram(degrees);
-        let edge = image(degrees, |[x, _]| ((x - 0.5) / Scene::SPOT + 0.5).clamp(0.0, 1.0));
+        let edge = image(degrees, |[x, _]| ((x - 0.5) / TissueScene::SPOT + 0.5).clamp(0.0, 1.0));
         let db = |value: Option<f64>| match value {
             Some(db) if db.is_finite() => format!("{db:.1} dB"),
             _ => "–".to_owned(),
@@ -49,8 +49,8 @@ pub fn run(folder: &Path) -> Result<(Vec<Figure>, String), Box<dyn Error>> {
             histogram.counts().map(|(shift, _)| (shift as f64, histogram.share(shift))).collect();
         if degrees > 0.0 {
             shifts = shifts
-                .with(Series::points(format!("{degrees}°"), Role::Other, shares.clone()))
-                .with(Series::line("", Role::Other, shares));
+                .with(Series::points(format!("{degrees}°"), SeriesRole::Other, shares.clone()))
+                .with(Series::line("", SeriesRole::Other, shares));
         }
         let name = format!("image_{:03.0}.png", 100.0 * degrees);
         write_zoomed(&seen.crop([125, 125], [150, 150]), 2, &folder.join(name))?;
@@ -112,9 +112,9 @@ fn against_error() -> Figure {
     let errors = [0.02, 0.05, 0.1, 0.15, 0.2, 0.286, 0.38, 0.573, 1.0, 1.5, 2.0, 2.73, 4.0];
     let mut panel = Panel::new(Axis::new("phase error", "deg").log(), Axis::new("PSNR", "dB"));
     let objects = [
-        ("tissue with chart", Scene::mucosa(1)),
-        ("tissue alone", Scene::mucosa(1).without_chart()),
-        ("another tissue", Scene::mucosa(2).without_chart()),
+        ("tissue with chart", TissueScene::mucosa(1)),
+        ("tissue alone", TissueScene::mucosa(1).without_chart()),
+        ("another tissue", TissueScene::mucosa(2).without_chart()),
     ];
     for (label, scene) in objects {
         let best = image(0.0, |at| scene.intensity(at));
@@ -122,9 +122,9 @@ fn against_error() -> Figure {
             .into_iter()
             .filter_map(|error| Some((error, psnr_db(&image(error, |at| scene.intensity(at)), &best)?)))
             .collect();
-        panel = panel.with(Series::points(label, Role::Other, points.clone())).with(Series::line(
+        panel = panel.with(Series::points(label, SeriesRole::Other, points.clone())).with(Series::line(
             "",
-            Role::Other,
+            SeriesRole::Other,
             points,
         ));
     }

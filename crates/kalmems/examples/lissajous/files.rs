@@ -1,7 +1,7 @@
 //! The files of the example.
 
 use super::scans::Recorded;
-use kalmems::applications::image::{Lissajous, Scene};
+use kalmems::applications::image::{Lissajous, TissueScene};
 use std::error::Error;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -9,7 +9,7 @@ use std::path::Path;
 /// Writes `image_intensity.csv` and `image_trajectory.csv`: a small image, so that the files are small.
 pub fn write(folder: &Path) -> Result<(), Box<dyn Error>> {
     let recorded = Recorded {
-        scene: Scene::mucosa(1),
+        scene: TissueScene::mucosa(1),
         pixels: 100,
         phases_deg: [2.73, -1.6],
         noise: 0.02,

@@ -1,6 +1,8 @@
 //! Scans whose trajectories are wrong by a known phase.
 
-use kalmems::applications::image::{Lissajous, Oscillation, Scan, ScanAxis, Scene, Track, TrackError};
+use kalmems::applications::image::{
+    AxisOscillation, AxisTrack, ImageScan, Lissajous, ScanAxis, TissueScene, TrackError,
+};
 use kalmems::simulate::WhiteNoise;
 
 /// Half the field of view.
@@ -8,7 +10,7 @@ pub const HALF_FIELD_RAD: f64 = 0.15;
 
 /// How far an axis has moved since its phase was calibrated, and how its image is recorded.
 pub struct Recorded {
-    pub scene: Scene,
+    pub scene: TissueScene,
     pub pixels: usize,
     /// Of x and y, in degrees.
     pub phases_deg: [f64; 2],
@@ -35,7 +37,7 @@ impl Recorded {
 
     /// Times and angles of the trajectory of an axis, as it was calibrated. It lasts a little longer than the intensities,
     /// so that a search has something to move.
-    pub fn trajectory(&self, axis: Oscillation) -> (Vec<f64>, Vec<f64>) {
+    pub fn trajectory(&self, axis: AxisOscillation) -> (Vec<f64>, Vec<f64>) {
         let lissajous = Lissajous { x: axis, y: axis, rate_hz: self.trajectory_rate_hz };
         let longer = self.duration_s + 20.0 / self.trajectory_rate_hz;
         let angle = |position: f64| (2.0 * position - 1.0) * HALF_FIELD_RAD;
@@ -43,14 +45,14 @@ impl Recorded {
     }
 
     /// All of it.
-    pub fn scan(&self) -> Result<Scan, TrackError> {
+    pub fn scan(&self) -> Result<ImageScan, TrackError> {
         let believed = Lissajous::published(self.rate_hz);
         let axis = |axis| {
             let (time_s, angle) = self.trajectory(axis);
-            let track = Track::new(time_s, angle)?;
+            let track = AxisTrack::new(time_s, angle)?;
             Ok(ScanAxis { track, half_field_rad: HALF_FIELD_RAD, pixels: self.pixels })
         };
         let (time_s, intensity) = self.intensities();
-        Ok(Scan { time_s, intensity, x: axis(believed.x)?, y: Some(axis(believed.y)?) })
+        Ok(ImageScan { time_s, intensity, x: axis(believed.x)?, y: Some(axis(believed.y)?) })
     }
 }

@@ -1,8 +1,8 @@
 //! How well the phase of the sharpest image is the true one.
 
 use super::scans::Recorded;
-use kalmems::applications::image::{Scene, Sharpness, search_phases};
-use kalmems::figures::{Axis, Figure, Panel, Role, Series};
+use kalmems::applications::image::{Sharpness, TissueScene, search_phases};
+use kalmems::figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems::progress::Silent;
 use std::error::Error;
 use std::fmt::Write as _;
@@ -12,7 +12,7 @@ const PHASES_DEG: [f64; 2] = [-0.745, 1.3];
 const SEEDS: u64 = 6;
 const RANGE_DEG: f64 = 5.0;
 
-fn recorded(scene: Scene, pixels: usize, noise: f64, seed: u64) -> Recorded {
+fn recorded(scene: TissueScene, pixels: usize, noise: f64, seed: u64) -> Recorded {
     Recorded {
         scene,
         pixels,
@@ -36,7 +36,7 @@ pub fn run() -> Result<(Figure, String), Box<dyn Error>> {
     {
         let (mut squares, mut largest, mut claimed) = ([0.0; 2], [0.0_f64; 2], [0.0; 2]);
         for seed in 1..=SEEDS {
-            let scene = Scene::mucosa(seed);
+            let scene = TissueScene::mucosa(seed);
             let scene = if chart { scene } else { scene.without_chart() };
             let scan = recorded(scene, 400, noise, seed).scan()?;
             let range = Some(RANGE_DEG.to_radians());
@@ -72,7 +72,7 @@ fn measures() -> Result<Figure, Box<dyn Error>> {
     .into_iter()
     .enumerate()
     {
-        let scan = recorded(Scene::mucosa(1).without_chart(), pixels, 0.05, 1).scan()?;
+        let scan = recorded(TissueScene::mucosa(1).without_chart(), pixels, 0.05, 1).scan()?;
         let mut panel = Panel::new(Axis::new("phase of x", "deg"), Axis::new(name, "1"));
         if index > 0 {
             panel = panel.sharing_x();
@@ -86,7 +86,7 @@ fn measures() -> Result<Figure, Box<dyn Error>> {
                     (*x, sharpness.of(&passes))
                 })
                 .collect();
-            let role = if y == 0.0 { Role::Model } else { Role::Estimate };
+            let role = if y == 0.0 { SeriesRole::Model } else { SeriesRole::Estimate };
             panel = panel.with(Series::line(label, role, points));
         }
         figure = figure.with(panel);

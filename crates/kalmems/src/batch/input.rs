@@ -1,7 +1,7 @@
 //! The recordings of a batch, and their names.
 
 use super::BatchError;
-use crate::given::GivenRecording;
+use crate::array_experiment::ArrayRecording;
 use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 
@@ -20,7 +20,7 @@ pub enum BatchContent {
     /// In a file.
     File(PathBuf),
     /// In memory.
-    Arrays(Box<GivenRecording>),
+    Arrays(Box<ArrayRecording>),
 }
 
 impl BatchRecording {

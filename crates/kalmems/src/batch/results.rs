@@ -1,12 +1,12 @@
 //! The results of a batch, written as one.
 
 use super::input::{distinct, file_name};
-use super::journal::Piece;
+use super::journal::BatchPiece;
 use super::{BatchContent, BatchError, BatchRecording};
 use crate::results::{Notice, Output, RUN_FILE};
 use crate::rows;
-use crate::table::{Line, Table, number, union};
-use kalmems_figures::{self as figures, Column, Page, Part, Section, Severity};
+use crate::table::{TidyRow, TidyTable, number, union};
+use kalmems_figures::{self as figures, ColumnHead, NoticeSeverity, Page, PagePart, PageSection};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -52,7 +52,7 @@ pub struct BatchSummary {
     pub doubtful: Vec<String>,
     /// The table of `summary.csv`, as far as a screen has it.
     #[serde(skip)]
-    table: figures::Table,
+    table: figures::TextTable,
 }
 
 impl BatchSummary {
@@ -63,7 +63,7 @@ impl BatchSummary {
 
     /// What a reader must know before trusting the figures.
     pub fn notices(&self) -> Vec<Notice> {
-        let warn = |text| Notice::new(Severity::Warning, text);
+        let warn = |text| Notice::new(NoticeSeverity::Warning, text);
         let mut notices: Vec<Notice> = self
             .failures
             .iter()
@@ -82,7 +82,7 @@ impl BatchSummary {
                 self.same_as.iter().map(|(name, first)| format!("`{name}` is `{first}`")).collect();
             let each = in_words(&each);
             notices.push(Notice::new(
-                Severity::Note,
+                NoticeSeverity::Note,
                 format!("estimated once, as the content is the same: {each}"),
             ));
         }
@@ -118,26 +118,26 @@ impl fmt::Display for BatchSummary {
 }
 
 /// What is known of a recording.
-pub(super) struct Row<'a> {
+pub(super) struct BatchRow<'a> {
     pub(super) recording: &'a BatchRecording,
     pub(super) sha256: &'a str,
     /// The earlier one with the same content.
     pub(super) same_as: Option<&'a BatchRecording>,
-    pub(super) came: Estimate<'a>,
+    pub(super) came: RecordingEstimate<'a>,
 }
 
 /// What came of a recording.
-pub(super) enum Estimate<'a> {
-    Made(&'a Piece),
+pub(super) enum RecordingEstimate<'a> {
+    Made(&'a BatchPiece),
     /// Nothing, for this reason.
     Failed(&'a str),
 }
 
-impl Row<'_> {
-    fn piece(&self) -> Option<&Piece> {
+impl BatchRow<'_> {
+    fn piece(&self) -> Option<&BatchPiece> {
         match self.came {
-            Estimate::Made(piece) => Some(piece),
-            Estimate::Failed(_) => None,
+            RecordingEstimate::Made(piece) => Some(piece),
+            RecordingEstimate::Failed(_) => None,
         }
     }
 }
@@ -145,9 +145,9 @@ impl Row<'_> {
 /// Writes all results of a batch; `place_of` says where the file of a recording's trajectories is.
 pub(super) fn write_results(
     (experiment, text): (&str, &str),
-    rows: &[Row],
+    rows: &[BatchRow],
     output: &Output,
-    place_of: &dyn Fn(&Piece) -> Option<PathBuf>,
+    place_of: &dyn Fn(&BatchPiece) -> Option<PathBuf>,
 ) -> Result<BatchSummary, BatchError> {
     let files = trajectories(rows);
     for (row, name) in rows.iter().zip(&files) {
@@ -165,7 +165,7 @@ pub(super) fn write_results(
         output.write(&format!("{name}.parquet"), |w| table.write_parquet(w))?;
     }
     output.write("experiment.toml", |w| w.write_all(text.as_bytes()))?;
-    let of = |row: &Row| row.recording.name.clone();
+    let of = |row: &BatchRow| row.recording.name.clone();
     let summary = BatchSummary {
         experiment: experiment.to_owned(),
         recordings: rows.len(),
@@ -173,8 +173,8 @@ pub(super) fn write_results(
         failures: rows
             .iter()
             .filter_map(|row| match row.came {
-                Estimate::Failed(why) => Some((of(row), why.to_owned())),
-                Estimate::Made(_) => None,
+                RecordingEstimate::Failed(why) => Some((of(row), why.to_owned())),
+                RecordingEstimate::Made(_) => None,
             })
             .collect(),
         doubtful: rows.iter().filter(|row| row.piece().is_some_and(|piece| piece.doubtful)).map(of).collect(),
@@ -183,7 +183,7 @@ pub(super) fn write_results(
     let page = page(&summary, text).to_html()?;
     output.write("report.html", |w| w.write_all(page.as_bytes()))?;
     output.write(RUN_FILE, |w| {
-        let record = Record {
+        let record = BatchRecord {
             version: env!("CARGO_PKG_VERSION"),
             command: "batch",
             input_id: format!("{experiment}: {} recordings", rows.len()),
@@ -197,8 +197,8 @@ pub(super) fn write_results(
 }
 
 /// The file of each recording's trajectories; that of the first where several have one content.
-fn trajectories(rows: &[Row]) -> Vec<String> {
-    let named = |row: &Row| file_name(&row.same_as.unwrap_or(row.recording).name);
+fn trajectories(rows: &[BatchRow]) -> Vec<String> {
+    let named = |row: &BatchRow| file_name(&row.same_as.unwrap_or(row.recording).name);
     let own: Vec<(usize, String)> = rows
         .iter()
         .enumerate()
@@ -213,14 +213,14 @@ fn trajectories(rows: &[Row]) -> Vec<String> {
             Some((rows.get(*k)?.recording.name.as_str(), format!("trajectories/{name}.parquet")))
         })
         .collect();
-    let of = |row: &Row| by_recording.get(row.same_as.unwrap_or(row.recording).name.as_str()).cloned();
+    let of = |row: &BatchRow| by_recording.get(row.same_as.unwrap_or(row.recording).name.as_str()).cloned();
     rows.iter().map(|row| of(row).unwrap_or_default()).collect()
 }
 
 /// All figures of all filters: a row for each recording, segment and filter, and one for a recording without an estimate.
-fn table(rows: &[Row], files: &[String]) -> Table {
+fn table(rows: &[BatchRow], files: &[String]) -> TidyTable {
     let figures = union(
-        rows.iter().filter_map(Row::piece).flat_map(|piece| &piece.rows).map(|row| row.keys().collect()),
+        rows.iter().filter_map(BatchRow::piece).flat_map(|piece| &piece.rows).map(|row| row.keys().collect()),
     );
     let mut lines = Vec::new();
     for (place, (row, file)) in (0_u64..).zip(rows.iter().zip(files)) {
@@ -229,28 +229,28 @@ fn table(rows: &[Row], files: &[String]) -> Table {
             BatchContent::Arrays(_) => String::new(),
         };
         let (error, file) = match row.came {
-            Estimate::Failed(why) => (why, ""),
-            Estimate::Made(_) => ("", file.as_str()),
+            RecordingEstimate::Failed(why) => (why, ""),
+            RecordingEstimate::Made(_) => ("", file.as_str()),
         };
         let same_as = row.same_as.map_or("", |first| first.name.as_str());
         let before = [&row.recording.name, same_as, error, file, &path, row.sha256].map(str::to_owned);
-        let nothing = rows::Row::new();
+        let nothing = rows::ResultRow::new();
         let own = row.piece().map_or(std::slice::from_ref(&nothing), |piece| piece.rows.as_slice());
         for own in own {
             let figures =
                 figures.iter().map(|name| own.get(name).and_then(|v| v.as_str()).unwrap_or_default());
             let cells = before.iter().cloned().chain(figures.map(str::to_owned)).collect();
-            lines.push(Line { run: place, cells });
+            lines.push(TidyRow { run: place, cells });
         }
     }
     let before = BEFORE.map(str::to_owned);
     let words = before.iter().cloned().chain(["segment".to_owned(), "trusted".to_owned()]).collect();
     let columns = before.into_iter().chain(figures).collect();
-    Table { columns, words, rows: lines, before: BEFORE.len() }
+    TidyTable { columns, words, rows: lines, before: BEFORE.len() }
 }
 
 /// A row for each recording, or for each of its segments, with the filter that is to be trusted.
-fn summary_of(results: &Table) -> Table {
+fn summary_of(results: &TidyTable) -> TidyTable {
     let is_error = |name: &str| name.rsplit('.').next().is_some_and(|last| last.starts_with("rmse_"));
     let wanted = |name: &&str| SUMMARY.contains(name) || is_error(name);
     let figures = results.columns.iter().skip(BEFORE.len()).map(String::as_str).filter(wanted);
@@ -265,10 +265,10 @@ fn summary_of(results: &Table) -> Table {
     let trusted = results.column("trusted");
     let segment = results.column("segment");
     let stretch = results.column("segment.stretch.number");
-    let of = |line: &Line, place: Option<usize>| {
+    let of = |line: &TidyRow, place: Option<usize>| {
         place.and_then(|place| line.cells.get(place)).cloned().unwrap_or_default()
     };
-    let mut rows: Vec<Line> = Vec::new();
+    let mut rows: Vec<TidyRow> = Vec::new();
     let mut last: Option<(u64, String, String)> = None;
     for line in &results.rows {
         // The first of a segment, and in its place the one that is to be trusted.
@@ -277,7 +277,7 @@ fn summary_of(results: &Table) -> Table {
         if is_next || of(line, trusted) == "yes" {
             let cells =
                 places.iter().map(|place| line.cells.get(*place).cloned().unwrap_or_default()).collect();
-            let line = Line { run: line.run, cells };
+            let line = TidyRow { run: line.run, cells };
             match rows.last_mut() {
                 Some(present) if !is_next => *present = line,
                 _ => rows.push(line),
@@ -293,11 +293,11 @@ fn summary_of(results: &Table) -> Table {
     }
     let mut words = results.words.clone();
     words.push("filter".to_owned());
-    Table { columns, words, rows, before: 2 }
+    TidyTable { columns, words, rows, before: 2 }
 }
 
 /// The summary for a screen.
-fn shown(summary: &Table) -> figures::Table {
+fn shown(summary: &TidyTable) -> figures::TextTable {
     let is_shown = |name: &str| {
         let angle_or_value =
             name.rsplit('.').next().is_some_and(|last| last.starts_with("rmse_")) && !name.contains(".parts");
@@ -312,13 +312,13 @@ fn shown(summary: &Table) -> figures::Table {
     let column = |place: &usize| {
         let label = match summary.columns[*place].as_str() {
             "consistency.mean_nis" => "mean NIS",
-            "segment.motion_hz" => return Column::number("motion", "Hz"),
+            "segment.motion_hz" => return ColumnHead::number("motion", "Hz"),
             "grade" => "verdict",
             name => name,
         };
-        if summary.is_number(*place) { Column::number(label, "") } else { Column::text(label) }
+        if summary.is_number(*place) { ColumnHead::number(label, "") } else { ColumnHead::text(label) }
     };
-    let mut table = figures::Table::new("", places.iter().map(column));
+    let mut table = figures::TextTable::new("", places.iter().map(column));
     let error = summary.column("error");
     for line in summary.rows.iter().take(ROWS) {
         let has_failed = error.is_some_and(|error| !line.cells[error].is_empty());
@@ -336,18 +336,19 @@ fn shown(summary: &Table) -> figures::Table {
 }
 
 fn page(summary: &BatchSummary, text: &str) -> Page {
-    let mut result = Section::new("Verdict").part(Part::Verdict);
+    let mut result = PageSection::new("Verdict").part(PagePart::Verdict);
     for notice in summary.notices() {
         result = result.notice(notice.severity, notice.text);
     }
     let result = result.paragraph(summary.in_short()).table(summary.table.clone());
     let beside = "All figures of all filters are in `results.csv`, one row for each recording in `summary.csv`, and the trajectories of each recording in `trajectories`.";
-    let how = Section::made("batch", env!("CARGO_PKG_VERSION"), beside).preformatted("The experiment", text);
+    let how =
+        PageSection::made("batch", env!("CARGO_PKG_VERSION"), beside).preformatted("The experiment", text);
     Page::new(&summary.experiment, "Recordings by one experiment").with(result).with(how)
 }
 
 #[derive(Serialize)]
-struct Record<'a> {
+struct BatchRecord<'a> {
     version: &'a str,
     command: &'static str,
     input_id: String,

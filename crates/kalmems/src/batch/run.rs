@@ -1,17 +1,17 @@
 //! Estimates what is not estimated yet, on several threads, and puts all of it together.
 
-use super::journal::{Header, Piece, Pieces};
-use super::results::{BatchSummary, Estimate, Row, write_results};
+use super::journal::{BatchHeader, BatchPiece, BatchPieces};
+use super::results::{BatchRow, BatchSummary, RecordingEstimate, write_results};
 use super::work::{
     Broken, clear, digest_of_content, finish, is_there, on_one_line, unfinished_file, with_recording,
 };
 use super::{BatchContent, BatchError, BatchRecording};
+use crate::array_experiment::ArrayExperiment;
 use crate::config::{ConfigError, Experiment, Source};
 use crate::diagnose::leaves_noise_open;
-use crate::given::Given;
 use crate::journal::{Journal, digest_of, hex};
 use crate::progress::{Progress, each_on_threads, map_on_threads, processors};
-use crate::results::{Committed, Output, Work};
+use crate::results::{EarlierResult, Output, Work};
 use crate::rigs::Workbench;
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
@@ -62,7 +62,7 @@ pub struct BatchOutcome {
     /// Whether a line that was being written when the program was stopped was dropped from the journal.
     pub torn: bool,
     /// What became of the earlier results.
-    pub committed: Committed,
+    pub committed: EarlierResult,
 }
 
 /// What is known of a recording before it is read as one: its SHA-256 and its key, or why it has none.
@@ -91,7 +91,7 @@ impl Batch {
         if !leaves_noise_open(&raw)? {
             workbench.parse(&source.text, &source.path)?;
         }
-        Given::new(&source.text, &source.path)?.alone(of)?;
+        ArrayExperiment::new(&source.text, &source.path)?.alone(of)?;
         Ok(Self {
             workbench: workbench.clone(),
             name: raw.name.to_string(),
@@ -111,7 +111,7 @@ impl Batch {
 
     /// Whether the experiment compares its recording with a reference in a file of its own, of which a batch knows none.
     pub fn leaves_reference_out(&self) -> bool {
-        let Ok(mut given) = Given::new(&self.source.text, &self.source.path) else { return false };
+        let Ok(mut given) = ArrayExperiment::new(&self.source.text, &self.source.path) else { return false };
         self.references.is_none() && given.has_reference_file(self.of.as_deref())
     }
 
@@ -160,7 +160,7 @@ impl Batch {
 
         let folder = self.beside(out, "unfinished");
         std::fs::create_dir_all(&folder).map_err(|source| BatchError::Io { path: folder.clone(), source })?;
-        let place_of = |piece: &Piece| {
+        let place_of = |piece: &BatchPiece| {
             let file = unfinished_file(&folder, &piece.key);
             let is_unfinished = is_there(&file, &piece.trajectories);
             if is_unfinished { Some(file) } else { output.standing_file(&piece.trajectories) }
@@ -234,8 +234,8 @@ impl Batch {
     }
 
     /// What tells the work on each recording from other work: the experiment without the recording, and the files that it reads beside it.
-    fn header(&self) -> Result<Header, ConfigError> {
-        let mut given = Given::new(&self.source.text, &self.source.path)?;
+    fn header(&self) -> Result<BatchHeader, ConfigError> {
+        let mut given = ArrayExperiment::new(&self.source.text, &self.source.path)?;
         let raw = Experiment::parse(&self.source.text, &self.source.path)?;
         let (rest, further) = given.without_recording(self.of.as_deref())?;
         let mut hash = Sha256::new();
@@ -251,7 +251,7 @@ impl Batch {
                 hash.update(digest);
             }
         }
-        Ok(Header::new(hex(&hash.finalize())))
+        Ok(BatchHeader::new(hex(&hash.finalize())))
     }
 
     fn look(&self, recording: &BatchRecording, progress: &dyn Progress) -> Option<Looked> {
@@ -267,12 +267,12 @@ impl Batch {
         key: &str,
         folder: &Path,
         progress: &dyn Progress,
-    ) -> Result<Piece, Broken> {
+    ) -> Result<BatchPiece, Broken> {
         if progress.reached(0).is_break() {
             return Err(Broken::Stopped);
         }
         let wrong = |error: ConfigError| Broken::Recording(on_one_line(&error));
-        let given = Given::new(&self.source.text, &self.source.path).map_err(wrong)?;
+        let given = ArrayExperiment::new(&self.source.text, &self.source.path).map_err(wrong)?;
         let reference = self.reference(recording);
         let given = with_recording(given, self.of.as_deref(), recording, reference.as_deref())?;
         finish((&self.workbench, given), key, folder, progress)
@@ -283,21 +283,21 @@ impl Batch {
 fn rows<'a>(
     recordings: &'a [BatchRecording],
     (looked, same_as): (&'a [Looked], &BTreeMap<usize, usize>),
-    (pieces, failures): (&'a Pieces, &'a BTreeMap<usize, String>),
-) -> Vec<Row<'a>> {
+    (pieces, failures): (&'a BatchPieces, &'a BTreeMap<usize, String>),
+) -> Vec<BatchRow<'a>> {
     let row = |(place, (recording, looked)): (usize, (&'a BatchRecording, &'a Looked))| {
         let first = same_as.get(&place).copied();
         let (sha256, came) = match looked {
-            Err(why) => ("", Estimate::Failed(why)),
+            Err(why) => ("", RecordingEstimate::Failed(why)),
             Ok((sha256, key)) => {
                 let came = match (failures.get(&first.unwrap_or(place)), pieces.get(key)) {
-                    (None, Some(piece)) => Estimate::Made(piece),
-                    (why, _) => Estimate::Failed(why.map_or("it was not estimated", String::as_str)),
+                    (None, Some(piece)) => RecordingEstimate::Made(piece),
+                    (why, _) => RecordingEstimate::Failed(why.map_or("it was not estimated", String::as_str)),
                 };
                 (sha256.as_str(), came)
             }
         };
-        Row { recording, sha256, same_as: first.and_then(|first| recordings.get(first)), came }
+        BatchRow { recording, sha256, same_as: first.and_then(|first| recordings.get(first)), came }
     };
     recordings.iter().zip(looked).enumerate().map(row).collect()
 }

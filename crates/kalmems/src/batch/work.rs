@@ -1,11 +1,11 @@
 //! The work on one recording.
 
-use super::journal::Piece;
+use super::journal::BatchPiece;
 use super::{BatchContent, BatchError, BatchRecording};
+use crate::array_experiment::{ArrayExperiment, PreparedExperiment};
 use crate::config::Experiment;
 use crate::diagnose::{DiagnoseError, FoundNoise};
 use crate::estimate::TrajectoryKind;
-use crate::given::{Given, Ready};
 use crate::journal::{digest_of, hex};
 use crate::progress::Progress;
 use crate::results::{Metrics, PooledMetrics, SegmentMetrics, TrajectoryFile};
@@ -53,11 +53,11 @@ pub(super) fn unfinished_file(folder: &Path, key: &str) -> PathBuf {
 
 /// The experiment with a recording in the place of that which it names.
 pub(super) fn with_recording(
-    mut given: Given,
+    mut given: ArrayExperiment,
     of: Option<&str>,
     recording: &BatchRecording,
     reference: Option<&Path>,
-) -> Result<Given, DiagnoseError> {
+) -> Result<ArrayExperiment, DiagnoseError> {
     match &recording.content {
         BatchContent::File(file) => given.file(of, file, reference)?,
         BatchContent::Arrays(arrays) => {
@@ -70,12 +70,12 @@ pub(super) fn with_recording(
 
 /// Estimates a recording and keeps its trajectories in a folder.
 pub(super) fn finish(
-    (workbench, given): (&Workbench, Given),
+    (workbench, given): (&Workbench, ArrayExperiment),
     key: &str,
     folder: &Path,
     progress: &dyn Progress,
-) -> Result<Piece, Broken> {
-    let Ready { workbench, experiment, noise } = given.ready(workbench, progress)?;
+) -> Result<BatchPiece, Broken> {
+    let PreparedExperiment { workbench, experiment, noise } = given.prepare(workbench, progress)?;
     let path = unfinished_file(folder, key);
     let failed = |source: io::Error| Broken::Results(BatchError::Io { path: path.clone(), source });
     // Beside its place first, so that there is never half of it.
@@ -108,7 +108,7 @@ pub(super) fn finish(
         let trusted = to_be_trusted(segment);
         segment.estimators.iter().any(|one| Some(one.key.as_str()) == trusted && !one.passes())
     });
-    Ok(Piece { key: key.to_owned(), trajectories: hex(&trajectories), doubtful, rows })
+    Ok(BatchPiece { key: key.to_owned(), trajectories: hex(&trajectories), doubtful, rows })
 }
 
 /// The filter whose answer stands for a segment in the summary: that which predicts best, else the first of the best grade.

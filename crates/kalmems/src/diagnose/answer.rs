@@ -1,7 +1,7 @@
 //! What a change makes of the answer.
 
-use super::trial::Trial;
-use crate::evaluate::{ErrorSeries, Explained};
+use super::trial::DiagnosisTrial;
+use crate::evaluate::{ErrorDecomposition, ErrorSeries};
 use crate::progress::Interruption;
 use serde::Serialize;
 
@@ -26,7 +26,7 @@ pub struct AnswerChange {
 
 impl AnswerChange {
     /// From one answer to another; `None` where they have no samples in common.
-    pub(super) fn between(from: &Trial, to: &Trial) -> Option<Self> {
+    pub(super) fn between(from: &DiagnosisTrial, to: &DiagnosisTrial) -> Option<Self> {
         if from.answer.len() != to.answer.len() || !from.is_its_own() {
             return None;
         }
@@ -45,12 +45,14 @@ impl AnswerChange {
         let none =
             Self { rms: square.sqrt(), offset: 0.0, scale: 0.0, early_s: 0.0, share: 0.0, of_rms, claimed };
         let series = ErrorSeries { time_s: from.answer_time_s.clone(), error: difference, sd: Vec::new() };
-        Some(Explained::of(&series, &from.answer, &Interruption::never()).map_or(none, |found| Self {
-            offset: found.bias,
-            scale: found.scale,
-            early_s: found.early_s,
-            share: found.share,
-            ..none
+        Some(ErrorDecomposition::of(&series, &from.answer, &Interruption::never()).map_or(none, |found| {
+            Self {
+                offset: found.bias,
+                scale: found.scale,
+                early_s: found.early_s,
+                share: found.share,
+                ..none
+            }
         }))
     }
 

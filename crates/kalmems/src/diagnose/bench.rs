@@ -1,18 +1,18 @@
 //! One filter and the beginning of its recordings, run again and again with changes.
 
 use super::DiagnoseError;
-use super::change::Change;
-use super::stop::Stop;
-use super::trial::Trial;
-use crate::config::{Experiment, Fault, Key, Method, Role, exactly};
+use super::change::TrialChange;
+use super::stop::StopFlag;
+use super::trial::DiagnosisTrial;
+use crate::config::{ConfigFault, Experiment, Key, Method, RecordingRole, exactly};
 use crate::identify::Material;
-use crate::progress::{Progress, Reader};
-use crate::recording::{Around, Recording, Stretches};
+use crate::progress::{Progress, ReaderProgress};
+use crate::recording::{SampledRecording, StretchSize, Stretches};
 use crate::rigs::Workbench;
 use toml::{Table, Value};
 
 /// What trials have in common.
-pub(super) struct Bench<'a> {
+pub(super) struct TrialBench<'a> {
     workbench: &'a Workbench,
     /// What the filter is told.
     pub(super) experiment: Experiment,
@@ -25,16 +25,16 @@ pub(super) struct Bench<'a> {
     /// The channel that its first innovations are of, by its meaning.
     pub(super) signal: String,
     /// Recordings with their places in the experiment.
-    recordings: Vec<(usize, Recording)>,
+    recordings: Vec<(usize, SampledRecording)>,
     /// Heard by each run.
-    pub(super) stop: Stop,
+    pub(super) stop: StopFlag,
 }
 
 /// Rows after the settling time that are looked at.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Extent(pub(super) usize);
+pub(super) struct TestedRows(pub(super) usize);
 
-impl<'a> Bench<'a> {
+impl<'a> TrialBench<'a> {
     /// One of an experiment's filters: that with this name, or else the first whose innovations are white when it is right.
     pub(super) fn of(
         workbench: &'a Workbench,
@@ -52,7 +52,7 @@ impl<'a> Bench<'a> {
                 Some(name) => format!("there is no filter `{name}`; there are `{}`", known.join("`, `")),
                 None => "no filter has innovations that are white when it is right; add one with `method = \"ekf\"`".to_owned(),
             };
-            return Err(experiment.error("estimate.filter", Fault::Value { why }).into());
+            return Err(experiment.error("estimate.filter", ConfigFault::Value { why }).into());
         };
         if !is_judged(chosen.method) {
             let why = format!(
@@ -61,9 +61,9 @@ impl<'a> Bench<'a> {
                 chosen.method.word()
             );
             let key = Key::from("estimate").child("filter").index(place).child("method");
-            return Err(experiment.error(key, Fault::Value { why }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why }).into());
         }
-        let unwritten = |why: String| experiment.error(Key::default(), Fault::Value { why });
+        let unwritten = |why: String| experiment.error(Key::default(), ConfigFault::Value { why });
         let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
         let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
         keep_one_filter(&mut document, place);
@@ -73,7 +73,7 @@ impl<'a> Bench<'a> {
         let told = workbench.parse(&text, experiment.path())?;
         let filter_name = chosen.name.to_string();
         let signal = workbench.rig(&told)?.channels(&told).signals.into_iter().next().unwrap_or_default();
-        let (recordings, stop) = (Vec::new(), Stop::default());
+        let (recordings, stop) = (Vec::new(), StopFlag::default());
         Ok(Self {
             workbench,
             experiment: told,
@@ -89,7 +89,7 @@ impl<'a> Bench<'a> {
     /// The same with the beginning of each recording that the rig wants, as much as has so many rows after the settling time, in all.
     pub(super) fn with_files(
         mut self,
-        Extent(rows): Extent,
+        TestedRows(rows): TestedRows,
         progress: &dyn Progress,
     ) -> Result<Self, DiagnoseError> {
         let rig = self.workbench.rig(&self.experiment)?;
@@ -100,9 +100,9 @@ impl<'a> Bench<'a> {
             let described = self.experiment.recording(index)?;
             let file = self.experiment.resolve(&described.file);
             let layout = rig.layout(&self.experiment, index)?;
-            let around = Around { rows, first: rows, before: 0, after: 0 };
+            let around = StretchSize { rows, first: rows, before: 0, after: 0 };
             let mut stretches = Stretches::open(&file, &layout, around)?;
-            let mut reading = Reader::new(progress, "reading");
+            let mut reading = ReaderProgress::new(progress, "reading");
             let hear = &mut |done: u64, total: u64| reading.hear(done, total);
             while left > 0 {
                 let Some(interval_s) = stretches.beginning(hear)? else {
@@ -116,7 +116,7 @@ impl<'a> Bench<'a> {
                 // saturating; a number of rows
                 let skipped = (skip_s / interval_s).ceil() as usize;
                 let most = skipped.saturating_add(left);
-                stretches.give(Around { rows: most, first: most, before: 0, after: 0 });
+                stretches.give(StretchSize { rows: most, first: most, before: 0, after: 0 });
                 let Some(stretch) = stretches.next(hear)? else { break };
                 left = left.saturating_sub(stretch.recording.rows().saturating_sub(skipped));
                 self.recordings.push((index, stretch.recording));
@@ -126,7 +126,7 @@ impl<'a> Bench<'a> {
     }
 
     /// The same with a recording that is there already, for the first that the rig wants.
-    pub(super) fn with_recording(mut self, recording: Recording) -> Result<Self, DiagnoseError> {
+    pub(super) fn with_recording(mut self, recording: SampledRecording) -> Result<Self, DiagnoseError> {
         let wanted = self.workbench.rig(&self.experiment)?.wanted(&self.experiment)?;
         self.recordings.extend(wanted.first().map(|index| (*index, recording)));
         Ok(self)
@@ -143,7 +143,7 @@ impl<'a> Bench<'a> {
     }
 
     /// What the filter says with these changes; `None` where it cannot be run.
-    pub(super) fn run(&self, changes: &[Change]) -> Option<Trial> {
+    pub(super) fn run(&self, changes: &[TrialChange]) -> Option<DiagnosisTrial> {
         let mut document = self.document.clone();
         for change in changes {
             change.write(&mut document).ok()?;
@@ -151,7 +151,7 @@ impl<'a> Bench<'a> {
         let text = toml::to_string(&document).ok()?;
         let changed = self.workbench.parse(&text, self.experiment.path()).ok()?;
         let rig = self.workbench.rig(&changed).ok()?;
-        let mut trial = Trial::default();
+        let mut trial = DiagnosisTrial::default();
         for (index, recording) in &self.recordings {
             let described = changed.recording(*index).ok()?;
             let columns: Vec<(String, String)> = described
@@ -159,7 +159,7 @@ impl<'a> Bench<'a> {
                 .iter()
                 .map(|(meaning, column)| (meaning.to_owned(), column.to_owned()))
                 .collect();
-            let mut altered: Option<Recording> = None;
+            let mut altered: Option<SampledRecording> = None;
             for change in changes {
                 altered = change.alter(altered.as_ref().unwrap_or(recording), &columns).or(altered);
             }
@@ -173,13 +173,13 @@ impl<'a> Bench<'a> {
 
     /// The recordings, as an identification names them.
     pub(super) fn materials(&self) -> Vec<Material> {
-        let one = |(index, recording): &(usize, Recording)| {
+        let one = |(index, recording): &(usize, SampledRecording)| {
             let described = self.experiment.recordings.get(*index);
             let name = described.and_then(|described| described.name.as_ref());
             let segment = recording.segments().first();
             Material {
                 name: name.map_or_else(|| recording.source().file.clone(), ToString::to_string),
-                role: described.map_or(Role::Test, |described| described.role),
+                role: described.map_or(RecordingRole::Test, |described| described.role),
                 time_s: segment.map(|segment| segment.time.to_vec()).unwrap_or_default(),
                 interval_s: segment.and_then(|segment| segment.time.interval_s()).unwrap_or(f64::NAN),
                 signal: Vec::new(),

@@ -1,6 +1,6 @@
 //! What may be the cause, with its size.
 
-use super::change::{Altered, Change};
+use super::change::{ChannelAlteration, TrialChange};
 use super::suspect::Suspect;
 
 /// Something that may be wrong, and by how much.
@@ -16,8 +16,8 @@ pub(super) enum Cause {
 
 impl Cause {
     /// What would have to be changed; `None` of a size that there cannot be.
-    pub(super) fn changes(&self, suspects: &[Suspect]) -> Option<Vec<Change>> {
-        let of = |signal: &String, how| Some(vec![Change::Channel { meaning: signal.clone(), how }]);
+    pub(super) fn changes(&self, suspects: &[Suspect]) -> Option<Vec<TrialChange>> {
+        let of = |signal: &String, how| Some(vec![TrialChange::Channel { meaning: signal.clone(), how }]);
         match self {
             Self::Numbers(numbers) => {
                 let mut changes = Vec::new();
@@ -26,10 +26,11 @@ impl Cause {
                 }
                 Some(changes)
             }
-            Self::Line { signal, frequency_hz, amplitude } => {
-                of(signal, Altered::WithoutLine { frequency_hz: *frequency_hz, amplitude: *amplitude })
-            }
-            Self::Outliers { signal, times } => of(signal, Altered::Without(times.clone())),
+            Self::Line { signal, frequency_hz, amplitude } => of(
+                signal,
+                ChannelAlteration::WithoutLine { frequency_hz: *frequency_hz, amplitude: *amplitude },
+            ),
+            Self::Outliers { signal, times } => of(signal, ChannelAlteration::Without(times.clone())),
         }
     }
 

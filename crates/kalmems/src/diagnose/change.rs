@@ -1,14 +1,14 @@
 //! What is changed for a trial, in the experiment or in what was recorded.
 
 use crate::config::put;
-use crate::config::{Fault, Key};
-use crate::recording::Recording;
+use crate::config::{ConfigFault, Key};
+use crate::recording::SampledRecording;
 use kalmems_core::Scalar;
 use toml::{Table, Value};
 
 /// A change for a trial.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Change {
+pub(super) enum TrialChange {
     /// A key of the experiment gets this value.
     Key(Key, Value),
     /// The numbers of a channel.
@@ -16,13 +16,13 @@ pub(super) enum Change {
         /// The channel, by its meaning.
         meaning: String,
         /// What becomes of them.
-        how: Altered,
+        how: ChannelAlteration,
     },
 }
 
 /// What becomes of the numbers of a channel, in SI.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Altered {
+pub(super) enum ChannelAlteration {
     /// They are multiplied.
     Scaled(f64),
     /// Something is added.
@@ -40,9 +40,9 @@ pub(super) enum Altered {
     Without(Vec<f64>),
 }
 
-impl Change {
+impl TrialChange {
     /// Puts it into the document, where it is about a key.
-    pub(super) fn write(&self, document: &mut Table) -> Result<(), Fault> {
+    pub(super) fn write(&self, document: &mut Table) -> Result<(), ConfigFault> {
         match self {
             Self::Key(key, value) => put(document, key, value.clone()),
             Self::Channel { .. } => Ok(()),
@@ -50,14 +50,18 @@ impl Change {
     }
 
     /// Makes it in a recording whose columns have these meanings, where it is about a channel.
-    pub(super) fn alter(&self, recording: &Recording, columns: &[(String, String)]) -> Option<Recording> {
+    pub(super) fn alter(
+        &self,
+        recording: &SampledRecording,
+        columns: &[(String, String)],
+    ) -> Option<SampledRecording> {
         let Self::Channel { meaning, how } = self else { return None };
         let (_, column) = columns.iter().find(|(own, _)| own == meaning)?;
         Some(recording.what_if(column, |times, values| how.apply(times, values)))
     }
 }
 
-impl Altered {
+impl ChannelAlteration {
     fn apply(&self, times: &[f64], values: &mut [f64]) {
         match self {
             Self::Scaled(factor) => values.iter_mut().for_each(|value| *value *= factor),
@@ -111,7 +115,7 @@ mod tests {
         let times: Vec<f64> = (0..200).map(|k| f64::from(k) * 1e-3).collect();
         let sine = |t: f64| (40.0 * t).sin();
         let mut values: Vec<f64> = times.iter().map(|t| sine(*t)).collect();
-        Altered::Later(0.3).apply(&times, &mut values);
+        ChannelAlteration::Later(0.3).apply(&times, &mut values);
         for (t, value) in times.iter().zip(&values).take(190).skip(5) {
             assert!((value - sine(t + 0.3e-3)).abs() < 1e-5, "{t}: {value}");
         }
@@ -123,9 +127,10 @@ mod tests {
         let times: Vec<f64> = (0..50).map(|k| f64::from(k) * 1e-3).collect();
         let mut values: Vec<f64> =
             times.iter().map(|t| 2.0 + 0.3 * (std::f64::consts::TAU * 50.0 * t).sin()).collect();
-        Altered::WithoutLine { frequency_hz: 50.0, amplitude: [0.0, 0.3] }.apply(&times, &mut values);
+        ChannelAlteration::WithoutLine { frequency_hz: 50.0, amplitude: [0.0, 0.3] }
+            .apply(&times, &mut values);
         assert!(values.iter().all(|value| (value - 2.0).abs() < 1e-12));
-        Altered::Without(vec![times[7]]).apply(&times, &mut values);
+        ChannelAlteration::Without(vec![times[7]]).apply(&times, &mut values);
         assert!(values[7].is_nan() && values.iter().filter(|value| value.is_nan()).count() == 1);
     }
 }

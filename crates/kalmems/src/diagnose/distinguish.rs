@@ -1,17 +1,17 @@
 //! The recording that would tell causes apart which this one cannot.
 
 use super::DiagnoseError;
-use super::bench::Bench;
+use super::bench::TrialBench;
 use super::cause::Cause;
-use super::change::Change;
-use super::search::Search;
+use super::change::TrialChange;
+use super::search::CauseSearch;
 use super::suspect::Suspect;
-use super::trial::{Blocks, Trial};
+use super::trial::{DiagnosisTrial, TrialBlocks};
 use crate::config::put;
 use crate::config::{Experiment, Key, written};
 use crate::progress::{Progress, map_on_threads, processors};
 use crate::rigs::Workbench;
-use crate::simulate::{Unwritten, described};
+use crate::simulate::{ComputedRecording, described};
 use crate::units::Value as Quantity;
 use serde::Serialize;
 use toml::{Table, Value};
@@ -48,12 +48,12 @@ const APART: f64 = 6.9;
 pub(super) fn proposal(
     workbench: &Workbench,
     experiment: &Experiment,
-    (bench, base): (&Bench, &Trial),
-    causes: &[Vec<Change>],
+    (bench, base): (&TrialBench, &DiagnosisTrial),
+    causes: &[Vec<TrialChange>],
     progress: &dyn Progress,
 ) -> Result<Option<Proposal>, DiagnoseError> {
     let Some((first, others)) = causes.split_first() else { return Ok(None) };
-    let there = Elsewhere { workbench, experiment, bench };
+    let there = SimulatedRecordings { workbench, experiment, bench };
     let Some(usual) = there.usual(base) else { return Ok(None) };
     let variations = variations(&usual);
     let work = (progress, "simulating other recordings");
@@ -71,15 +71,15 @@ pub(super) fn proposal(
 }
 
 /// Recordings that there are not, simulated.
-pub(super) struct Elsewhere<'a> {
+pub(super) struct SimulatedRecordings<'a> {
     pub(super) workbench: &'a Workbench,
     pub(super) experiment: &'a Experiment,
-    pub(super) bench: &'a Bench<'a>,
+    pub(super) bench: &'a TrialBench<'a>,
 }
 
-impl Elsewhere<'_> {
+impl SimulatedRecordings<'_> {
     /// The recording that there is, as a simulation: what the file says, or else its drive and the motion as it was estimated.
-    pub(super) fn usual(&self, base: &Trial) -> Option<Table> {
+    pub(super) fn usual(&self, base: &DiagnosisTrial) -> Option<Table> {
         if self.experiment.simulate.is_some() {
             let whole: Table = self.experiment.to_toml().ok()?.parse().ok()?;
             return whole.get("simulate")?.as_table().cloned();
@@ -114,7 +114,7 @@ impl Elsewhere<'_> {
     }
 
     /// The experiment without its recordings, with a simulation and with changes of its device.
-    fn with_simulation(&self, simulate: &Table, changes: &[Change]) -> Option<Experiment> {
+    fn with_simulation(&self, simulate: &Table, changes: &[TrialChange]) -> Option<Experiment> {
         let mut document = self.bench.document.clone();
         document.remove("recording");
         document.remove("identify");
@@ -126,12 +126,12 @@ impl Elsewhere<'_> {
     }
 
     /// A bench with the simulated recording of a device with these changes; its filter is told the device as it is stated.
-    fn bench(&self, simulate: &Table, changes: &[Change]) -> Option<Bench<'_>> {
+    fn bench(&self, simulate: &Table, changes: &[TrialChange]) -> Option<TrialBench<'_>> {
         let real = self.with_simulation(simulate, changes)?;
         let simulation = self.workbench.rig(&real).ok()?.simulate(&real).ok()?;
-        let simulated = Unwritten::of(&*simulation, &self.bench.stop).ok()?;
+        let simulated = ComputedRecording::of(&*simulation, &self.bench.stop).ok()?;
         let told = described(&self.with_simulation(simulate, &[])?, &*simulation);
-        let mut there = Bench::of(self.workbench, &told, None).ok()?;
+        let mut there = TrialBench::of(self.workbench, &told, None).ok()?;
         there.stop = self.bench.stop.clone();
         let rig = self.workbench.rig(&there.experiment).ok()?;
         let index = *rig.wanted(&there.experiment).ok()?.first()?;
@@ -140,9 +140,9 @@ impl Elsewhere<'_> {
     }
 
     /// By how much the first cause is likelier than the next one in a simulated recording of a device that has it, ln p.
-    fn ahead(&self, simulate: &Table, (first, others): (&[Change], &[Vec<Change>])) -> Option<f64> {
+    fn ahead(&self, simulate: &Table, (first, others): (&[TrialChange], &[Vec<TrialChange>])) -> Option<f64> {
         let there = self.bench(simulate, first)?;
-        let likelihood = |changes: &[Change]| Some(there.run(changes)?.innovations.log_likelihood());
+        let likelihood = |changes: &[TrialChange]| Some(there.run(changes)?.innovations.log_likelihood());
         let own = likelihood(first)?;
         let next = others.iter().filter_map(|changes| likelihood(changes)).fold(f64::NEG_INFINITY, f64::max);
         Some(own - next).filter(|ahead| ahead.is_finite())
@@ -153,8 +153,8 @@ impl Elsewhere<'_> {
         let cause = Cause::Numbers(sizes.iter().copied().enumerate().collect());
         let there = self.bench(simulate, &cause.changes(suspects)?)?;
         let base = there.run(&cause.changes(suspects)?)?;
-        let search = Search { bench: &there, suspects, base: &base };
-        Some(search.most_likely(&cause, Blocks::All)?.sd)
+        let search = CauseSearch { bench: &there, suspects, base: &base };
+        Some(search.most_likely(&cause, TrialBlocks::All)?.sd)
     }
 }
 

@@ -2,17 +2,17 @@
 
 use super::DiagnoseError;
 use super::answer::AnswerChange;
-use super::bench::Bench;
+use super::bench::TrialBench;
 use super::cause::Cause;
-use super::search::{Search, Tried};
+use super::search::{CauseSearch, FittedCause};
 use super::suspect::Suspect;
-use super::trial::{Blocks, Trial};
+use super::trial::{DiagnosisTrial, TrialBlocks};
 use crate::progress::{Progress, map_on_threads, processors};
 use kalmems_core::Portable;
 
 /// A cause that was followed up.
 #[derive(Clone, Debug)]
-pub(super) struct Found {
+pub(super) struct ExaminedCause {
     /// With the sizes by all blocks.
     pub(super) cause: Cause,
     /// Their standard errors.
@@ -20,7 +20,7 @@ pub(super) struct Found {
     /// By how much the blocks that were not fitted are likelier, ln p.
     pub(super) gain: f64,
     /// The run with it.
-    pub(super) trial: Trial,
+    pub(super) trial: DiagnosisTrial,
     /// What it makes of the answer.
     pub(super) answer: Option<AnswerChange>,
 }
@@ -38,12 +38,12 @@ enum Job {
 
 /// What came of it.
 #[derive(Clone, Debug)]
-pub(super) struct Explained {
+pub(super) struct Explanations {
     /// Where one of the likeliest leaves nothing that the tests find: it, and those that the recording cannot tell from it, the likeliest
     /// first.
-    pub(super) causes: Vec<Found>,
+    pub(super) causes: Vec<ExaminedCause>,
     /// Where none does: those that explain most.
-    pub(super) closest: Vec<Found>,
+    pub(super) closest: Vec<ExaminedCause>,
     /// How many causes were tried.
     pub(super) tried: usize,
     /// What a gain has to be above.
@@ -63,15 +63,15 @@ const FIRSTS: usize = 2;
 /// Causes that are listed where none passes.
 const CLOSEST: usize = 3;
 
-impl Explained {
+impl Explanations {
     pub(super) fn by(
-        bench: &Bench,
+        bench: &TrialBench,
         suspects: &[Suspect],
-        base: &Trial,
+        base: &DiagnosisTrial,
         progress: &dyn Progress,
     ) -> Result<Self, DiagnoseError> {
-        let search = Search { bench, suspects, base };
-        let listed = |found: Option<Vec<Vec<Tried>>>| -> Result<Vec<Tried>, DiagnoseError> {
+        let search = CauseSearch { bench, suspects, base };
+        let listed = |found: Option<Vec<Vec<FittedCause>>>| -> Result<Vec<FittedCause>, DiagnoseError> {
             Ok(found.ok_or(DiagnoseError::Interrupted)?.into_iter().flatten().collect())
         };
         let count = suspects.len();
@@ -103,9 +103,9 @@ impl Explained {
             return Ok(alone);
         }
         let numbers = alone.closest.iter().filter(|found| matches!(found.cause, Cause::Numbers(_)));
-        let firsts: Vec<Tried> = numbers
+        let firsts: Vec<FittedCause> = numbers
             .take(FIRSTS)
-            .map(|found| Tried { cause: found.cause.clone(), held_out: found.gain })
+            .map(|found| FittedCause { cause: found.cause.clone(), held_out: found.gain })
             .collect();
         let tried = listed(map_on_threads(
             (progress, "trying pairs"),
@@ -128,13 +128,14 @@ impl Explained {
     }
 
     /// Judges what was tried: the likeliest, and those as likely, are the causes if one of them leaves nothing that the tests find.
-    fn of(search: &Search, mut tried: Vec<Tried>, tries: usize) -> Self {
+    fn of(search: &CauseSearch, mut tried: Vec<FittedCause>, tries: usize) -> Self {
         tried.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
         let needed = (tries as f64 / BY_CHANCE).portable_ln();
         let best = tried.first().map_or(0.0, |tried| tried.held_out);
         let worth = tried.iter().take_while(|tried| tried.held_out > needed).enumerate();
         let listed = worth.take_while(|(place, tried)| *place < CLOSEST || tried.held_out > best - SAME);
-        let found: Vec<Found> = listed.filter_map(|(_, tried)| Found::of(search, tried)).collect();
+        let found: Vec<ExaminedCause> =
+            listed.filter_map(|(_, tried)| ExaminedCause::of(search, tried)).collect();
         let best = found.first().map_or(0.0, |found| found.gain);
         let (mut causes, mut closest) = (Vec::new(), Vec::new());
         for found in found {
@@ -149,10 +150,10 @@ impl Explained {
     }
 }
 
-impl Found {
+impl ExaminedCause {
     /// With its sizes by all blocks.
-    fn of(search: &Search, tried: &Tried) -> Option<Self> {
-        let (sizes, sd) = search.fit(&tried.cause, Blocks::All)?;
+    fn of(search: &CauseSearch, tried: &FittedCause) -> Option<Self> {
+        let (sizes, sd) = search.fit(&tried.cause, TrialBlocks::All)?;
         let cause = tried.cause.resized(&sizes);
         let trial = search.run(&cause)?;
         let answer = AnswerChange::between(search.base, &trial);

@@ -8,15 +8,14 @@
 //! together.
 //!
 //! ```
-//! use kalmems::{diagnose::{self, Finding}, progress::Silent, rigs};
+//! use kalmems::{diagnose::{self, DiagnosisFinding}, progress::Silent, rigs};
 //! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
 //! let experiment = rigs::published().load(&root.join("examples/accelerometer/experiment.toml"))?;
 //! let diagnosis = diagnose::diagnose(rigs::published(), &experiment, None, &Silent)?;
-//! assert_eq!(diagnosis.finding, Finding::NothingToChange);
+//! assert_eq!(diagnosis.finding, DiagnosisFinding::NothingToChange);
 //! # Ok::<(), diagnose::DiagnoseError>(())
 //! ```
 
-mod again;
 mod answer;
 mod bench;
 mod cause;
@@ -24,9 +23,10 @@ mod change;
 mod distinguish;
 mod error;
 mod explain;
+mod identified_experiment;
+mod invisible_parameters;
 mod likeliest;
 mod noise;
-mod note;
 mod paste;
 mod report;
 mod search;
@@ -34,33 +34,33 @@ mod stop;
 mod suspect;
 mod trial;
 
-pub use again::with_found_numbers;
 pub use answer::AnswerChange;
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
+pub use identified_experiment::with_found_numbers;
+pub use invisible_parameters::ScaleNote;
 pub use likeliest::{identify, likeliest};
 #[cfg(feature = "parquet-results")]
 pub(crate) use noise::leaves_noise_open;
 pub use noise::{FoundNoise, load_with_noise, noise_of_recording, with_noise};
-pub use note::ScaleNote;
 pub use paste::pasted;
-pub use report::{CauseReport, Diagnosis, Edit, Finding};
+pub use report::{CauseReport, Diagnosis, DiagnosisFinding, Edit};
 
 use crate::config::Experiment;
 use crate::progress::Progress;
-use crate::recording::Recording;
+use crate::recording::SampledRecording;
 use crate::rigs::Workbench;
-use bench::{Bench, Extent};
-use change::Change;
-use explain::Explained;
+use bench::{TestedRows, TrialBench};
+use change::TrialChange;
+use explain::Explanations;
 use suspect::Suspect;
-use trial::Trial;
+use trial::DiagnosisTrial;
 
 /// Rows after the settling time that a diagnosis looks at.
-const ROWS: Extent = Extent(50_000);
+const ROWS: TestedRows = TestedRows(50_000);
 
 /// Those that notes of what the signal cannot tell are computed from.
-const ROWS_OF_NOTES: Extent = Extent(4_000);
+const ROWS_OF_NOTES: TestedRows = TestedRows(4_000);
 
 /// Finds what of an experiment is wrong, by the innovations of one of its filters: that with this name, or else the first whose
 /// innovations are white when it is right.
@@ -70,7 +70,7 @@ pub fn diagnose(
     filter: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnoseError> {
-    let bench = Bench::of(workbench, experiment, filter)?.with_files(ROWS, progress)?;
+    let bench = TrialBench::of(workbench, experiment, filter)?.with_files(ROWS, progress)?;
     of_bench(workbench, experiment, &bench, &bench.stop.watching(progress))
 }
 
@@ -79,10 +79,10 @@ pub fn diagnose_recording(
     workbench: &Workbench,
     experiment: &Experiment,
     filter: Option<&str>,
-    recording: Recording,
+    recording: SampledRecording,
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnoseError> {
-    let bench = Bench::of(workbench, experiment, filter)?.with_recording(recording)?;
+    let bench = TrialBench::of(workbench, experiment, filter)?.with_recording(recording)?;
     of_bench(workbench, experiment, &bench, &bench.stop.watching(progress))
 }
 
@@ -94,17 +94,18 @@ pub fn scale_notes(
     filter: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<Vec<ScaleNote>, DiagnoseError> {
-    let bench = Bench::of(workbench, experiment, filter)?.with_files(ROWS_OF_NOTES, progress)?;
+    let bench = TrialBench::of(workbench, experiment, filter)?.with_files(ROWS_OF_NOTES, progress)?;
     let (base, suspects) = begin(workbench, &bench)?;
     if !base.passes() {
         return Ok(Vec::new());
     }
-    note::notes(&bench, &suspects, &base, &bench.stop.watching(progress)).ok_or(DiagnoseError::Interrupted)
+    invisible_parameters::notes(&bench, &suspects, &base, &bench.stop.watching(progress))
+        .ok_or(DiagnoseError::Interrupted)
 }
 
 /// The run of the experiment as it is, and what may be wrong of it. Where the filter refuses the recording with what it is told, a run
 /// with one of the numbers changed stands in.
-fn begin(workbench: &Workbench, bench: &Bench) -> Result<(Trial, Vec<Suspect>), DiagnoseError> {
+fn begin(workbench: &Workbench, bench: &TrialBench) -> Result<(DiagnosisTrial, Vec<Suspect>), DiagnoseError> {
     let rig = workbench.rig(&bench.experiment)?;
     let suspects = |noise_sd| Suspect::all(rig, &bench.experiment, &bench.document, noise_sd);
     let base = bench.run(&[]).or_else(|| {
@@ -112,7 +113,7 @@ fn begin(workbench: &Workbench, bench: &Bench) -> Result<(Trial, Vec<Suspect>), 
         let sizes =
             known.iter().flat_map(|suspect| suspect.sizes.iter().rev().map(move |size| (suspect, *size)));
         let mut runs = sizes.filter_map(|(suspect, size)| bench.run(&suspect.changes(size)?));
-        runs.next().map(Trial::standing_in)
+        runs.next().map(DiagnosisTrial::standing_in)
     });
     let base = base.ok_or_else(|| DiagnoseError::Stops { filter: bench.filter_name.clone() })?;
     let noise_sd = base.innovation_sd();
@@ -122,21 +123,26 @@ fn begin(workbench: &Workbench, bench: &Bench) -> Result<(Trial, Vec<Suspect>), 
 fn of_bench(
     workbench: &Workbench,
     experiment: &Experiment,
-    bench: &Bench,
+    bench: &TrialBench,
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnoseError> {
     let (base, suspects) = begin(workbench, bench)?;
     // What the signal cannot tell is a question about a model that is right.
     let (explained, notes) = if base.passes() {
-        (None, note::notes(bench, &suspects, &base, progress).ok_or(DiagnoseError::Interrupted)?)
+        (
+            None,
+            invisible_parameters::notes(bench, &suspects, &base, progress)
+                .ok_or(DiagnoseError::Interrupted)?,
+        )
     } else {
-        (Some(Explained::by(bench, &suspects, &base, progress)?), Vec::new())
+        (Some(Explanations::by(bench, &suspects, &base, progress)?), Vec::new())
     };
     let rig = workbench.rig(&bench.experiment)?.name();
-    let causes: Vec<Vec<Change>> = (explained.iter().flat_map(|found| &found.causes))
+    let causes: Vec<Vec<TrialChange>> = (explained.iter().flat_map(|found| &found.causes))
         .filter_map(|found| found.cause.changes(&suspects))
         .collect();
-    let of_device = |changes: &Vec<Change>| changes.iter().all(|change| matches!(change, Change::Key(..)));
+    let of_device =
+        |changes: &Vec<TrialChange>| changes.iter().all(|change| matches!(change, TrialChange::Key(..)));
     let proposal = if causes.len() > 1 && causes.iter().all(of_device) {
         distinguish::proposal(workbench, experiment, (bench, &base), &causes, progress)?
     } else {

@@ -1,17 +1,17 @@
 //! Noises of a readout that an experiment leaves to its recording.
 
 use super::DiagnoseError;
-use super::bench::{Bench, Extent, is_judged};
+use super::bench::{TestedRows, TrialBench, is_judged};
 use super::cause::Cause;
 use super::paste::changed;
 use super::report::{Edit, digits, rounded};
-use super::search::{MOST_SIZES, MostLikelySizes, Search};
-use super::suspect::{Number, Suspect, What};
-use super::trial::{Blocks, Trial};
-use crate::config::{ConfigError, Experiment, FROM_RECORDING, Fault, Key, Step, put};
+use super::search::{CauseSearch, MOST_SIZES, MostLikelySizes};
+use super::suspect::{NumberRole, Suspect, WrittenNumber};
+use super::trial::{DiagnosisTrial, TrialBlocks};
+use crate::config::{ConfigError, ConfigFault, Experiment, FROM_RECORDING, Key, KeyStep, put};
 use crate::identify::TWO_SIDED;
 use crate::progress::Progress;
-use crate::recording::Recording;
+use crate::recording::SampledRecording;
 use crate::rigs::Workbench;
 use crate::units::Unit;
 use kalmems_core::Scalar;
@@ -20,7 +20,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 /// Rows after the settling times that are looked at, in all.
-const ROWS: Extent = Extent(200_000);
+const ROWS: TestedRows = TestedRows(200_000);
 
 /// Powers of ten by which a first guess is changed where the filter cannot be run with it.
 const OTHER_GUESSES: [f64; 7] = [1.0, 10.0, 0.1, 100.0, 0.01, 1e3, 1e4];
@@ -94,7 +94,7 @@ pub fn with_noise(
 pub fn noise_of_recording(
     workbench: &Workbench,
     raw: &Experiment,
-    recording: &Recording,
+    recording: &SampledRecording,
     progress: &dyn Progress,
 ) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
     found(workbench, raw, &|bench| bench.with_recording(recording.clone()), progress)
@@ -109,7 +109,7 @@ pub(crate) fn leaves_noise_open(raw: &Experiment) -> Result<bool, ConfigError> {
 fn found(
     workbench: &Workbench,
     raw: &Experiment,
-    with_recordings: &dyn Fn(Bench) -> Result<Bench, DiagnoseError>,
+    with_recordings: &dyn Fn(TrialBench) -> Result<TrialBench, DiagnoseError>,
     progress: &dyn Progress,
 ) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
     let path = raw.path();
@@ -117,12 +117,13 @@ fn found(
     if sought.is_empty() {
         return Ok((workbench.parse(raw.text(), path)?, Vec::new()));
     }
-    let stand_in = |text: String, one: &Sought| with(&text, &one.key, &one.written(1.0)).unwrap_or(text);
+    let stand_in =
+        |text: String, one: &UnknownNoise| with(&text, &one.key, &one.written(1.0)).unwrap_or(text);
     let text = sought.iter().fold(raw.text().to_owned(), stand_in);
     let told = workbench.parse(&text, path)?;
     progress.begin("noise of the recording", 0);
     // Where the model of one filter misses something of the motion, that counts as noise with it; one whose states have it leaves less.
-    let mut best: Option<ByFilter> = None;
+    let mut best: Option<FilterNoiseEvidence> = None;
     let filters: Vec<String> = told
         .estimate
         .iter()
@@ -132,8 +133,8 @@ fn found(
         .collect();
     let mut refused = None;
     for filter in filters.iter().take(FILTERS) {
-        let bench = with_recordings(Bench::of(workbench, &told, Some(filter))?)?;
-        match ByFilter::of(workbench, bench, &sought, progress) {
+        let bench = with_recordings(TrialBench::of(workbench, &told, Some(filter))?)?;
+        match FilterNoiseEvidence::of(workbench, bench, &sought, progress) {
             Ok(found) => {
                 let is_better = best.as_ref().is_none_or(|best| {
                     found.innovations == best.innovations
@@ -147,11 +148,11 @@ fn found(
             Err(error) => return Err(error),
         }
     }
-    let Some(ByFilter { filter, guesses, base_guesses, likeliest, rows, .. }) = best else {
+    let Some(FilterNoiseEvidence { filter, guesses, base_guesses, likeliest, rows, .. }) = best else {
         // Which filters there are to be, where there is none that tells it.
         return Err(match refused {
             Some(refused) => refused,
-            None => Bench::of(workbench, &told, None)
+            None => TrialBench::of(workbench, &told, None)
                 .err()
                 .unwrap_or(DiagnoseError::Stops { filter: String::new() }),
         });
@@ -162,7 +163,7 @@ fn found(
         if sd.is_nan() || sd >= DETERMINED {
             let why = "the recording does not determine it: the innovations are as likely with another; state it, or find it from a \
                        recording without motion";
-            return Err(raw.error(one.key.clone(), Fault::Value { why: why.to_owned() }).into());
+            return Err(raw.error(one.key.clone(), ConfigFault::Value { why: why.to_owned() }).into());
         }
         let number = guesses[place] * Scalar::exp(at);
         let value = one.rounded(number, sd);
@@ -183,7 +184,7 @@ fn found(
 const FILTERS: usize = 4;
 
 /// What the innovations of one filter say of the noises.
-struct ByFilter {
+struct FilterNoiseEvidence {
     filter: String,
     /// How many innovations there are.
     innovations: usize,
@@ -194,22 +195,22 @@ struct ByFilter {
     rows: usize,
 }
 
-impl ByFilter {
+impl FilterNoiseEvidence {
     fn of(
         workbench: &Workbench,
-        mut bench: Bench,
-        sought: &[Sought],
+        mut bench: TrialBench,
+        sought: &[UnknownNoise],
         progress: &dyn Progress,
     ) -> Result<Self, DiagnoseError> {
         let stop = bench.stop.clone();
         let progress = stop.watching(progress);
         let base_guesses: Vec<f64> =
             sought.iter().map(|one| one.guess(workbench, &bench)).collect::<Result<_, _>>()?;
-        let stops = |bench: &Bench| DiagnoseError::Stops { filter: bench.filter_name.clone() };
+        let stops = |bench: &TrialBench| DiagnoseError::Stops { filter: bench.filter_name.clone() };
         let (guesses, base) = run(&mut bench, sought, &base_guesses).ok_or_else(|| stops(&bench))?;
         let suspects: Vec<Suspect> =
             sought.iter().zip(&guesses).map(|(one, guess)| one.suspect(*guess)).collect();
-        let likeliest = most_likely(&Search { bench: &bench, suspects: &suspects, base: &base });
+        let likeliest = most_likely(&CauseSearch { bench: &bench, suspects: &suspects, base: &base });
         if progress.reached(0).is_break() {
             return Err(DiagnoseError::Interrupted);
         }
@@ -230,13 +231,13 @@ fn with(text: &str, key: &Key, value: &Value) -> Option<String> {
 }
 
 /// A noise that is to be found.
-struct Sought {
+struct UnknownNoise {
     key: Key,
-    form: Form,
+    form: NoiseForm,
 }
 
 /// How a noise is written.
-enum Form {
+enum NoiseForm {
     /// The variance of a sample, in this unit.
     Variance(&'static str),
     /// The root of a density, one-sided, in this unit.
@@ -246,8 +247,8 @@ enum Form {
 }
 
 /// The noises that an experiment leaves to its recording.
-fn sought(raw: &Experiment) -> Result<Vec<Sought>, ConfigError> {
-    let unread = |why: String| raw.error(Key::default(), Fault::Value { why });
+fn sought(raw: &Experiment) -> Result<Vec<UnknownNoise>, ConfigError> {
+    let unread = |why: String| raw.error(Key::default(), ConfigFault::Value { why });
     let document: Table = raw.text().parse().map_err(|e: toml::de::Error| unread(e.to_string()))?;
     let name = raw.device_name();
     let Some(device) = document.get("device").and_then(|devices| devices.get(name)) else {
@@ -257,37 +258,37 @@ fn sought(raw: &Experiment) -> Result<Vec<Sought>, ConfigError> {
     places(device, &Key::from("device").child(name), &mut keys);
     if keys.len() > MOST_SIZES {
         let why = format!("these are {} noises; at most {MOST_SIZES} are found together", keys.len());
-        return Err(raw.error(Key::from("device").child(name), Fault::Value { why }));
+        return Err(raw.error(Key::from("device").child(name), ConfigFault::Value { why }));
     }
     let form = |key: &Key| {
         let names: Vec<&str> = key.steps().iter().filter_map(step_name).collect();
         match *names.as_slice() {
-            [.., "noise_variance"] => Some(Form::Variance("V^2")),
-            [.., "noise_density"] => Some(Form::Density("F/sqrt(Hz)")),
+            [.., "noise_variance"] => Some(NoiseForm::Variance("V^2")),
+            [.., "noise_density"] => Some(NoiseForm::Density("F/sqrt(Hz)")),
             [_, "equations", "noise", measured] => {
                 let law = device.get("measure")?.get(measured)?.as_str()?;
-                Some(Form::Measurement(law.rsplit_once(" in ")?.1.trim().to_owned()))
+                Some(NoiseForm::Measurement(law.rsplit_once(" in ")?.1.trim().to_owned()))
             }
             _ => None,
         }
     };
     let one = |key: Key| {
         if let Some(form) = form(&key) {
-            return Ok(Sought { key, form });
+            return Ok(UnknownNoise { key, form });
         }
         let why = format!(
             "`{FROM_RECORDING}` is for the noise of a measurement: `noise_variance` or `noise_density` of a readout, or `noise` of \
              what equations measure"
         );
-        Err(raw.error(key, Fault::Value { why }))
+        Err(raw.error(key, ConfigFault::Value { why }))
     };
     keys.into_iter().map(one).collect()
 }
 
-fn step_name(step: &Step) -> Option<&str> {
+fn step_name(step: &KeyStep) -> Option<&str> {
     match step {
-        Step::Name(name) => Some(name),
-        Step::Index(_) => None,
+        KeyStep::Name(name) => Some(name),
+        KeyStep::Index(_) => None,
     }
 }
 
@@ -302,27 +303,29 @@ fn places(value: &Value, key: &Key, keys: &mut Vec<Key>) {
     }
 }
 
-impl Sought {
+impl UnknownNoise {
     /// What stands in the file for a number: a variance, or the root of a density.
     fn written(&self, number: f64) -> Value {
         match &self.form {
-            Form::Variance(unit) | Form::Density(unit) => Value::String(format!("{number:e} {unit}")),
-            Form::Measurement(unit) => Value::String(square(number, unit)),
+            NoiseForm::Variance(unit) | NoiseForm::Density(unit) => {
+                Value::String(format!("{number:e} {unit}"))
+            }
+            NoiseForm::Measurement(unit) => Value::String(square(number, unit)),
         }
     }
 
     /// The same with the digits that a relative standard error leaves.
     fn rounded(&self, number: f64, sd: f64) -> Value {
         match &self.form {
-            Form::Variance(_) | Form::Density(_) => rounded(&self.written(number), Some(sd)),
-            Form::Measurement(unit) => {
+            NoiseForm::Variance(_) | NoiseForm::Density(_) => rounded(&self.written(number), Some(sd)),
+            NoiseForm::Measurement(unit) => {
                 Value::String(format!("({} [{unit}])^2", digits(number.sqrt(), DIGITS)))
             }
         }
     }
 
     /// A first guess of the number, by the differences of neighbouring samples.
-    fn guess(&self, workbench: &Workbench, bench: &Bench) -> Result<f64, DiagnoseError> {
+    fn guess(&self, workbench: &Workbench, bench: &TrialBench) -> Result<f64, DiagnoseError> {
         let signals = workbench.rig(&bench.experiment)?.channels(&bench.experiment).signals;
         let names: Vec<&str> = self.key.steps().iter().filter_map(step_name).collect();
         let of = |signal: &&String| {
@@ -335,13 +338,13 @@ impl Sought {
         let variance = variance.ok_or_else(|| {
             let why = "the recording's signal is constant or too short: there is no noise to find; state it"
                 .to_owned();
-            bench.experiment.error(self.key.clone(), Fault::Value { why })
+            bench.experiment.error(self.key.clone(), ConfigFault::Value { why })
         })?;
         Ok(match &self.form {
-            Form::Variance(_) => variance,
-            Form::Density(_) => (2.0 * interval_s * variance).sqrt(),
+            NoiseForm::Variance(_) => variance,
+            NoiseForm::Density(_) => (2.0 * interval_s * variance).sqrt(),
             // In the unit that the measurement is written in.
-            Form::Measurement(unit) => {
+            NoiseForm::Measurement(unit) => {
                 let factor = Unit::parse(unit).map_or(1.0, |unit| unit.factor());
                 variance / (factor * factor)
             }
@@ -351,11 +354,13 @@ impl Sought {
     /// What a search changes.
     fn suspect(&self, guess: f64) -> Suspect {
         let what = match &self.form {
-            Form::Variance(unit) | Form::Density(unit) => {
-                What::Factor(vec![Number { key: self.key.clone(), written: guess, unit: (*unit).to_owned() }])
-            }
-            Form::Measurement(unit) => {
-                What::Noise { key: self.key.clone(), variance: guess, unit: unit.clone() }
+            NoiseForm::Variance(unit) | NoiseForm::Density(unit) => NumberRole::Factor(vec![WrittenNumber {
+                key: self.key.clone(),
+                written: guess,
+                unit: (*unit).to_owned(),
+            }]),
+            NoiseForm::Measurement(unit) => {
+                NumberRole::Noise { key: self.key.clone(), variance: guess, unit: unit.clone() }
             }
         };
         Suspect { what, sizes: vec![0.1, FARTHEST, -FARTHEST] }
@@ -368,7 +373,11 @@ pub(super) fn square(variance: f64, unit: &str) -> String {
 }
 
 /// Puts guesses into the bench, larger or smaller ones where the filter cannot be run with them, and runs it.
-fn run(bench: &mut Bench, sought: &[Sought], guesses: &[f64]) -> Option<(Vec<f64>, Trial)> {
+fn run(
+    bench: &mut TrialBench,
+    sought: &[UnknownNoise],
+    guesses: &[f64],
+) -> Option<(Vec<f64>, DiagnosisTrial)> {
     for factor in OTHER_GUESSES {
         let guesses: Vec<f64> = guesses.iter().map(|guess| guess * factor).collect();
         for (one, guess) in sought.iter().zip(&guesses) {
@@ -381,10 +390,10 @@ fn run(bench: &mut Bench, sought: &[Sought], guesses: &[f64]) -> Option<(Vec<f64
     None
 }
 
-fn most_likely(search: &Search) -> Option<MostLikelySizes> {
+fn most_likely(search: &CauseSearch) -> Option<MostLikelySizes> {
     let from = |sizes: &[f64]| {
         let cause = Cause::Numbers(sizes.iter().copied().enumerate().collect());
-        search.most_likely(&cause, Blocks::All)
+        search.most_likely(&cause, TrialBlocks::All)
     };
     let mut best = from(&vec![0.0; search.suspects.len()])?;
     for _ in 1..SEARCHES {

@@ -1,7 +1,7 @@
 //! An experiment file with other values at some keys: every other character of it stays.
 
 use super::{CauseReport, Edit};
-use crate::config::{Experiment, Key, Step};
+use crate::config::{Experiment, Key, KeyStep};
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -19,7 +19,7 @@ pub(super) fn changed(text: &str, edit: &Edit) -> Option<String> {
     if let Some(span) = span_of(&document, steps) {
         return Some(format!("{}{}{}", text.get(..span.start)?, edit.to, text.get(span.end..)?));
     }
-    let (Step::Name(name), above) = steps.split_last()? else { return None };
+    let (KeyStep::Name(name), above) = steps.split_last()? else { return None };
     let line = format!("{name} = {}", edit.to);
     if let Some(first) = first_entry(text, &document, above) {
         // Before an entry of the same table, on a line of its own or within its braces.
@@ -31,16 +31,16 @@ pub(super) fn changed(text: &str, edit: &Edit) -> Option<String> {
     let header: Option<Vec<&str>> = above
         .iter()
         .map(|step| match step {
-            Step::Name(name) => Some(name.as_str()),
-            Step::Index(_) => None,
+            KeyStep::Name(name) => Some(name.as_str()),
+            KeyStep::Index(_) => None,
         })
         .collect();
     Some(format!("{}\n\n[{}]\n{line}\n", text.trim_end(), header?.join(".")))
 }
 
 /// Where the value of a key stands.
-fn span_of(document: &Spanned<DeTable<'_>>, steps: &[Step]) -> Option<Range<usize>> {
-    let (Step::Name(first), rest) = steps.split_first()? else { return None };
+fn span_of(document: &Spanned<DeTable<'_>>, steps: &[KeyStep]) -> Option<Range<usize>> {
+    let (KeyStep::Name(first), rest) = steps.split_first()? else { return None };
     let mut value = document.get_ref().get(first.as_str())?;
     for step in rest {
         value = below(value.get_ref(), step)?;
@@ -48,17 +48,17 @@ fn span_of(document: &Spanned<DeTable<'_>>, steps: &[Step]) -> Option<Range<usiz
     Some(value.span())
 }
 
-fn below<'a, 'b>(value: &'a DeValue<'b>, step: &Step) -> Option<&'a Spanned<DeValue<'b>>> {
+fn below<'a, 'b>(value: &'a DeValue<'b>, step: &KeyStep) -> Option<&'a Spanned<DeValue<'b>>> {
     match (value, step) {
-        (DeValue::Table(table), Step::Name(name)) => table.get(name.as_str()),
-        (DeValue::Array(list), Step::Index(index)) => list.get(*index),
+        (DeValue::Table(table), KeyStep::Name(name)) => table.get(name.as_str()),
+        (DeValue::Array(list), KeyStep::Index(index)) => list.get(*index),
         _ => None,
     }
 }
 
 /// Where the first key of a table stands that has a value of its own in the text.
-fn first_entry(text: &str, document: &Spanned<DeTable<'_>>, steps: &[Step]) -> Option<usize> {
-    let (Step::Name(first), rest) = steps.split_first()? else { return None };
+fn first_entry(text: &str, document: &Spanned<DeTable<'_>>, steps: &[KeyStep]) -> Option<usize> {
+    let (KeyStep::Name(first), rest) = steps.split_first()? else { return None };
     let mut value = document.get_ref().get(first.as_str())?;
     for step in rest {
         value = below(value.get_ref(), step)?;

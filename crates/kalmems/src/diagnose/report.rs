@@ -1,14 +1,14 @@
 //! What is told of a diagnosis.
 
 use super::answer::AnswerChange;
-use super::bench::Bench;
+use super::bench::TrialBench;
 use super::cause::Cause;
-use super::change::{Altered, Change};
+use super::change::{ChannelAlteration, TrialChange};
 use super::distinguish::Proposal;
-use super::explain::{Explained, Found};
-use super::note::ScaleNote;
-use super::suspect::{Suspect, What};
-use super::trial::Trial;
+use super::explain::{ExaminedCause, Explanations};
+use super::invisible_parameters::ScaleNote;
+use super::suspect::{NumberRole, Suspect};
+use super::trial::DiagnosisTrial;
 use crate::config::get;
 use crate::config::{Experiment, Key};
 use crate::evaluate::TestResult;
@@ -29,7 +29,7 @@ pub struct Diagnosis {
     /// Their duration in s.
     pub duration_s: f64,
     /// What was found.
-    pub finding: Finding,
+    pub finding: DiagnosisFinding,
     /// What the tests find in the innovations as they are, that is not by chance.
     pub tests: Vec<String>,
     /// How many causes were tried.
@@ -50,7 +50,7 @@ pub struct Diagnosis {
 /// What a diagnosis comes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Finding {
+pub enum DiagnosisFinding {
     /// The innovations pass all tests: there is nothing that the recording could say against the experiment.
     NothingToChange,
     /// With one of the causes they do.
@@ -101,17 +101,18 @@ pub struct Edit {
 impl Diagnosis {
     pub(super) fn of(
         (experiment, rig): (&Experiment, &'static str),
-        (bench, suspects): (&Bench, &[Suspect]),
-        base: &Trial,
-        (explained, notes, proposal): (Option<Explained>, Vec<ScaleNote>, Option<Proposal>),
+        (bench, suspects): (&TrialBench, &[Suspect]),
+        base: &DiagnosisTrial,
+        (explained, notes, proposal): (Option<Explanations>, Vec<ScaleNote>, Option<Proposal>),
     ) -> Self {
         let (rows, duration_s) = bench.extent();
         let finding = match &explained {
-            None => Finding::NothingToChange,
-            Some(found) if found.causes.is_empty() => Finding::NoneOfThese,
-            Some(_) => Finding::Explained,
+            None => DiagnosisFinding::NothingToChange,
+            Some(found) if found.causes.is_empty() => DiagnosisFinding::NoneOfThese,
+            Some(_) => DiagnosisFinding::Explained,
         };
-        let reports = |all: &[Found]| all.iter().map(|found| report((bench, suspects), found)).collect();
+        let reports =
+            |all: &[ExaminedCause]| all.iter().map(|found| report((bench, suspects), found)).collect();
         let explained = explained.as_ref();
         Self {
             experiment: experiment.name.to_string(),
@@ -131,7 +132,7 @@ impl Diagnosis {
     }
 }
 
-fn report((bench, suspects): (&Bench, &[Suspect]), found: &Found) -> CauseReport {
+fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -> CauseReport {
     let changes = found.cause.changes(suspects).unwrap_or_default();
     CauseReport {
         name: name(&found.cause, suspects),
@@ -175,15 +176,15 @@ fn hertz(frequency_hz: f64) -> String {
 
 /// The keys that a change is about, in the experiment as it was written.
 fn edits(
-    bench: &Bench,
-    changes: &[Change],
+    bench: &TrialBench,
+    changes: &[TrialChange],
     cause: &Cause,
     (suspects, sd): (&[Suspect], &[f64]),
 ) -> Vec<Edit> {
     let mut edits = Vec::new();
     for change in changes {
         match change {
-            Change::Key(key, value) => {
+            TrialChange::Key(key, value) => {
                 let sd = sd_of(cause, key, (suspects, sd));
                 edits.push(Edit {
                     key: in_file(key, bench.filter).to_string(),
@@ -192,10 +193,10 @@ fn edits(
                     sd,
                 });
             }
-            Change::Channel { meaning, how } => {
+            TrialChange::Channel { meaning, how } => {
                 let (name, number) = match how {
-                    Altered::Scaled(factor) => ("scale", toml::Value::Float(*factor)),
-                    Altered::Raised(by) => ("offset", toml::Value::String(format!("{by:.4e} V"))),
+                    ChannelAlteration::Scaled(factor) => ("scale", toml::Value::Float(*factor)),
+                    ChannelAlteration::Raised(by) => ("offset", toml::Value::String(format!("{by:.4e} V"))),
                     _ => continue,
                 };
                 let channel = Key::from("recording").index(0).child("channels").child(meaning);
@@ -230,7 +231,7 @@ fn edits(
 fn in_file(key: &Key, filter: usize) -> Key {
     let own = Key::from("estimate").child("filter").index(0);
     match key.steps().strip_prefix(own.steps()) {
-        Some([crate::config::Step::Name(name)]) => {
+        Some([crate::config::KeyStep::Name(name)]) => {
             Key::from("estimate").child("filter").index(filter).child(name)
         }
         _ => key.clone(),
@@ -241,7 +242,7 @@ fn in_file(key: &Key, filter: usize) -> Key {
 fn sd_of(cause: &Cause, key: &Key, (suspects, sd): (&[Suspect], &[f64])) -> Option<f64> {
     let Cause::Numbers(numbers) = cause else { return None };
     let place = numbers.iter().position(|(place, _)| match suspects.get(*place).map(|s| &s.what) {
-        Some(What::Factor(numbers)) => numbers.iter().any(|number| number.key == *key),
+        Some(NumberRole::Factor(numbers)) => numbers.iter().any(|number| number.key == *key),
         _ => false,
     })?;
     sd.get(place).copied().filter(|sd| sd.is_finite())
@@ -277,17 +278,17 @@ pub(super) fn digits(number: f64, count: usize) -> f64 {
 }
 
 /// What the experiment cannot say.
-fn remedy(changes: &[Change]) -> Option<String> {
+fn remedy(changes: &[TrialChange]) -> Option<String> {
     changes.iter().find_map(|change| match change {
-        Change::Channel { meaning, how: Altered::Later(samples) } => Some(format!(
+        TrialChange::Channel { meaning, how: ChannelAlteration::Later(samples) } => Some(format!(
             "the {meaning}'s column shows the {meaning} {:.3} samples too {}: correct its time in the file, or how it is recorded",
             samples.abs(),
             if *samples > 0.0 { "late" } else { "early" }
         )),
-        Change::Channel { how: Altered::WithoutLine { .. }, .. } => {
+        TrialChange::Channel { how: ChannelAlteration::WithoutLine { .. }, .. } => {
             Some("take it away where it gets into the signal".to_owned())
         }
-        Change::Channel { how: Altered::Without(times), .. } => {
+        TrialChange::Channel { how: ChannelAlteration::Without(times), .. } => {
             let listed: Vec<String> = times.iter().take(10).map(|t| format!("{t} s")).collect();
             let more = times.len().saturating_sub(10);
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };

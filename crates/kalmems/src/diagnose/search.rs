@@ -1,25 +1,25 @@
 //! The search for sizes that make the innovations of the fitted blocks the likeliest.
 
-use super::bench::Bench;
+use super::bench::TrialBench;
 use super::cause::Cause;
 use super::suspect::Suspect;
-use super::trial::{Blocks, Trial};
+use super::trial::{DiagnosisTrial, TrialBlocks};
 use crate::evaluate::{InnovationTest, TestPlace};
 use crate::fit::{Innovations, MostLikely, most_likely};
 use kalmems_core::Portable;
 use kalmems_core::Scalar;
 
 /// What is searched among, and what a cause has to be better than.
-pub(super) struct Search<'a> {
-    pub(super) bench: &'a Bench<'a>,
+pub(super) struct CauseSearch<'a> {
+    pub(super) bench: &'a TrialBench<'a>,
     pub(super) suspects: &'a [Suspect],
     /// As the experiment is.
-    pub(super) base: &'a Trial,
+    pub(super) base: &'a DiagnosisTrial,
 }
 
 /// A cause with the sizes that fit the fitted blocks best.
 #[derive(Clone, Debug)]
-pub(super) struct Tried {
+pub(super) struct FittedCause {
     pub(super) cause: Cause,
     /// ln p of the blocks that were not fitted, less that of the experiment as it is.
     pub(super) held_out: f64,
@@ -56,9 +56,9 @@ const TUNING: [f64; 4] = [0.3, 0.1, 0.03, 0.01];
 /// Second causes that are followed up for a first.
 const SECONDS: usize = 4;
 
-impl Search<'_> {
+impl CauseSearch<'_> {
     /// One run; `None` where it cannot be compared with the experiment as it is.
-    pub(super) fn run(&self, cause: &Cause) -> Option<Trial> {
+    pub(super) fn run(&self, cause: &Cause) -> Option<DiagnosisTrial> {
         let trial = self.bench.run(&cause.changes(self.suspects)?)?;
         // A filter that takes fewer samples in has more likely ones for that reason alone.
         let fewer = self.base.updates().saturating_sub(trial.updates());
@@ -78,8 +78,8 @@ impl Search<'_> {
     }
 
     /// A single number that may be wrong.
-    pub(super) fn number(&self, place: usize) -> Option<Tried> {
-        let own = self.base.log_likelihood(Blocks::Fitted);
+    pub(super) fn number(&self, place: usize) -> Option<FittedCause> {
+        let own = self.base.log_likelihood(TrialBlocks::Fitted);
         let mut best = (0.0, own);
         // Of a filter that follows the motion the likelihood falls on the side where it is not: so far from there on in vain.
         let mut in_vain = [0_usize; 2];
@@ -90,7 +90,7 @@ impl Search<'_> {
             }
             in_vain[side] += 1;
             let Some(trial) = self.run(&Cause::Numbers(vec![(place, *size)])) else { continue };
-            let found = trial.log_likelihood(Blocks::Fitted);
+            let found = trial.log_likelihood(TrialBlocks::Fitted);
             if found > own {
                 in_vain[side] = 0;
             }
@@ -102,7 +102,7 @@ impl Search<'_> {
     }
 
     /// Pairs with a number that explains most by itself: the partners by which the likelihood rises most at first, followed up.
-    pub(super) fn pairs(&self, first: &Tried) -> Vec<Tried> {
+    pub(super) fn pairs(&self, first: &FittedCause) -> Vec<FittedCause> {
         let Cause::Numbers(numbers) = &first.cause else { return Vec::new() };
         let Some(&(place, size)) = numbers.first() else { return Vec::new() };
         let Some(alone) = self.run(&first.cause) else { return Vec::new() };
@@ -115,7 +115,7 @@ impl Search<'_> {
             let sizes = self.suspects[second].sizes.iter().copied().chain([0.0]);
             let tried = sizes.filter_map(|other| {
                 let cause = Cause::Numbers(vec![(place, size), (second, other)]);
-                Some((self.run(&cause)?.log_likelihood(Blocks::Fitted), cause))
+                Some((self.run(&cause)?.log_likelihood(TrialBlocks::Fitted), cause))
             });
             let (_, cause) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
             self.refined(&cause)
@@ -124,15 +124,20 @@ impl Search<'_> {
     }
 
     /// What a number promises to gain beside others, by the slope of the innovations: g²/2I; `None` of one that changes nothing.
-    pub(super) fn promise(&self, others: &[(usize, f64)], place: usize, alone: &Trial) -> Option<f64> {
+    pub(super) fn promise(
+        &self,
+        others: &[(usize, f64)],
+        place: usize,
+        alone: &DiagnosisTrial,
+    ) -> Option<f64> {
         let step = self.step(place);
         let beside = self.run(&Cause::Numbers([others, &[(place, step)]].concat()))?;
-        let score = alone.part(Blocks::Fitted).score(&beside.part(Blocks::Fitted), step);
+        let score = alone.part(TrialBlocks::Fitted).score(&beside.part(TrialBlocks::Fitted), step);
         (score.information > 0.0).then(|| 0.5 * score.gradient * score.gradient / score.information)
     }
 
     /// A line at each frequency at which the tests of the innovations find one, or too much power: where the innovations have most.
-    pub(super) fn lines(&self) -> Vec<Tried> {
+    pub(super) fn lines(&self) -> Vec<FittedCause> {
         let resolution_hz = 1.0 / self.duration_s();
         let mut frequencies: Vec<f64> = Vec::new();
         for found in self.base.failing() {
@@ -159,12 +164,12 @@ impl Search<'_> {
 
     /// A line near a frequency, where it makes the fitted blocks the likeliest: what follows of it in the innovations is not all at its own
     /// frequency.
-    fn tuned(&self, frequency_hz: f64, resolution_hz: f64) -> Option<Tried> {
+    fn tuned(&self, frequency_hz: f64, resolution_hz: f64) -> Option<FittedCause> {
         let fitted = |frequency_hz: f64| {
             let cause = Cause::Line { signal: self.bench.signal.clone(), frequency_hz, amplitude: [0.0; 2] };
-            let cause = cause.resized(&self.fit(&cause, Blocks::Fitted)?.0);
+            let cause = cause.resized(&self.fit(&cause, TrialBlocks::Fitted)?.0);
             let trial = self.run(&cause)?;
-            Some((trial.log_likelihood(Blocks::Fitted), frequency_hz, cause))
+            Some((trial.log_likelihood(TrialBlocks::Fitted), frequency_hz, cause))
         };
         let mut best = fitted(frequency_hz)?;
         for part in TUNING {
@@ -211,7 +216,7 @@ impl Search<'_> {
     }
 
     /// Samples that are none of the noise, where there are some and not too many.
-    pub(super) fn outliers(&self) -> Option<Tried> {
+    pub(super) fn outliers(&self) -> Option<FittedCause> {
         let mut times: Vec<f64> = Vec::new();
         let mut lost = 0.0;
         for _ in 0..ROUNDS {
@@ -233,9 +238,9 @@ impl Search<'_> {
         }
         let cause = self.outliers_at(&times);
         let trial = self.run(&cause)?;
-        let held_out =
-            trial.log_likelihood(Blocks::HeldOut) + lost - self.base.log_likelihood(Blocks::HeldOut);
-        Some(Tried { cause, held_out })
+        let held_out = trial.log_likelihood(TrialBlocks::HeldOut) + lost
+            - self.base.log_likelihood(TrialBlocks::HeldOut);
+        Some(FittedCause { cause, held_out })
     }
 
     fn outliers_at(&self, times: &[f64]) -> Cause {
@@ -250,16 +255,17 @@ impl Search<'_> {
     }
 
     /// The sizes of a cause that fit best, from these on.
-    fn refined(&self, cause: &Cause) -> Option<Tried> {
-        let found = self.fit(cause, Blocks::Fitted)?;
+    fn refined(&self, cause: &Cause) -> Option<FittedCause> {
+        let found = self.fit(cause, TrialBlocks::Fitted)?;
         let cause = cause.resized(&found.0);
         let trial = self.run(&cause)?;
-        let held_out = trial.log_likelihood(Blocks::HeldOut) - self.base.log_likelihood(Blocks::HeldOut);
-        held_out.is_finite().then_some(Tried { cause, held_out })
+        let held_out =
+            trial.log_likelihood(TrialBlocks::HeldOut) - self.base.log_likelihood(TrialBlocks::HeldOut);
+        held_out.is_finite().then_some(FittedCause { cause, held_out })
     }
 
     /// Sizes and their standard errors by some of the blocks.
-    pub(super) fn fit(&self, cause: &Cause, blocks: Blocks) -> Option<(Vec<f64>, Vec<f64>)> {
+    pub(super) fn fit(&self, cause: &Cause, blocks: TrialBlocks) -> Option<(Vec<f64>, Vec<f64>)> {
         if let Cause::Outliers { .. } = cause {
             return Some((Vec::new(), Vec::new()));
         }
@@ -267,7 +273,7 @@ impl Search<'_> {
     }
 
     /// The same with the correlations of their errors.
-    pub(super) fn most_likely(&self, cause: &Cause, blocks: Blocks) -> Option<MostLikelySizes> {
+    pub(super) fn most_likely(&self, cause: &Cause, blocks: TrialBlocks) -> Option<MostLikelySizes> {
         let steps: Vec<f64> = match cause {
             Cause::Numbers(numbers) => numbers.iter().map(|(place, _)| self.step(*place)).collect(),
             Cause::Line { .. } | Cause::Outliers { .. } => vec![0.1 * self.base.innovation_sd(); 2],
@@ -276,7 +282,12 @@ impl Search<'_> {
     }
 
     /// The innovations of some blocks with a cause of these sizes; `None` of one far beyond what is tried, and where the filter cannot be run.
-    pub(super) fn innovations(&self, cause: &Cause, sizes: &[f64], blocks: Blocks) -> Option<Innovations> {
+    pub(super) fn innovations(
+        &self,
+        cause: &Cause,
+        sizes: &[f64],
+        blocks: TrialBlocks,
+    ) -> Option<Innovations> {
         if let Cause::Numbers(numbers) = cause {
             let beyond = numbers.iter().zip(sizes).any(|((place, _), size)| {
                 let largest = self.suspects[*place].sizes.iter().fold(0.0_f64, |l, s| l.max(s.abs()));
@@ -339,7 +350,7 @@ pub(super) fn most_likely_sizes(
 }
 
 /// Innovations of the first signal that are far larger than the others, with whether their block is fitted.
-fn outlying(trial: &Trial) -> Vec<(f64, bool)> {
+fn outlying(trial: &DiagnosisTrial) -> Vec<(f64, bool)> {
     let z: Vec<f64> =
         trial.innovations.value.iter().zip(&trial.innovations.variance).map(|(v, s)| v / s.sqrt()).collect();
     let mut sizes: Vec<f64> = z.iter().filter(|z| z.is_finite()).map(|z| z.abs()).collect();

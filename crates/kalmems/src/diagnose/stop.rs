@@ -7,17 +7,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Whether the work was stopped.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Stop(Arc<AtomicBool>);
+pub(super) struct StopFlag(Arc<AtomicBool>);
 
-impl Stop {
+impl StopFlag {
     /// The same progress, which remembers here that it was stopped.
-    pub(super) fn watching<'a>(&self, progress: &'a dyn Progress) -> Watched<'a> {
-        Watched { progress, stop: self.clone() }
+    pub(super) fn watching<'a>(&self, progress: &'a dyn Progress) -> ObservedProgress<'a> {
+        ObservedProgress { progress, stop: self.clone() }
     }
 }
 
 /// For a run: it says nothing, and is stopped with all others.
-impl Progress for Stop {
+impl Progress for StopFlag {
     fn begin(&self, _: &str, _: u64) {}
 
     fn reached(&self, _: u64) -> ControlFlow<()> {
@@ -26,12 +26,12 @@ impl Progress for Stop {
 }
 
 /// A progress whose end is heard by the runs.
-pub(super) struct Watched<'a> {
+pub(super) struct ObservedProgress<'a> {
     progress: &'a dyn Progress,
-    stop: Stop,
+    stop: StopFlag,
 }
 
-impl Progress for Watched<'_> {
+impl Progress for ObservedProgress<'_> {
     fn begin(&self, what: &str, total: u64) {
         self.progress.begin(what, total);
     }

@@ -1,9 +1,9 @@
 //! What may be wrong: numbers of the device table, and what was recorded.
 
-use super::change::{Altered, Change};
+use super::change::{ChannelAlteration, TrialChange};
 use super::noise::square;
-use crate::config::{Experiment, Key, Step, written};
-use crate::rigs::{Channels, LeftOut, Rig};
+use crate::config::{Experiment, Key, KeyStep, written};
+use crate::rigs::{OmittedNumber, RecordingChannels, Rig};
 use crate::units::Value as Quantity;
 use kalmems_core::Scalar;
 use toml::{Table, Value};
@@ -11,21 +11,21 @@ use toml::{Table, Value};
 /// Something that may be wrong by a size, 0 if it is right.
 #[derive(Clone, Debug)]
 pub(super) struct Suspect {
-    pub(super) what: What,
+    pub(super) what: NumberRole,
     /// The sizes that are tried first, on both sides where it has two.
     pub(super) sizes: Vec<f64>,
 }
 
 /// What it is, and what its size means.
 #[derive(Clone, Debug)]
-pub(super) enum What {
+pub(super) enum NumberRole {
     /// Numbers of the experiment that are wrong by the same factor, e to the size.
-    Factor(Vec<Number>),
+    Factor(Vec<WrittenNumber>),
     /// The noise of a measurement of equations, which is written as a variance in the square of this unit, is wrong by a factor, e to the
     /// size.
     Noise { key: Key, variance: f64, unit: String },
     /// A number that the device table leaves out, or has as zero: the size, in steps.
-    LeftOut { key: Key, left_out: LeftOut },
+    LeftOut { key: Key, left_out: OmittedNumber },
     /// The column of an input is wrong by a factor, e to the size.
     InputScale { meaning: String },
     /// The column of an input is early, by the size in samples.
@@ -36,7 +36,7 @@ pub(super) enum What {
 
 /// A number in an experiment.
 #[derive(Clone, Debug)]
-pub(super) struct Number {
+pub(super) struct WrittenNumber {
     pub(super) key: Key,
     /// As it is written.
     pub(super) written: f64,
@@ -44,7 +44,7 @@ pub(super) struct Number {
     pub(super) unit: String,
 }
 
-impl Number {
+impl WrittenNumber {
     /// That which a key has, as text with a unit or as a plain number; `None` of zero, which no factor changes.
     pub(super) fn of(key: &Key, value: &Value) -> Option<Self> {
         let mut found = Vec::new();
@@ -79,12 +79,14 @@ impl Suspect {
             collect(table, &device, &mut numbers);
         }
         let left_out = rig.left_out(experiment);
-        let is_there = |left: &LeftOut| numbers.iter().any(|number: &Number| number.key == left.key(&device));
+        let is_there = |left: &OmittedNumber| {
+            numbers.iter().any(|number: &WrittenNumber| number.key == left.key(&device))
+        };
         let mut suspects: Vec<Self> = left_out
             .iter()
             .filter(|left| !is_there(left))
             .map(|left| {
-                let what = What::LeftOut { key: left.key(&device), left_out: *left };
+                let what = NumberRole::LeftOut { key: left.key(&device), left_out: *left };
                 Self { what, sizes: sides(&STEPS, !left.is_never_negative) }
             })
             .collect();
@@ -95,79 +97,85 @@ impl Suspect {
         suspects.extend(each.map(|numbers| {
             let is_noise = numbers[0].key.last().starts_with("noise");
             let sizes = if is_noise { sides(&NOISE_FACTORS, true) } else { sides(&FACTORS, true) };
-            Self { what: What::Factor(numbers), sizes }
+            Self { what: NumberRole::Factor(numbers), sizes }
         }));
         suspects.extend(of_channels(&rig.channels(experiment), noise_sd, has_offset));
         suspects
     }
 
     /// What a size changes; `None` of one that there cannot be.
-    pub(super) fn changes(&self, size: f64) -> Option<Vec<Change>> {
-        let channel = |meaning: &str, how| vec![Change::Channel { meaning: meaning.to_owned(), how }];
+    pub(super) fn changes(&self, size: f64) -> Option<Vec<TrialChange>> {
+        let channel = |meaning: &str, how| vec![TrialChange::Channel { meaning: meaning.to_owned(), how }];
         Some(match &self.what {
             _ if size == 0.0 => Vec::new(),
-            What::Factor(numbers) => {
+            NumberRole::Factor(numbers) => {
                 let factor = Scalar::exp(size);
-                numbers.iter().map(|n| Change::Key(n.key.clone(), n.times(factor))).collect()
+                numbers.iter().map(|n| TrialChange::Key(n.key.clone(), n.times(factor))).collect()
             }
-            What::Noise { key, variance, unit } => {
+            NumberRole::Noise { key, variance, unit } => {
                 let written = square(variance * Scalar::exp(size), unit);
-                vec![Change::Key(key.clone(), Value::String(written))]
+                vec![TrialChange::Key(key.clone(), Value::String(written))]
             }
-            What::LeftOut { key, left_out } => {
+            NumberRole::LeftOut { key, left_out } => {
                 if size < 0.0 && left_out.is_never_negative {
                     return None;
                 }
-                let mut changes = vec![Change::Key(key.clone(), left_out.value(size))];
+                let mut changes = vec![TrialChange::Key(key.clone(), left_out.value(size))];
                 if let Some(switch) = left_out.filter_switch {
                     let filter = Key::from("estimate").child("filter").index(0).child(switch);
-                    changes.push(Change::Key(filter, Value::Boolean(true)));
+                    changes.push(TrialChange::Key(filter, Value::Boolean(true)));
                 }
                 changes
             }
-            What::InputScale { meaning } => channel(meaning, Altered::Scaled(Scalar::exp(size))),
-            What::InputEarly { meaning } => channel(meaning, Altered::Later(size)),
-            What::Offset { meaning, sd } => channel(meaning, Altered::Raised(size * sd)),
+            NumberRole::InputScale { meaning } => {
+                channel(meaning, ChannelAlteration::Scaled(Scalar::exp(size)))
+            }
+            NumberRole::InputEarly { meaning } => channel(meaning, ChannelAlteration::Later(size)),
+            NumberRole::Offset { meaning, sd } => channel(meaning, ChannelAlteration::Raised(size * sd)),
         })
     }
 
     /// What it is called: keys as the experiment has them, below the device's table.
     pub(super) fn name(&self) -> String {
         match &self.what {
-            What::Factor(numbers) => match numbers.as_slice() {
+            NumberRole::Factor(numbers) => match numbers.as_slice() {
                 [one] => below_device(&one.key),
                 all => format!("{} of all {}", all[0].key.last(), all.len()),
             },
-            What::Noise { key, .. } | What::LeftOut { key, .. } => below_device(key),
-            What::InputScale { meaning } => format!("the scale of the {meaning}'s column"),
-            What::InputEarly { meaning } => format!("the time of the {meaning}'s column"),
-            What::Offset { meaning, .. } => format!("the offset of the {meaning}'s column"),
+            NumberRole::Noise { key, .. } | NumberRole::LeftOut { key, .. } => below_device(key),
+            NumberRole::InputScale { meaning } => format!("the scale of the {meaning}'s column"),
+            NumberRole::InputEarly { meaning } => format!("the time of the {meaning}'s column"),
+            NumberRole::Offset { meaning, .. } => format!("the offset of the {meaning}'s column"),
         }
     }
 }
 
 /// A key without the way to the device's table, or to that of the estimate.
 fn below_device(key: &Key) -> String {
-    let of_estimate = key.steps().first() == Some(&Step::Name("estimate".to_owned()));
+    let of_estimate = key.steps().first() == Some(&KeyStep::Name("estimate".to_owned()));
     let steps = key.steps().iter().skip(if of_estimate { 1 } else { 2 });
     steps
         .fold(Key::default(), |key, step| match step {
-            Step::Name(name) => key.child(name),
-            Step::Index(index) => key.index(*index),
+            KeyStep::Name(name) => key.child(name),
+            KeyStep::Index(index) => key.index(*index),
         })
         .to_string()
 }
 
-fn of_channels(Channels { inputs, signals }: &Channels, noise_sd: f64, has_offset: bool) -> Vec<Suspect> {
+fn of_channels(
+    RecordingChannels { inputs, signals }: &RecordingChannels,
+    noise_sd: f64,
+    has_offset: bool,
+) -> Vec<Suspect> {
     let of_input = |meaning: &String| {
         let meaning = || meaning.clone();
         [
-            Suspect { what: What::InputScale { meaning: meaning() }, sizes: sides(&FACTORS, true) },
-            Suspect { what: What::InputEarly { meaning: meaning() }, sizes: sides(&SAMPLES, true) },
+            Suspect { what: NumberRole::InputScale { meaning: meaning() }, sizes: sides(&FACTORS, true) },
+            Suspect { what: NumberRole::InputEarly { meaning: meaning() }, sizes: sides(&SAMPLES, true) },
         ]
     };
     let of_signal = |meaning: &String| {
-        let what = What::Offset { meaning: meaning.clone(), sd: 0.1 * noise_sd };
+        let what = NumberRole::Offset { meaning: meaning.clone(), sd: 0.1 * noise_sd };
         Suspect { what, sizes: sides(&STEPS, true) }
     };
     let offsets = signals.iter().filter(|_| !has_offset).map(of_signal);
@@ -180,7 +188,7 @@ fn sides(sizes: &[f64], both: bool) -> Vec<f64> {
 }
 
 /// The numbers of a table, but for those that are zero, which no factor changes.
-fn collect(value: &Value, key: &Key, numbers: &mut Vec<Number>) {
+fn collect(value: &Value, key: &Key, numbers: &mut Vec<WrittenNumber>) {
     match value {
         Value::Table(table) => {
             table.iter().for_each(|(name, value)| collect(value, &key.clone().child(name), numbers));
@@ -194,28 +202,28 @@ fn collect(value: &Value, key: &Key, numbers: &mut Vec<Number>) {
                 && let (number, unit) = quantity.parts()
                 && let Ok(written) = number.parse()
             {
-                numbers.push(Number { key: key.clone(), written, unit: unit.to_owned() });
+                numbers.push(WrittenNumber { key: key.clone(), written, unit: unit.to_owned() });
             }
         }
         Value::Float(number) if *number != 0.0 => {
-            numbers.push(Number { key: key.clone(), written: *number, unit: String::new() });
+            numbers.push(WrittenNumber { key: key.clone(), written: *number, unit: String::new() });
         }
         _ => {}
     }
 }
 
 /// Numbers of the same name in tables beside one another that have the same names in them, as those of several electrodes do.
-fn siblings(numbers: &[Number]) -> Vec<Vec<Number>> {
-    let table = |number: &Number| number.key.steps().split_last().map(|(_, table)| table.to_vec());
-    let names = |table: &[Step]| -> Vec<&str> {
+fn siblings(numbers: &[WrittenNumber]) -> Vec<Vec<WrittenNumber>> {
+    let table = |number: &WrittenNumber| number.key.steps().split_last().map(|(_, table)| table.to_vec());
+    let names = |table: &[KeyStep]| -> Vec<&str> {
         let inside =
             numbers.iter().filter(|number| number.key.steps().split_last().is_some_and(|(_, t)| t == table));
         inside.map(|number| number.key.last()).collect()
     };
-    let mut families: Vec<Vec<Number>> = Vec::new();
+    let mut families: Vec<Vec<WrittenNumber>> = Vec::new();
     for number in numbers {
         let Some(own) = table(number) else { continue };
-        let is_sibling = |members: &&mut Vec<Number>| {
+        let is_sibling = |members: &&mut Vec<WrittenNumber>| {
             let Some(other) = members.first().and_then(table) else { return false };
             members[0].key.last() == number.key.last()
                 && own.split_last().map(|(_, parent)| parent) == other.split_last().map(|(_, parent)| parent)
@@ -234,7 +242,7 @@ fn siblings(numbers: &[Number]) -> Vec<Vec<Number>> {
 mod tests {
     use super::*;
 
-    fn numbers(text: &str) -> Vec<Number> {
+    fn numbers(text: &str) -> Vec<WrittenNumber> {
         let mut numbers = Vec::new();
         collect(&Value::Table(text.parse().unwrap()), &Key::from("device.stage"), &mut numbers);
         numbers

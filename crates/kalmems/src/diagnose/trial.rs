@@ -20,7 +20,7 @@ const MOTION: usize = 2;
 
 /// Blocks of the recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Blocks {
+pub(super) enum TrialBlocks {
     /// Those by which sizes are fitted.
     Fitted,
     /// Those by which causes are judged.
@@ -31,7 +31,7 @@ pub(super) enum Blocks {
 
 /// One run of the filter.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Trial {
+pub(super) struct DiagnosisTrial {
     /// The innovations after the settling time, of all signals.
     pub(super) innovations: Innovations,
     /// Whether an innovation is of a block that is fitted.
@@ -63,7 +63,7 @@ pub(super) struct Trial {
     updates: usize,
 }
 
-impl Trial {
+impl DiagnosisTrial {
     /// Takes what the filter says of a segment in; `None` where it stopped.
     pub(super) fn take(
         &mut self,
@@ -145,16 +145,16 @@ impl Trial {
     }
 
     /// Σ ln p of the innovations in some of the blocks.
-    pub(super) fn log_likelihood(&self, blocks: Blocks) -> f64 {
+    pub(super) fn log_likelihood(&self, blocks: TrialBlocks) -> f64 {
         self.part(blocks).log_likelihood()
     }
 
     /// The innovations in some of the blocks; the others are missing.
-    pub(super) fn part(&self, blocks: Blocks) -> Innovations {
+    pub(super) fn part(&self, blocks: TrialBlocks) -> Innovations {
         let is_in = |is_fitted: bool| match blocks {
-            Blocks::Fitted => is_fitted,
-            Blocks::HeldOut => !is_fitted,
-            Blocks::All => true,
+            TrialBlocks::Fitted => is_fitted,
+            TrialBlocks::HeldOut => !is_fitted,
+            TrialBlocks::All => true,
         };
         let each = self.innovations.value.iter().zip(&self.is_fitted);
         let value = each.map(|(value, own)| if is_in(*own) { *value } else { f64::NAN }).collect();

@@ -1,7 +1,7 @@
 //! Which column of a recording is which channel of a device, by their names and units.
 
 use super::DraftError;
-use crate::inspect::Channel;
+use crate::inspect::InspectedChannel;
 use crate::rigs::{Template, TemplateChannel};
 use crate::units::Unit;
 use serde::Serialize;
@@ -38,7 +38,7 @@ const LEFT: &str = "the only column with its unit that is left";
 
 /// Finds the columns of a template's channels: stated ones first, then by their names, then what is left.
 pub(super) fn sort(
-    columns: &[Channel],
+    columns: &[InspectedChannel],
     template: &Template,
     stated: &[(String, String)],
 ) -> Result<(Vec<Assigned>, Vec<Question>), DraftError> {
@@ -60,7 +60,7 @@ pub(super) fn sort(
     // What the longest word of a name says goes first: `cap_out` is rather a `cap` than an `out`.
     for length in (1..=LONGEST_WORD).rev() {
         for channel in &wanted {
-            let by_name = |column: &Channel| is_named(&column.column, channel.0.words, length);
+            let by_name = |column: &InspectedChannel| is_named(&column.column, channel.0.words, length);
             if let Some(place) = sorting.only(channel.0, by_name) {
                 sorting.assign(*channel, place, BY_NAME);
             }
@@ -103,7 +103,7 @@ fn is_named(column: &str, words: &[&str], length: usize) -> bool {
 }
 
 struct Sorting<'a> {
-    columns: &'a [Channel],
+    columns: &'a [InspectedChannel],
     free: Vec<bool>,
     assigned: Vec<Assigned>,
 }
@@ -117,13 +117,15 @@ impl Sorting<'_> {
     fn candidates(&self, channel: &TemplateChannel) -> impl Iterator<Item = usize> {
         let dimension = |unit: &str| Unit::parse(&ascii(unit)).map(|unit| unit.dimension()).ok();
         let wanted = dimension(channel.unit);
-        let fits = move |column: &Channel| column.si_unit.is_empty() || dimension(&column.si_unit) == wanted;
+        let fits = move |column: &InspectedChannel| {
+            column.si_unit.is_empty() || dimension(&column.si_unit) == wanted
+        };
         let places = (0..self.columns.len()).filter(|place| self.free[*place]);
         places.filter(move |place| fits(&self.columns[*place]))
     }
 
     /// The only column that may be this channel and of which this is true.
-    fn only(&self, channel: &TemplateChannel, is: impl Fn(&Channel) -> bool) -> Option<usize> {
+    fn only(&self, channel: &TemplateChannel, is: impl Fn(&InspectedChannel) -> bool) -> Option<usize> {
         if self.has(channel.meaning) {
             return None;
         }
@@ -156,7 +158,7 @@ mod tests {
     use super::*;
     use crate::inspect::Statistics;
 
-    fn columns(names: &[(&str, &str)]) -> Vec<Channel> {
+    fn columns(names: &[(&str, &str)]) -> Vec<InspectedChannel> {
         let statistics = Statistics {
             count: 1,
             missing: 0,
@@ -165,7 +167,7 @@ mod tests {
             mean: None,
             standard_deviation: None,
         };
-        let channel = |(name, unit): &(&str, &str)| Channel {
+        let channel = |(name, unit): &(&str, &str)| InspectedChannel {
             column: (*name).to_owned(),
             unit: (*unit).to_owned(),
             si_unit: (*unit).to_owned(),

@@ -4,13 +4,13 @@ use super::DraftError;
 use crate::inspect::sketch;
 use crate::progress::Silent;
 use crate::rigs::{Rig, Template, Workbench};
-use crate::simulate::{SimulateError, Unwritten};
+use crate::simulate::{ComputedRecording, SimulateError};
 use serde::Serialize;
 use std::path::Path;
 
 /// A device that has a template.
 #[derive(Clone, Debug, Serialize)]
-pub struct Listed {
+pub struct ListedDevice {
     /// Its name.
     pub name: &'static str,
     /// What it is, in a line.
@@ -28,21 +28,21 @@ const SIZE: (usize, usize) = (60, 3);
 ///
 /// # Errors
 /// Those of the simulation of a template.
-pub fn listed(workbench: &Workbench) -> Result<Vec<Listed>, DraftError> {
+pub fn listed(workbench: &Workbench) -> Result<Vec<ListedDevice>, DraftError> {
     let templates = workbench.rigs().filter_map(|rig| Some((rig, rig.template()?)));
     templates.map(|(rig, template)| one(workbench, rig, &template).map_err(DraftError::Simulation)).collect()
 }
 
-fn one(workbench: &Workbench, rig: &dyn Rig, template: &Template) -> Result<Listed, SimulateError> {
+fn one(workbench: &Workbench, rig: &dyn Rig, template: &Template) -> Result<ListedDevice, SimulateError> {
     let experiment = workbench.parse(template.text, Path::new("template.toml"))?;
-    let mut simulated = Unwritten::of(&*rig.simulate(&experiment)?, &Silent)?;
+    let mut simulated = ComputedRecording::of(&*rig.simulate(&experiment)?, &Silent)?;
     let mut signal = Vec::new();
     let of = template.channels.iter().find(|channel| channel.meaning.starts_with("signal"));
     // Looked at, and left as it is.
     simulated.change_recorded(of.map_or("signal", |channel| channel.meaning), |values, _| {
         signal = values[values.len().saturating_sub(SHOWN)..].to_vec();
     });
-    Ok(Listed {
+    Ok(ListedDevice {
         name: rig.name(),
         description: experiment.description.unwrap_or_default(),
         sketch: sketch(&signal, SIZE.0, SIZE.1),

@@ -22,12 +22,12 @@ mod text;
 
 pub use columns::{Assigned, Question};
 pub use error::DraftError;
-pub use listing::{Listed, listed};
+pub use listing::{ListedDevice, listed};
 pub use names::{
-    Described, DeviceNames, NamedChannel, NamedParameter, NamedValue, names_of, schema_with_names,
+    DescribedName, DeviceNames, NamedChannel, NamedParameter, NamedValue, names_of, schema_with_names,
 };
 
-use crate::config::Role;
+use crate::config::RecordingRole;
 use crate::inspect::{Inspection, inspect_with};
 use crate::rigs::{Rig, Template, Workbench};
 use std::ops::ControlFlow;
@@ -35,13 +35,13 @@ use std::path::{Path, PathBuf};
 
 /// What a draft is to be made from.
 #[derive(Clone, Debug)]
-pub struct Wanted<'a> {
+pub struct DraftRequest<'a> {
     /// The device, by the name of its rig.
     pub device: &'a str,
     /// The recording whose motion is to be estimated.
     pub recording: &'a Path,
     /// Further recordings, by their roles.
-    pub further: &'a [(Role, PathBuf)],
+    pub further: &'a [(RecordingRole, PathBuf)],
     /// Meanings of channels with the columns that have them, where one knows them.
     pub channels: &'a [(String, String)],
     /// The rate of the samples, such as `1 MHz`, of a recording without a column of times.
@@ -63,7 +63,7 @@ pub struct Draft {
 
 /// A recording that was looked at, and which of its columns is what as far as that is known.
 #[derive(Clone, Debug)]
-pub struct Sorted {
+pub struct SortedRecording {
     inspection: Inspection,
     template: Template,
     /// Which column is what, and why.
@@ -95,9 +95,9 @@ pub fn of_device(workbench: &Workbench, device: &str) -> Result<String, DraftErr
 /// A device without a template, a file that cannot be read or used as a recording, and channels that are stated and not there.
 pub fn sort(
     workbench: &Workbench,
-    wanted: &Wanted,
+    wanted: &DraftRequest,
     progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
-) -> Result<Sorted, DraftError> {
+) -> Result<SortedRecording, DraftError> {
     let (_, template) = template(workbench, wanted.device)?;
     let inspection = inspect_with(wanted.recording, progress)?;
     if !inspection.is_usable() {
@@ -107,14 +107,14 @@ pub fn sort(
         return Err(DraftError::NoTime { file: wanted.recording.to_owned() });
     }
     let (assigned, questions) = columns::sort(&inspection.channels, &template, wanted.channels)?;
-    Ok(Sorted { inspection, template, assigned, questions })
+    Ok(SortedRecording { inspection, template, assigned, questions })
 }
 
 /// Writes the experiment file of a recording whose columns are known.
 ///
 /// # Errors
 /// Questions that are open.
-pub fn write(sorted: Sorted, wanted: &Wanted) -> Result<Draft, DraftError> {
+pub fn write(sorted: SortedRecording, wanted: &DraftRequest) -> Result<Draft, DraftError> {
     if !sorted.questions.is_empty() {
         return Err(DraftError::Open(sorted.questions));
     }

@@ -1,7 +1,7 @@
 //! The names that an experiment with a device may use.
 
 use super::{DraftError, template};
-use crate::config::{Experiment, Start, Values};
+use crate::config::{Experiment, FilterStart, Values};
 use crate::rigs::{TemplateChannel, Workbench};
 use serde::Serialize;
 use std::fmt;
@@ -27,9 +27,9 @@ pub struct DeviceNames {
     /// The parameters that a filter can estimate, for `states` of a filter.
     pub parameters: Vec<NamedParameter>,
     /// The methods of a filter that the device takes.
-    pub methods: Vec<Described>,
+    pub methods: Vec<DescribedName>,
     /// The methods that the device refuses, with the physical reason.
-    pub refused_methods: Vec<Described>,
+    pub refused_methods: Vec<DescribedName>,
 }
 
 /// A channel of a recording.
@@ -67,7 +67,7 @@ pub struct NamedParameter {
 
 /// A name and a sentence about it.
 #[derive(Clone, Debug, Serialize)]
-pub struct Described {
+pub struct DescribedName {
     /// The name.
     pub name: String,
     /// What it is, or why it is refused.
@@ -97,7 +97,7 @@ pub fn names_of(workbench: &Workbench, device: &str) -> Result<DeviceNames, Draf
     });
     let refused_methods = refused
         .iter()
-        .map(|(method, why)| Described { name: method.word().to_owned(), what: (*why).to_owned() });
+        .map(|(method, why)| DescribedName { name: method.word().to_owned(), what: (*why).to_owned() });
     Ok(DeviceNames {
         device: rig.name(),
         table: format!("device.{}", rig.device().name),
@@ -141,7 +141,7 @@ fn states(experiment: &Experiment) -> Vec<NamedValue> {
         }
     };
     for filter in experiment.estimate.iter().flat_map(|estimate| &estimate.filters) {
-        if let Some(Start::Values(start)) = &filter.start {
+        if let Some(FilterStart::Values(start)) = &filter.start {
             add(start);
         }
     }
@@ -163,11 +163,11 @@ fn values(values: &Values) -> Vec<NamedValue> {
 }
 
 /// All methods of filters with their sentences, as the schema of experiment files has them.
-fn methods(workbench: &Workbench) -> Vec<Described> {
+fn methods(workbench: &Workbench) -> Vec<DescribedName> {
     let schema = workbench.schema();
     let known = schema.pointer("/$defs/Method/oneOf").and_then(|known| known.as_array());
     let text = |of: &serde_json::Value, key: &str| of[key].as_str().unwrap_or_default().replace('\n', " ");
-    let one = |method: &serde_json::Value| Described {
+    let one = |method: &serde_json::Value| DescribedName {
         name: text(method, "const"),
         what: text(method, "description"),
     };
@@ -222,7 +222,7 @@ impl fmt::Display for DeviceNames {
         });
         section(f, "Parameters that a filter can estimate, for `states` of a filter", &parameters.collect())?;
         let described =
-            |names: &[Described]| names.iter().map(|one| (one.name.clone(), one.what.clone())).collect();
+            |names: &[DescribedName]| names.iter().map(|one| (one.name.clone(), one.what.clone())).collect();
         section(f, "Methods, for `method` of a filter", &described(&self.methods))?;
         section(f, "Methods that this device refuses", &described(&self.refused_methods))
     }

@@ -1,6 +1,6 @@
 //! The text of an experiment file with a recording in the place of a template's simulation.
 
-use super::{Assigned, Sorted, Wanted};
+use super::{Assigned, DraftRequest, SortedRecording};
 use crate::config::FROM_RECORDING;
 use crate::inspect::{Inspection, quantity};
 use std::fmt::Write as _;
@@ -33,7 +33,7 @@ pub(super) fn recognised(inspection: &Inspection) -> Vec<String> {
 }
 
 /// The file.
-pub(super) fn written(sorted: &Sorted, wanted: &Wanted, recognised: &[String]) -> String {
+pub(super) fn written(sorted: &SortedRecording, wanted: &DraftRequest, recognised: &[String]) -> String {
     let template = sorted.template.text;
     let (device, rest) = template.split_once("\n[simulate]\n").unwrap_or((template, ""));
     let estimate = rest.split_once("\n[estimate]\n").map_or("", |(_, estimate)| estimate);
@@ -111,7 +111,7 @@ fn of_recording(device: &str) -> String {
     text
 }
 
-fn recordings(text: &mut String, sorted: &Sorted, wanted: &Wanted) {
+fn recordings(text: &mut String, sorted: &SortedRecording, wanted: &DraftRequest) {
     let further = wanted.further.iter().map(|(role, path)| (role.key(), path.as_path()));
     for (role, path) in std::iter::once(("test", wanted.recording)).chain(further) {
         let _ = writeln!(
@@ -152,7 +152,7 @@ fn channels(assigned: &[Assigned], references: bool) -> String {
 }
 
 /// The table of the estimate, with a settling time that leaves most of a short recording.
-fn settling(estimate: &str, sorted: &Sorted) -> String {
+fn settling(estimate: &str, sorted: &SortedRecording) -> String {
     let duration = sorted.inspection.longest_segment().and_then(|segment| segment.duration_s);
     let mut text = String::new();
     for line in estimate.lines() {

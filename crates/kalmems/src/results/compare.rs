@@ -1,7 +1,9 @@
 //! Results of several estimates, laid over one another as a page.
 
+use crate::topics::{explained, link};
 use kalmems_figures::{
-    Axis, Column, Figure, Page, Panel, Part, ReportError, Role, Section, Series, Severity, Table, Track,
+    Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series,
+    SeriesRole, TextTable, Track,
 };
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -33,15 +35,15 @@ pub enum CompareError {
 }
 
 /// What is taken from a result.
-struct Run {
+struct ComparedRun {
     name: String,
     metrics: Value,
     /// The trajectories by the name of their file without its ending.
-    trajectories: BTreeMap<String, Trajectory>,
+    trajectories: BTreeMap<String, ComparedTrajectory>,
 }
 
 /// The states of a trajectory over time.
-struct Trajectory {
+struct ComparedTrajectory {
     /// The names of the columns of the states, with their units.
     states: Vec<String>,
     /// Each state, in the order of these names, with three standard deviations about it.
@@ -53,7 +55,7 @@ struct Trajectory {
 pub fn compare_page(folders: &[PathBuf]) -> Result<String, CompareError> {
     let mut runs = Vec::new();
     for (place, folder) in folders.iter().enumerate() {
-        let mut run = Run::read(folder)?;
+        let mut run = ComparedRun::read(folder)?;
         // Names that are the same are told apart by their place.
         let same = |other: &PathBuf| other.file_name() == folder.file_name();
         if folders.iter().filter(|other| same(other)).count() > 1 {
@@ -64,23 +66,30 @@ pub fn compare_page(folders: &[PathBuf]) -> Result<String, CompareError> {
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let (table, severities) = verdicts(&runs);
     let (figures, left_out) = overlays(&runs);
-    let mut verdict =
-        Section::new("Verdicts").part(Part::Verdict).table(table.with_verdicts("verdict", severities));
+    let all_pass = severities.iter().all(|severity| *severity == NoticeSeverity::Ok);
+    let mut verdict = PageSection::new("Verdicts")
+        .part(PagePart::Verdict)
+        .table(table.with_verdicts("verdict", severities));
+    if !all_pass {
+        let to_do = format!("What to do about a filter that does not pass{}.", link("overconfident"));
+        verdict = verdict.paragraph(to_do);
+    }
     if left_out > 0 {
         let text =
             format!("The figures show {MOST} trajectories; {left_out} more are left out: name fewer runs.");
-        verdict = verdict.notice(Severity::Warning, text);
+        verdict = verdict.notice(NoticeSeverity::Warning, text);
     }
-    let answer = figures.into_iter().fold(Section::new("Motion"), Section::figure);
-    let made = Section::made(
+    let answer = figures.into_iter().fold(PageSection::new("Motion"), PageSection::figure);
+    let made = PageSection::made(
         "compare",
         env!("CARGO_PKG_VERSION"),
         "The numbers are those of the results, which are named above.",
     );
-    Ok(Page::new("Runs compared", names.join(", ")).with(verdict).with(answer).with(made).to_html()?)
+    let page = Page::new("Runs compared", names.join(", ")).with(verdict).with(answer).with(made);
+    Ok(explained(page).to_html()?)
 }
 
-impl Run {
+impl ComparedRun {
     fn read(folder: &Path) -> Result<Self, CompareError> {
         let wrong = |path: &Path, why: &dyn std::fmt::Display| CompareError::Run {
             path: path.to_owned(),
@@ -97,7 +106,7 @@ impl Run {
             let path = entry.map_err(|e| wrong(folder, &e))?.path();
             let name = path.file_stem().and_then(std::ffi::OsStr::to_str).unwrap_or_default().to_owned();
             if name.contains("trajectory_") && path.extension().is_some_and(|ending| ending == "csv") {
-                let read = Trajectory::read(&path).map_err(|why| wrong(&path, &why))?;
+                let read = ComparedTrajectory::read(&path).map_err(|why| wrong(&path, &why))?;
                 trajectories.insert(name, read);
             }
         }
@@ -108,7 +117,7 @@ impl Run {
     }
 }
 
-impl Trajectory {
+impl ComparedTrajectory {
     fn read(path: &Path) -> Result<Self, String> {
         let file = File::open(path).map_err(|e| e.to_string())?;
         let mut rows = csv::Reader::from_reader(BufReader::new(file));
@@ -158,17 +167,17 @@ fn shown(column: &str) -> (String, &str, f64) {
 }
 
 /// Each filter of each run with its verdict and its figures.
-fn verdicts(runs: &[Run]) -> (Table, Vec<Severity>) {
+fn verdicts(runs: &[ComparedRun]) -> (TextTable, Vec<NoticeSeverity>) {
     let columns = [
-        Column::text("run"),
-        Column::text("recording"),
-        Column::text("filter"),
-        Column::text("verdict"),
-        Column::number("angle RMSE", "deg"),
-        Column::number("mean NIS", ""),
-        Column::number("log-likelihood", ""),
+        ColumnHead::text("run"),
+        ColumnHead::text("recording"),
+        ColumnHead::text("filter"),
+        ColumnHead::text("verdict"),
+        ColumnHead::number("angle RMSE", "deg"),
+        ColumnHead::number("mean NIS", ""),
+        ColumnHead::number("log-likelihood", ""),
     ];
-    let mut table = Table::new("", columns);
+    let mut table = TextTable::new("", columns);
     let mut severities = Vec::new();
     let list =
         |value: &Value, key: &str| value.get(key).and_then(Value::as_array).cloned().unwrap_or_default();
@@ -186,10 +195,10 @@ fn verdicts(runs: &[Run]) -> (Table, Vec<Severity>) {
                     let grade = text(&filter, "grade");
                     let verdict = if grade.is_empty() { text(&filter, "verdict") } else { grade };
                     severities.push(match verdict.as_str() {
-                        "passes" => Severity::Ok,
-                        "doubtful" => Severity::Warning,
-                        "failed" | "no_estimate" | "astray" => Severity::Failure,
-                        _ => Severity::Note,
+                        "passes" => NoticeSeverity::Ok,
+                        "doubtful" => NoticeSeverity::Warning,
+                        "failed" | "no_estimate" | "astray" => NoticeSeverity::Failure,
+                        _ => NoticeSeverity::Note,
                     });
                     table.push([
                         run.name.clone(),
@@ -208,8 +217,8 @@ fn verdicts(runs: &[Run]) -> (Table, Vec<Severity>) {
 }
 
 /// A figure for each state that a trajectory has, all runs in it; and how many trajectories are not shown.
-fn overlays(runs: &[Run]) -> (Vec<Figure>, usize) {
-    let all: Vec<(String, &Trajectory)> = (runs.iter())
+fn overlays(runs: &[ComparedRun]) -> (Vec<Figure>, usize) {
+    let all: Vec<(String, &ComparedTrajectory)> = (runs.iter())
         .flat_map(|run| {
             let named = run.trajectories.iter();
             named.map(move |(name, one)| {
@@ -231,9 +240,11 @@ fn overlays(runs: &[Run]) -> (Vec<Figure>, usize) {
             let Some(place) = one.states.iter().position(|own| own == state) else { continue };
             let place = 3 * place;
             if one.claims {
-                panel = panel.with(Series::of_track("", Role::Other, &one.track, [place + 1, place + 2]));
+                panel =
+                    panel.with(Series::of_track("", SeriesRole::Other, &one.track, [place + 1, place + 2]));
             }
-            panel = panel.with(Series::of_track(name.as_str(), Role::Other, &one.track, [place, place]));
+            panel =
+                panel.with(Series::of_track(name.as_str(), SeriesRole::Other, &one.track, [place, place]));
         }
         if number > 0 { panel.sharing_x() } else { panel }
     });

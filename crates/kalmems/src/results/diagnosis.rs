@@ -1,9 +1,13 @@
 //! A diagnosis in words.
 
 use super::summary::shown;
-use crate::diagnose::{AnswerChange, CauseReport, Diagnosis, Edit, Finding, FoundNoise, Proposal, ScaleNote};
+use crate::diagnose::{
+    AnswerChange, CauseReport, Diagnosis, DiagnosisFinding, Edit, FoundNoise, Proposal, ScaleNote,
+};
 use crate::topics::{explained, link};
-use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table, significant};
+use kalmems_figures::{
+    ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
+};
 use std::fmt::Write as _;
 
 impl Diagnosis {
@@ -17,12 +21,12 @@ impl Diagnosis {
             significant(self.duration_s)
         );
         text += &match self.finding {
-            Finding::NothingToChange => {
+            DiagnosisFinding::NothingToChange => {
                 "nothing to change: the innovations pass all tests, so that the recording does not contradict the experiment\n"
                     .to_owned()
             }
-            Finding::Explained => self.explained(),
-            Finding::NoneOfThese => self.unexplained(),
+            DiagnosisFinding::Explained => self.explained(),
+            DiagnosisFinding::NoneOfThese => self.unexplained(),
         };
         for note in &self.notes {
             text += &format!("\nnote: {note}\n");
@@ -191,12 +195,12 @@ fn people_read(unit: &'static str) -> (&'static str, f64) {
 /// The report of a diagnosis: the page's text, which needs nothing else.
 pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
     let (severity, text) = match found.finding {
-        Finding::NothingToChange => (
-            Severity::Ok,
+        DiagnosisFinding::NothingToChange => (
+            NoticeSeverity::Ok,
             "The innovations pass all tests: the recording does not contradict the experiment.".to_owned(),
         ),
-        Finding::Explained => (
-            Severity::Warning,
+        DiagnosisFinding::Explained => (
+            NoticeSeverity::Warning,
             match found.causes.as_slice() {
                 [one] => format!(
                     "One of the {} causes that were tried explains the recording: {}.",
@@ -210,8 +214,8 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
                 ),
             },
         ),
-        Finding::NoneOfThese => (
-            Severity::Failure,
+        DiagnosisFinding::NoneOfThese => (
+            NoticeSeverity::Failure,
             format!(
                 "None of the {} causes that were tried explains the recording{}.",
                 found.tried,
@@ -219,19 +223,19 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
             ),
         ),
     };
-    let verdict = Section::new("Verdict").part(Part::Verdict).notice(severity, text);
+    let verdict = PageSection::new("Verdict").part(PagePart::Verdict).notice(severity, text);
     let (causes, title) = if found.causes.is_empty() {
         (&found.closest, "What explains most, and not all")
     } else {
         (&found.causes, "What explains the recording")
     };
     let columns = [
-        Column::text("cause"),
-        Column::number("gain", "ln p"),
-        Column::text("what to write"),
-        Column::text("effect on the answer"),
+        ColumnHead::text("cause"),
+        ColumnHead::number("gain", "ln p"),
+        ColumnHead::text("what to write"),
+        ColumnHead::text("effect on the answer"),
     ];
-    let mut table = Table::new("", columns);
+    let mut table = TextTable::new("", columns);
     for cause in causes {
         let edits = cause.edits.iter().map(|Edit { key, from, to, .. }| {
             let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
@@ -241,7 +245,7 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
         let answer = cause.answer.as_ref().map(|answer| effect(answer, cause.answer_name, cause.answer_unit));
         table.push([cause.name.clone(), format!("{:.0}", cause.gain), write, answer.unwrap_or_default()]);
     }
-    let mut answer = Section::new(title);
+    let mut answer = PageSection::new(title);
     if !table.rows.is_empty() {
         answer = answer.table(table);
     }
@@ -263,13 +267,13 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
     .with(verdict)
     .with(answer);
     if !found.tests.is_empty() {
-        let section = Section::new("What the innovations show").part(Part::Evidence);
+        let section = PageSection::new("What the innovations show").part(PagePart::Evidence);
         page = page.with(found.tests.iter().fold(section, |section, test| section.paragraph(test.as_str())));
     }
     if !found.notes.is_empty() {
-        let section = Section::new("What the signal cannot tell").part(Part::Budget);
+        let section = PageSection::new("What the signal cannot tell").part(PagePart::Budget);
         page =
             page.with(found.notes.iter().fold(section, |section, note| section.paragraph(note.to_string())));
     }
-    explained(page.with(Section::made("diagnose", env!("CARGO_PKG_VERSION"), ""))).to_html()
+    explained(page.with(PageSection::made("diagnose", env!("CARGO_PKG_VERSION"), ""))).to_html()
 }

@@ -6,7 +6,7 @@ use super::tracks::{BAND, Tracks, VALUE, of_innovation, signal_unit};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::InnovationEvidence;
 use crate::workflow::SegmentOutcome;
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 
 /// Filters whose innovations are shown from all sides; the tests of the others are in the table.
 const MOST: usize = 4;
@@ -55,8 +55,11 @@ fn over_time<'a>(
         let scored = trajectory.scored_after(segment.estimate.start_s, segment.estimate.skip_s);
         let times = || trajectory.time_s[scored.clone()].iter().copied();
         let sds = times().zip(&trajectory.innovation_sd[scored.clone()]);
-        let band =
-            Series::band("±3σ", Role::Bound, sds.map(|(t, sd)| (t, -3.0 * sd * factor, 3.0 * sd * factor)));
+        let band = Series::band(
+            "±3σ",
+            SeriesRole::Bound,
+            sds.map(|(t, sd)| (t, -3.0 * sd * factor, 3.0 * sd * factor)),
+        );
         let own = times().zip(&trajectory.innovation[scored.clone()]).map(|(t, r)| (t, r * factor));
         let own = Series::points(label(trajectory, segment, None), role(trajectory), own);
         let panel = Panel::new(time_axis(), Axis::new("innovation", unit))
@@ -66,7 +69,7 @@ fn over_time<'a>(
         if !trajectory.rejected.is_empty() {
             let rejected = trajectory.rejected.iter().filter(|one| one.signal == 0);
             let rejected: Vec<_> = rejected.map(|one| (one.time_s, one.innovation * factor)).collect();
-            panel = panel.with(Series::points("rejected", Role::Model, rejected));
+            panel = panel.with(Series::points("rejected", SeriesRole::Model, rejected));
         }
         panel
     });
@@ -102,9 +105,9 @@ fn looks(trajectory: &Trajectory, found: &InnovationEvidence, prefix: &str) -> F
             .collect();
         figure = figure.with(
             Panel::new(Axis::new("frequency", "Hz").log(), Axis::new("spectrum", "1").log())
-                .with(Series::band("95 %", Role::Bound, expected))
-                .with(Series::points("largest of a group", Role::Measured, over(|group| group.largest)))
-                .with(Series::line("mean of a group", Role::Estimate, over(|group| group.level))),
+                .with(Series::band("95 %", SeriesRole::Bound, expected))
+                .with(Series::points("largest of a group", SeriesRole::Measured, over(|group| group.largest)))
+                .with(Series::line("mean of a group", SeriesRole::Estimate, over(|group| group.level))),
         );
     }
     if !found.autocorrelation.is_empty() {
@@ -119,9 +122,9 @@ fn looks(trajectory: &Trajectory, found: &InnovationEvidence, prefix: &str) -> F
             found.autocorrelation.iter().enumerate().map(|(i, [own, _])| (lag(i), *own)).collect();
         figure = figure.with(
             Panel::new(Axis::new("updates before", "1"), Axis::new("correlation", "1"))
-                .with(Series::band("95 %", Role::Bound, bound))
-                .with(Series::points("correlation", Role::Estimate, own))
-                .with(Series::level("", Role::Bound, 0.0)),
+                .with(Series::band("95 %", SeriesRole::Bound, bound))
+                .with(Series::points("correlation", SeriesRole::Estimate, own))
+                .with(Series::level("", SeriesRole::Bound, 0.0)),
         );
     }
     for cycle in &found.cycles {
@@ -132,8 +135,8 @@ fn looks(trajectory: &Trajectory, found: &InnovationEvidence, prefix: &str) -> F
             cycle.parts.iter().map(|part| (part[0], -1.96 / part[1].sqrt(), 1.96 / part[1].sqrt())).collect();
         figure = figure.with(
             Panel::new(Axis::new("phase of the motion", "deg"), Axis::new("mean", "1"))
-                .with(Series::band("95 % of the mean", Role::Bound, bounds))
-                .with(Series::line("mean", Role::Estimate, over(|part| part[2]))),
+                .with(Series::band("95 % of the mean", SeriesRole::Bound, bounds))
+                .with(Series::line("mean", SeriesRole::Estimate, over(|part| part[2]))),
         );
         let squares: Vec<(f64, f64, f64)> = cycle
             .parts
@@ -142,8 +145,8 @@ fn looks(trajectory: &Trajectory, found: &InnovationEvidence, prefix: &str) -> F
             .collect();
         figure = figure.with(
             Panel::new(Axis::new("phase of the motion", "deg"), Axis::new("mean square", "1"))
-                .with(Series::band("95 % of the mean square", Role::Bound, squares))
-                .with(Series::line("mean square", Role::Estimate, over(|part| part[3])))
+                .with(Series::band("95 % of the mean square", SeriesRole::Bound, squares))
+                .with(Series::line("mean square", SeriesRole::Estimate, over(|part| part[3])))
                 .sharing_x(),
         );
     }
@@ -153,7 +156,7 @@ fn looks(trajectory: &Trajectory, found: &InnovationEvidence, prefix: &str) -> F
     };
     figure.with(
         Panel::new(Axis::new("normalised innovation", "1"), Axis::new("share", "1"))
-            .with(Series::line("innovations", Role::Estimate, steps(|bin| bin[2])))
-            .with(Series::line("normal distribution", Role::Bound, steps(|bin| bin[3]))),
+            .with(Series::line("innovations", SeriesRole::Estimate, steps(|bin| bin[2])))
+            .with(Series::line("normal distribution", SeriesRole::Bound, steps(|bin| bin[3]))),
     )
 }

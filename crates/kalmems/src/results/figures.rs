@@ -2,7 +2,7 @@
 
 use super::Verdict;
 use super::evidence::evidence;
-use super::long::{FilterFigures, PartFigures};
+use super::long_estimate::{FilterFigures, PartFigures};
 use super::marks::with_lock;
 use super::metrics::consistency;
 use super::summary::named;
@@ -14,10 +14,10 @@ use super::tracks::{
 use super::verdict::{angles_of, words_with};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
-use crate::recording::Recording;
+use crate::recording::SampledRecording;
 use crate::units::kind;
 use crate::workflow::{RecordingOutcome, SegmentOutcome};
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::ops::Range;
 
@@ -100,8 +100,8 @@ fn parameters(segment: &SegmentOutcome, tracks: &Tracks, trajectory: &Trajectory
             let (band, mean): (Vec<_>, Vec<_>) =
                 each.map(|(t, mean, by)| ((t, mean - by, mean + by), (t, mean))).unzip();
             Panel::new(time_axis(), Axis::new(label, unit))
-                .with(tracks.whole(&key, BAND, Series::band("±3σ", Role::Estimate, band)))
-                .with(tracks.whole(&key, VALUE, Series::line(words(state.name), Role::Estimate, mean)))
+                .with(tracks.whole(&key, BAND, Series::band("±3σ", SeriesRole::Estimate, band)))
+                .with(tracks.whole(&key, VALUE, Series::line(words(state.name), SeriesRole::Estimate, mean)))
         };
         figure = figure.with(panel(0..trajectory.time_s.len(), words(state.name)));
         if settled.start > 0 && !settled.is_empty() {
@@ -165,7 +165,7 @@ fn motion(
         let drive = zip(&column(&estimate.drive_column));
         let label = recording.input;
         let panel = Panel::new(time_axis(), Axis::new(label, "V"));
-        panels.push(panel.with(tracks.whole(INPUT, VALUE, Series::line(label, Role::Input, drive))));
+        panels.push(panel.with(tracks.whole(INPUT, VALUE, Series::line(label, SeriesRole::Input, drive))));
     }
 
     let signal = column(&estimate.signal_column);
@@ -174,11 +174,19 @@ fn motion(
     let scaled = |values: &[f64]| zip(values).into_iter().map(move |(t, y)| (t, y * factor));
     panels.push(
         Panel::new(time_axis(), Axis::new("signal", unit))
-            .with(tracks.whole(SIGNAL, VALUE, Series::points("measured", Role::Measured, scaled(&signal))))
+            .with(tracks.whole(
+                SIGNAL,
+                VALUE,
+                Series::points("measured", SeriesRole::Measured, scaled(&signal)),
+            ))
             .with(tracks.whole(
                 &of_prediction(trajectory),
                 VALUE,
-                Series::line(format!("predicted, {}", trajectory.name), Role::Estimate, scaled(&predicted)),
+                Series::line(
+                    format!("predicted, {}", trajectory.name),
+                    SeriesRole::Estimate,
+                    scaled(&predicted),
+                ),
             )),
     );
 
@@ -188,7 +196,7 @@ fn motion(
         let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
         let mut panel = Panel::new(time_axis(), Axis::new(words(angle.name), "deg"));
         if let Some(reference) = reference_window(recording, segment, angle.name, start, end) {
-            let reference = Series::line("reference", Role::Reference, reference);
+            let reference = Series::line("reference", SeriesRole::Reference, reference);
             panel = panel.with(tracks.whole(&of_reference(angle.name), VALUE, reference));
         }
         let key = of_state(trajectory, angle.name);
@@ -199,22 +207,22 @@ fn motion(
                     (trajectory.time_s[k], mean - sd, mean + sd)
                 })
                 .collect();
-            panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", Role::Estimate, band)));
+            panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", SeriesRole::Estimate, band)));
         }
-        let own = Series::line(&trajectory.name, Role::Estimate, zip(&degrees));
+        let own = Series::line(&trajectory.name, SeriesRole::Estimate, zip(&degrees));
         panel = panel.with(tracks.whole(&key, VALUE, own));
         if let Some(model) = model
             && let Some(angle) = model.state(angle.name)
         {
             let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
-            let own = Series::line(&model.name, Role::Model, zip(&degrees));
+            let own = Series::line(&model.name, SeriesRole::Model, zip(&degrees));
             panel = panel.with(tracks.whole(&of_state(model, angle.name), VALUE, own));
         }
         if let Some(later) = smoothed(segment, trajectory)
             && let Some(angle) = later.state(angle.name)
         {
             let degrees: Vec<f64> = angle.mean.iter().map(|a| a.to_degrees()).collect();
-            let own = Series::line(&later.name, Role::Other, zip(&degrees));
+            let own = Series::line(&later.name, SeriesRole::Other, zip(&degrees));
             panel = panel.with(tracks.whole(&of_state(later, angle.name), VALUE, own));
         }
         panels.push(panel);
@@ -261,7 +269,7 @@ fn value_panel(
     let reference = references.iter().flatten().find(|reference| reference.state.name == of);
     if let Some(reference) = reference {
         let line = within(&reference.time_s, &reference.value);
-        let own = Series::line("reference", Role::Reference, line);
+        let own = Series::line("reference", SeriesRole::Reference, line);
         panel = panel.with(tracks.whole(&of_reference(of), VALUE, own));
     }
     let key = of_state(trajectory, of);
@@ -269,13 +277,13 @@ fn value_panel(
     if !state.sd.is_empty() {
         let sd = within(&trajectory.time_s, &state.sd);
         let band = mean.iter().zip(sd).map(|((t, v), (_, sd))| (*t, v - 3.0 * sd, v + 3.0 * sd));
-        panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", Role::Estimate, band)));
+        panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", SeriesRole::Estimate, band)));
     }
-    panel = panel.with(tracks.whole(&key, VALUE, Series::line(&trajectory.name, Role::Estimate, mean)));
+    panel = panel.with(tracks.whole(&key, VALUE, Series::line(&trajectory.name, SeriesRole::Estimate, mean)));
     if let Some(later) = smoothed(segment, trajectory)
         && let Some(state) = later.state(of)
     {
-        let mean = Series::line(&later.name, Role::Other, within(&later.time_s, &state.mean));
+        let mean = Series::line(&later.name, SeriesRole::Other, within(&later.time_s, &state.mean));
         panel = panel.with(tracks.whole(&of_state(later, of), VALUE, mean));
     }
     panel
@@ -313,7 +321,7 @@ fn value_error(
     stacked(Figure::new(format!("{prefix}{of}_error"), title, caption), panels.collect())
 }
 
-fn channel(recording: &Recording, name: &str, segment: &SegmentOutcome) -> Vec<f64> {
+fn channel(recording: &SampledRecording, name: &str, segment: &SegmentOutcome) -> Vec<f64> {
     recording.column(name).map(|column| column.of(&segment.estimate.segment).to_vec()).unwrap_or_default()
 }
 
@@ -347,7 +355,7 @@ fn angle_error(segment: &SegmentOutcome, tracks: &Tracks, prefix: &str) -> Figur
                 let sd = 3.0 * sd.to_degrees();
                 (*t, -sd, sd)
             });
-            panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", Role::Bound, band)));
+            panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", SeriesRole::Bound, band)));
         }
         with_lock(tracks.gaps.shaded(panel), trajectory)
     });
@@ -362,7 +370,7 @@ fn phase_error(segment: &SegmentOutcome, prefix: &str) -> Figure {
         let points = errors.phase.iter().map(|p| (p.time_s, p.error_deg));
         Panel::new(time_axis(), Axis::new(errors.of.replace("angle", "phase error").replace('_', " "), "deg"))
             .with(Series::points(label(trajectory, segment, Some(errors.of)), role(trajectory), points))
-            .with(Series::level("", Role::Bound, 0.0))
+            .with(Series::level("", SeriesRole::Bound, 0.0))
     });
     stacked(
         Figure::new(format!("{prefix}phase_error"), "Error of the phase shift", caption),
@@ -401,7 +409,7 @@ fn nis(segment: &SegmentOutcome, prefix: &str) -> Figure {
             let bound = |p: f64| chi.inverse_cdf(p) / window as f64;
             let ends = [trajectory.time_s.first(), trajectory.time_s.last()];
             let band = ends.into_iter().flatten().map(|t| (*t, bound(0.025), bound(0.975)));
-            panel = panel.with(Series::band("95 % of χ²", Role::Bound, band));
+            panel = panel.with(Series::band("95 % of χ²", SeriesRole::Bound, band));
         }
         let means = windowed(&trajectory.time_s, &trajectory.nis, window);
         panel = panel.with(Series::line(label(trajectory, segment, None), role(trajectory), means));
@@ -409,7 +417,7 @@ fn nis(segment: &SegmentOutcome, prefix: &str) -> Figure {
             return panel;
         }
         let rejected = trajectory.rejected.iter().map(|one| (one.time_s, one.size().powi(2)));
-        panel.with(Series::points("rejected", Role::Measured, rejected))
+        panel.with(Series::points("rejected", SeriesRole::Measured, rejected))
     });
     stacked(Figure::new(format!("{prefix}nis"), "Consistency", caption), panels.collect())
 }
@@ -442,7 +450,7 @@ pub(super) fn course(parts: &[PartFigures], prefix: &str) -> Figure {
             let points: Vec<(f64, f64)> = points.collect();
             any |= !points.is_empty();
             if !points.is_empty() {
-                panel = panel.with(Series::line(name.as_str(), Role::Estimate, points));
+                panel = panel.with(Series::line(name.as_str(), SeriesRole::Estimate, points));
             }
         }
         any.then_some(panel)
@@ -471,8 +479,8 @@ pub(super) fn label(trajectory: &Trajectory, segment: &SegmentOutcome, angle: Op
     }
 }
 
-pub(super) fn role(trajectory: &Trajectory) -> Role {
-    if trajectory.kind == TrajectoryKind::ModelAlone { Role::Model } else { Role::Estimate }
+pub(super) fn role(trajectory: &Trajectory) -> SeriesRole {
+    if trajectory.kind == TrajectoryKind::ModelAlone { SeriesRole::Model } else { SeriesRole::Estimate }
 }
 
 #[cfg(test)]

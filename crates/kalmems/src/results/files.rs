@@ -7,7 +7,7 @@ use super::{Metrics, Output, OutputError, RUN_FILE, RunInfo};
 use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
 use crate::progress::Pace;
-use crate::recording::{Source, contribution_column};
+use crate::recording::{RecordingSource, contribution_column};
 use crate::workflow::{Outcome, RecordingOutcome, SegmentOutcome};
 use kalmems_figures::ReportError;
 use serde::Serialize;
@@ -30,7 +30,7 @@ impl Default for WriteOptions {
 
 /// Why the results are not there.
 #[derive(Debug, thiserror::Error)]
-pub enum WriteError {
+pub enum ResultWriteError {
     /// They cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -58,7 +58,7 @@ pub fn write_estimate(
     options: WriteOptions,
     info: RunInfo,
     stop: &dyn Fn() -> bool,
-) -> Result<(), WriteError> {
+) -> Result<(), ResultWriteError> {
     for recording in outcome.recordings.iter().filter(|_| options.trajectories) {
         for segment in &recording.segments {
             let unit = signal_unit(recording, segment);
@@ -73,7 +73,7 @@ pub fn write_estimate(
                     Ok(())
                 })?;
                 if !finished || stop() {
-                    return Err(WriteError::Interrupted);
+                    return Err(ResultWriteError::Interrupted);
                 }
             }
         }
@@ -85,9 +85,9 @@ pub fn write_estimate(
     let (html, figures) = page(outcome, metrics)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in figures {
-        write_figure::<WriteError>(output, &figure)?;
+        write_figure::<ResultWriteError>(output, &figure)?;
         if stop() {
-            return Err(WriteError::Interrupted);
+            return Err(ResultWriteError::Interrupted);
         }
     }
     Ok(output.write(RUN_FILE, |w| w.write_all(run_file(outcome, metrics, info)?.as_bytes()))?)
@@ -176,17 +176,17 @@ pub(super) fn signal_unit(recording: &RecordingOutcome, segment: &SegmentOutcome
 
 /// The record of a run.
 #[derive(Serialize)]
-struct Run<'a> {
+struct EstimateRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    timing: Timing,
-    input: Vec<&'a Source>,
+    timing: EstimateTiming,
+    input: Vec<&'a RecordingSource>,
     experiment: toml::Table,
 }
 
 #[derive(Serialize)]
-struct Timing {
+struct EstimateTiming {
     started_unix_s: u64,
     took_s: f64,
     nanoseconds_per_step: toml::Table,
@@ -204,7 +204,7 @@ fn run_file(outcome: &Outcome, metrics: &Metrics, info: RunInfo) -> io::Result<S
 pub(super) fn record_of_run(
     experiment: &Experiment,
     metrics: &Metrics,
-    (input_id, input): (String, Vec<&Source>),
+    (input_id, input): (String, Vec<&RecordingSource>),
     info: RunInfo,
 ) -> io::Result<String> {
     let mut steps = toml::Table::new();
@@ -213,11 +213,11 @@ pub(super) fn record_of_run(
         let nanoseconds = (estimator.seconds_per_step * 1e10).round() / 10.0;
         steps.entry(estimator.key.clone()).or_insert(toml::Value::Float(nanoseconds));
     }
-    let run = Run {
+    let run = EstimateRecord {
         version: env!("CARGO_PKG_VERSION"),
         command: "estimate",
         input_id,
-        timing: Timing {
+        timing: EstimateTiming {
             started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
             took_s: info.took.as_secs_f64(),
             nanoseconds_per_step: steps,

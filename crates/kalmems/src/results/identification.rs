@@ -1,17 +1,16 @@
 //! The files of an identification.
 
-use super::RunInfo;
 use super::figure_files::write_figure;
-use super::{Output, RUN_FILE, WriteError, way_from};
+use super::{Output, RUN_FILE, ResultWriteError, way_from};
+use super::{RunInfo, RunTiming};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::inspect::{fitting_unit, quantity};
-use crate::recording::Source;
+use crate::recording::RecordingSource;
 use crate::topics::{explained, link, topic};
 use kalmems_core::Portable;
-use kalmems_figures::{Column, Page, Part, ReportError, Section, Severity, Table};
+use kalmems_figures::{ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable};
 use serde::Serialize;
 use std::io;
-use std::time::UNIX_EPOCH;
 
 /// What was identified, as `identification.json` has it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -47,9 +46,9 @@ impl<'a> IdentificationSummary<'a> {
     }
 
     /// The parameters, each with its standard error.
-    fn table(&self) -> Table {
+    fn table(&self) -> TextTable {
         let heads = ["parameter", "value", "standard error", "95 % interval", "from"];
-        let mut table = Table::new("", heads.map(Column::text));
+        let mut table = TextTable::new("", heads.map(ColumnHead::text));
         for p in self.parameters {
             let [value, error, low, high] = in_one_unit(p);
             table.push([p.name.clone(), value, error, format!("{low} … {high}"), p.recording.clone()]);
@@ -86,13 +85,13 @@ impl<'a> IdentificationSummary<'a> {
 /// The report of an identification: the page's text, which needs nothing else.
 pub fn identification_page(found: &Identification) -> Result<String, ReportError> {
     let summary = IdentificationSummary::of(found);
-    let mut verdict = Section::new("Verdict").part(Part::Verdict);
+    let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
     for warning in summary.warnings {
-        verdict = verdict.notice(Severity::Warning, format!("{warning}{}", link("identified")));
+        verdict = verdict.notice(NoticeSeverity::Warning, format!("{warning}{}", link("identified")));
     }
     for one in summary.undetermined {
         verdict = verdict.notice(
-            Severity::Warning,
+            NoticeSeverity::Warning,
             format!("Not determined: {}: {}{}", one.what, one.why, link("identified")),
         );
     }
@@ -101,23 +100,27 @@ pub fn identification_page(found: &Identification) -> Result<String, ReportError
             "All {} parameters that the recordings were asked for are determined.",
             summary.parameters.len()
         );
-        verdict = verdict.notice(Severity::Ok, text);
+        verdict = verdict.notice(NoticeSeverity::Ok, text);
     }
-    let mut pairs = Table::new(
+    let mut pairs = TextTable::new(
         "The pair of each fit whose errors are correlated most",
-        [Column::text("recording"), Column::text("parameters"), Column::number("correlation", "")],
+        [
+            ColumnHead::text("recording"),
+            ColumnHead::text("parameters"),
+            ColumnHead::number("correlation", ""),
+        ],
     );
     for pair in summary.worst_pairs {
         let [a, b] = &pair.names;
         pairs.push([pair.recording.clone(), format!("{a} and {b}"), format!("{:+.3}", pair.correlation)]);
     }
-    let mut evidence = Section::new("Fits, residuals and profiles").part(Part::Evidence);
+    let mut evidence = PageSection::new("Fits, residuals and profiles").part(PagePart::Evidence);
     if !pairs.rows.is_empty() {
         evidence = evidence.table(pairs);
     }
-    let evidence = found.figures.iter().cloned().fold(evidence, Section::figure);
+    let evidence = found.figures.iter().cloned().fold(evidence, PageSection::figure);
     let toml = found.experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
-    let made = Section::made(
+    let made = PageSection::made(
         "identify",
         env!("CARGO_PKG_VERSION"),
         "The numbers are in `identification.json`, the experiment with the values that were found in `experiment.toml`, dates and \
@@ -127,7 +130,7 @@ pub fn identification_page(found: &Identification) -> Result<String, ReportError
     let subtitle = found.experiment.description.clone().unwrap_or_default();
     let page = Page::new(format!("{}: parameters from recordings", found.experiment.name), subtitle)
         .with(verdict.notes(summary.notes.to_vec()))
-        .with(Section::new("Parameters").table(summary.table()))
+        .with(PageSection::new("Parameters").table(summary.table()))
         .with(evidence)
         .with(made);
     explained(page).to_html()
@@ -181,7 +184,7 @@ pub fn write_identification(
     output: &Output,
     info: RunInfo,
     stop: &dyn Fn() -> bool,
-) -> Result<(), WriteError> {
+) -> Result<(), ResultWriteError> {
     let input_id = input_id(found);
     output.write("identification.json", |w| {
         serde_json::to_writer_pretty(&mut *w, &IdentificationSummary::of(found))?;
@@ -199,20 +202,17 @@ pub fn write_identification(
     let html = identification_page(found)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in &found.figures {
-        write_figure::<WriteError>(output, figure)?;
+        write_figure::<ResultWriteError>(output, figure)?;
         if stop() {
-            return Err(WriteError::Interrupted);
+            return Err(ResultWriteError::Interrupted);
         }
     }
     output.write(RUN_FILE, |w| {
-        let run = Run {
+        let run = IdentificationRunRecord {
             version: env!("CARGO_PKG_VERSION"),
             command: "identify",
             input_id,
-            timing: Timing {
-                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-                took_s: info.took.as_secs_f64(),
-            },
+            timing: info.timing(),
             input: found.materials.iter().flat_map(|material| &material.sources).collect(),
             experiment: found.experiment.to_table().map_err(io::Error::other)?,
         };
@@ -225,7 +225,7 @@ pub fn write_identification(
 fn origin(found: &Identification) -> String {
     let mut text = format!("# Identified by kalmems {} from these recordings:\n", env!("CARGO_PKG_VERSION"));
     for material in &found.materials {
-        for Source { file, sha256, .. } in &material.sources {
+        for RecordingSource { file, sha256, .. } in &material.sources {
             text += &format!("#   {}: {file}, SHA-256 {sha256}\n", material.name);
         }
     }
@@ -252,19 +252,13 @@ fn input_id(found: &Identification) -> String {
 }
 
 #[derive(Serialize)]
-struct Run<'a> {
+struct IdentificationRunRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    timing: Timing,
-    input: Vec<&'a Source>,
+    timing: RunTiming,
+    input: Vec<&'a RecordingSource>,
     experiment: toml::Table,
-}
-
-#[derive(Serialize)]
-struct Timing {
-    started_unix_s: u64,
-    took_s: f64,
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! An estimate with all that is computed from it, without a file.
 
 use super::page::page;
-use super::{Metrics, Output, RunInfo, WriteError, WriteOptions, write_estimate};
+use super::{Metrics, Output, ResultWriteError, RunInfo, WriteOptions, write_estimate};
 use crate::config::{Experiment, Recording};
 use crate::diagnose::{FoundNoise, ScaleNote, scale_notes};
 use crate::estimate::EstimateError;
@@ -45,7 +45,7 @@ impl Estimated {
         options: WriteOptions,
         info: RunInfo,
         stop: &dyn Fn() -> bool,
-    ) -> Result<(), WriteError> {
+    ) -> Result<(), ResultWriteError> {
         write_estimate(&self.outcome, &self.metrics, output, options, info, stop)
     }
 }

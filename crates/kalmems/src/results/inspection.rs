@@ -1,9 +1,11 @@
 //! The picture of an inspection.
 
 use super::{OutputError, write_file};
-use crate::inspect::{self, Channel, Inspection};
+use crate::inspect::{self, InspectedChannel, Inspection};
 use crate::topics::{explained, link};
-use kalmems_figures::{Axis, Figure, Page, Panel, Part, ReportError, Role, Section, Series, Severity, Track};
+use kalmems_figures::{
+    Axis, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole, Track,
+};
 use std::path::Path;
 
 /// Columns of the picture, each drawn from its smallest to its largest sample.
@@ -40,7 +42,7 @@ pub fn inspection_figure(inspection: &Inspection) -> Figure {
     figure
 }
 
-fn panel(channel: &Channel, series: &inspect::Series, timed: bool, label: &str) -> Panel {
+fn panel(channel: &InspectedChannel, series: &inspect::ChannelSeries, timed: bool, label: &str) -> Panel {
     // Down and up within each column, so that neighbouring columns join.
     let points = series.start.iter().zip(&series.minimum).zip(&series.maximum).enumerate();
     let points: Vec<(f64, f64)> = points
@@ -52,7 +54,7 @@ fn panel(channel: &Channel, series: &inspect::Series, timed: bool, label: &str) 
         .collect();
     let (time, unit) = if timed { ("time", "s") } else { ("sample", "1") };
     Panel::new(Axis::new(time, unit), Axis::new(channel.column.clone(), channel.si_unit.clone()))
-        .with(Series::line(label, Role::Measured, points))
+        .with(Series::line(label, SeriesRole::Measured, points))
 }
 
 /// Groups of samples of a channel on a page.
@@ -60,12 +62,12 @@ const GROUPS: usize = 16_384;
 
 /// What a recording holds as a page: its text, which needs nothing else.
 pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
-    let verdict = Section::new("What was found").part(Part::Verdict);
+    let verdict = PageSection::new("What was found").part(PagePart::Verdict);
     let verdict = if inspection.is_usable() {
-        verdict.notice(Severity::Ok, "The recording can be used as it is.")
+        verdict.notice(NoticeSeverity::Ok, "The recording can be used as it is.")
     } else {
         verdict.notice(
-            Severity::Failure,
+            NoticeSeverity::Failure,
             format!("It cannot be used as a recording as it is; the diagnosis says why{}.", link("findings")),
         )
     };
@@ -79,15 +81,15 @@ pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
             let track = Track::of_groups(segment.rows.div_ceil(series.start.len().max(1)), groups);
             let panel =
                 Panel::new(Axis::new(time, unit), Axis::new(channel.column.clone(), channel.si_unit.clone()))
-                    .with(Series::of_track("", Role::Measured, &track, [0, 0]));
+                    .with(Series::of_track("", SeriesRole::Measured, &track, [0, 0]));
             let is_first = figure.panels.is_empty();
             figure = figure.with(if is_first { panel } else { panel.sharing_x() });
         }
     }
-    let made = Section::made("inspect", env!("CARGO_PKG_VERSION"), "");
+    let made = PageSection::made("inspect", env!("CARGO_PKG_VERSION"), "");
     let page = Page::new(format!("{}: what it holds", inspection.source.file), "")
         .with(verdict.preformatted("The diagnosis", inspection.to_text()))
-        .with(Section::new("Channels").figure(figure))
+        .with(PageSection::new("Channels").figure(figure))
         .with(made);
     explained(page).to_html()
 }

@@ -2,19 +2,19 @@
 
 use crate::estimate::{LockEvent, Trajectory};
 use crate::signal::GAP;
-use kalmems_figures::{Panel, Role, Series, Shape};
+use kalmems_figures::{Panel, Series, SeriesRole, Shape};
 
 /// Gaps that are marked; a recording with more of them has no picture that could show them.
 const MOST: usize = 500;
 
 /// Where a segment has no samples of its signal, as its samples pass.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Gaps {
+pub(super) struct SignalGaps {
     spans: Vec<[f64; 2]>,
     last_s: Option<f64>,
 }
 
-impl Gaps {
+impl SignalGaps {
     /// Takes the next samples, which are usually `interval_s` apart; a sample that is not a number is none.
     pub(super) fn take(&mut self, samples: impl Iterator<Item = (f64, f64)>, interval_s: f64) {
         for (time_s, _) in samples.filter(|(_, value)| value.is_finite()) {
@@ -35,7 +35,7 @@ impl Gaps {
         let corners: Vec<(f64, f64, f64)> = (self.spans.iter())
             .flat_map(|[from, to]| [(*from, low, high), (*to, low, high), (*to, f64::NAN, f64::NAN)])
             .collect();
-        panel.with(Series::band("no samples", Role::Measured, corners))
+        panel.with(Series::band("no samples", SeriesRole::Measured, corners))
     }
 }
 
@@ -51,7 +51,7 @@ pub(super) fn with_lock(panel: Panel, trajectory: &Trajectory) -> Panel {
         times(|event| if let LockEvent::Flipped { time_s, .. } = event { Some(*time_s) } else { None });
     for (label, points) in [("signal lost", lost), ("other branch", flipped)] {
         if !points.is_empty() {
-            panel = panel.with(Series::points(label, Role::Model, points));
+            panel = panel.with(Series::points(label, SeriesRole::Model, points));
         }
     }
     panel
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn gaps_are_shaded_over_the_height_of_a_panel_and_missing_values_count() {
-        let mut gaps = Gaps::default();
+        let mut gaps = SignalGaps::default();
         let value = |k: u32| if (20..30).contains(&k) { f64::NAN } else { f64::from(k % 2) };
         let samples = (0..100).filter(|k| !(50..60).contains(k)).map(|k| (f64::from(k), value(k)));
         let (first, second): (Vec<_>, Vec<_>) = samples.partition(|(t, _)| *t < 55.0);
@@ -89,12 +89,19 @@ mod tests {
         gaps.take(second.into_iter(), 1.0);
         assert_eq!(gaps.spans, [[19.0, 30.0], [49.0, 60.0]]);
         let panel = || Panel::new(Axis::new("time", "s"), Axis::new("signal", "V"));
-        let own = Series::line("signal", Role::Measured, (0..100).map(|k| (f64::from(k), f64::from(k % 7))));
+        let own =
+            Series::line("signal", SeriesRole::Measured, (0..100).map(|k| (f64::from(k), f64::from(k % 7))));
         let shaded = gaps.shaded(panel().with(own));
         let Shape::Band(runs) = shaded.series[1].shape() else { panic!("no band") };
         assert_eq!(runs.len(), 2);
         assert_eq!(runs[0], [[19.0, 0.0, 6.0], [30.0, 0.0, 6.0]]);
         assert!(gaps.shaded(panel()).series.is_empty());
-        assert!(Gaps::default().shaded(panel().with(Series::level("", Role::Bound, 1.0))).series.len() == 1);
+        assert!(
+            SignalGaps::default()
+                .shaded(panel().with(Series::level("", SeriesRole::Bound, 1.0)))
+                .series
+                .len()
+                == 1
+        );
     }
 }

@@ -3,14 +3,14 @@
 use super::Verdict;
 use crate::diagnose::{FoundNoise, ScaleNote};
 use crate::estimate::{
-    Consistency, Counts, Lock, ParameterCorrelation, SegmentEstimate, StretchSummary, Trajectory,
+    Lock, NisConsistency, ParameterCorrelation, SampleCounts, SegmentEstimate, StretchSummary, Trajectory,
     TrajectoryKind,
 };
 use crate::evaluate::{
     ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, Rejections, TestResult,
     UncertaintyBudget, ValueState,
 };
-use crate::recording::{Finding, Origin, StretchPlace};
+use crate::recording::{Finding, StretchPlace, TimeOrigin};
 use crate::signal::Sine;
 use crate::workflow::{Outcome, SegmentOutcome};
 use kalmems_core::Portable;
@@ -50,7 +50,7 @@ pub struct RecordingMetrics {
     pub file: String,
     /// Where its times count from, where that is not zero of its clock.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub origin: Option<Origin>,
+    pub origin: Option<TimeOrigin>,
     /// What was found in it that does not keep it from being used.
     pub diagnosis: Vec<FindingText>,
     /// The file of its reference, where there is one.
@@ -101,14 +101,14 @@ pub struct SegmentMetrics {
     pub remarks: Vec<String>,
     /// Of several filters whose answers pass the one whose predictions of signal and crossings are the likeliest.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub likeliest: Option<Likeliest>,
+    pub likeliest: Option<FilterSelection>,
     /// One per filter.
     pub estimators: Vec<EstimatorMetrics>,
 }
 
 /// A choice between filters by the recording alone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Likeliest {
+pub struct FilterSelection {
     /// The filter, as a key.
     pub key: String,
     /// The filter, for people.
@@ -121,7 +121,7 @@ pub struct Likeliest {
     pub ahead: Option<f64>,
 }
 
-impl Likeliest {
+impl FilterSelection {
     /// Whether the next filter is as good as told by these numbers: less than a factor of 20 in the likelihood is no difference.
     pub fn is_tied(&self) -> bool {
         self.ahead.is_some_and(|ahead| ahead < 20_f64.portable_ln())
@@ -129,7 +129,7 @@ impl Likeliest {
 }
 
 /// The choice between those filters whose answer passes; `None` where there is but one filter, or none passes.
-fn likeliest(estimators: &[EstimatorMetrics]) -> Option<Likeliest> {
+fn likeliest(estimators: &[EstimatorMetrics]) -> Option<FilterSelection> {
     let predicts = |e: &&EstimatorMetrics| e.kind == TrajectoryKind::Filtered && e.grade.is_some();
     let claims = |e: &EstimatorMetrics| {
         predicts(&e) && e.passes() && e.counts.without_signal == estimators[0].counts.without_signal
@@ -144,7 +144,7 @@ fn likeliest(estimators: &[EstimatorMetrics]) -> Option<Likeliest> {
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
     let (log_likelihood, best) = *all.first()?;
     let ahead = all.get(1).map(|(next, _)| log_likelihood - next);
-    Some(Likeliest { key: best.key.clone(), name: best.name.clone(), log_likelihood, ahead })
+    Some(FilterSelection { key: best.key.clone(), name: best.name.clone(), log_likelihood, ahead })
 }
 
 /// One axis of several.
@@ -204,14 +204,14 @@ pub struct EstimatorMetrics {
     #[serde(skip_serializing_if = "ErrorsByState::is_empty")]
     pub values: ErrorsByState,
     /// The mean NIS after the settling time; `None` for a model that makes no claim.
-    pub consistency: Option<Consistency>,
+    pub consistency: Option<NisConsistency>,
     /// Whether it followed the motion.
     pub lock: Lock,
     /// Σ ln p of the angle at the crossings of a threshold; 0 where there are none.
     #[serde(skip_serializing_if = "is_zero")]
     pub crossings_log_likelihood: f64,
     /// What happened to the samples.
-    pub counts: Counts,
+    pub counts: SampleCounts,
     /// Whether the answer was mirrored to have the stated sign.
     pub mirrored: bool,
     /// Where and why it stopped, if it did.
@@ -265,7 +265,7 @@ impl EstimatorMetrics {
     }
 
     fn pool(&mut self, later: Self) {
-        let weight = |counts: &Counts| counts.samples as f64;
+        let weight = |counts: &SampleCounts| counts.samples as f64;
         let (own, others) = (weight(&self.counts), weight(&later.counts));
         self.seconds_per_step =
             (self.seconds_per_step * own + later.seconds_per_step * others) / (own + others).max(1.0);
@@ -402,7 +402,7 @@ fn drive(sine: Sine) -> DriveMetrics {
     DriveMetrics { offset_v: sine.offset, amplitude_v: sine.amplitude, frequency_hz: sine.frequency_hz }
 }
 
-pub(super) fn consistency(trajectory: &Trajectory, estimate: &SegmentEstimate) -> Option<Consistency> {
+pub(super) fn consistency(trajectory: &Trajectory, estimate: &SegmentEstimate) -> Option<NisConsistency> {
     if !trajectory.claims() {
         return None;
     }

@@ -9,7 +9,7 @@ mod files;
 mod identification;
 mod in_memory;
 mod inspection;
-mod long;
+mod long_estimate;
 mod marks;
 mod metrics;
 mod names;
@@ -28,17 +28,17 @@ pub use compare::{CompareError, compare_page};
 pub use diagnosis::diagnosis_page;
 pub(crate) use figure_files::write_figure;
 pub use figures::figures as estimate_figures;
-pub use files::{WriteError, WriteOptions, write_estimate};
+pub use files::{ResultWriteError, WriteOptions, write_estimate};
 pub use identification::{IdentificationSummary, identification_page, write_identification};
 pub use in_memory::{Estimated, notes as scale_notes_of};
 pub use inspection::{DrawError, draw_inspection, inspection_figure, inspection_page};
 pub use kalmems_store::{
-    Committed, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, Subject, Work, create_file,
-    way_from, write_file, write_page,
+    EarlierResult, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, RunTiming, Subject, Work,
+    create_file, way_from, write_file, write_page,
 };
-pub use long::LongEstimate;
+pub use long_estimate::LongEstimate;
 pub use metrics::{
-    DriveMetrics, EstimatorMetrics, FindingText, Likeliest, Metrics, RecordingMetrics, SegmentMetrics,
+    DriveMetrics, EstimatorMetrics, FilterSelection, FindingText, Metrics, RecordingMetrics, SegmentMetrics,
 };
 pub use outlook::{draw_outlook, outlook_figures, outlook_page, write_outlook};
 pub(crate) use pooled::PooledMetrics;

@@ -2,11 +2,13 @@
 
 use super::figure_files::write_figure;
 use super::inspection::write_png;
-use super::{DrawError, Output, RUN_FILE, RunInfo, WriteError};
+use super::{DrawError, Output, RUN_FILE, ResultWriteError, RunInfo};
 use crate::config::Experiment;
-use crate::outlook::{AtFrequency, Information, Outlook, Response, Start};
+use crate::outlook::{AmplitudeDeviations, AmplitudeResponse, AtFrequency, Outlook, SmallMotionGrowth};
 use crate::simulate::{SteadyMotion, SweepPoint};
-use kalmems_figures::{Axis, Figure, Grid, Page, Panel, Part, ReportError, Role, Section, Series};
+use kalmems_figures::{
+    Axis, Figure, MapGrid, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole,
+};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -58,7 +60,7 @@ pub fn outlook_figures(outlook: &Outlook) -> Vec<Figure> {
 }
 
 /// Both sweeps and the balance.
-fn response_panel(response: &Response) -> Panel {
+fn response_panel(response: &AmplitudeResponse) -> Panel {
     let points = |sweep: &[SweepPoint]| -> Vec<(f64, f64)> {
         sweep.iter().map(|point| (point.drive_hz, point.amplitude.to_degrees())).collect()
     };
@@ -71,20 +73,20 @@ fn response_panel(response: &Response) -> Panel {
             .collect();
         let stable = run.first().is_some_and(|motion| motion.is_stable);
         let (role, label, named) = if stable {
-            (Role::Reference, "steady, by harmonic balance", &mut named_stable)
+            (SeriesRole::Reference, "steady, by harmonic balance", &mut named_stable)
         } else {
-            (Role::Bound, "steady but unstable, by harmonic balance", &mut named_unstable)
+            (SeriesRole::Bound, "steady but unstable, by harmonic balance", &mut named_unstable)
         };
         panel = panel.with(Series::line(if *named { "" } else { label }, role, line));
         *named = true;
     }
     panel
-        .with(Series::line("simulated, sweeping down", Role::Estimate, points(&response.sweeps.down)))
-        .with(Series::points("simulated, sweeping up", Role::Model, points(&response.sweeps.up)))
+        .with(Series::line("simulated, sweeping down", SeriesRole::Estimate, points(&response.sweeps.down)))
+        .with(Series::points("simulated, sweeping up", SeriesRole::Model, points(&response.sweeps.up)))
 }
 
 /// The map with the tongue over it.
-fn stability_panel(start: &Start) -> Panel {
+fn stability_panel(start: &SmallMotionGrowth) -> Panel {
     let volts: Vec<f64> = start.map.factor.iter().map(|factor| factor * start.peak_volts).collect();
     let edges =
         start.tongue_hz.iter().zip(&volts).filter_map(|(tongue, volts)| Some((tongue.as_ref()?, *volts)));
@@ -92,7 +94,7 @@ fn stability_panel(start: &Start) -> Panel {
     let edges: Vec<([f64; 2], f64)> = edges.map(|(edges, volts)| (*edges, volts)).collect();
     let low = edges.iter().rev().map(|(edges, volts)| (edges[0], *volts));
     let tongue: Vec<(f64, f64)> = low.chain(edges.iter().map(|(edges, volts)| (edges[1], *volts))).collect();
-    let grid = Grid {
+    let grid = MapGrid {
         x: start.map.drive_hz.clone(),
         y: volts,
         values: start.map.growth_rate.clone(),
@@ -101,14 +103,14 @@ fn stability_panel(start: &Start) -> Panel {
     };
     let panel = Panel::new(Axis::new("drive frequency", "Hz"), Axis::new("largest drive voltage", "V"))
         .with(Series::map("rest becomes unstable", grid))
-        .with(Series::line("tongue to first order", Role::Bound, tongue));
-    panel.with(Series::level("the experiment's drive", Role::Input, start.peak_volts))
+        .with(Series::line("tongue to first order", SeriesRole::Bound, tongue));
+    panel.with(Series::level("the experiment's drive", SeriesRole::Input, start.peak_volts))
 }
 
 /// A line over frequency.
 fn over_frequency(
     label: &str,
-    role: Role,
+    role: SeriesRole,
     frequencies: &[AtFrequency],
     of: impl Fn(&AtFrequency) -> Option<f64>,
 ) -> Series {
@@ -141,37 +143,41 @@ fn with_and_without(frequencies: &[AtFrequency], axis: Axis, of: fn(&AtFrequency
     };
     let mut panel = Panel::new(frequency_axis(), axis);
     if frequencies.iter().any(|at| at.loop_gain > 0.0) {
-        panel = panel.with(line("without the loop", Role::Model, 1));
+        panel = panel.with(line("without the loop", SeriesRole::Model, 1));
     }
-    panel.with(line("output", Role::Estimate, 0))
+    panel.with(line("output", SeriesRole::Estimate, 0))
 }
 
 /// The loop, where there is one.
 fn loop_panel(frequencies: &[AtFrequency]) -> Panel {
     let of = |at: &AtFrequency| (at.loop_gain > 0.0).then_some(at.loop_gain);
     Panel::new(frequency_axis(), Axis::new("loop", "1").log())
-        .with(over_frequency("loop gain", Role::Input, frequencies, of))
-        .with(over_frequency("sensitivity", Role::Estimate, frequencies, |at| Some(at.sensitivity)))
-        .with(Series::level("", Role::Bound, 1.0))
+        .with(over_frequency("loop gain", SeriesRole::Input, frequencies, of))
+        .with(over_frequency("sensitivity", SeriesRole::Estimate, frequencies, |at| Some(at.sensitivity)))
+        .with(Series::level("", SeriesRole::Bound, 1.0))
 }
 
 /// Noise at the input.
 fn noise_panel(frequencies: &[AtFrequency]) -> Panel {
     let micro_g = 1e6 / STANDARD_GRAVITY;
     Panel::new(frequency_axis(), Axis::new("noise at the input", "µg/√Hz").log())
-        .with(over_frequency("molecules", Role::Model, frequencies, |at| Some(at.brownian * micro_g)))
-        .with(over_frequency("readout", Role::Measured, frequencies, |at| Some(at.readout? * micro_g)))
+        .with(over_frequency("molecules", SeriesRole::Model, frequencies, |at| Some(at.brownian * micro_g)))
+        .with(over_frequency("readout", SeriesRole::Measured, frequencies, |at| Some(at.readout? * micro_g)))
 }
 
 /// Standard deviations over the amplitude.
-fn information_panel(information: &[Information]) -> Panel {
-    let line = |of: fn(&Information) -> f64| -> Vec<(f64, f64)> {
+fn information_panel(information: &[AmplitudeDeviations]) -> Panel {
+    let line = |of: fn(&AmplitudeDeviations) -> f64| -> Vec<(f64, f64)> {
         information.iter().map(|at| (at.amplitude.to_degrees(), of(at).to_degrees())).collect()
     };
     Panel::new(Axis::new("amplitude", "deg"), Axis::new("standard deviation", "deg").log())
-        .with(Series::line("phase", Role::Estimate, line(|at| at.phase_sd)))
-        .with(Series::line("amplitude, gain and offset known", Role::Input, line(|at| at.amplitude_sd)))
-        .with(Series::line("amplitude, gain and offset free", Role::Model, line(|at| at.amplitude_sd_free)))
+        .with(Series::line("phase", SeriesRole::Estimate, line(|at| at.phase_sd)))
+        .with(Series::line("amplitude, gain and offset known", SeriesRole::Input, line(|at| at.amplitude_sd)))
+        .with(Series::line(
+            "amplitude, gain and offset free",
+            SeriesRole::Model,
+            line(|at| at.amplitude_sd_free),
+        ))
 }
 
 /// Draws all pictures, one below the other, to a PNG file; see [`write_file`](super::write_file).
@@ -187,20 +193,20 @@ pub fn outlook_page(outlook: &Outlook, experiment: &Experiment) -> Result<String
     let mut page =
         Page::new(format!("{}: what can be said before a recording", outlook.experiment), subtitle);
     for (place, topic) in outlook.topics.iter().enumerate() {
-        let part = if place == 0 { Part::Verdict } else { Part::Answer };
-        let section = Section::new(with_capital(topic.title)).part(part);
+        let part = if place == 0 { PagePart::Verdict } else { PagePart::Answer };
+        let section = PageSection::new(with_capital(topic.title)).part(part);
         page = page
             .with(topic.facts.iter().fold(section, |section, fact| section.paragraph(fact.text.as_str())));
     }
     let figures = outlook_figures(outlook);
     if !figures.is_empty() {
-        let section = Section::new("Pictures").part(Part::Evidence);
-        page = page.with(figures.into_iter().fold(section, Section::figure));
+        let section = PageSection::new("Pictures").part(PagePart::Evidence);
+        page = page.with(figures.into_iter().fold(section, PageSection::figure));
     }
     let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
     let beside =
         "The text is in `outlook.txt`, the numbers are in `outlook.json`, dates and durations in `run.toml`.";
-    let made = Section::made("inspect", env!("CARGO_PKG_VERSION"), beside);
+    let made = PageSection::made("inspect", env!("CARGO_PKG_VERSION"), beside);
     page.with(made.preformatted("The experiment as it was understood", toml)).to_html()
 }
 
@@ -215,7 +221,7 @@ pub fn write_outlook(
     experiment: &Experiment,
     output: &Output,
     info: RunInfo,
-) -> Result<(), WriteError> {
+) -> Result<(), ResultWriteError> {
     let text = experiment.to_toml().map_err(|e| failed(output.target(), io::Error::other(e)))?;
     let mut digest = String::new();
     for byte in Sha256::digest(&text).iter().take(6) {
@@ -230,7 +236,7 @@ pub fn write_outlook(
     let html = outlook_page(outlook, experiment)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in outlook_figures(outlook) {
-        write_figure::<WriteError>(output, &figure)?;
+        write_figure::<ResultWriteError>(output, &figure)?;
     }
     let mut run = toml::Table::new();
     run.insert("version".to_owned(), env!("CARGO_PKG_VERSION").into());

@@ -1,7 +1,7 @@
 //! The report of an estimate as a page.
 
 use super::figures::SegmentFigures;
-use super::long::PICTURED;
+use super::long_estimate::PICTURED;
 use super::names::prefix;
 use super::summary::{segment_name, shown, summary_grades};
 use super::tracks::Tracks;
@@ -9,12 +9,14 @@ use super::{
     EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, is_unexplained,
     notices, parameters_table, summary_table,
 };
-use crate::config::{Experiment, Peak};
+use crate::config::{Experiment, ExtremeSign};
 use crate::estimate::TrajectoryKind;
 use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
 use crate::topics::explained;
 use crate::workflow::{Outcome, SegmentOutcome};
-use kalmems_figures::{Column, Figure, Page, Part, ReportError, Section, Severity, Table};
+use kalmems_figures::{
+    ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable,
+};
 
 /// The page, and its figures once more by their name.
 pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<Figure>), ReportError> {
@@ -52,33 +54,33 @@ pub(super) fn page_with(
             let drawn = drawn.get(index).unwrap_or(&none);
             let title = |what: &str| if is_alone { what.to_owned() } else { format!("{name}: {what}") };
             let section = |what: &str, part, figures: &[Figure]| {
-                let section = Section::new(title(what)).part(part).of_time(&name);
-                figures.iter().cloned().fold(section, Section::figure)
+                let section = PageSection::new(title(what)).part(part).of_time(&name);
+                figures.iter().cloned().fold(section, PageSection::figure)
             };
             page = page
-                .with(section("Motion", Part::Answer, &drawn.answer))
-                .with(section("Against the reference, and consistency", Part::Evidence, &drawn.judged))
-                .with(section("Innovations", Part::Evidence, &drawn.innovations).table(tests(segment)))
+                .with(section("Motion", PagePart::Answer, &drawn.answer))
+                .with(section("Against the reference, and consistency", PagePart::Evidence, &drawn.judged))
+                .with(section("Innovations", PagePart::Evidence, &drawn.innovations).table(tests(segment)))
                 .with(
-                    section("Inputs", Part::Made, &[])
+                    section("Inputs", PagePart::Made, &[])
                         .key_values(facts(recording, segment))
                         .table(details(segment)),
                 );
             if !drawn.parameters.is_empty() {
-                page = page.with(section("Parameters over time", Part::Parameters, &drawn.parameters));
+                page = page.with(section("Parameters over time", PagePart::Parameters, &drawn.parameters));
             }
         }
     }
-    page = parameters_table(metrics)
-        .into_iter()
-        .fold(page, |page, table| page.with(Section::new("Parameters").part(Part::Parameters).table(table)));
+    page = parameters_table(metrics).into_iter().fold(page, |page, table| {
+        page.with(PageSection::new("Parameters").part(PagePart::Parameters).table(table))
+    });
     let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
     let page = page
         .with(budget(metrics))
-        .with(Section::new("What the numbers mean").part(Part::Made).paragraph(meaning(experiment, metrics)))
+        .with(PageSection::new("What the numbers mean").part(PagePart::Made).paragraph(meaning(experiment, metrics)))
         .with(
-            Section::new("How it was made")
-                .part(Part::Made)
+            PageSection::new("How it was made")
+                .part(PagePart::Made)
                 .paragraph(format!(
                     "`kalmems estimate` with the experiment below, by kalmems {}, rig {rig}. The same experiment and recording give the same page to the last byte; dates and durations are in `run.toml`, all numbers in `metrics.json`.",
                     env!("CARGO_PKG_VERSION"),
@@ -89,15 +91,15 @@ pub(super) fn page_with(
 }
 
 /// Whether the filters are to be trusted, and why.
-fn verdict(metrics: &Metrics) -> Section {
+fn verdict(metrics: &Metrics) -> PageSection {
     let (notes, reasons): (Vec<Notice>, Vec<Notice>) =
-        notices(metrics).into_iter().partition(|notice| notice.severity == Severity::Note);
+        notices(metrics).into_iter().partition(|notice| notice.severity == NoticeSeverity::Note);
     let mut notes: Vec<String> = notes.iter().map(Notice::sentence).collect();
     if is_unexplained(metrics) {
         notes.push("`kalmems diagnose` with the same experiment file looks for the cause".to_owned());
     }
     notes.push("What the verdicts mean: `kalmems help verdict`".to_owned());
-    let mut section = Section::new("Verdict").part(Part::Verdict);
+    let mut section = PageSection::new("Verdict").part(PagePart::Verdict);
     for notice in reasons {
         section = section.notice(notice.severity, notice.sentence());
     }
@@ -106,8 +108,8 @@ fn verdict(metrics: &Metrics) -> Section {
 }
 
 /// What the claimed uncertainty is due to, and what the signal cannot tell.
-fn budget(metrics: &Metrics) -> Section {
-    let mut section = Section::new("Uncertainty").part(Part::Budget);
+fn budget(metrics: &Metrics) -> PageSection {
+    let mut section = PageSection::new("Uncertainty").part(PagePart::Budget);
     if let Some(table) = budget_table(metrics) {
         section = section.table(table);
     }
@@ -131,7 +133,7 @@ fn meaning(experiment: &Experiment, metrics: &Metrics) -> String {
     }
     let sign = match experiment.estimate.as_ref().and_then(|e| e.first_peak) {
         Some(peak) => {
-            let word = if peak == Peak::Positive { "positive" } else { "negative" };
+            let word = if peak == ExtremeSign::Positive { "positive" } else { "negative" };
             let mirrored: Vec<&str> =
                 metrics.estimators().filter(|e| e.mirrored).map(|e| e.name.as_str()).collect();
             let turned = if mirrored.is_empty() {
@@ -140,8 +142,12 @@ fn meaning(experiment: &Experiment, metrics: &Metrics) -> String {
                 format!(" To agree with that, the answer was mirrored for: {}.", mirrored.join(", "))
             };
             let second = match experiment.estimate.as_ref().and_then(|e| e.first_peak_y) {
-                Some(Peak::Positive) => ", that of the second axis after a peak of its own drive positive",
-                Some(Peak::Negative) => ", that of the second axis after a peak of its own drive negative",
+                Some(ExtremeSign::Positive) => {
+                    ", that of the second axis after a peak of its own drive positive"
+                }
+                Some(ExtremeSign::Negative) => {
+                    ", that of the second axis after a peak of its own drive negative"
+                }
                 None => "",
             };
             format!(
@@ -229,16 +235,16 @@ type ValueDetail = fn(&ValueErrors) -> f64;
 type AngleDetail = fn(&MotionErrors) -> Option<f64>;
 
 /// How probable the finding of each test of the innovations is: a row per test, a column per filter.
-fn tests(segment: &SegmentMetrics) -> Table {
+fn tests(segment: &SegmentMetrics) -> TextTable {
     let tested: Vec<&EstimatorMetrics> = segment
         .estimators
         .iter()
         .filter(|e| !e.tests.is_empty() && e.kind != TrajectoryKind::Smoothed)
         .collect();
-    let columns =
-        std::iter::once(Column::text("test")).chain(tested.iter().map(|e| Column::number(&e.name, "")));
+    let columns = std::iter::once(ColumnHead::text("test"))
+        .chain(tested.iter().map(|e| ColumnHead::number(&e.name, "")));
     let caption = "Tests of the innovations: how probable what they find is for a filter that is right; one fails below 1e-6";
-    let mut table = Table::new(caption, columns);
+    let mut table = TextTable::new(caption, columns);
     let mut all: Vec<InnovationTest> = tested.iter().flat_map(|e| &e.tests).map(|found| found.test).collect();
     all.sort_unstable();
     all.dedup();
@@ -258,10 +264,10 @@ fn probability(value: f64) -> String {
 }
 
 /// What the summary leaves out: a row per figure, a column per filter.
-fn details(segment: &SegmentMetrics) -> Table {
-    let names = segment.estimators.iter().map(|estimator| Column::number(&estimator.name, ""));
-    let columns = [Column::text("figure"), Column::text("unit")].into_iter().chain(names);
-    let mut table = Table::new("More figures", columns);
+fn details(segment: &SegmentMetrics) -> TextTable {
+    let names = segment.estimators.iter().map(|estimator| ColumnHead::number(&estimator.name, ""));
+    let columns = [ColumnHead::text("figure"), ColumnHead::text("unit")].into_iter().chain(names);
+    let mut table = TextTable::new("More figures", columns);
     let mut push = |name: String, unit: &str, digits: usize, values: Vec<Option<f64>>| {
         let cells = values.into_iter().map(|v| v.map_or_else(|| "–".to_owned(), |v| format!("{v:.digits$}")));
         table.push([name, unit.to_owned()].into_iter().chain(cells));

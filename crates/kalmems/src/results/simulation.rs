@@ -1,19 +1,20 @@
 //! The files of a simulation.
 
-use super::{Output, OutputError, RUN_FILE, RunInfo};
+use super::{Output, OutputError, RUN_FILE, RunInfo, RunTiming};
 use crate::config::Experiment;
 use crate::progress::Progress;
-use crate::recording::Source;
+use crate::recording::RecordingSource;
 use crate::simulate::{
-    Channel, RECORDING, REFERENCE, Sample, SimulateError, Simulation, WhiteNoise, described,
+    RECORDING, REFERENCE, SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise, described,
 };
-use kalmems_figures::{Axis, Figure, Page, Panel, Part, ReportError, Role, Section, Series, Severity, Track};
+use kalmems_figures::{
+    Axis, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole, Track,
+};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::ops::ControlFlow;
-use std::time::UNIX_EPOCH;
 
 /// What was simulated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -90,15 +91,12 @@ pub fn write_simulation(
     let seed = experiment.simulate.as_ref().map_or(0, |simulate| simulate.seed);
     output.write(RUN_FILE, |w| {
         let info = info();
-        let run = Run {
+        let run = SimulationRecord {
             version: env!("CARGO_PKG_VERSION"),
             command: "simulate",
             input_id,
-            noise: Noise { generator: WhiteNoise::NAME, seed, stream: 0 },
-            timing: Timing {
-                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-                took_s: info.took.as_secs_f64(),
-            },
+            noise: NoiseSeedRecord { generator: WhiteNoise::NAME, seed, stream: 0 },
+            timing: info.timing(),
             input: simulation.sources(),
             experiment: experiment.to_table().map_err(io::Error::other)?,
         };
@@ -125,11 +123,12 @@ fn simulation_page(
     let SimulationSummary { samples, outlook, told, seed, .. } = summary;
     let text =
         format!("Simulated, and no recording of a device: {samples} samples, with noise of the seed {seed}.");
-    let mut verdict = Section::new("What was simulated").part(Part::Verdict).notice(Severity::Note, text);
+    let mut verdict =
+        PageSection::new("What was simulated").part(PagePart::Verdict).notice(NoticeSeverity::Note, text);
     for line in outlook.iter().chain(told) {
         verdict = verdict.paragraph(line.as_str());
     }
-    let figure = |id: &str, title: &str, caption: &str, role, channels: &[Channel], track: &Track| {
+    let figure = |id: &str, title: &str, caption: &str, role, channels: &[SimulatedColumn], track: &Track| {
         let panels = channels.iter().enumerate().map(|(place, channel)| {
             let (label, unit) = labelled(channel.column);
             let panel = Panel::new(Axis::new("time", "s"), Axis::new(label, unit));
@@ -138,12 +137,12 @@ fn simulation_page(
         });
         panels.fold(Figure::new(id, title, caption), Figure::with)
     };
-    let motion = Section::new("Recording and motion")
+    let motion = PageSection::new("Recording and motion")
         .figure(figure(
             "recording",
             "What a laboratory would have recorded",
             "The simulated recording, noise included.",
-            Role::Measured,
+            SeriesRole::Measured,
             simulation.recorded(),
             recorded,
         ))
@@ -151,14 +150,14 @@ fn simulation_page(
             "truth",
             "What is true",
             "The simulated motion without noise, as the reference has it.",
-            Role::Reference,
+            SeriesRole::Reference,
             simulation.truth(),
             truth,
         ));
     let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
     let beside = "The samples are in `recording.csv` and `reference.csv`; `experiment.toml` estimates from them; dates and durations \
                   are in `run.toml`.";
-    let made = Section::made("simulate", env!("CARGO_PKG_VERSION"), beside);
+    let made = PageSection::made("simulate", env!("CARGO_PKG_VERSION"), beside);
     let subtitle = experiment.description.clone().unwrap_or_default();
     Page::new(format!("{}: simulated", experiment.name), subtitle)
         .with(verdict)
@@ -180,7 +179,7 @@ fn labelled(column: &str) -> (String, &str) {
 /// Samples between two looks at whether to go on.
 const PULSE: u64 = 10_000;
 
-fn header(w: &mut dyn Write, channels: &[Channel]) -> io::Result<()> {
+fn header(w: &mut dyn Write, channels: &[SimulatedColumn]) -> io::Result<()> {
     write!(w, "time_s")?;
     for channel in channels {
         write!(w, ",{}", channel.column)?;
@@ -189,7 +188,7 @@ fn header(w: &mut dyn Write, channels: &[Channel]) -> io::Result<()> {
 }
 
 /// Numbers are as short as they can be and still read back as the same bits; a cell without a sample is empty.
-fn row(w: &mut dyn Write, sample: &Sample, values: &[f64]) -> io::Result<()> {
+fn row(w: &mut dyn Write, sample: &SimulatedSample, values: &[f64]) -> io::Result<()> {
     write!(w, "{}", sample.time_s)?;
     for value in values {
         if value.is_nan() {
@@ -216,25 +215,19 @@ fn input_id(experiment: &Experiment, simulation: &dyn Simulation) -> String {
 }
 
 #[derive(Serialize)]
-struct Run<'a> {
+struct SimulationRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    noise: Noise,
-    timing: Timing,
-    input: &'a [Source],
+    noise: NoiseSeedRecord,
+    timing: RunTiming,
+    input: &'a [RecordingSource],
     experiment: toml::Table,
 }
 
 #[derive(Serialize)]
-struct Noise {
+struct NoiseSeedRecord {
     generator: &'static str,
     seed: u64,
     stream: u64,
-}
-
-#[derive(Serialize)]
-struct Timing {
-    started_unix_s: u64,
-    took_s: f64,
 }

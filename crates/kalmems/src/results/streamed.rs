@@ -5,7 +5,9 @@ use crate::config::Experiment;
 use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
 use crate::stream::StreamSummary;
 use crate::topics::{explained, link};
-use kalmems_figures::{Axis, Figure, Page, Panel, Part, ReportError, Role, Section, Series, Severity};
+use kalmems_figures::{
+    Axis, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole,
+};
 
 /// What a page shows of a stream, in memory that does not grow with it.
 #[derive(Clone, Debug, Default)]
@@ -43,12 +45,12 @@ impl StreamTracks {
         self.tracks.answers(estimate, wanted);
     }
 
-    fn panel(&self, (label, unit): (&str, &str), key: &str, name: &str, role: Role) -> Option<Panel> {
+    fn panel(&self, (label, unit): (&str, &str), key: &str, name: &str, role: SeriesRole) -> Option<Panel> {
         let track = self.tracks.get(key)?;
         Some(
             Panel::new(Axis::new("time", "s"), Axis::new(label, unit))
                 .with(Series::of_track("±3σ", role, track, BAND))
-                .with(Series::of_track(name, Role::Estimate, track, VALUE)),
+                .with(Series::of_track(name, SeriesRole::Estimate, track, VALUE)),
         )
     }
 
@@ -63,20 +65,19 @@ impl StreamTracks {
         experiment: &Experiment,
         summary: &StreamSummary,
     ) -> Result<String, ReportError> {
-        let mut verdict = Section::new("Verdict").part(Part::Verdict);
+        let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
         for (severity, text) in reasons(summary) {
             verdict = verdict.notice(severity, text);
         }
         let states = self.answers.iter().flat_map(|answer| {
-            answer
-                .states
-                .iter()
-                .filter_map(|(label, unit, key)| self.panel((label, unit), key, &answer.name, Role::Estimate))
+            answer.states.iter().filter_map(|(label, unit, key)| {
+                self.panel((label, unit), key, &answer.name, SeriesRole::Estimate)
+            })
         });
         let motion = Self::figure("stream", "Motion", "What each filter said when the samples came.", states);
         let innovations = self.answers.iter().filter_map(|answer| {
             let (unit, key) = answer.innovation.as_ref()?;
-            self.panel(("innovation", unit), key, &answer.name, Role::Bound)
+            self.panel(("innovation", unit), key, &answer.name, SeriesRole::Bound)
         });
         let caption =
             "The signal minus what the filter predicted for it, with three standard deviations on each side.";
@@ -84,26 +85,26 @@ impl StreamTracks {
         let counts =
             serde_json::to_string_pretty(summary).unwrap_or_else(|e| format!("cannot be written: {e}"));
         let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
-        let made = Section::made("stream", env!("CARGO_PKG_VERSION"), "")
+        let made = PageSection::made("stream", env!("CARGO_PKG_VERSION"), "")
             .preformatted("What came of it, as JSON", counts)
             .preformatted("The experiment as it was understood", toml);
         let subtitle = experiment.description.clone().unwrap_or_default();
         let notes = summary.diagnosis.iter().map(ToString::to_string).collect();
         let page = Page::new(format!("{}: a stream", experiment.name), subtitle)
             .with(verdict.notes(notes))
-            .with(Section::new("Motion").figure(motion))
-            .with(Section::new("Innovations").part(Part::Evidence).figure(innovations))
+            .with(PageSection::new("Motion").figure(motion))
+            .with(PageSection::new("Innovations").part(PagePart::Evidence).figure(innovations))
             .with(made);
         explained(page).to_html()
     }
 }
 
 /// What a reader must know of a stream.
-fn reasons(summary: &StreamSummary) -> Vec<(Severity, String)> {
+fn reasons(summary: &StreamSummary) -> Vec<(NoticeSeverity, String)> {
     let mut reasons = Vec::new();
     if let Some(broken) = &summary.broken {
         reasons.push((
-            Severity::Failure,
+            NoticeSeverity::Failure,
             format!("The connection broke after {} samples: {}.", broken.samples, broken.why),
         ));
     }
@@ -113,10 +114,10 @@ fn reasons(summary: &StreamSummary) -> Vec<(Severity, String)> {
         (summary.noise_only, "times the signal was noise only"),
     ] {
         if count > 0 {
-            reasons.push((Severity::Warning, format!("{count} {what}{}.", link("findings"))));
+            reasons.push((NoticeSeverity::Warning, format!("{count} {what}{}.", link("findings"))));
         }
     }
-    let severity = if reasons.is_empty() { Severity::Ok } else { Severity::Note };
+    let severity = if reasons.is_empty() { NoticeSeverity::Ok } else { NoticeSeverity::Note };
     let stopped = if summary.interrupted { "; it was stopped" } else { "" };
     let text =
         format!("{} samples were estimated, with {} events{stopped}.", summary.estimated, summary.events);

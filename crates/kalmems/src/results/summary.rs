@@ -1,14 +1,15 @@
 //! The figures as a table, and the sentences that must not be missed.
 
 use super::verdict::angles_of;
-use super::{EstimatorMetrics, Likeliest, Metrics, SegmentMetrics, Verdict};
-use crate::estimate::{Consistency, ParameterCorrelation, TrajectoryKind};
+use super::{EstimatorMetrics, FilterSelection, Metrics, SegmentMetrics, Verdict};
+use crate::estimate::{NisConsistency, ParameterCorrelation, TrajectoryKind};
 use crate::evaluate::{
-    Claim, DeviceUncertainty, Explained, Grade, MotionErrors, ParameterAnswer, PartErrors, TestResult, nis,
+    Claim, DeviceUncertainty, ErrorDecomposition, Grade, MotionErrors, ParameterAnswer, PartErrors,
+    TestResult, nis,
 };
 use crate::inspect::{fitting_unit, quantity};
 use crate::topics::link;
-use kalmems_figures::{Column, Severity, Table, significant};
+use kalmems_figures::{ColumnHead, NoticeSeverity, TextTable, significant};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use std::fmt;
 
@@ -16,7 +17,7 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Notice {
     /// How serious it is.
-    pub severity: Severity,
+    pub severity: NoticeSeverity,
     /// The recording, or the segment of it, that it is about; empty if it is about all.
     pub place: String,
     /// The filter that it is about; empty if it is about none.
@@ -33,7 +34,7 @@ pub struct Notice {
 
 impl Notice {
     /// A sentence about a whole result.
-    pub fn new(severity: Severity, text: impl Into<String>) -> Self {
+    pub fn new(severity: NoticeSeverity, text: impl Into<String>) -> Self {
         let (place, filter, brief) = (String::new(), String::new(), String::new());
         Self { severity, place, filter, text: text.into(), topic: "", size: 0.0, brief }
     }
@@ -61,50 +62,54 @@ impl Notice {
 impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mark = match self.severity {
-            Severity::Ok => "ok",
-            Severity::Note => "note",
-            Severity::Warning => "WARNING",
-            Severity::Failure => "FAILURE",
+            NoticeSeverity::Ok => "ok",
+            NoticeSeverity::Note => "note",
+            NoticeSeverity::Warning => "WARNING",
+            NoticeSeverity::Failure => "FAILURE",
         };
         write!(f, "{mark}: {}", self.sentence())
     }
 }
 
 /// The table that a run prints: one row per filter. Without durations it is the same for the same input.
-pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
+pub fn summary_table(metrics: &Metrics, with_durations: bool) -> TextTable {
     let several = metrics.recordings.iter().map(|r| r.segments.len()).sum::<usize>() > 1;
     let mut columns = Vec::new();
     if several {
-        columns.push(Column::text("segment"));
+        columns.push(ColumnHead::text("segment"));
     }
-    columns.push(Column::text("estimator"));
+    columns.push(ColumnHead::text("estimator"));
     let value = value_column(metrics);
     match &value {
         Some(value) => {
             let unit = &value.unit;
             columns.extend([
-                Column::number(format!("{} RMSE", value.name), unit),
+                ColumnHead::number(format!("{} RMSE", value.name), unit),
                 if value.is_rate() {
-                    Column::number("scale factor", "")
+                    ColumnHead::number("scale factor", "")
                 } else {
-                    Column::number("mean error", unit)
+                    ColumnHead::number("mean error", unit)
                 },
-                Column::number(if value.is_rate() { "bias" } else { "largest error" }, unit),
-                Column::number("within ±3σ", "%"),
+                ColumnHead::number(if value.is_rate() { "bias" } else { "largest error" }, unit),
+                ColumnHead::number("within ±3σ", "%"),
             ]);
         }
         None => columns.extend([
-            Column::number("angle RMSE", "deg"),
-            Column::number("of p-p", "%"),
-            Column::number("phase RMSE", "deg"),
-            Column::number("amplitude RMSE", "deg"),
+            ColumnHead::number("angle RMSE", "deg"),
+            ColumnHead::number("of p-p", "%"),
+            ColumnHead::number("phase RMSE", "deg"),
+            ColumnHead::number("amplitude RMSE", "deg"),
         ]),
     }
-    columns.extend([Column::number("mean NIS", ""), Column::text("95 % interval"), Column::text("verdict")]);
+    columns.extend([
+        ColumnHead::number("mean NIS", ""),
+        ColumnHead::text("95 % interval"),
+        ColumnHead::text("verdict"),
+    ]);
     if with_durations {
-        columns.push(Column { numeric: true, ..Column::text("per step") });
+        columns.push(ColumnHead { numeric: true, ..ColumnHead::text("per step") });
     }
-    let mut table = Table::new("", columns);
+    let mut table = TextTable::new("", columns);
     for recording in &metrics.recordings {
         for segment in &recording.segments {
             for estimator in &segment.estimators {
@@ -126,12 +131,12 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> Table {
 }
 
 /// How serious the verdict of each row of the summary is.
-pub(super) fn summary_grades(metrics: &Metrics) -> Vec<Severity> {
+pub(super) fn summary_grades(metrics: &Metrics) -> Vec<NoticeSeverity> {
     let of = |estimator: &EstimatorMetrics| {
         let severity = match estimator.grade {
             Some(grade) => severity_of(grade),
-            None if estimator.verdict.is_of_an_estimate() => Severity::Note,
-            None => Severity::Failure,
+            None if estimator.verdict.is_of_an_estimate() => NoticeSeverity::Note,
+            None => NoticeSeverity::Failure,
         };
         let errors = estimator.errors.iter();
         // The rows of its parts and of its other angles follow.
@@ -158,7 +163,7 @@ pub(super) fn segment_name(recording: &str, segment: &SegmentMetrics) -> String 
 }
 
 /// A quantity that is no angle, of which the table has figures.
-struct ValueColumn {
+struct SummaryValueColumn {
     name: &'static str,
     /// Its SI unit as column names have it.
     si: &'static str,
@@ -168,7 +173,7 @@ struct ValueColumn {
     factor: f64,
 }
 
-impl ValueColumn {
+impl SummaryValueColumn {
     /// Whether it is an angular rate, which is judged by its scale factor and bias.
     fn is_rate(&self) -> bool {
         self.si == "rad_per_s"
@@ -180,7 +185,7 @@ const READABLE: std::ops::Range<f64> = 0.01..1000.0;
 
 /// What the device is for, where that is no angle; what comes next, where that is not compared. What the others are,
 /// the page and `metrics.json` tell.
-fn value_column(metrics: &Metrics) -> Option<ValueColumn> {
+fn value_column(metrics: &Metrics) -> Option<SummaryValueColumn> {
     let first = metrics.values.first()?;
     let compared = |name: &str| metrics.estimators().find_map(|e| e.values.get(name));
     let found = metrics.values.iter().find_map(|v| compared(v.name).map(|errors| (v.name, errors.unit)));
@@ -200,7 +205,7 @@ fn value_column(metrics: &Metrics) -> Option<ValueColumn> {
     } else {
         fitting_unit(middle, &unit_of(si))
     };
-    Some(ValueColumn { name, si, unit, factor })
+    Some(SummaryValueColumn { name, si, unit, factor })
 }
 
 /// The unit of a column's name as people write it: `rad/s` of `rad_per_s`.
@@ -220,7 +225,7 @@ pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
     }
 }
 
-fn row(estimator: &EstimatorMetrics, value: Option<&ValueColumn>) -> Vec<String> {
+fn row(estimator: &EstimatorMetrics, value: Option<&SummaryValueColumn>) -> Vec<String> {
     let consistency = estimator.consistency.as_ref();
     let errors = estimator.errors.as_ref();
     let name = match errors {
@@ -267,7 +272,7 @@ fn figures(errors: Option<&MotionErrors>) -> [String; 4] {
     ]
 }
 
-fn value_figures(estimator: &EstimatorMetrics, value: &ValueColumn) -> [String; 4] {
+fn value_figures(estimator: &EstimatorMetrics, value: &SummaryValueColumn) -> [String; 4] {
     let errors = estimator.values.get(value.name);
     let factor = value.factor;
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
@@ -295,7 +300,7 @@ const INSEPARABLE: f64 = 0.99;
 /// What a reader must know before trusting a figure, the worst first.
 pub fn notices(metrics: &Metrics) -> Vec<Notice> {
     let mut notices = Vec::new();
-    let note = |text: String| Notice::new(Severity::Note, text);
+    let note = |text: String| Notice::new(NoticeSeverity::Note, text);
     for recording in &metrics.recordings {
         let file = &recording.file;
         notices.extend(recording.origin.iter().map(|origin| note(origin.sentence()).at(file)));
@@ -362,12 +367,12 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
 }
 
 /// The place of a notice among others: the worst has the largest.
-fn order(severity: Severity) -> u8 {
+fn order(severity: NoticeSeverity) -> u8 {
     match severity {
-        Severity::Failure => 3,
-        Severity::Warning => 2,
-        Severity::Note => 1,
-        Severity::Ok => 0,
+        NoticeSeverity::Failure => 3,
+        NoticeSeverity::Warning => 2,
+        NoticeSeverity::Note => 1,
+        NoticeSeverity::Ok => 0,
     }
 }
 
@@ -416,7 +421,8 @@ fn told_once(notices: Vec<Notice>) -> Vec<Notice> {
 fn worst_of_each_filter(notices: Vec<Notice>) -> Vec<Notice> {
     let mut short: Vec<(Notice, Vec<Notice>)> = Vec::new();
     for notice in notices {
-        let is_against = order(notice.severity) >= order(Severity::Warning) && !notice.filter.is_empty();
+        let is_against =
+            order(notice.severity) >= order(NoticeSeverity::Warning) && !notice.filter.is_empty();
         let known = short.iter_mut().find(|(known, _)| {
             is_against && (known.severity, &known.filter) == (notice.severity, &notice.filter)
         });
@@ -445,7 +451,7 @@ fn worst_of_each_filter(notices: Vec<Notice>) -> Vec<Notice> {
 fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<Notice> {
     let mut said = Vec::new();
     if let Some(failure) = &estimator.failure {
-        said.push(Notice::new(Severity::Failure, failure.clone()).explained_by("lock"));
+        said.push(Notice::new(NoticeSeverity::Failure, failure.clone()).explained_by("lock"));
     }
     if let Some(first) = estimator.lock.events.first() {
         let more = match estimator.lock.events.len() - 1 {
@@ -454,10 +460,10 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<Notice> 
         };
         said.push(if estimator.verdict == Verdict::Astray {
             let text = format!("does not follow the signal, as no measurement corrects it: {first}{more}");
-            Notice::new(Severity::Note, text)
+            Notice::new(NoticeSeverity::Note, text)
         } else {
             let text = format!("{first}{more}; this is no estimate of the motion");
-            Notice::new(Severity::Failure, text).explained_by("lock")
+            Notice::new(NoticeSeverity::Failure, text).explained_by("lock")
         });
     }
     if let Some(lag) = estimator.errors.as_ref().and_then(|errors| errors.reference_lag) {
@@ -467,7 +473,7 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<Notice> 
             quantity(significant_value(lag.lag_s), "s"),
             significant(lag.rmse_deg)
         );
-        said.push(Notice::new(Severity::Warning, text).explained_by("sign"));
+        said.push(Notice::new(NoticeSeverity::Warning, text).explained_by("sign"));
     }
     if estimator.verdict == Verdict::WrongSign {
         let angles = angles_of(estimator.verdict, &estimator.lock, estimator.errors.as_ref());
@@ -485,14 +491,14 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<Notice> 
             }
         };
         let text = format!("the estimate has the opposite sign of the reference{of}; {mend}");
-        said.push(Notice::new(Severity::Failure, text).explained_by("sign"));
+        said.push(Notice::new(NoticeSeverity::Failure, text).explained_by("sign"));
     }
     said.extend(of_the_grade(estimator));
     let learnt = of_what_could_be_learnt(estimator);
-    said.extend(learnt.map(|text| Notice::new(Severity::Note, text).explained_by("uncertainty")));
+    said.extend(learnt.map(|text| Notice::new(NoticeSeverity::Note, text).explained_by("uncertainty")));
     if estimator.rejections.count > 0 {
         let text = estimator.rejections.sentence();
-        said.push(Notice::new(Severity::Note, text).explained_by("outliers"));
+        said.push(Notice::new(NoticeSeverity::Note, text).explained_by("outliers"));
     }
     let counts = &estimator.counts;
     let counted = [
@@ -521,7 +527,7 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<Notice> 
     ];
     for (count, what, topic) in counted {
         if count > 0 {
-            said.push(Notice::new(Severity::Note, format!("{what}: {count}")).explained_by(topic));
+            said.push(Notice::new(NoticeSeverity::Note, format!("{what}: {count}")).explained_by(topic));
         }
     }
     said
@@ -547,8 +553,8 @@ fn of_what_could_be_learnt(estimator: &EstimatorMetrics) -> Option<String> {
 }
 
 /// Which of several filters to take.
-fn of_the_choice(likeliest: &Likeliest) -> String {
-    let Likeliest { name, log_likelihood, .. } = likeliest;
+fn of_the_choice(likeliest: &FilterSelection) -> String {
+    let FilterSelection { name, log_likelihood, .. } = likeliest;
     match likeliest.ahead {
         None => format!("`{name}` is the only one of these filters that passes"),
         Some(ahead) if likeliest.is_tied() => format!(
@@ -564,10 +570,11 @@ fn of_the_choice(likeliest: &Likeliest) -> String {
 }
 
 /// What became of the parameters that are states; `None` where none is.
-pub fn parameters_table(metrics: &Metrics) -> Option<Table> {
-    let words = ["estimator", "parameter", "known before", "at the end", "sd at the end"].map(Column::text);
-    let change = Column::number("change", "sd of before");
-    let mut table = Table::new("Parameters as states", words.into_iter().chain([change]));
+pub fn parameters_table(metrics: &Metrics) -> Option<TextTable> {
+    let words =
+        ["estimator", "parameter", "known before", "at the end", "sd at the end"].map(ColumnHead::text);
+    let change = ColumnHead::number("change", "sd of before");
+    let mut table = TextTable::new("Parameters as states", words.into_iter().chain([change]));
     for recording in &metrics.recordings {
         for segment in &recording.segments {
             for estimator in segment.estimators.iter().filter(|e| e.kind != TrajectoryKind::Smoothed) {
@@ -588,14 +595,15 @@ pub fn parameters_table(metrics: &Metrics) -> Option<Table> {
 }
 
 /// What the claims of what the device is for are due to; `None` where nothing of the device is stated as uncertain.
-pub fn budget_table(metrics: &Metrics) -> Option<Table> {
-    let words = ["estimator", "claimed of", "due to"].map(Column::text);
+pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
+    let words = ["estimator", "claimed of", "due to"].map(ColumnHead::text);
     let numbers = [
-        Column::text("sd"),
-        Column::number("of the variance", "%"),
-        Column::text("the recording tells it to"),
+        ColumnHead::text("sd"),
+        ColumnHead::number("of the variance", "%"),
+        ColumnHead::text("the recording tells it to"),
     ];
-    let mut table = Table::new("What the claimed uncertainty is due to", words.into_iter().chain(numbers));
+    let mut table =
+        TextTable::new("What the claimed uncertainty is due to", words.into_iter().chain(numbers));
     for estimator in metrics.estimators() {
         let of_interest = metrics.values.first().map(|value| value.name);
         let budgets = &estimator.uncertainty_budget;
@@ -625,12 +633,12 @@ pub fn budget_table(metrics: &Metrics) -> Option<Table> {
 }
 
 /// How serious a grade is.
-fn severity_of(grade: Grade) -> Severity {
+fn severity_of(grade: Grade) -> NoticeSeverity {
     match grade {
-        Grade::Passes => Severity::Ok,
-        Grade::PassesWithRemarks => Severity::Note,
-        Grade::Doubtful => Severity::Warning,
-        Grade::Failed | Grade::NoEstimate => Severity::Failure,
+        Grade::Passes => NoticeSeverity::Ok,
+        Grade::PassesWithRemarks => NoticeSeverity::Note,
+        Grade::Doubtful => NoticeSeverity::Warning,
+        Grade::Failed | Grade::NoEstimate => NoticeSeverity::Failure,
     }
 }
 
@@ -638,7 +646,7 @@ fn severity_of(grade: Grade) -> Severity {
 fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
     let Some(grade) = estimator.grade.filter(|grade| *grade != Grade::NoEstimate) else { return Vec::new() };
     let severity = severity_of(grade);
-    let topic = if order(severity) >= order(Severity::Warning) { "overconfident" } else { "verdict" };
+    let topic = if order(severity) >= order(NoticeSeverity::Warning) { "overconfident" } else { "verdict" };
     let because = |why: String| Notice::new(severity, format!("{grade}: {why}")).explained_by(topic);
     // Of a motion that goes the other way the errors are what they are.
     let goes_the_other_way = estimator.verdict == Verdict::WrongSign;
@@ -697,7 +705,9 @@ fn of_the_claim(name: &str, claim: &Claim) -> String {
         if larger < 100.0 { format!("{larger:.1}") } else { significant(larger) },
         100.0 * claim.within
     );
-    if let Some(Explained { scale, early_s, share, .. }) = claim.explained.filter(|found| found.share > 0.5) {
+    if let Some(ErrorDecomposition { scale, early_s, share, .. }) =
+        claim.explained.filter(|found| found.share > 0.5)
+    {
         let size = if scale < 0.0 { "small" } else { "large" };
         let late = if early_s < 0.0 { "late" } else { "early" };
         text += &format!(
@@ -711,8 +721,8 @@ fn of_the_claim(name: &str, claim: &Claim) -> String {
 }
 
 /// What its mean NIS says, where nothing is found.
-fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &Consistency) -> String {
-    let Consistency { mean_nis, lower, upper, .. } = consistency;
+fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &NisConsistency) -> String {
+    let NisConsistency { mean_nis, lower, upper, .. } = consistency;
     match (estimator.grade, estimator.verdict) {
         (Some(Grade::Passes), _) => {
             let tests = estimator.tests.len();

@@ -1,6 +1,6 @@
 //! What pages show of a segment beside its pictures: all samples of it, or the extremes of groups of them, as they pass.
 
-use super::marks::Gaps;
+use super::marks::SignalGaps;
 use super::summary::shown;
 use crate::estimate::{SegmentEstimate, StateSeries, Trajectory, TrajectoryKind};
 use crate::evaluate::ErrorSeries;
@@ -19,7 +19,7 @@ pub(super) const BAND: [usize; 2] = [1, 2];
 pub(crate) struct Tracks {
     tracks: BTreeMap<String, Track>,
     /// Where there are no samples.
-    pub(super) gaps: Gaps,
+    pub(super) gaps: SignalGaps,
 }
 
 impl Tracks {

@@ -1,7 +1,7 @@
 //! The trajectories of a recording as one Parquet file.
 
 use super::files::{columns, signal_unit};
-use crate::parquet::{Cells, Column, Kind, ParquetFile};
+use crate::parquet::{Cells, ParquetColumn, ParquetColumnKind, ParquetFile};
 use crate::workflow::{RecordingOutcome, SegmentOutcome};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ const OF: [&str; 3] = ["segment", "stretch", "filter"];
 /// columns that a trajectory's file has. What a trajectory does not have is null.
 pub(crate) struct TrajectoryFile<W: Write + Send> {
     file: ParquetFile<W>,
-    columns: Vec<Column>,
+    columns: Vec<ParquetColumn>,
 }
 
 impl<W: Write + Send> TrajectoryFile<W> {
@@ -26,9 +26,11 @@ impl<W: Write + Send> TrajectoryFile<W> {
                 columns(trajectory, &unit).into_iter().map(|(name, _)| name).collect::<Vec<String>>()
             })
         });
-        let of = OF.map(|name| Column { name: name.to_owned(), kind: Kind::Words });
-        let numbers = crate::table::union(all).into_iter().map(|name| Column { name, kind: Kind::Numbers });
-        let columns: Vec<Column> = of.into_iter().chain(numbers).collect();
+        let of = OF.map(|name| ParquetColumn { name: name.to_owned(), kind: ParquetColumnKind::Words });
+        let numbers = crate::table::union(all)
+            .into_iter()
+            .map(|name| ParquetColumn { name, kind: ParquetColumnKind::Numbers });
+        let columns: Vec<ParquetColumn> = of.into_iter().chain(numbers).collect();
         Ok(Self { file: ParquetFile::begin(to, &columns)?, columns })
     }
 

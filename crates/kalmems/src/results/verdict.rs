@@ -1,7 +1,7 @@
 //! Whether a filter's answer may be trusted.
 
 use super::metrics::EstimatorMetrics;
-use crate::estimate::{Consistency, Lock, LockEvent, TrajectoryKind, is_the_only_one};
+use crate::estimate::{Lock, LockEvent, NisConsistency, TrajectoryKind, is_the_only_one};
 use crate::evaluate::{Claim, DeviceUncertainty, Grade, InnovationTest, MotionErrors, TestResult};
 use serde::Serialize;
 
@@ -51,7 +51,7 @@ impl Verdict {
         kind: TrajectoryKind,
         (failed, lock): (bool, &Lock),
         errors: Option<&MotionErrors>,
-        consistency: Option<&Consistency>,
+        consistency: Option<&NisConsistency>,
     ) -> Self {
         if failed {
             return Self::Failed;

@@ -22,16 +22,16 @@ pub trait Connection: Send {
 }
 
 /// Something that is open already and cannot be opened again.
-pub struct Opened(Option<Box<dyn Read + Send>>);
+pub struct OpenedConnection(Option<Box<dyn Read + Send>>);
 
-impl Opened {
+impl OpenedConnection {
     /// This.
     pub fn new(input: impl Read + Send + 'static) -> Self {
         Self(Some(Box::new(input)))
     }
 }
 
-impl Connection for Opened {
+impl Connection for OpenedConnection {
     fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>> {
         Ok(self.0.take())
     }
@@ -61,7 +61,7 @@ pub(super) enum Received {
 }
 
 /// A connection that is tried again where it breaks.
-pub(super) struct Link {
+pub(super) struct RetriedConnection {
     connection: Box<dyn Connection>,
     reader: Option<Box<dyn Read + Send>>,
     /// For how long it is tried again.
@@ -82,7 +82,7 @@ struct Lost {
     next: Instant,
 }
 
-impl Link {
+impl RetriedConnection {
     pub(super) fn new(connection: Box<dyn Connection>, reconnect: Option<Duration>) -> Self {
         Self { connection, reader: None, reconnect, heard: false, silent_since: None, lost: None }
     }
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn a_broken_connection_is_tried_again_until_the_time_is_up() {
         let connection = Loose { good: vec![1, 3, 4], opened: 0 };
-        let mut link = Link::new(Box::new(connection), Some(Duration::from_millis(400)));
+        let mut link = RetriedConnection::new(Box::new(connection), Some(Duration::from_millis(400)));
         let (mut bytes, mut again, mut broken) = (0, Vec::new(), 0);
         let begun = Instant::now();
         let why = loop {
@@ -220,7 +220,10 @@ mod tests {
 
     #[test]
     fn what_cannot_be_opened_again_is_over_when_it_breaks() {
-        let mut link = Link::new(Box::new(Opened::new(OneByte(false))), Some(Duration::from_secs(9)));
+        let mut link = RetriedConnection::new(
+            Box::new(OpenedConnection::new(OneByte(false))),
+            Some(Duration::from_secs(9)),
+        );
         let mut receive = || link.receive(&mut [0; 4]).unwrap();
         assert!(matches!(receive(), Received::Nothing));
         assert!(matches!(receive(), Received::Bytes(1)));

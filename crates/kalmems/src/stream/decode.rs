@@ -1,11 +1,11 @@
 //! Samples from bytes, as text or as frames.
 
-use crate::config::{Field, StreamFormat};
-use kalmems_formats::{Cells, Fault, Shift, TimeReader};
+use crate::config::{FrameField, StreamFormat};
+use kalmems_formats::{CellFinding, CellReader, Shift, TimeReader};
 
 /// One sample as it came.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sample {
+pub struct StreamSample {
     /// Its number, where the frames count.
     pub sequence: Option<u64>,
     /// Its numbers, in the order of the columns; NaN where there is none.
@@ -28,7 +28,7 @@ const LONGEST: usize = 1 << 16;
 
 /// Takes bytes as they come and gives the samples in them.
 pub struct Decoder {
-    format: Format,
+    format: DecoderFormat,
     /// What is not decoded yet.
     rest: Vec<u8>,
     damage: Damage,
@@ -36,17 +36,17 @@ pub struct Decoder {
     times: Option<(usize, TimeReader)>,
 }
 
-enum Format {
+enum DecoderFormat {
     /// Lines with numbers separated by commas, so many of them.
     Text {
         columns: Vec<String>,
-        cells: Cells,
+        cells: CellReader,
         powers: Vec<i32>,
         in_a_long_line: bool,
     },
     Frames {
         sync: Vec<u8>,
-        fields: Vec<Field>,
+        fields: Vec<FrameField>,
         shifts: Vec<Shift>,
         length: usize,
     },
@@ -56,13 +56,13 @@ impl Decoder {
     /// For the format of an experiment file. The numbers of each column are multiplied by ten to its power, rounded once.
     pub fn new(format: &StreamFormat, powers: &[i32]) -> Self {
         let format = match format {
-            StreamFormat::Text { columns } => Format::Text {
+            StreamFormat::Text { columns } => DecoderFormat::Text {
                 columns: columns.clone(),
-                cells: Cells::default(),
+                cells: CellReader::default(),
                 powers: powers.to_vec(),
                 in_a_long_line: false,
             },
-            StreamFormat::Frames { sync, fields } => Format::Frames {
+            StreamFormat::Frames { sync, fields } => DecoderFormat::Frames {
                 sync: sync.bytes().to_vec(),
                 fields: fields.clone(),
                 shifts: powers.iter().map(|power| Shift::new(*power)).collect(),
@@ -89,15 +89,15 @@ impl Decoder {
     }
 
     /// Takes bytes; each sample that they complete goes to `each`.
-    pub fn take(&mut self, bytes: &[u8], each: &mut impl FnMut(Sample)) {
+    pub fn take(&mut self, bytes: &[u8], each: &mut impl FnMut(StreamSample)) {
         self.rest.extend_from_slice(bytes);
         let times = &mut self.times;
         let done = match &mut self.format {
-            Format::Text { columns, cells, powers, in_a_long_line } => {
+            DecoderFormat::Text { columns, cells, powers, in_a_long_line } => {
                 let mut numbers = |line: &[u8]| numbers(line, cells, powers, times);
                 lines(&self.rest, columns, in_a_long_line, &mut self.damage, &mut numbers, each)
             }
-            Format::Frames { sync, fields, shifts, length } => {
+            DecoderFormat::Frames { sync, fields, shifts, length } => {
                 frames(&self.rest, (sync, fields, *length), (shifts, times), &mut self.damage, each)
             }
         };
@@ -108,7 +108,7 @@ impl Decoder {
     pub fn cut_off(&mut self) {
         let rest = std::mem::take(&mut self.rest);
         match &mut self.format {
-            Format::Text { columns, in_a_long_line, .. } => {
+            DecoderFormat::Text { columns, in_a_long_line, .. } => {
                 let line = rest.trim_ascii();
                 let is_nothing = line.is_empty() || line.starts_with(b"#") || is_header(line, columns);
                 // Of a line that is too long the beginning was counted.
@@ -116,7 +116,7 @@ impl Decoder {
                     self.damage.cut_off += 1;
                 }
             }
-            Format::Frames { sync, .. } => {
+            DecoderFormat::Frames { sync, .. } => {
                 let begun = rest.starts_with(&sync[..sync.len().min(rest.len())]) && !rest.is_empty();
                 self.damage.cut_off += u64::from(begun);
                 self.damage.bytes += if begun { 0 } else { rest.len() as u64 };
@@ -132,7 +132,7 @@ fn lines(
     in_a_long_line: &mut bool,
     damage: &mut Damage,
     numbers: &mut impl FnMut(&[u8]) -> Option<Vec<f64>>,
-    each: &mut impl FnMut(Sample),
+    each: &mut impl FnMut(StreamSample),
 ) -> usize {
     let mut from = 0;
     while let Some(end) = bytes[from..].iter().position(|byte| *byte == b'\n') {
@@ -145,7 +145,7 @@ fn lines(
             continue;
         }
         match numbers(line) {
-            Some(numbers) => each(Sample { sequence: None, numbers }),
+            Some(numbers) => each(StreamSample { sequence: None, numbers }),
             None => damage.lines += 1,
         }
     }
@@ -166,7 +166,7 @@ fn is_header(line: &[u8], columns: &[String]) -> bool {
 /// As many numbers as there are powers, an empty cell being none; `None` where there are fewer or more, or something else.
 fn numbers(
     line: &[u8],
-    cells: &mut Cells,
+    cells: &mut CellReader,
     powers: &[i32],
     times: &mut Option<(usize, TimeReader)>,
 ) -> Option<Vec<f64>> {
@@ -183,7 +183,7 @@ fn numbers(
         };
         match read {
             Ok(number) => Some(number),
-            Err(Fault::Missing | Fault::Nan(_) | Fault::Infinite(_)) => Some(f64::NAN),
+            Err(CellFinding::Missing | CellFinding::Nan(_) | CellFinding::Infinite(_)) => Some(f64::NAN),
             Err(_) => None,
         }
     };
@@ -194,10 +194,10 @@ fn numbers(
 /// The samples of whole frames; how many bytes they take up.
 fn frames(
     bytes: &[u8],
-    (sync, fields, length): (&[u8], &[Field], usize),
+    (sync, fields, length): (&[u8], &[FrameField], usize),
     (shifts, times): (&mut [Shift], &mut Option<(usize, TimeReader)>),
     damage: &mut Damage,
-    each: &mut impl FnMut(Sample),
+    each: &mut impl FnMut(StreamSample),
 ) -> usize {
     let mut from = 0;
     while let Some(frame) = bytes.get(from..from + length) {
@@ -206,7 +206,7 @@ fn frames(
             from += 1;
             continue;
         }
-        let mut sample = Sample { sequence: None, numbers: Vec::with_capacity(fields.len()) };
+        let mut sample = StreamSample { sequence: None, numbers: Vec::with_capacity(fields.len()) };
         let (mut at, mut shifts) = (sync.len(), shifts.iter_mut());
         for field in fields {
             let raw = &frame[at..at + field.kind.bytes()];
@@ -236,7 +236,7 @@ fn frames(
 mod tests {
     use super::*;
 
-    fn decoded(format: &StreamFormat, bytes: &[u8], piece: usize) -> (Vec<Sample>, Damage) {
+    fn decoded(format: &StreamFormat, bytes: &[u8], piece: usize) -> (Vec<StreamSample>, Damage) {
         let mut decoder = Decoder::new(format, &[0, -3]);
         let mut samples = Vec::new();
         for piece in bytes.chunks(piece) {
@@ -288,7 +288,7 @@ mod tests {
     #[test]
     fn frames_are_found_behind_whatever_stands_before_them() {
         let fields =
-            ["u16 sequence", "f64 time_s", "f32 cap_mV"].map(|f| Field::try_from(f.to_owned()).unwrap());
+            ["u16 sequence", "f64 time_s", "f32 cap_mV"].map(|f| FrameField::try_from(f.to_owned()).unwrap());
         let sync = crate::config::Sync::try_from("a55a".to_owned()).unwrap();
         let format = StreamFormat::Frames { sync, fields: fields.to_vec() };
         let frame = |k: u16| {

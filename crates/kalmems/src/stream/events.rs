@@ -1,7 +1,9 @@
 //! What happens in a trajectory that goes on.
 
 use super::supervision::{FilterHealth, LockState};
-use crate::estimate::{Crossing, Foretold, GateTurn, LockEvent, Passed, StateSeries, Trajectory};
+use crate::estimate::{
+    GateTurn, LockEvent, PassedMark, PredictedPhase, RecordedPassing, StateSeries, Trajectory,
+};
 use crate::signal::hermite;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -48,7 +50,7 @@ pub enum Event {
         of: &'static str,
         /// When and how.
         #[serde(flatten)]
-        foretold: Foretold,
+        predicted: PredictedPhase,
     },
     /// An angle passed zero at a rate that its standard deviation does not tell from zero: what the filter follows may be noise, and
     /// zero phases are not told.
@@ -111,10 +113,10 @@ pub enum Event {
 }
 
 impl Event {
-    /// When, in s; of what is foretold, from when on it was known.
+    /// When, in s; of what is predicted, from when on it was known.
     pub fn time_s(&self) -> f64 {
         match self {
-            Self::ZeroPhaseAhead { foretold, .. } => foretold.told_s,
+            Self::ZeroPhaseAhead { predicted, .. } => predicted.told_s,
             Self::ZeroPhase { time_s, .. }
             | Self::Crossing { time_s, .. }
             | Self::MotionInNoise { time_s, .. }
@@ -136,14 +138,14 @@ fn is_first(signal: &usize) -> bool {
     *signal == 0
 }
 
-impl From<&Crossing> for Event {
-    fn from(crossing: &Crossing) -> Self {
-        let Crossing { of, time_s, sd_s, is_fallback } = *crossing;
+impl From<&RecordedPassing> for Event {
+    fn from(crossing: &RecordedPassing) -> Self {
+        let RecordedPassing { of, time_s, sd_s, is_fallback } = *crossing;
         match of {
-            Passed::Angle(threshold_rad) => {
+            PassedMark::Angle(threshold_rad) => {
                 Self::Crossing { threshold_rad, time_s, sd_s, fallback: is_fallback }
             }
-            Passed::Event(of) => Self::DeviceEvent { of, time_s, sd_s },
+            PassedMark::Event(of) => Self::DeviceEvent { of, time_s, sd_s },
         }
     }
 }
@@ -156,7 +158,7 @@ const BY_CHANCE: f64 = 1e-9;
 const DISTINCT: f64 = 5.0;
 
 /// Watches one trajectory.
-pub struct Watch {
+pub struct TrajectoryWatch {
     /// Of each angle.
     passages: Vec<Passages>,
     /// Zero phases that were not told since that was last asked.
@@ -190,7 +192,7 @@ struct Alarm {
     mean_nis: Option<f64>,
 }
 
-impl Watch {
+impl TrajectoryWatch {
     /// Over so many updates the NIS is watched.
     pub fn new(over: usize) -> Self {
         let over = over.max(1);
@@ -356,7 +358,8 @@ mod tests {
         }
         let mut whole = None;
         for length in [5000, 1, 33] {
-            let (mut watch, mut rest, mut events) = (Watch::new(100), trajectory.clone(), Vec::new());
+            let (mut watch, mut rest, mut events) =
+                (TrajectoryWatch::new(100), trajectory.clone(), Vec::new());
             while !rest.time_s.is_empty() {
                 let part = rest.take_front(length);
                 events.extend(watch.look(&part, &[["angle", "rate"]], 0.0));
@@ -404,7 +407,8 @@ mod tests {
             trajectory.states[1].sd[k] = 1e-3 * TAU * hz;
         }
         for length in [10_000, 1, 77] {
-            let (mut watch, mut rest, mut events) = (Watch::new(100), trajectory.clone(), Vec::new());
+            let (mut watch, mut rest, mut events) =
+                (TrajectoryWatch::new(100), trajectory.clone(), Vec::new());
             let mut withheld = 0;
             while !rest.time_s.is_empty() {
                 events.extend(watch.look(&rest.take_front(length), &[["angle", "rate"]], 0.0));

@@ -12,19 +12,19 @@ const BINS: usize = 24 * PER_OCTAVE as usize + 2;
 
 /// A histogram of durations, in bins of a quarter of an octave.
 #[derive(Clone, Debug)]
-pub struct Histogram {
+pub struct LatencyHistogram {
     bins: [u64; BINS],
     count: u64,
     longest: Duration,
 }
 
-impl Default for Histogram {
+impl Default for LatencyHistogram {
     fn default() -> Self {
         Self { bins: [0; BINS], count: 0, longest: Duration::ZERO }
     }
 }
 
-impl Histogram {
+impl LatencyHistogram {
     /// Counts so many durations that are the same.
     pub fn add(&mut self, duration: Duration, times: u64) {
         let octaves = (duration.as_secs_f64() * 1e6).portable_log2() * f64::from(PER_OCTAVE);
@@ -71,11 +71,11 @@ impl Histogram {
 
 /// When samples arrived: told by who reads them, asked by who has their estimate.
 #[derive(Clone, Debug, Default)]
-pub struct Arrivals(Arc<Mutex<VecDeque<(u64, Instant)>>>);
+pub struct ArrivalTimes(Arc<Mutex<VecDeque<(u64, Instant)>>>);
 
-impl Arrivals {
+impl ArrivalTimes {
     /// All samples up to this one, counted from 1, have arrived now.
-    pub fn tell(&self, until: u64) {
+    pub fn note_arrivals(&self, until: u64) {
         let mut arrivals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if arrivals.back().is_none_or(|(last, _)| *last < until) {
             arrivals.push_back((until, Instant::now()));
@@ -89,7 +89,7 @@ impl Arrivals {
     }
 
     /// The estimates of all samples up to this one are there now; how long the slowest of them took.
-    pub fn done(&self, until: u64, histogram: &mut Histogram, from: u64) -> Duration {
+    pub fn done(&self, until: u64, histogram: &mut LatencyHistogram, from: u64) -> Duration {
         let now = Instant::now();
         let mut longest = Duration::ZERO;
         let mut arrivals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn quantiles_are_right_to_a_bin() {
-        let mut histogram = Histogram::default();
+        let mut histogram = LatencyHistogram::default();
         for microseconds in 1..=1000 {
             histogram.add(Duration::from_micros(microseconds), 1);
         }
@@ -128,6 +128,6 @@ mod tests {
         }
         assert_eq!(histogram.quantile(1.0), Some(Duration::from_millis(1)));
         assert_eq!(histogram.filled().map(|(_, count)| count).sum::<u64>(), 1000);
-        assert_eq!(Histogram::default().quantile(0.5), None);
+        assert_eq!(LatencyHistogram::default().quantile(0.5), None);
     }
 }

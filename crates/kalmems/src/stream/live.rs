@@ -1,17 +1,17 @@
 //! The loop that estimates samples while they arrive, and what it keeps.
 
-use super::events::{Event, Watch};
-use super::judged::Judged;
-use super::latency::{Arrivals, Histogram};
-use super::noise_only::{Content, NoiseWatch};
-use super::output::{Outputs, Writer};
+use super::events::{Event, TrajectoryWatch};
+use super::latency::{ArrivalTimes, LatencyHistogram};
+use super::noise_only::{NoiseWatch, SignalContent};
+use super::output::{StreamOutputs, StreamWriter};
 use super::shared::Shared;
-use super::state::Keeper;
+use super::state::StateWriter;
+use super::stream_judge::StreamJudge;
 use super::supervision::{FilterHealth, Heartbeat, StreamEvent};
 use super::{AheadSummary, StreamError, StreamSummary};
 use crate::estimate::{
-    EstimateError, ForetoldCounts, Motion, Part, Past, SegmentEstimate, StretchJudge, StretchSummary,
-    Trajectory,
+    EstimateError, MotionRate, Past, PhasePredictionCounts, SegmentEstimate, SegmentPart, StretchJudge,
+    StretchSummary, Trajectory,
 };
 use crate::progress::Progress;
 use crate::recording::{self, Finding, ReadError, Stretch, Stretches};
@@ -59,7 +59,7 @@ impl Progress for Stopping<'_> {
 }
 
 /// What an estimate of a stream needs to know.
-pub(super) struct Settings<'a> {
+pub(super) struct StreamSettings<'a> {
     pub rig: &'a dyn Rig,
     /// The settling time in s.
     pub skip_s: f64,
@@ -73,20 +73,20 @@ pub(super) struct Settings<'a> {
 }
 
 /// What is kept while samples arrive.
-pub(super) struct Live<'a> {
-    settings: Settings<'a>,
+pub(super) struct LiveEstimate<'a> {
+    settings: StreamSettings<'a>,
     stopping: &'a Stopping<'a>,
     /// What went wrong while samples were waited for.
     failed: Option<io::Error>,
     /// One per answer.
-    watches: Vec<(String, Watch)>,
+    watches: Vec<(String, TrajectoryWatch)>,
     noise: NoiseWatch,
-    judged: Judged,
+    judged: StreamJudge,
     heartbeat: Heartbeat,
     ahead: AheadSummary,
     /// What was told ahead in the stretches before.
-    ahead_before: ForetoldCounts,
-    writer: Writer,
+    ahead_before: PhasePredictionCounts,
+    writer: StreamWriter,
     /// Samples of another run that this one begins with; none once that is done.
     resumes: bool,
     again: u64,
@@ -97,20 +97,20 @@ pub(super) struct Live<'a> {
     stretches: u64,
     start_s: f64,
     last_s: Option<f64>,
-    keeper: Option<Keeper>,
-    arrivals: Arrivals,
+    keeper: Option<StateWriter>,
+    arrivals: ArrivalTimes,
     shared: Shared,
     summary: StreamSummary,
     /// For a page, where one is wanted, with the quantity that the device is for.
     seen: Option<(StreamTracks, Option<&'static str>)>,
 }
 
-impl<'a> Live<'a> {
+impl<'a> LiveEstimate<'a> {
     pub(super) fn new(
-        settings: Settings<'a>,
-        outputs: Outputs,
-        keeper: Option<Keeper>,
-        (arrivals, shared): (Arrivals, Shared),
+        settings: StreamSettings<'a>,
+        outputs: StreamOutputs,
+        keeper: Option<StateWriter>,
+        (arrivals, shared): (ArrivalTimes, Shared),
         stopping: &'a Stopping<'a>,
     ) -> Self {
         let summary = StreamSummary {
@@ -128,18 +128,18 @@ impl<'a> Live<'a> {
             ahead: None,
             broken: None,
             interrupted: false,
-            latency: Histogram::default(),
+            latency: LatencyHistogram::default(),
         };
         Self {
             stopping,
             failed: None,
             watches: Vec::new(),
             noise: NoiseWatch::default(),
-            judged: Judged::default(),
+            judged: StreamJudge::default(),
             heartbeat: Heartbeat::new(settings.heartbeat),
             ahead: AheadSummary::default(),
-            ahead_before: ForetoldCounts::default(),
-            writer: Writer::new(outputs, settings.every),
+            ahead_before: PhasePredictionCounts::default(),
+            writer: StreamWriter::new(outputs, settings.every),
             settings,
             resumes: false,
             again: 0,
@@ -162,7 +162,7 @@ impl<'a> Live<'a> {
     }
 
     /// What was kept for a page.
-    pub(super) fn seen(&mut self) -> Option<StreamTracks> {
+    pub(super) fn tracks(&mut self) -> Option<StreamTracks> {
         self.seen.take().map(|(tracks, _)| tracks)
     }
 
@@ -176,7 +176,7 @@ impl<'a> Live<'a> {
         &mut self,
         stretches: &mut Stretches,
         estimator: &mut dyn Estimator,
-        whole: recording::Around,
+        whole: recording::StretchSize,
     ) -> Result<bool, StreamError> {
         loop {
             let next = stretches.next(&mut |_, _| self.attend());
@@ -264,7 +264,7 @@ impl<'a> Live<'a> {
         (health.estimated, health.not_estimated) = (self.summary.estimated, self.summary.not_estimated);
         health.stretches = self.stretches;
         health.noise_only = self.noise.is_noise_only();
-        let of = |(key, watch): &(String, Watch)| FilterHealth {
+        let of = |(key, watch): &(String, TrajectoryWatch)| FilterHealth {
             failing: self.judged.failing(key),
             ..watch.health(key)
         };
@@ -283,7 +283,7 @@ impl<'a> Live<'a> {
         // What another run took already is there to be interpolated through.
         let resumes = stretch.begins && std::mem::take(&mut self.resumes);
         let known = usize::try_from(if resumes { self.again } else { 0 }).unwrap_or(usize::MAX);
-        let part = Part {
+        let part = SegmentPart {
             recording: &stretch.recording,
             segment,
             fresh: stretch.fresh.start.saturating_add(known).min(stretch.fresh.end)..stretch.fresh.end,
@@ -308,7 +308,7 @@ impl<'a> Live<'a> {
                 // First of all, so that nothing is told ahead of a signal that is noise.
                 let was_noise = self.noise.is_noise_only();
                 let contents = self.contents(&estimate, &part);
-                self.foretell(&estimate.trajectories, &part, estimator.past())?;
+                self.predict(&estimate.trajectories, &part, estimator.past())?;
                 self.take(&estimate, &part, (was_noise, &contents))?;
                 self.keep(&estimate.trajectories, &part, estimator)?;
             } else {
@@ -326,7 +326,7 @@ impl<'a> Live<'a> {
     }
 
     /// A stretch begins.
-    fn begin(&mut self, part: &Part) -> io::Result<()> {
+    fn begin(&mut self, part: &SegmentPart) -> io::Result<()> {
         self.stretches += 1;
         if part.begins {
             self.start_s = part.segment.time.start_s();
@@ -345,7 +345,7 @@ impl<'a> Live<'a> {
     fn keep(
         &mut self,
         trajectories: &[Trajectory],
-        part: &Part,
+        part: &SegmentPart,
         estimator: &mut dyn Estimator,
     ) -> Result<(), StreamError> {
         let Some(keeper) = &mut self.keeper else { return Ok(()) };
@@ -359,40 +359,40 @@ impl<'a> Live<'a> {
     }
 
     /// Tells the zero phases that are to come, before all else of their samples.
-    fn foretell(
+    fn predict(
         &mut self,
         trajectories: &[Trajectory],
-        part: &Part,
+        part: &SegmentPart,
         past: &mut Past,
     ) -> Result<(), StreamError> {
-        let Some((foreteller, mirrored)) = past.foreteller() else { return Ok(()) };
-        let mut foretold = foreteller.hand_on(mirrored);
-        self.ahead.counts = self.ahead_before.and(foreteller.counts());
+        let Some((predictor, mirrored)) = past.phase_predictor() else { return Ok(()) };
+        let mut predicted = predictor.take_predictions(mirrored);
+        self.ahead.counts = self.ahead_before.and(predictor.counts());
         if self.noise.is_noise_only() {
-            self.summary.withheld += foretold.len() as u64;
-            foretold.clear();
+            self.summary.withheld += predicted.len() as u64;
+            predicted.clear();
         }
-        let key = foreteller.key();
+        let key = predictor.key();
         let place = trajectories.iter().position(|trajectory| trajectory.key == key).unwrap_or(0);
         let of = self.settings.rig.angles().first().map_or("angle", |[angle, _]| angle);
         let [on_lines, on_frames] = self.settings.channel;
-        for foretold in &foretold {
+        for predicted in &predicted {
             if on_lines {
-                self.writer.events(Some(key), &[Event::ZeroPhaseAhead { of, foretold: *foretold }])?;
+                self.writer.events(Some(key), &[Event::ZeroPhaseAhead { of, predicted: *predicted }])?;
             }
             if on_frames {
-                self.writer.ahead(place, foretold)?;
+                self.writer.ahead(place, predicted)?;
             }
         }
         self.writer.flush()?;
-        self.summary.events += foretold.len() as u64;
+        self.summary.events += predicted.len() as u64;
         let mut row = part.fresh.start;
-        for foretold in &foretold {
-            while row + 1 < part.fresh.end && part.segment.time.at(row) < foretold.told_s {
+        for predicted in &predicted {
+            while row + 1 < part.fresh.end && part.segment.time.at(row) < predicted.told_s {
                 row += 1;
             }
             let sample = self.again + self.taken + 1 + (row - part.fresh.start) as u64;
-            let left_s = foretold.time_s - foretold.told_s;
+            let left_s = predicted.time_s - predicted.told_s;
             let passed = self.arrivals.of(sample).map(|arrived| arrived.elapsed().as_secs_f64());
             self.ahead.overdue += u64::from(passed.is_some_and(|passed_s| passed_s > left_s));
         }
@@ -402,8 +402,8 @@ impl<'a> Live<'a> {
     fn take(
         &mut self,
         estimate: &SegmentEstimate,
-        part: &Part,
-        (was_noise, contents): (bool, &[Content]),
+        part: &SegmentPart,
+        (was_noise, contents): (bool, &[SignalContent]),
     ) -> io::Result<()> {
         let trajectories = &estimate.trajectories;
         let from_s = self.start_s + self.settings.skip_s;
@@ -413,7 +413,7 @@ impl<'a> Live<'a> {
         };
         self.writer.origin(part.recording.source().origin.as_ref())?;
         self.writer.estimates(trajectories)?;
-        for Content { time_s, noise_only } in contents {
+        for SignalContent { time_s, noise_only } in contents {
             self.summary.noise_only += u64::from(*noise_only);
             let (only, over) =
                 (StreamEvent::NoiseOnly { time_s: *time_s }, StreamEvent::NoiseOnlyOver { time_s: *time_s });
@@ -430,7 +430,7 @@ impl<'a> Live<'a> {
         let (over, angles) = (self.settings.over, self.settings.rig.angles());
         for (place, trajectory) in trajectories.iter().enumerate() {
             if self.watches.len() <= place {
-                self.watches.push((trajectory.key.clone(), Watch::new(over)));
+                self.watches.push((trajectory.key.clone(), TrajectoryWatch::new(over)));
             }
             let watch = &mut self.watches[place].1;
             let mut events = watch.look(trajectory, angles, from_s);
@@ -458,13 +458,13 @@ impl<'a> Live<'a> {
     }
 
     /// What has changed in what is in the signal, of a device that a steady drive moves.
-    fn contents(&mut self, estimate: &SegmentEstimate, part: &Part) -> Vec<Content> {
+    fn contents(&mut self, estimate: &SegmentEstimate, part: &SegmentPart) -> Vec<SignalContent> {
         let Some(trajectory) = estimate.trajectories.first() else { return Vec::new() };
         if part.begins || self.summary.estimated == 0 {
             let motions =
                 std::iter::once(estimate.motion).chain(estimate.other_axes.iter().map(|a| a.motion));
             let driven =
-                motions.filter(|motion| motion.is_driven).map(|Motion { frequency_hz, .. }| frequency_hz);
+                motions.filter(|motion| motion.is_driven).map(|MotionRate { frequency_hz, .. }| frequency_hz);
             let has_angles = !self.settings.rig.angles().is_empty();
             let interval_s = part.segment.time.interval_s().unwrap_or(f64::INFINITY);
             self.noise.begin(

@@ -7,7 +7,6 @@
 mod connection;
 mod decode;
 mod events;
-mod judged;
 mod latency;
 mod live;
 mod noise_only;
@@ -16,31 +15,32 @@ mod output;
 mod recent;
 mod shared;
 mod state;
+mod stream_judge;
 mod supervision;
 mod table;
 
-pub use connection::{Connection, Opened};
-pub use decode::{Damage, Decoder, Sample};
-pub use events::{Event, Watch};
-pub use latency::Histogram;
-pub use noise_only::{CYCLES, Content, FOUND_BY_CHANCE, NoiseWatch};
-pub use order::{Order, OrderCounts, OrderSettings, Ordered};
-pub use output::{Outputs, SYNC, SYNC_AHEAD, is_frames, is_lines};
-pub use shared::{Break, WayCounts};
+pub use connection::{Connection, OpenedConnection};
+pub use decode::{Damage, Decoder, StreamSample};
+pub use events::{Event, TrajectoryWatch};
+pub use latency::LatencyHistogram;
+pub use noise_only::{CYCLES, FOUND_BY_CHANCE, NoiseWatch, SignalContent};
+pub use order::{Order, OrderCounts, OrderSettings, OrderedEvent};
+pub use output::{SYNC, SYNC_AHEAD, StreamOutputs, is_frames, is_lines};
+pub use shared::{StreamCounts, StreamEnd};
 pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 
-use crate::config::{ConfigError, Experiment, Fault, Key, Stream, TriggerChannel};
-use crate::estimate::{EstimateError, ForetoldCounts, StretchSummary};
-use crate::recording::{self, Clock, Finding, Origin, ReadError, Stretches};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, StreamTable, TriggerChannel};
+use crate::estimate::{EstimateError, PhasePredictionCounts, StretchSummary};
+use crate::recording::{self, Finding, ReadError, Stretches, TimeOrigin, TimeSource};
 use crate::results::StreamTracks;
 use crate::rigs::Workbench;
 use kalmems_figures::ReportError;
-use latency::Arrivals;
-use live::Live;
+use latency::ArrivalTimes;
+use live::LiveEstimate;
 use recent::RecentSamples;
 use serde::Serialize;
 use shared::Shared;
-use state::{Keeper, State};
+use state::{StateWriter, StreamState};
 use std::io;
 use std::path::Path;
 use std::time::Duration;
@@ -102,10 +102,10 @@ pub enum StreamError {
 #[derive(Clone, Debug, Serialize)]
 pub struct StreamSummary {
     /// What was received, and what the way has made of it.
-    pub received: WayCounts,
+    pub received: StreamCounts,
     /// Where the times of all estimates count from, where that is not zero of the samples' clock.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub origin: Option<Origin>,
+    pub origin: Option<TimeOrigin>,
     /// What was found in the samples.
     pub diagnosis: Vec<Finding>,
     /// Samples that were estimated.
@@ -132,12 +132,12 @@ pub struct StreamSummary {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ahead: Option<AheadSummary>,
     /// Why no more samples came, where that was not the orderly end of the stream.
-    pub broken: Option<Break>,
+    pub broken: Option<StreamEnd>,
     /// Whether it was stopped.
     pub interrupted: bool,
     /// How long each sample took from its arrival to its estimate.
     #[serde(skip)]
-    pub latency: Histogram,
+    pub latency: LatencyHistogram,
 }
 
 /// Whether a count is left out.
@@ -151,7 +151,7 @@ fn is_zero(count: &u64) -> bool {
 pub struct AheadSummary {
     /// By the times of the samples.
     #[serde(flatten)]
-    pub counts: ForetoldCounts,
+    pub counts: PhasePredictionCounts,
     /// Those that were written when they had happened already, if samples arrive when they are taken.
     pub overdue: u64,
 }
@@ -166,7 +166,7 @@ pub fn stream(
     workbench: &Workbench,
     experiment: &Experiment,
     connection: Box<dyn Connection>,
-    outputs: Outputs,
+    outputs: StreamOutputs,
     state: Option<&Path>,
     stop: &dyn Fn() -> bool,
 ) -> Result<StreamSummary, StreamError> {
@@ -178,7 +178,7 @@ pub fn stream_with_page(
     workbench: &Workbench,
     experiment: &Experiment,
     connection: Box<dyn Connection>,
-    outputs: Outputs,
+    outputs: StreamOutputs,
     state: Option<&Path>,
     stop: &dyn Fn() -> bool,
 ) -> Result<(StreamSummary, String), StreamError> {
@@ -190,7 +190,7 @@ pub fn stream_with_page(
 fn estimated(
     (workbench, experiment): (&Workbench, &Experiment),
     connection: Box<dyn Connection>,
-    outputs: Outputs,
+    outputs: StreamOutputs,
     state: Option<&Path>,
     stop: &dyn Fn() -> bool,
     with_page: bool,
@@ -198,7 +198,7 @@ fn estimated(
     let described = experiment.stream.as_ref().ok_or_else(|| {
         let remedy =
             "add a table `[stream]` with `rate` and `[stream.input.text]` or `[stream.input.frames]`";
-        experiment.error("stream", Fault::MissingKey { remedy: remedy.to_owned() })
+        experiment.error("stream", ConfigFault::MissingKey { remedy: remedy.to_owned() })
     })?;
     let rig = workbench.rig(experiment)?;
     let index = rig.wanted(experiment)?.first().copied().unwrap_or(0);
@@ -211,9 +211,9 @@ fn estimated(
         return Err(StreamError::Smooths);
     }
     let layout = rig.layout(experiment, index)?;
-    let (arrivals, shared) = (Arrivals::default(), Shared::default());
+    let (arrivals, shared) = (ArrivalTimes::default(), Shared::default());
     let text = experiment.to_toml().unwrap_or_default();
-    let left = state.map(|path| State::read(path, &text)).transpose()?.flatten();
+    let left = state.map(|path| StreamState::read(path, &text)).transpose()?.flatten();
     let mut table =
         live_table(experiment, described, &layout, connection, (arrivals.clone(), shared.clone()))?;
     let kept = around.before.max(KEPT);
@@ -221,22 +221,22 @@ fn estimated(
     if let Some(keeper) = &keeper {
         table.keep(keeper.recent());
     }
-    let again = left.as_ref().map_or(0, State::kept);
+    let again = left.as_ref().map_or(0, StreamState::kept);
     if let Some(left) = &left {
         estimator.resume(left.past());
         table.go_on(left);
     }
-    let whole = recording::Around {
+    let whole = recording::StretchSize {
         rows: MOST,
         first: around.head,
         before: around.before,
         after: around.after.max(1),
     };
     let first = if left.is_some() { again + 1 } else { around.head };
-    let begin = recording::Around { first, ..whole };
+    let begin = recording::StretchSize { first, ..whole };
     let mut stretches = Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, begin)?;
     // A stretch that begins later begins as a recording does.
-    let settings = live::Settings {
+    let settings = live::StreamSettings {
         rig,
         skip_s: experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si()),
         over: described.alarm_over.as_ref().map_or(WATCHED, |over| watched(over.si(), rate_hz)),
@@ -244,7 +244,7 @@ fn estimated(
         channel: channel(experiment, described, &outputs)?,
         heartbeat: heartbeat(experiment, described)?,
     };
-    let mut live = Live::new(settings, outputs, keeper, (arrivals, shared), &stopping);
+    let mut live = LiveEstimate::new(settings, outputs, keeper, (arrivals, shared), &stopping);
     if with_page {
         live.see(rig.values(experiment).first().map(|value| value.name));
     }
@@ -252,8 +252,8 @@ fn estimated(
         live.resume(again as u64, estimator.past().start_s);
     }
     let ended = live.run(&mut stretches, estimator.as_mut(), whole)?;
-    let (recording::Source { origin, .. }, diagnosis) = stretches.finish();
-    let seen = live.seen();
+    let (recording::RecordingSource { origin, .. }, diagnosis) = stretches.finish();
+    let seen = live.tracks();
     let mut summary = live.finish(if ended { diagnosis } else { Vec::new() })?;
     summary.origin = origin;
     summary.ahead = summary.ahead.filter(|_| described.trigger.is_some());
@@ -261,19 +261,23 @@ fn estimated(
 }
 
 /// How often health is told.
-fn heartbeat(experiment: &Experiment, described: &Stream) -> Result<Option<Duration>, ConfigError> {
+fn heartbeat(experiment: &Experiment, described: &StreamTable) -> Result<Option<Duration>, ConfigError> {
     let Some(every) = &described.heartbeat else { return Ok(None) };
     match Duration::try_from_secs_f64(every.si()) {
         Ok(every) if every >= SHORTEST_BEAT => Ok(Some(every)),
         _ => {
             let why = format!("a health line every {} s is not told; expected 0.1 s or more", every.si());
-            Err(experiment.error(Key::from("stream").child("heartbeat"), Fault::Value { why }))
+            Err(experiment.error(Key::from("stream").child("heartbeat"), ConfigFault::Value { why }))
         }
     }
 }
 
 /// Whether zero phases that are to come are told among the lines, and among the frames; there have to be such.
-fn channel(experiment: &Experiment, described: &Stream, outputs: &Outputs) -> Result<[bool; 2], StreamError> {
+fn channel(
+    experiment: &Experiment,
+    described: &StreamTable,
+    outputs: &StreamOutputs,
+) -> Result<[bool; 2], StreamError> {
     let Some(trigger) = &described.trigger else { return Ok([false; 2]) };
     let there = [outputs.lines.is_some(), outputs.frames.is_some()];
     let Some(on) = trigger.on.map(TriggerChannel::lines_and_frames) else { return Ok(there) };
@@ -283,7 +287,7 @@ fn channel(experiment: &Experiment, described: &Stream, outputs: &Outputs) -> Re
                 "zero phases are to be told among the {name}, and no {name} are written; give `--{name} FILE`, or change this"
             );
             let key = Key::from("stream").child("trigger").child("on");
-            return Err(experiment.error(key, Fault::Value { why }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why }).into());
         }
     }
     Ok(on)
@@ -292,28 +296,30 @@ fn channel(experiment: &Experiment, described: &Stream, outputs: &Outputs) -> Re
 /// The samples as a table.
 fn live_table(
     experiment: &Experiment,
-    described: &Stream,
-    layout: &recording::Layout,
+    described: &StreamTable,
+    layout: &recording::RecordingLayout,
     connection: Box<dyn Connection>,
-    shared: (Arrivals, Shared),
+    shared: (ArrivalTimes, Shared),
 ) -> Result<LiveTable, StreamError> {
     let columns = described.input.columns();
     let time = match &layout.clock {
-        Clock::Column(name) => {
+        TimeSource::Column(name) => {
             let place = columns.iter().position(|column| column == name);
             if place.is_none() {
                 let why =
                     format!("the recording's clock is the column `{name}`, which the stream does not have");
-                return Err(experiment.error(Key::from("stream.input"), Fault::Value { why }).into());
+                return Err(experiment.error(Key::from("stream.input"), ConfigFault::Value { why }).into());
             }
             place
         }
-        Clock::Rate { .. } => None,
+        TimeSource::Rate { .. } => None,
     };
     if time.is_some() && layout.declared.iter().any(|known| known.is_clock() && is_scaled(known)) {
         let why = "the times of samples that arrive are compared as they come, in their unit: leave `scale` and `offset` of the \
                    recording's clock out, and say `unit`";
-        return Err(experiment.error(Key::from("stream.input"), Fault::Value { why: why.to_owned() }).into());
+        return Err(experiment
+            .error(Key::from("stream.input"), ConfigFault::Value { why: why.to_owned() })
+            .into());
     }
     let settings = LiveSettings {
         wait: described.wait.unwrap_or(WAIT) as usize,
@@ -327,7 +333,7 @@ fn live_table(
 }
 
 /// How many rows are missing at most that are predicted over.
-fn longest_gap(layout: &recording::Layout, rate_hz: f64) -> u64 {
+fn longest_gap(layout: &recording::RecordingLayout, rate_hz: f64) -> u64 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, saturating
     let rows = layout.restarts.map_or(LONGEST_GAP, |restarts| (restarts.longest_gap_s * rate_hz) as u64);
     rows.min(LONGEST_GAP)
@@ -337,21 +343,21 @@ fn longest_gap(layout: &recording::Layout, rate_hz: f64) -> u64 {
 fn keeper(
     path: &Path,
     experiment: String,
-    described: &Stream,
-    layout: &recording::Layout,
+    described: &StreamTable,
+    layout: &recording::RecordingLayout,
     kept: usize,
-) -> Result<Keeper, StreamError> {
+) -> Result<StateWriter, StreamError> {
     let columns = described.input.columns();
     let time = match &layout.clock {
-        Clock::Column(time) => columns.iter().position(|column| column == time),
-        Clock::Rate { .. } => None,
+        TimeSource::Column(time) => columns.iter().position(|column| column == time),
+        TimeSource::Rate { .. } => None,
     };
     let Some(time) = time else {
         let why =
             "samples without a column of times cannot be told from those that were taken before".to_owned();
         return Err(StreamError::State { path: path.display().to_string(), why });
     };
-    Ok(Keeper::new(path.to_owned(), experiment, columns, RecentSamples::new(time, kept)))
+    Ok(StateWriter::new(path.to_owned(), experiment, columns, RecentSamples::new(time, kept)))
 }
 
 /// Whether the settings say a factor or an offset of a column.

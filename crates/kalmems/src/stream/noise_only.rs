@@ -35,7 +35,7 @@ pub struct NoiseWatch {
 
 /// A change of what is in the signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Content {
+pub struct SignalContent {
     /// When the window ended that shows it, in s.
     pub time_s: f64,
     /// Whether there is nothing but noise.
@@ -49,29 +49,29 @@ struct AxisContent {
     interval_s: f64,
     /// The present cycle by its number, and its sums.
     number: f64,
-    cycle: Cycle,
+    cycle: CycleSums,
     /// The amplitudes of the cycle before, where there was one without a pause.
-    before: Option<[Complex; HARMONICS]>,
+    before: Option<[RealAndImaginary; HARMONICS]>,
     cycles: usize,
     pairs: usize,
     /// Of each harmonic: the sum of the products of pairs, and of the squares.
-    products: [Complex; HARMONICS],
+    products: [RealAndImaginary; HARMONICS],
     squares: [f64; HARMONICS],
     /// What the last window showed: the ratio of each harmonic, and whether there was anything.
     ratios: [f64; HARMONICS],
     found: Option<bool>,
 }
 
-type Complex = [f64; 2];
+type RealAndImaginary = [f64; 2];
 
 /// Sums over a cycle: of what the signal is beside its first value, and of the waves themselves.
 #[derive(Clone, Copy, Default)]
-struct Cycle {
+struct CycleSums {
     count: f64,
     first: f64,
     sum: f64,
-    signal: [Complex; HARMONICS],
-    waves: [Complex; HARMONICS],
+    signal: [RealAndImaginary; HARMONICS],
+    waves: [RealAndImaginary; HARMONICS],
 }
 
 impl NoiseWatch {
@@ -83,7 +83,7 @@ impl NoiseWatch {
             start_s,
             interval_s,
             number: 0.0,
-            cycle: Cycle::default(),
+            cycle: CycleSums::default(),
             before: None,
             cycles: 0,
             pairs: 0,
@@ -101,7 +101,7 @@ impl NoiseWatch {
     }
 
     /// Takes samples; what has changed.
-    pub fn take(&mut self, time_s: &[f64], signal: &[f64]) -> Vec<Content> {
+    pub fn take(&mut self, time_s: &[f64], signal: &[f64]) -> Vec<SignalContent> {
         let mut changes = Vec::new();
         for (time_s, y) in time_s.iter().zip(signal) {
             let mut judged = false;
@@ -116,7 +116,7 @@ impl NoiseWatch {
             let noise_only = if self.raised { !found } else { nowhere };
             if noise_only != self.raised {
                 self.raised = noise_only;
-                changes.push(Content { time_s: *time_s, noise_only });
+                changes.push(SignalContent { time_s: *time_s, noise_only });
             }
         }
         changes
@@ -189,7 +189,7 @@ fn bound(chance: f64, pairs: usize) -> f64 {
     (-chance.portable_ln() / pairs as f64).sqrt()
 }
 
-impl Cycle {
+impl CycleSums {
     fn take(&mut self, phase: f64, y: f64) {
         if self.count == 0.0 {
             self.first = y;
@@ -208,17 +208,17 @@ impl Cycle {
     }
 
     /// The amplitudes of the signal less its mean.
-    fn amplitudes(&self) -> [Complex; HARMONICS] {
+    fn amplitudes(&self) -> [RealAndImaginary; HARMONICS] {
         let mean = self.sum / self.count;
         std::array::from_fn(|i| plus(self.signal[i], [-mean * self.waves[i][0], -mean * self.waves[i][1]]))
     }
 }
 
-fn plus(a: Complex, b: Complex) -> Complex {
+fn plus(a: RealAndImaginary, b: RealAndImaginary) -> RealAndImaginary {
     [a[0] + b[0], a[1] + b[1]]
 }
 
-fn times(a: Complex, b: Complex) -> Complex {
+fn times(a: RealAndImaginary, b: RealAndImaginary) -> RealAndImaginary {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
 

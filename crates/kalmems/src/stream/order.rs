@@ -1,6 +1,6 @@
 //! Samples in their order, as they were taken, whatever the way has made of it.
 
-use super::decode::Sample;
+use super::decode::StreamSample;
 use std::collections::VecDeque;
 
 /// What the way has made of the samples.
@@ -24,16 +24,16 @@ pub struct OrderCounts {
 
 /// Where a sample stands: by its number where the frames count, else by its time in units of the interval.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
-enum Place {
+enum SamplePlace {
     Number(u64),
     Time(f64),
 }
 
 /// What goes on from [`Order`] to whoever takes the samples.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Ordered {
+pub enum OrderedEvent {
     /// The next sample.
-    Sample(Sample),
+    Sample(StreamSample),
     /// What comes next does not go on from what came before: so many samples, as far as that is known, are missing between, too
     /// many to stand rows for, or the clock went back.
     Restart {
@@ -67,15 +67,15 @@ pub struct OrderSettings {
 pub struct Order {
     settings: OrderSettings,
     /// Samples on the course by their place, in order.
-    held: VecDeque<(Place, Sample)>,
+    held: VecDeque<(SamplePlace, StreamSample)>,
     /// Samples far ahead of the course in order, and how many have come on the course since.
-    ahead: VecDeque<(Place, Sample)>,
+    ahead: VecDeque<(SamplePlace, StreamSample)>,
     since: usize,
     /// Samples behind the course that may be a new one.
-    behind: Vec<(Place, Sample)>,
-    passed: Option<Place>,
+    behind: Vec<(SamplePlace, StreamSample)>,
+    passed: Option<SamplePlace>,
     /// Those that were passed on last: their places, which increase, and digests of their numbers.
-    remembered: VecDeque<(Place, u64)>,
+    remembered: VecDeque<(SamplePlace, u64)>,
     counts: OrderCounts,
 }
 
@@ -109,7 +109,7 @@ impl Order {
     }
 
     /// Takes a sample; what is in order now goes to `each`.
-    pub fn take(&mut self, sample: Sample, each: &mut impl FnMut(Ordered)) {
+    pub fn take(&mut self, sample: StreamSample, each: &mut impl FnMut(OrderedEvent)) {
         let time = self.settings.time;
         if time.is_some_and(|(at, _)| !sample.numbers.get(at).is_some_and(|time| time.is_finite())) {
             self.counts.without_time += 1;
@@ -118,7 +118,7 @@ impl Order {
         let Some(place) = self.place(&sample) else {
             // Neither number nor time: as it comes.
             self.counts.passed += 1;
-            each(Ordered::Sample(sample));
+            each(OrderedEvent::Sample(sample));
             return;
         };
         if self.passed.is_some_and(|passed| !is_after(place, passed)) {
@@ -145,15 +145,15 @@ impl Order {
     }
 
     /// Says that what comes next does not go on from what came, of which nothing is waited for any more.
-    pub fn interrupt(&mut self, each: &mut impl FnMut(Ordered)) {
+    pub fn interrupt(&mut self, each: &mut impl FnMut(OrderedEvent)) {
         if self.place_is_known() {
             return;
         }
-        each(Ordered::Restart { missing: 0, back: false });
+        each(OrderedEvent::Restart { missing: 0, back: false });
     }
 
     /// Passes on what waits.
-    pub fn finish(&mut self, each: &mut impl FnMut(Ordered)) {
+    pub fn finish(&mut self, each: &mut impl FnMut(OrderedEvent)) {
         self.forget_behind();
         self.pass_held(each);
         // Several that follow each other are behind a gap; one may be damaged.
@@ -166,7 +166,7 @@ impl Order {
     }
 
     /// Takes a sample that is not after the last one that was passed on: again, too late, or of a clock that went back.
-    fn take_behind(&mut self, place: Place, sample: Sample, each: &mut impl FnMut(Ordered)) {
+    fn take_behind(&mut self, place: SamplePlace, sample: StreamSample, each: &mut impl FnMut(OrderedEvent)) {
         let again = self.passed.is_some_and(|passed| is_same(place, passed));
         if again || self.is_remembered(place, &sample) {
             self.counts.duplicated += 1;
@@ -185,7 +185,7 @@ impl Order {
         self.ahead.clear();
         self.remembered.clear();
         self.passed = None;
-        each(Ordered::Restart { missing: 0, back: true });
+        each(OrderedEvent::Restart { missing: 0, back: true });
         for (place, sample) in new {
             insert(&mut self.held, place, sample, &mut self.counts);
             self.pass_ready(each);
@@ -193,7 +193,7 @@ impl Order {
     }
 
     /// Takes a sample far ahead of the course.
-    fn take_ahead(&mut self, place: Place, sample: Sample, each: &mut impl FnMut(Ordered)) {
+    fn take_ahead(&mut self, place: SamplePlace, sample: StreamSample, each: &mut impl FnMut(OrderedEvent)) {
         if self.ahead.is_empty() {
             self.since = 0;
         }
@@ -236,7 +236,7 @@ impl Order {
         self.behind.clear();
     }
 
-    fn is_far(&self, newest: Place, place: Place) -> bool {
+    fn is_far(&self, newest: SamplePlace, place: SamplePlace) -> bool {
         missing(newest, place) > self.settings.wait as u64
     }
 
@@ -245,19 +245,19 @@ impl Order {
     }
 
     /// Whether a sample was passed on with the same numbers, not long ago.
-    fn is_remembered(&self, place: Place, sample: &Sample) -> bool {
+    fn is_remembered(&self, place: SamplePlace, sample: &StreamSample) -> bool {
         let from = self.remembered.partition_point(|(other, _)| is_after(place, *other));
         let same = self.remembered.get(from).filter(|(other, _)| is_same(place, *other));
         same.is_some_and(|(_, digest)| *digest == digest_of(sample))
     }
 
-    fn pass_ready(&mut self, each: &mut impl FnMut(Ordered)) {
+    fn pass_ready(&mut self, each: &mut impl FnMut(OrderedEvent)) {
         while self.held.len() > self.settings.wait || self.is_next() {
             self.pass(each);
         }
     }
 
-    fn pass_held(&mut self, each: &mut impl FnMut(Ordered)) {
+    fn pass_held(&mut self, each: &mut impl FnMut(OrderedEvent)) {
         while !self.held.is_empty() {
             self.pass(each);
         }
@@ -269,7 +269,7 @@ impl Order {
         missing(passed, *first) == 0
     }
 
-    fn pass(&mut self, each: &mut impl FnMut(Ordered)) {
+    fn pass(&mut self, each: &mut impl FnMut(OrderedEvent)) {
         let Some((place, sample)) = self.held.pop_front() else { return };
         if let Some(passed) = self.passed {
             let dropped = missing(passed, place);
@@ -285,49 +285,49 @@ impl Order {
             self.remembered.pop_front();
         }
         self.remembered.push_back((place, digest_of(&sample)));
-        each(Ordered::Sample(sample));
+        each(OrderedEvent::Sample(sample));
     }
 
     /// Rows without numbers for samples that are missing, if they are not too many.
-    fn stand_in(&self, missing: u64, numbers: usize, each: &mut impl FnMut(Ordered)) {
+    fn stand_in(&self, missing: u64, numbers: usize, each: &mut impl FnMut(OrderedEvent)) {
         if missing > self.settings.longest_gap {
-            each(Ordered::Restart { missing, back: false });
+            each(OrderedEvent::Restart { missing, back: false });
             return;
         }
         for _ in 0..missing {
-            each(Ordered::Sample(Sample { sequence: None, numbers: vec![f64::NAN; numbers] }));
+            each(OrderedEvent::Sample(StreamSample { sequence: None, numbers: vec![f64::NAN; numbers] }));
         }
     }
 
     /// Where a sample stands, counted on where the number begins again.
-    fn place(&self, sample: &Sample) -> Option<Place> {
+    fn place(&self, sample: &StreamSample) -> Option<SamplePlace> {
         if let (Some(number), Some(bits)) = (sample.sequence, self.settings.bits) {
             if bits >= 64 {
-                return Some(Place::Number(number));
+                return Some(SamplePlace::Number(number));
             }
             let (size, half) = (1_u64 << bits, 1_u64 << (bits - 1));
             let newest = self.held.back().map(|(place, _)| *place).or(self.passed);
-            let Some(Place::Number(before)) = newest else {
+            let Some(SamplePlace::Number(before)) = newest else {
                 // There is room before it for one that comes late.
-                return Some(Place::Number(number + size));
+                return Some(SamplePlace::Number(number + size));
             };
             // The nearest number to that before which ends with these bits.
             let ahead = number.wrapping_sub(before) & (size - 1);
             let place =
                 if ahead < half { before.wrapping_add(ahead) } else { before.saturating_sub(size - ahead) };
-            return Some(Place::Number(place));
+            return Some(SamplePlace::Number(place));
         }
         let (at, per_interval) = self.settings.time?;
         let time = sample.numbers.get(at).copied().filter(|time| time.is_finite())?;
-        Some(Place::Time(time / per_interval))
+        Some(SamplePlace::Time(time / per_interval))
     }
 }
 
 /// Puts a sample in its place, which is given; not where one is there.
 fn insert(
-    samples: &mut VecDeque<(Place, Sample)>,
-    place: Place,
-    sample: Sample,
+    samples: &mut VecDeque<(SamplePlace, StreamSample)>,
+    place: SamplePlace,
+    sample: StreamSample,
     counts: &mut OrderCounts,
 ) -> Option<usize> {
     let at = samples.partition_point(|(other, _)| is_after(place, *other));
@@ -341,30 +341,34 @@ fn insert(
 }
 
 /// A digest of a sample's numbers, by FNV's rule over their bits.
-fn digest_of(sample: &Sample) -> u64 {
+fn digest_of(sample: &StreamSample) -> u64 {
     sample.numbers.iter().fold(0xcbf2_9ce4_8422_2325, |digest: u64, number| {
         (digest ^ number.to_bits()).wrapping_mul(0x0100_0000_01b3).rotate_left(29)
     })
 }
 
-fn is_same(a: Place, b: Place) -> bool {
+fn is_same(a: SamplePlace, b: SamplePlace) -> bool {
     match (a, b) {
-        (Place::Number(a), Place::Number(b)) => a == b,
-        (Place::Time(a), Place::Time(b)) => (a - b).abs() < SAME,
+        (SamplePlace::Number(a), SamplePlace::Number(b)) => a == b,
+        (SamplePlace::Time(a), SamplePlace::Time(b)) => (a - b).abs() < SAME,
         _ => false,
     }
 }
 
-fn is_after(a: Place, b: Place) -> bool {
+fn is_after(a: SamplePlace, b: SamplePlace) -> bool {
     a > b && !is_same(a, b)
 }
 
 /// How many samples are missing between two.
-fn missing(before: Place, after: Place) -> u64 {
+fn missing(before: SamplePlace, after: SamplePlace) -> u64 {
     match (before, after) {
-        (Place::Number(before), Place::Number(after)) => after.saturating_sub(before).saturating_sub(1),
+        (SamplePlace::Number(before), SamplePlace::Number(after)) => {
+            after.saturating_sub(before).saturating_sub(1)
+        }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, saturating
-        (Place::Time(before), Place::Time(after)) => ((after - before).round() as u64).saturating_sub(1),
+        (SamplePlace::Time(before), SamplePlace::Time(after)) => {
+            ((after - before).round() as u64).saturating_sub(1)
+        }
         _ => 0,
     }
 }
@@ -374,8 +378,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn sample(number: u64) -> Sample {
-        Sample { sequence: Some(number & 0xff), numbers: vec![number as f64 * 1e-6] }
+    fn sample(number: u64) -> StreamSample {
+        StreamSample { sequence: Some(number & 0xff), numbers: vec![number as f64 * 1e-6] }
     }
 
     fn ordering(wait: usize, bits: Option<u32>) -> Order {
@@ -386,11 +390,11 @@ mod tests {
     fn run(order: &mut Order, numbers: &[u64]) -> Vec<Vec<u64>> {
         let mut out = vec![Vec::new()];
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small whole numbers
-        let mut each = |next: Ordered| match next {
-            Ordered::Sample(sample) => {
+        let mut each = |next: OrderedEvent| match next {
+            OrderedEvent::Sample(sample) => {
                 out.last_mut().unwrap().push((sample.numbers[0] * 1e6).round() as u64);
             }
-            Ordered::Restart { .. } => out.push(Vec::new()),
+            OrderedEvent::Restart { .. } => out.push(Vec::new()),
         };
         for number in numbers {
             order.take(sample(*number), &mut each);
@@ -427,7 +431,7 @@ mod tests {
         let mut begun = 0;
         for (count, number) in sent.iter().enumerate() {
             order.take(sample(*number), &mut |next| {
-                if next == (Ordered::Restart { missing: 0, back: true }) {
+                if next == (OrderedEvent::Restart { missing: 0, back: true }) {
                     assert_eq!(begun, 0);
                     begun = count;
                 }
@@ -464,11 +468,11 @@ mod tests {
             absurd(place, 1200);
         }
         let mut order = ordering(4, None);
-        let mut each = |_: Ordered| {};
+        let mut each = |_: OrderedEvent| {};
         for number in 0..100 {
             order.take(sample(number), &mut each);
             if number == 50 {
-                order.take(Sample { sequence: None, numbers: vec![1e300] }, &mut each);
+                order.take(StreamSample { sequence: None, numbers: vec![1e300] }, &mut each);
             }
         }
         order.finish(&mut each);
@@ -490,12 +494,13 @@ mod tests {
     #[test]
     fn where_the_clock_counts_rows_one_stands_for_each_that_is_missing_of_a_gap_that_is_not_too_long() {
         let settings = OrderSettings { wait: 4, bits: Some(16), time: None, longest_gap: 1000 };
-        let numbered = |number: u64| Sample { sequence: Some(number & 0xffff), numbers: vec![number as f64] };
+        let numbered =
+            |number: u64| StreamSample { sequence: Some(number & 0xffff), numbers: vec![number as f64] };
         let rows = |sent: &[u64]| {
             let (mut order, mut rows, mut missed) = (Order::new(settings), Vec::new(), Vec::new());
             let mut each = |next| match next {
-                Ordered::Sample(sample) => rows.push(sample.numbers[0].is_finite()),
-                Ordered::Restart { missing, .. } => missed.push(missing),
+                OrderedEvent::Sample(sample) => rows.push(sample.numbers[0].is_finite()),
+                OrderedEvent::Restart { missing, .. } => missed.push(missing),
             };
             for number in sent {
                 order.take(numbered(*number), &mut each);

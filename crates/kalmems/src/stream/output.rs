@@ -1,7 +1,7 @@
 //! The estimates of a stream, as lines and as frames.
 
-use crate::estimate::{Foretold, Trajectory};
-use crate::recording::Origin;
+use crate::estimate::{PredictedPhase, Trajectory};
+use crate::recording::TimeOrigin;
 use serde::Serialize;
 use std::io::{self, Write};
 
@@ -23,7 +23,7 @@ pub fn is_frames(beginning: &[u8]) -> bool {
 
 /// Where estimates and events go.
 #[derive(Default)]
-pub struct Outputs {
+pub struct StreamOutputs {
     /// Lines: estimates, events, and comments that name the columns.
     pub lines: Option<Box<dyn Write>>,
     /// Frames of estimates in binary.
@@ -33,8 +33,8 @@ pub struct Outputs {
 }
 
 /// Writes the estimates of all answers at the wanted rate.
-pub(super) struct Writer {
-    outputs: Outputs,
+pub(super) struct StreamWriter {
+    outputs: StreamOutputs,
     every: u64,
     /// Samples of each answer so far.
     samples: Vec<u64>,
@@ -43,8 +43,8 @@ pub(super) struct Writer {
     line: Vec<u8>,
 }
 
-impl Writer {
-    pub(super) fn new(outputs: Outputs, every: u64) -> Self {
+impl StreamWriter {
+    pub(super) fn new(outputs: StreamOutputs, every: u64) -> Self {
         Self {
             outputs,
             every: every.max(1),
@@ -80,7 +80,7 @@ impl Writer {
 
     /// Says once where the times of all lines and frames count from, where that is not zero: a line `origin,seconds`, and
     /// behind that the date where the clock is one of the calendar.
-    pub(super) fn origin(&mut self, origin: Option<&Origin>) -> io::Result<()> {
+    pub(super) fn origin(&mut self, origin: Option<&TimeOrigin>) -> io::Result<()> {
         let (Some(origin), false) = (origin, self.origin_told) else { return Ok(()) };
         self.origin_told = true;
         let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
@@ -144,7 +144,7 @@ impl Writer {
 
     /// Writes an event of the stream itself, in the same way and where there are no lines beside the frames.
     pub(super) fn notice(&mut self, notice: &impl Serialize) -> io::Result<()> {
-        let Outputs { lines, notices, .. } = &mut self.outputs;
+        let StreamOutputs { lines, notices, .. } = &mut self.outputs;
         let Some(output) = lines.as_mut().or(notices.as_mut()) else { return Ok(()) };
         write_events(output, None, std::slice::from_ref(notice))?;
         output.flush()
@@ -153,14 +153,14 @@ impl Writer {
     /// Writes a zero phase that is to come as a frame: [`SYNC_AHEAD`], the answer's place (u16), the number of values (u16), and
     /// these values as f64, little-endian: when it will happen, the standard deviation of that, 1 where the angle will rise
     /// and −1 where it will fall, and the time of the sample that it is told from.
-    pub(super) fn ahead(&mut self, place: usize, foretold: &Foretold) -> io::Result<()> {
+    pub(super) fn ahead(&mut self, place: usize, predicted: &PredictedPhase) -> io::Result<()> {
         let Some(frames) = &mut self.outputs.frames else { return Ok(()) };
-        let direction = if foretold.rising { 1.0 } else { -1.0 };
+        let direction = if predicted.rising { 1.0 } else { -1.0 };
         self.line.clear();
         self.line.extend_from_slice(&SYNC_AHEAD);
         self.line.extend_from_slice(&u16::try_from(place).unwrap_or(u16::MAX).to_le_bytes());
         self.line.extend_from_slice(&4_u16.to_le_bytes());
-        for value in [foretold.time_s, foretold.sd_s, direction, foretold.told_s] {
+        for value in [predicted.time_s, predicted.sd_s, direction, predicted.told_s] {
             self.line.extend_from_slice(&value.to_le_bytes());
         }
         frames.write_all(&self.line)

@@ -11,11 +11,11 @@ pub(super) struct RecentSamples {
     time: usize,
     /// How many are kept of those that were estimated.
     count: usize,
-    samples: Arc<Mutex<Samples>>,
+    samples: Arc<Mutex<SampleQueue>>,
 }
 
 #[derive(Debug, Default)]
-struct Samples {
+struct SampleQueue {
     /// The numbers of each, the newest last.
     numbers: VecDeque<Vec<f64>>,
     /// How many of them were estimated; those behind them were read ahead.
@@ -28,7 +28,7 @@ impl RecentSamples {
         Self { time, count, samples: Arc::default() }
     }
 
-    fn samples(&self) -> MutexGuard<'_, Samples> {
+    fn samples(&self) -> MutexGuard<'_, SampleQueue> {
         self.samples.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

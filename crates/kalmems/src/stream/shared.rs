@@ -8,7 +8,7 @@ use std::time::Instant;
 
 /// What has been counted on the way, as the reading thread has it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct WayCounts {
+pub struct StreamCounts {
     /// What the way has made of the samples.
     #[serde(flatten)]
     pub order: OrderCounts,
@@ -32,7 +32,7 @@ pub struct WayCounts {
 
 /// Why no more samples come, where that is not the orderly end of the stream.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Break {
+pub struct StreamEnd {
     /// Why.
     pub why: String,
     /// How many samples had been received.
@@ -43,9 +43,9 @@ pub struct Break {
 
 /// Something that happened on the way.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Notice {
+pub(super) enum StreamNotice {
     /// The connection broke, and is tried again.
-    Disconnected(Break),
+    Disconnected(StreamEnd),
     /// It is there again.
     Reconnected { attempts: u64, after_s: f64 },
     /// The clock went back between two samples, from one time in s to another where they have times.
@@ -57,13 +57,13 @@ const NOTICES: usize = 1024;
 
 /// What both threads know.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Shared(Arc<Mutex<Known>>);
+pub(super) struct Shared(Arc<Mutex<SharedState>>);
 
 #[derive(Debug, Default)]
-struct Known {
-    counts: WayCounts,
-    notices: VecDeque<Notice>,
-    broken: Option<Break>,
+struct SharedState {
+    counts: StreamCounts,
+    notices: VecDeque<StreamNotice>,
+    broken: Option<StreamEnd>,
     /// When bytes came last.
     heard: Option<Instant>,
     connected: bool,
@@ -71,12 +71,12 @@ struct Known {
 }
 
 impl Shared {
-    fn known(&self) -> MutexGuard<'_, Known> {
+    fn known(&self) -> MutexGuard<'_, SharedState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The counts as they are now.
-    pub(super) fn counts(&self) -> WayCounts {
+    pub(super) fn counts(&self) -> StreamCounts {
         self.known().counts
     }
 
@@ -84,7 +84,7 @@ impl Shared {
     pub(super) fn received(&self, order: OrderCounts, damage: Damage, passed_over: u64) {
         let mut known = self.known();
         let Damage { lines, bytes, cut_off } = damage;
-        known.counts = WayCounts {
+        known.counts = StreamCounts {
             order,
             damaged_lines: lines,
             damaged_bytes: bytes,
@@ -106,18 +106,18 @@ impl Shared {
     }
 
     /// Tells what happened.
-    pub(super) fn notice(&self, notice: Notice) {
+    pub(super) fn notice(&self, notice: StreamNotice) {
         let mut known = self.known();
         match &notice {
-            Notice::Disconnected(_) => {
+            StreamNotice::Disconnected(_) => {
                 known.counts.breaks += 1;
                 known.connected = false;
             }
-            Notice::Reconnected { .. } => {
+            StreamNotice::Reconnected { .. } => {
                 known.counts.reconnections += 1;
                 known.connected = true;
             }
-            Notice::ClockBack { .. } => known.counts.steps_back += 1,
+            StreamNotice::ClockBack { .. } => known.counts.steps_back += 1,
         }
         if known.notices.len() < NOTICES {
             known.notices.push_back(notice);
@@ -125,12 +125,12 @@ impl Shared {
     }
 
     /// What happened since the last call.
-    pub(super) fn notices(&self) -> VecDeque<Notice> {
+    pub(super) fn notices(&self) -> VecDeque<StreamNotice> {
         std::mem::take(&mut self.known().notices)
     }
 
     /// No more samples come, for this reason.
-    pub(super) fn broke(&self, broken: Break) {
+    pub(super) fn broke(&self, broken: StreamEnd) {
         let mut known = self.known();
         known.counts.breaks += 1;
         known.connected = false;
@@ -138,7 +138,7 @@ impl Shared {
     }
 
     /// Why no more samples come, where that is no orderly end.
-    pub(super) fn broken(&self) -> Option<Break> {
+    pub(super) fn broken(&self) -> Option<StreamEnd> {
         self.known().broken.clone()
     }
 

@@ -1,7 +1,7 @@
 //! What a stream keeps, so that another run can go on from it.
 
 use super::StreamError;
-use super::decode::Sample;
+use super::decode::StreamSample;
 use super::recent::RecentSamples;
 use crate::estimate::{PastState, Trajectory};
 use crate::recording;
@@ -16,7 +16,7 @@ const EVERY: Duration = Duration::from_millis(100);
 
 /// What is written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct State {
+pub(super) struct StreamState {
     /// The experiment as it was understood; another one cannot go on from it.
     experiment: String,
     /// The time of the last sample whose every answer was given, by its bits: samples up to it need not be sent again.
@@ -36,7 +36,7 @@ fn zero() -> String {
     recording::Instant::ZERO.to_string()
 }
 
-impl State {
+impl StreamState {
     /// The time of the last sample whose every answer was given, in s.
     pub(super) fn acknowledged_s(&self) -> f64 {
         f64::from_bits(self.acknowledged)
@@ -52,14 +52,14 @@ impl State {
     }
 
     /// The last samples, which the drive is interpolated through, as samples with these columns.
-    pub(super) fn samples(&self, columns: &[String]) -> Vec<Sample> {
+    pub(super) fn samples(&self, columns: &[String]) -> Vec<StreamSample> {
         let place = |name: &String| self.columns.iter().position(|own| own == name);
         let places: Vec<Option<usize>> = columns.iter().map(place).collect();
         let of = |bits: &Vec<u64>| {
             let number = |place: &Option<usize>| {
                 place.and_then(|place| bits.get(place).copied()).map_or(f64::NAN, f64::from_bits)
             };
-            Sample { sequence: None, numbers: places.iter().map(number).collect() }
+            StreamSample { sequence: None, numbers: places.iter().map(number).collect() }
         };
         self.samples.iter().map(of).collect()
     }
@@ -103,19 +103,19 @@ impl State {
 }
 
 /// Writes the state now and then.
-pub(super) struct Keeper {
+pub(super) struct StateWriter {
     path: PathBuf,
     experiment: String,
     columns: Vec<String>,
     recent: RecentSamples,
     /// States that wait until every answer of their samples is given.
-    waiting: Vec<State>,
+    waiting: Vec<StreamState>,
     /// Until when each answer is given, in s.
     given_s: Vec<f64>,
     written: Instant,
 }
 
-impl Keeper {
+impl StateWriter {
     /// Writes to this file; samples have these columns.
     pub(super) fn new(
         path: PathBuf,
@@ -156,7 +156,7 @@ impl Keeper {
             let experiment = self.experiment.clone();
             let (acknowledged, columns) = (time_s.to_bits(), self.columns.clone());
             let origin = origin.to_string();
-            self.waiting.push(State { experiment, acknowledged, past, origin, columns, samples });
+            self.waiting.push(StreamState { experiment, acknowledged, past, origin, columns, samples });
         }
         let until_s = self.given_s.iter().copied().fold(f64::INFINITY, f64::min);
         if !(ends || self.written.elapsed() >= EVERY) {

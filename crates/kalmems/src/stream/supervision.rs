@@ -1,6 +1,6 @@
 //! What is told of a stream itself while it runs: its connection, its stretches and its health.
 
-use super::shared::{Break, Notice, Shared, WayCounts};
+use super::shared::{Shared, StreamCounts, StreamEnd, StreamNotice};
 use crate::evaluate::InnovationTest;
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum StreamEvent {
     /// The connection broke, and is tried again.
-    Disconnected(Break),
+    Disconnected(StreamEnd),
     /// It is there again.
     Reconnected {
         /// How often it was tried.
@@ -56,12 +56,12 @@ pub enum StreamEvent {
     Health(Box<Health>),
 }
 
-impl From<Notice> for StreamEvent {
-    fn from(notice: Notice) -> Self {
+impl From<StreamNotice> for StreamEvent {
+    fn from(notice: StreamNotice) -> Self {
         match notice {
-            Notice::Disconnected(broken) => Self::Disconnected(broken),
-            Notice::Reconnected { attempts, after_s } => Self::Reconnected { attempts, after_s },
-            Notice::ClockBack { times_s } => Self::ClockBack {
+            StreamNotice::Disconnected(broken) => Self::Disconnected(broken),
+            StreamNotice::Reconnected { attempts, after_s } => Self::Reconnected { attempts, after_s },
+            StreamNotice::ClockBack { times_s } => Self::ClockBack {
                 from_s: times_s.map(|[from_s, _]| from_s),
                 to_s: times_s.map(|[_, to_s]| to_s),
             },
@@ -92,7 +92,7 @@ pub struct Health {
     pub stretches: u64,
     /// What was received, and what the way has made of it.
     #[serde(flatten)]
-    pub received: WayCounts,
+    pub received: StreamCounts,
     /// Whether the signal is only noise, as far as that is known.
     pub noise_only: bool,
     /// How each answer fares.

@@ -1,17 +1,17 @@
 //! Samples that arrive, as a table.
 
-use super::connection::{Connection, Link, Received};
-use super::decode::{Decoder, Sample};
-use super::latency::Arrivals;
-use super::order::{Order, OrderSettings, Ordered};
+use super::connection::{Connection, Received, RetriedConnection};
+use super::decode::{Decoder, StreamSample};
+use super::latency::ArrivalTimes;
+use super::order::{Order, OrderSettings, OrderedEvent};
 use super::recent::RecentSamples;
-use super::shared::{Break, Notice, Shared};
-use super::state::State;
+use super::shared::{Shared, StreamEnd, StreamNotice};
+use super::state::StreamState;
 use crate::config::StreamFormat;
 use crate::recording::names_a_time;
 use kalmems_formats::{
-    Block, CellFault, Column, Description, Digest, Evidence, Fault, FormatError, Instant, Table, TimeKind,
-    TimeReader, Wanted,
+    Block, CellFault, CellFinding, Column, Digest, FormatError, Instant, Table, TableDescription,
+    TableEvidence, TimeKind, TimeReader, WantedColumn,
 };
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -35,16 +35,16 @@ pub(super) struct LiveSettings {
 
 /// A table whose rows are the samples of a connection in order; a block holds what has arrived.
 pub(super) struct LiveTable {
-    link: Link,
+    link: RetriedConnection,
     piece: Box<[u8]>,
-    description: Description,
+    description: TableDescription,
     format: StreamFormat,
     decoder: Decoder,
     order: Order,
     /// Which of the numbers each column of a block is.
     wanted: Vec<usize>,
-    ready: Ready,
-    arrivals: Arrivals,
+    ready: WaitingSamples,
+    arrivals: ArrivalTimes,
     shared: Shared,
     /// Where another run is to go on from what is given.
     recent: Option<RecentSamples>,
@@ -61,8 +61,8 @@ pub(super) struct LiveTable {
 }
 
 /// Samples in order that wait to be asked for.
-struct Ready {
-    samples: VecDeque<Sample>,
+struct WaitingSamples {
+    samples: VecDeque<StreamSample>,
     /// Rows that do not go on from those before them, and how many are missing between; where no times tell it.
     breaks: VecDeque<(u64, u64)>,
     /// Rows so far, those that were given included.
@@ -73,16 +73,16 @@ struct Ready {
     shared: Shared,
 }
 
-impl Ready {
-    fn put(&mut self, next: Ordered) {
+impl WaitingSamples {
+    fn put(&mut self, next: OrderedEvent) {
         let sample = match next {
-            Ordered::Sample(sample) => sample,
-            Ordered::Restart { missing, back } => {
+            OrderedEvent::Sample(sample) => sample,
+            OrderedEvent::Restart { missing, back } => {
                 // Times tell it themselves.
                 if self.time.is_none() {
                     self.breaks.push_back((self.rows, missing));
                     if back {
-                        self.shared.notice(Notice::ClockBack { times_s: None });
+                        self.shared.notice(StreamNotice::ClockBack { times_s: None });
                     }
                 }
                 return;
@@ -93,7 +93,7 @@ impl Ready {
                 // Frames that count may have one time.
                 Some(last_s) if now_s == last_s => return self.shared.same_time(),
                 Some(last_s) if now_s < last_s => {
-                    self.shared.notice(Notice::ClockBack { times_s: Some([last_s, now_s]) });
+                    self.shared.notice(StreamNotice::ClockBack { times_s: Some([last_s, now_s]) });
                 }
                 _ => {}
             }
@@ -110,7 +110,7 @@ impl LiveTable {
         connection: Box<dyn Connection>,
         format: &StreamFormat,
         settings: &LiveSettings,
-        (arrivals, shared): (Arrivals, Shared),
+        (arrivals, shared): (ArrivalTimes, Shared),
     ) -> Self {
         let names = format.columns();
         let what = match format {
@@ -124,7 +124,7 @@ impl LiveTable {
             time: time.map(|time| (time, interval_s)),
             longest_gap,
         };
-        let ready = Ready {
+        let ready = WaitingSamples {
             samples: VecDeque::new(),
             breaks: VecDeque::new(),
             rows: 0,
@@ -133,14 +133,14 @@ impl LiveTable {
             shared: shared.clone(),
         };
         Self {
-            link: Link::new(connection, reconnect),
+            link: RetriedConnection::new(connection, reconnect),
             piece: vec![0; PIECE].into_boxed_slice(),
-            description: Description {
+            description: TableDescription {
                 format: "stream",
                 recognised: format!("{what}, as the experiment says"),
                 columns: names.iter().map(|name| Column::new(name)).collect(),
                 rows: None,
-                evidence: Evidence::Format,
+                evidence: TableEvidence::Format,
                 left_out: Vec::new(),
             },
             decoder: Decoder::new(format, &vec![0; names.len()]),
@@ -167,9 +167,9 @@ impl LiveTable {
     }
 
     /// Begins with the samples that another run left, and passes over those that it took.
-    pub(super) fn go_on(&mut self, left: &State) {
+    pub(super) fn go_on(&mut self, left: &StreamState) {
         let names: Vec<String> = self.description.columns.iter().map(|column| column.name.clone()).collect();
-        left.samples(&names).into_iter().for_each(|sample| self.ready.put(Ordered::Sample(sample)));
+        left.samples(&names).into_iter().for_each(|sample| self.ready.put(OrderedEvent::Sample(sample)));
         self.origin = Some(left.origin());
         self.taken_s = self.ready.time.map(|_| left.acknowledged_s());
     }
@@ -185,11 +185,11 @@ impl LiveTable {
             Received::Nothing => {}
             Received::Broken(why) => {
                 self.decoder.cut_off();
-                self.shared.notice(Notice::Disconnected(self.broken(why)));
+                self.shared.notice(StreamNotice::Disconnected(self.broken(why)));
             }
             Received::Again { attempts, after_s } => {
                 self.order.interrupt(&mut |next| self.ready.put(next));
-                self.shared.notice(Notice::Reconnected { attempts, after_s });
+                self.shared.notice(StreamNotice::Reconnected { attempts, after_s });
             }
             Received::Over(why) => {
                 self.shared.broke(self.broken(why));
@@ -198,7 +198,7 @@ impl LiveTable {
             Received::End => self.end(),
         }
         self.shared.received(self.order.counts(), self.decoder.damage(), self.passed_over);
-        self.arrivals.tell(self.rows + self.ready.samples.len() as u64);
+        self.arrivals.note_arrivals(self.rows + self.ready.samples.len() as u64);
         Ok(())
     }
 
@@ -226,29 +226,29 @@ impl LiveTable {
     }
 
     /// What broke, with where it did.
-    fn broken(&self, why: String) -> Break {
-        Break { why, samples: self.order.counts().passed, time_s: self.ready.last_s }
+    fn broken(&self, why: String) -> StreamEnd {
+        StreamEnd { why, samples: self.order.counts().passed, time_s: self.ready.last_s }
     }
 }
 
 impl Table for LiveTable {
-    fn description(&self) -> &Description {
+    fn description(&self) -> &TableDescription {
         &self.description
     }
 
-    fn want(&mut self, wanted: &[Wanted]) -> Result<(), FormatError> {
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
         let mut powers = vec![0; self.description.columns.len()];
         self.wanted.clear();
         for wanted in wanted {
             match *wanted {
-                Wanted::Number { column, power } => {
+                WantedColumn::Number { column, power } => {
                     self.wanted.push(column);
                     if let Some(own) = powers.get_mut(column) {
                         *own = power;
                     }
                 }
-                Wanted::Time { column, .. } => self.wanted.push(column),
-                Wanted::Label { .. } => {
+                WantedColumn::Time { column, .. } => self.wanted.push(column),
+                WantedColumn::Label { .. } => {
                     return Err(FormatError::Unsupported {
                         format: "stream",
                         what: "a column of segments".to_owned(),
@@ -259,7 +259,7 @@ impl Table for LiveTable {
             }
         }
         self.decoder = Decoder::new(&self.format, &powers);
-        if let Some((column, unit, origin)) = Wanted::time(wanted, self.description.format)? {
+        if let Some((column, unit, origin)) = WantedColumn::time(wanted, self.description.format)? {
             let origin = self.origin.or(origin);
             let times = match self.time_kind(column) {
                 Some(_) => TimeReader::of_iso(origin),
@@ -286,7 +286,7 @@ impl Table for LiveTable {
                 block.numbers[i].push(number);
                 if !number.is_finite() {
                     let (row, line) = (block.rows, self.rows + 1);
-                    let fault = CellFault { row, line, column: Some(*column), fault: Fault::Missing };
+                    let fault = CellFault { row, line, column: Some(*column), fault: CellFinding::Missing };
                     block.faults.push(fault);
                 }
             }
@@ -297,7 +297,7 @@ impl Table for LiveTable {
             }
         }
         if let Some(times) = self.decoder.times() {
-            block.tell_times(times);
+            block.set_times(times);
         }
         Ok(())
     }

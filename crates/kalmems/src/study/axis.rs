@@ -1,13 +1,13 @@
 //! What varies: the values of one key.
 
-use super::description::{AppliesTo, Grid, Normal, Spacing, Uniform, Vary};
+use super::description::{AppliesTo, GridValues, Normal, Spacing, Uniform, Vary};
 use super::seed::Draw;
-use crate::config::{Fault, Key};
-use crate::units::{Header, Unit, Value};
+use crate::config::{ConfigFault, Key};
+use crate::units::{ColumnHeader, Unit, Value};
 
 /// A key with the values that it takes.
 #[derive(Clone, Debug)]
-pub(super) struct Axis {
+pub(super) struct StudyAxis {
     /// The key in the experiment file.
     pub(super) key: Key,
     /// Its name in the results.
@@ -17,28 +17,28 @@ pub(super) struct Axis {
     /// Its unit as written; empty where it has none.
     pub(super) unit: String,
     pub(super) applies_to: AppliesTo,
-    pub(super) values: Values,
+    pub(super) values: AxisValues,
 }
 
 /// The values of a key.
 #[derive(Clone, Debug)]
-pub(super) enum Values {
+pub(super) enum AxisValues {
     /// One after the other: a dimension of the grid.
-    Listed(Vec<Setting>),
+    Listed(Vec<AxisValue>),
     /// By chance, in every run anew.
-    Drawn(Chance),
+    Drawn(RandomValues),
 }
 
 /// A distribution in the unit of its first value.
 #[derive(Clone, Debug)]
-pub(super) enum Chance {
+pub(super) enum RandomValues {
     Normal { mean: f64, sd: f64, unit: String },
     Uniform { from: f64, to: f64, unit: String },
 }
 
 /// One value that a key takes.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Setting {
+pub(super) struct AxisValue {
     /// As the experiment file would have it.
     pub(super) toml: toml::Value,
     /// As the results have it: SI where it has a unit.
@@ -49,23 +49,23 @@ pub(super) struct Setting {
 
 /// What the values of a key are.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Sort {
+enum AxisValueKind {
     Quantity(Unit),
     Number,
     Word,
 }
 
-impl Setting {
+impl AxisValue {
     /// As written.
     pub(super) fn text(&self) -> String {
         self.toml.as_str().map_or_else(|| self.toml.to_string(), str::to_owned)
     }
 }
 
-impl Axis {
+impl StudyAxis {
     /// Reads and checks a `[[vary]]` table; where it is wrong, the key below it.
-    pub(super) fn of(vary: &Vary, simulated: bool) -> Result<Self, (&'static str, Fault)> {
-        let value = |why: String| Fault::Value { why };
+    pub(super) fn of(vary: &Vary, simulated: bool) -> Result<Self, (&'static str, ConfigFault)> {
+        let value = |why: String| ConfigFault::Value { why };
         let key = Key::parse(&vary.key).ok_or_else(|| {
             let why = format!(
                 "`{}` is no key; expected names and indices, such as `recording[0].clock.rate`",
@@ -101,7 +101,7 @@ impl Axis {
                 let there = [grid.is_some(), values.is_some(), normal.is_some(), uniform.is_some()];
                 let found = known.iter().zip(there).filter(|(_, there)| *there);
                 let found = found.map(|(name, _)| (*name).to_owned()).collect();
-                return Err(("", Fault::OneOf { found, known: known.map(str::to_owned).to_vec() }));
+                return Err(("", ConfigFault::OneOf { found, known: known.map(str::to_owned).to_vec() }));
             }
         };
         let name = vary.name.as_ref().map_or_else(|| key.last().to_owned(), ToString::to_string);
@@ -110,33 +110,35 @@ impl Axis {
             return Err(("key", value(why)));
         }
         let (ending, unit) = match sort_of(&first).map_err(|fault| ("values", fault))? {
-            Sort::Quantity(unit) => (format!("_{}", ending(unit, &unit_text(&first))), unit_text(&first)),
-            Sort::Number => ("_1".to_owned(), String::new()),
-            Sort::Word => (String::new(), String::new()),
+            AxisValueKind::Quantity(unit) => {
+                (format!("_{}", ending(unit, &unit_text(&first))), unit_text(&first))
+            }
+            AxisValueKind::Number => ("_1".to_owned(), String::new()),
+            AxisValueKind::Word => (String::new(), String::new()),
         };
         Ok(Self { key, column: format!("{name}{ending}"), name, unit, applies_to, values })
     }
 
     /// The settings that are listed; one, which stands for all, where they are drawn.
-    pub(super) fn listed(&self) -> &[Setting] {
+    pub(super) fn listed(&self) -> &[AxisValue] {
         match &self.values {
-            Values::Listed(settings) => settings,
-            Values::Drawn(_) => &[],
+            AxisValues::Listed(settings) => settings,
+            AxisValues::Drawn(_) => &[],
         }
     }
 
     /// How many points of the grid this one makes of each.
     pub(super) fn points(&self) -> u64 {
         match &self.values {
-            Values::Listed(settings) => settings.len() as u64,
-            Values::Drawn(_) => 1,
+            AxisValues::Listed(settings) => settings.len() as u64,
+            AxisValues::Drawn(_) => 1,
         }
     }
 }
 
-impl Chance {
+impl RandomValues {
     /// The value of one run.
-    pub(super) fn setting(&self, draw: Draw) -> Setting {
+    pub(super) fn setting(&self, draw: Draw) -> AxisValue {
         let (number, unit) = match self {
             Self::Normal { mean, sd, unit } => (mean + sd * draw.normal(), unit),
             Self::Uniform { from, to, unit } => (from + (to - from) * draw.uniform(), unit),
@@ -145,7 +147,7 @@ impl Chance {
     }
 
     /// A value in the middle, to check the key by.
-    pub(super) fn middle(&self) -> Setting {
+    pub(super) fn middle(&self) -> AxisValue {
         match self {
             Self::Normal { mean, unit, .. } => written(*mean, unit),
             Self::Uniform { from, to, unit } => written(from.midpoint(*to), unit),
@@ -153,32 +155,32 @@ impl Chance {
     }
 }
 
-fn listed(settings: Vec<Setting>) -> (toml::Value, Values) {
+fn listed(settings: Vec<AxisValue>) -> (toml::Value, AxisValues) {
     // There is a first one: grids and lists without values are refused.
     let first = settings.first().map_or(toml::Value::Boolean(false), |setting| setting.toml.clone());
-    (first, Values::Listed(settings))
+    (first, AxisValues::Listed(settings))
 }
 
-fn list(values: &[toml::Value]) -> Result<Vec<Setting>, Fault> {
+fn list(values: &[toml::Value]) -> Result<Vec<AxisValue>, ConfigFault> {
     let Some(first) = values.first() else {
-        return Err(Fault::Value { why: "found no value; expected at least one".to_owned() });
+        return Err(ConfigFault::Value { why: "found no value; expected at least one".to_owned() });
     };
     let sort = sort_of(first)?;
     let mut settings = Vec::new();
     for value in values {
         same_sort(sort, first, value)?;
         let setting = setting(value.clone());
-        if settings.iter().any(|other: &Setting| other.cell == setting.cell) {
-            return Err(Fault::Value { why: format!("{value} stands here twice") });
+        if settings.iter().any(|other: &AxisValue| other.cell == setting.cell) {
+            return Err(ConfigFault::Value { why: format!("{value} stands here twice") });
         }
         settings.push(setting);
     }
     Ok(settings)
 }
 
-fn grid(grid: &Grid) -> Result<Vec<Setting>, Fault> {
+fn grid(grid: &GridValues) -> Result<Vec<AxisValue>, ConfigFault> {
     let (from, to, unit) = range(&grid.from, &grid.to)?;
-    let refuse = |why: String| Err(Fault::Value { why });
+    let refuse = |why: String| Err(ConfigFault::Value { why });
     if !(2..=1_000_000).contains(&grid.points) {
         return refuse(format!("`{}` points are no grid; expected 2 to 1000000", grid.points));
     }
@@ -212,34 +214,34 @@ fn grid(grid: &Grid) -> Result<Vec<Setting>, Fault> {
         .collect())
 }
 
-fn normal(normal: &Normal) -> Result<(toml::Value, Values), Fault> {
+fn normal(normal: &Normal) -> Result<(toml::Value, AxisValues), ConfigFault> {
     let (mean, sd, unit) = range(&normal.mean, &normal.sd)?;
     if sd < 0.0 {
-        return Err(Fault::Value { why: format!("the standard deviation {} is below 0", normal.sd) });
+        return Err(ConfigFault::Value { why: format!("the standard deviation {} is below 0", normal.sd) });
     }
-    Ok((normal.mean.clone(), Values::Drawn(Chance::Normal { mean, sd, unit })))
+    Ok((normal.mean.clone(), AxisValues::Drawn(RandomValues::Normal { mean, sd, unit })))
 }
 
-fn uniform(uniform: &Uniform) -> Result<(toml::Value, Values), Fault> {
+fn uniform(uniform: &Uniform) -> Result<(toml::Value, AxisValues), ConfigFault> {
     let (from, to, unit) = range(&uniform.from, &uniform.to)?;
     if from >= to {
-        return Err(Fault::Value { why: format!("{} is not below {}", uniform.from, uniform.to) });
+        return Err(ConfigFault::Value { why: format!("{} is not below {}", uniform.from, uniform.to) });
     }
-    Ok((uniform.from.clone(), Values::Drawn(Chance::Uniform { from, to, unit })))
+    Ok((uniform.from.clone(), AxisValues::Drawn(RandomValues::Uniform { from, to, unit })))
 }
 
 /// Two values of one dimension as numbers in the unit of the first.
-fn range(first: &toml::Value, second: &toml::Value) -> Result<(f64, f64, String), Fault> {
+fn range(first: &toml::Value, second: &toml::Value) -> Result<(f64, f64, String), ConfigFault> {
     let sort = sort_of(first)?;
     same_sort(sort, first, second)?;
-    if sort == Sort::Word {
+    if sort == AxisValueKind::Word {
         let why = format!("{first} is no number with a unit; between words there is nothing");
-        return Err(Fault::Value { why });
+        return Err(ConfigFault::Value { why });
     }
     let unit = unit_text(first);
     let numbers = (setting(first.clone()).number, setting(second.clone()).number);
     let (Some(from), Some(mut to)) = numbers else {
-        return Err(Fault::Value { why: format!("{first} and {second} are no numbers") });
+        return Err(ConfigFault::Value { why: format!("{first} and {second} are no numbers") });
     };
     if let (Some(a), Some(b)) = (quantity(first), quantity(second))
         && unit_text(second) != unit
@@ -247,33 +249,33 @@ fn range(first: &toml::Value, second: &toml::Value) -> Result<(f64, f64, String)
         to = b.si() / a.unit().factor();
     }
     if !(from.is_finite() && to.is_finite()) {
-        return Err(Fault::Value { why: format!("{first} and {second} are not both finite") });
+        return Err(ConfigFault::Value { why: format!("{first} and {second} are not both finite") });
     }
     Ok((from, to, unit))
 }
 
-fn same_sort(sort: Sort, first: &toml::Value, other: &toml::Value) -> Result<(), Fault> {
+fn same_sort(sort: AxisValueKind, first: &toml::Value, other: &toml::Value) -> Result<(), ConfigFault> {
     let same = match (sort, sort_of(other)?) {
-        (Sort::Quantity(a), Sort::Quantity(b)) => a.dimension() == b.dimension(),
+        (AxisValueKind::Quantity(a), AxisValueKind::Quantity(b)) => a.dimension() == b.dimension(),
         (a, b) => a == b,
     };
     if same {
         Ok(())
     } else {
-        Err(Fault::Value { why: format!("{other} is not of the same kind as {first}") })
+        Err(ConfigFault::Value { why: format!("{other} is not of the same kind as {first}") })
     }
 }
 
-fn sort_of(value: &toml::Value) -> Result<Sort, Fault> {
+fn sort_of(value: &toml::Value) -> Result<AxisValueKind, ConfigFault> {
     match value {
-        toml::Value::Integer(_) | toml::Value::Float(_) => Ok(Sort::Number),
-        toml::Value::Boolean(_) => Ok(Sort::Word),
+        toml::Value::Integer(_) | toml::Value::Float(_) => Ok(AxisValueKind::Number),
+        toml::Value::Boolean(_) => Ok(AxisValueKind::Word),
         toml::Value::String(_) => {
-            Ok(quantity(value).map_or(Sort::Word, |value| Sort::Quantity(value.unit())))
+            Ok(quantity(value).map_or(AxisValueKind::Word, |value| AxisValueKind::Quantity(value.unit())))
         }
         other => {
             let why = format!("found {}; expected text, a number, `true` or `false`", other.type_str());
-            Err(Fault::Value { why })
+            Err(ConfigFault::Value { why })
         }
     }
 }
@@ -285,7 +287,7 @@ fn quantity(value: &toml::Value) -> Option<Value> {
 /// The SI unit as a column name has it: the unit as written where that is one, so that N m stays N_m.
 fn ending(unit: Unit, text: &str) -> String {
     let same = text.replace(' ', "_").replace('^', "").replace('/', "_per_");
-    let read = Header::parse(&format!("x_{same}"));
+    let read = ColumnHeader::parse(&format!("x_{same}"));
     let is_si = |found: Unit| found.dimension() == unit.dimension() && found.factor() == 1.0;
     if read.unit.is_some_and(is_si) && read.unit_text == same { same } else { unit.si_header() }
 }
@@ -295,7 +297,7 @@ fn unit_text(value: &toml::Value) -> String {
 }
 
 /// A number in a unit, or a plain one, as a setting.
-fn written(number: f64, unit: &str) -> Setting {
+fn written(number: f64, unit: &str) -> AxisValue {
     setting(if unit.is_empty() {
         toml::Value::Float(number)
     } else {
@@ -305,7 +307,7 @@ fn written(number: f64, unit: &str) -> Setting {
 }
 
 #[allow(clippy::cast_precision_loss)] // a picture does not show it
-fn setting(toml: toml::Value) -> Setting {
+fn setting(toml: toml::Value) -> AxisValue {
     let (cell, number) = match (&toml, quantity(&toml)) {
         (_, Some(value)) => (shortest(value.si()), value.parts().0.parse().ok()),
         (toml::Value::String(word), None) => (word.clone(), None),
@@ -313,7 +315,7 @@ fn setting(toml: toml::Value) -> Setting {
         (toml::Value::Float(x), _) => (shortest(*x), Some(*x)),
         (other, _) => (other.to_string(), None),
     };
-    Setting { toml, cell, number }
+    AxisValue { toml, cell, number }
 }
 
 /// The shortest text that reads back as the same number.
@@ -325,12 +327,12 @@ fn shortest(number: f64) -> String {
 mod tests {
     use super::*;
 
-    fn axis(text: &str) -> Result<Axis, (&'static str, String)> {
+    fn axis(text: &str) -> Result<StudyAxis, (&'static str, String)> {
         let vary: Vary = toml::from_str(text).unwrap();
-        Axis::of(&vary, true).map_err(|(key, fault)| (key, fault.to_string()))
+        StudyAxis::of(&vary, true).map_err(|(key, fault)| (key, fault.to_string()))
     }
 
-    fn texts(axis: &Axis) -> Vec<String> {
+    fn texts(axis: &StudyAxis) -> Vec<String> {
         axis.listed().iter().map(|setting| setting.toml.to_string().replace('"', "")).collect()
     }
 
@@ -361,7 +363,7 @@ mod tests {
     fn a_column_has_the_unit_as_written_where_it_is_si() {
         for (unit, ending) in [("N m", "N_m"), ("kHz", "Hz"), ("rad/s", "rad_per_s"), ("%", "1")] {
             let axis = axis(&format!("key = \"x\"\nvalues = [\"2 {unit}\"]")).unwrap();
-            let read = Header::parse(&axis.column).unit.unwrap();
+            let read = ColumnHeader::parse(&axis.column).unit.unwrap();
             assert_eq!(
                 (read.dimension(), read.factor()),
                 (Unit::parse(unit).unwrap().dimension(), 1.0),

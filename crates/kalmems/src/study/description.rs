@@ -13,7 +13,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[allow(clippy::struct_field_names)] // the file's own words
-pub(super) struct Description {
+pub(super) struct StudyDescription {
     /// A name; results go to a folder of this name unless another is given.
     pub(super) name: Name,
     /// What the study is about, in free text.
@@ -39,7 +39,7 @@ pub(super) struct Description {
     pub(super) vary: Vec<Vary>,
     /// The pictures that are wanted.
     #[serde(default)]
-    pub(super) figure: Vec<Picture>,
+    pub(super) figure: Vec<StudyPicture>,
 }
 
 /// One key that varies: over a grid, a list, or by chance.
@@ -60,7 +60,7 @@ pub(super) struct Vary {
     pub(super) applies_to: Option<AppliesTo>,
     /// Equidistant values.
     #[serde(default)]
-    pub(super) grid: Option<Grid>,
+    pub(super) grid: Option<GridValues>,
     /// A list of values.
     #[serde(default)]
     #[schemars(with = "Option<Vec<Value>>")]
@@ -88,7 +88,7 @@ pub(super) enum AppliesTo {
 /// Values from one to another.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Grid {
+pub(super) struct GridValues {
     /// The first.
     #[schemars(with = "NumberOrText", example = &"31.1 kHz")]
     pub(super) from: toml::Value,
@@ -134,7 +134,7 @@ impl JsonSchema for NumberOrText {
 
 /// The JSON schema of a study file: for editors, and for checking a file without this program.
 pub fn schema() -> Value {
-    schema_of::<Description>("A kalmems study")
+    schema_of::<StudyDescription>("A kalmems study")
 }
 
 /// A normal distribution.
@@ -164,7 +164,7 @@ pub(super) struct Uniform {
 /// A figure of the results against a parameter.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Picture {
+pub(super) struct StudyPicture {
     /// The column of the results, such as `errors.angle.rmse_deg`.
     #[schemars(example = &"errors.angle.rmse_deg")]
     pub(super) metric: String,

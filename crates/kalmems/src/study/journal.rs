@@ -1,14 +1,14 @@
 //! What the journal of a study holds: which study it is, and a line for each finished run.
 
-use super::calibration::Judged;
-use super::{Plan, Shard};
-use crate::journal::{self, Work, kind};
-use crate::rows::Row;
+use super::calibration::RunClaims;
+use super::{Shard, StudyPlan};
+use crate::journal::{self, JournalWork, kind};
+use crate::rows::ResultRow;
 use serde::{Deserialize, Serialize};
 
 /// The first line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Header {
+pub(super) struct JournalHeader {
     /// What kind of file it is.
     kalmems: String,
     /// The version of the program.
@@ -30,22 +30,22 @@ pub(super) struct Header {
 
 /// A finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Finished {
+pub(super) struct FinishedRun {
     pub(super) run: u64,
     /// Why it has no rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) error: Option<String>,
-    pub(super) rows: Vec<Row>,
+    pub(super) rows: Vec<ResultRow>,
     /// What it says of the claims of its filters, in a calibration.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(super) judged: Vec<Judged>,
+    pub(super) judged: Vec<RunClaims>,
 }
 
-/// Finished runs by their index.
-pub(super) type Runs = journal::Pieces<Header>;
+/// FinishedRun runs by their index.
+pub(super) type FinishedRuns = journal::JournalPieces<JournalHeader>;
 
-impl Header {
-    pub(super) fn of(plan: &Plan, digest: String, shard: Shard) -> Self {
+impl JournalHeader {
+    pub(super) fn of(plan: &StudyPlan, digest: String, shard: Shard) -> Self {
         Self {
             kalmems: kind::<Self>(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -70,8 +70,8 @@ impl Header {
     }
 }
 
-impl Work for Header {
-    type Piece = Finished;
+impl JournalWork for JournalHeader {
+    type Piece = FinishedRun;
     type Key = u64;
     const NAME: &'static str = "study";
 
@@ -85,8 +85,8 @@ impl Work for Header {
         })
     }
 
-    fn key(&self, finished: &Finished) -> Result<u64, String> {
-        let Finished { run, .. } = *finished;
+    fn key(&self, finished: &FinishedRun) -> Result<u64, String> {
+        let FinishedRun { run, .. } = *finished;
         if run < self.runs { Ok(run) } else { Err(format!("run {run} of {}", self.runs)) }
     }
 

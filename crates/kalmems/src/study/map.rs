@@ -1,16 +1,16 @@
 //! A figure of the results over two things that vary, in colours.
 
-use super::Plan;
-use super::axis::Axis;
+use super::StudyPlan;
+use super::axis::StudyAxis;
 use super::pictures::{axis, name};
 use super::spread::{groups, spreads};
-use crate::table::Table;
+use crate::table::TidyTable;
 use kalmems_core::Portable;
-use kalmems_figures::{self, Grid, Panel, Scale, Series};
+use kalmems_figures::{self, AxisScale, MapGrid, Panel, Series};
 use std::collections::BTreeMap;
 
 /// What a map shows.
-pub(super) struct Map {
+pub(super) struct StudyMap {
     /// The places of what varies to the right and upwards.
     pub(super) places: [usize; 2],
     /// What is shown in colours.
@@ -20,7 +20,12 @@ pub(super) struct Map {
 }
 
 /// A panel with the medians for each estimator and segment.
-pub(super) fn panels(plan: &Plan, table: &Table, column: usize, map: &Map) -> Result<Vec<Panel>, String> {
+pub(super) fn panels(
+    plan: &StudyPlan,
+    table: &TidyTable,
+    column: usize,
+    map: &StudyMap,
+) -> Result<Vec<Panel>, String> {
     let [across, upwards] = map.places;
     if across == upwards {
         return Err("`against` and `over` are the same; a map needs two that vary".to_owned());
@@ -44,7 +49,7 @@ pub(super) fn panels(plan: &Plan, table: &Table, column: usize, map: &Map) -> Re
         }
     }
     let mut colours = map.value.clone();
-    if colours.scale == Scale::Log {
+    if colours.scale == AxisScale::Log {
         let unit = kalmems_figures::unit_sign(&colours.unit);
         let unit = if unit.is_empty() { String::new() } else { format!(" / {unit}") };
         colours = kalmems_figures::Axis::new(format!("log10({}{unit})", colours.label), "");
@@ -54,7 +59,7 @@ pub(super) fn panels(plan: &Plan, table: &Table, column: usize, map: &Map) -> Re
         let level = map.level.map_or(lowest, |level| shown(level, map.value.scale));
         let who = name(&groups, &groups[group]);
         let label = map.level.map_or_else(String::new, |level| format!("{} is {level}", map.value.label));
-        let grid = Grid { x: x.clone(), y: y.clone(), values, colours: colours.clone(), level };
+        let grid = MapGrid { x: x.clone(), y: y.clone(), values, colours: colours.clone(), level };
         let mut right = axis(plan, across);
         if groups.len() > 1 {
             right.label = format!("{}, {who}", right.label);
@@ -65,15 +70,15 @@ pub(super) fn panels(plan: &Plan, table: &Table, column: usize, map: &Map) -> Re
 }
 
 /// As the colours have it; what has no logarithm leaves its cell empty.
-fn shown(value: f64, scale: Scale) -> f64 {
+fn shown(value: f64, scale: AxisScale) -> f64 {
     match scale {
-        Scale::Linear => value,
-        Scale::Log => value.portable_log10(),
+        AxisScale::Linear => value,
+        AxisScale::Log => value.portable_log10(),
     }
 }
 
 /// The values that a key takes, rising.
-fn numbers(axis: &Axis) -> Result<Vec<f64>, String> {
+fn numbers(axis: &StudyAxis) -> Result<Vec<f64>, String> {
     let mut numbers = Vec::new();
     for setting in axis.listed() {
         let Some(number) = setting.number else {

@@ -4,7 +4,7 @@
 //! the truth and what the filters are told, and how often each point is repeated with noise of its own. Each run is a
 //! simulation and an estimate of it, or, where the experiment has no `[simulate]`, an estimate of its recordings.
 //!
-//! [`Plan::calibration`] draws the truth of each run from what the filters hold as uncertain, and asks of all runs together whether
+//! [`StudyPlan::calibration`] draws the truth of each run from what the filters hold as uncertain, and asks of all runs together whether
 //! what they claim holds.
 //!
 //! A finished run is a line of a journal, so that an interruption loses nothing, and its figures follow from the study
@@ -13,7 +13,7 @@
 //! ```
 //! use kalmems::progress::Silent;
 //! use kalmems::results::Output;
-//! use kalmems::study::{Options, Plan, Shard};
+//! use kalmems::study::{StudyOptions, StudyPlan, Shard};
 //! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
 //! # let folder = tempfile::tempdir()?;
 //! # let simulation = std::fs::read_to_string(root.join("examples/shared_scanner/simulation.toml"))?
@@ -29,8 +29,8 @@
 //!     key = "simulate.start.angle"
 //!     values = ["0.01 rad", "0.05 rad"]
 //! "#)?;
-//! let plan = Plan::load(kalmems::rigs::published(), &file)?;
-//! let all = Options { shard: Shard::WHOLE, threads: None, force: false };
+//! let plan = StudyPlan::load(kalmems::rigs::published(), &file)?;
+//! let all = StudyOptions { shard: Shard::WHOLE, threads: None, force: false };
 //! let progressed = plan.run_all(&out, all, &Silent)?;
 //! let output = Output::begin(&out, &plan.work())?;
 //! let summary = plan.write_results(&[progressed.journal], &output)?;
@@ -57,12 +57,12 @@ mod table;
 
 pub use crate::journal::JournalError;
 pub use calibration::{
-    CalibrationSummary, ClaimCalibration, FilterCalibration, Finding, GradeCount, Level, Share, TestCount,
-    Uniformity,
+    ClaimCalibration, ClaimFinding, CoverageLevel, FilterCalibration, GradeCount, Share,
+    StudyCalibrationSummary, TestCount, Uniformity,
 };
 pub use description::schema;
 pub use error::StudyError;
-pub use plan::Plan;
+pub use plan::StudyPlan;
 pub use results::{Failures, Summary};
-pub use run::{Options, Progressed};
+pub use run::{StudyOptions, StudyProgress};
 pub use shard::Shard;

@@ -1,20 +1,20 @@
 //! The pictures of a study: a figure of the results against what varies.
 
-use super::Plan;
-use super::axis::{Setting, Values};
-use super::description::{Picture, Spacing};
-use super::map::{self, Map};
-use super::spread::{Group, groups, spreads};
-use crate::table::{Table, number};
-use crate::units::{Header, Value};
-use kalmems_figures::{self, Figure, Panel, Role, Series};
+use super::StudyPlan;
+use super::axis::{AxisValue, AxisValues};
+use super::description::{Spacing, StudyPicture};
+use super::map::{self, StudyMap};
+use super::spread::{RowGroup, groups, spreads};
+use crate::table::{TidyTable, number};
+use crate::units::{ColumnHeader, Value};
+use kalmems_figures::{self, Figure, Panel, Series, SeriesRole};
 use std::collections::BTreeMap;
 
 /// The most series that a picture can tell apart.
 const MOST: usize = 8;
 
 /// The pictures that the study file asks for, and what is wrong with those that are not there.
-pub(super) fn pictures(plan: &Plan, table: &Table) -> (Vec<Figure>, Vec<String>) {
+pub(super) fn pictures(plan: &StudyPlan, table: &TidyTable) -> (Vec<Figure>, Vec<String>) {
     let (mut figures, mut notes) = (Vec::new(), Vec::new());
     for (i, picture) in plan.description.figure.iter().enumerate() {
         match one(plan, table, picture, i) {
@@ -25,14 +25,14 @@ pub(super) fn pictures(plan: &Plan, table: &Table) -> (Vec<Figure>, Vec<String>)
     (figures, notes)
 }
 
-fn one(plan: &Plan, table: &Table, picture: &Picture, index: usize) -> Result<Figure, String> {
+fn one(plan: &StudyPlan, table: &TidyTable, picture: &StudyPicture, index: usize) -> Result<Figure, String> {
     let column = figure_column(table, &picture.metric)?;
     let place_of = |name: &str| plan.axes.iter().position(|axis| axis.name == name);
     let place = picture.against.as_deref().map_or(Some(0), place_of);
     let Some(place) = place.filter(|place| *place < plan.axes.len()) else {
         return Err("there is nothing to draw it against".to_owned());
     };
-    let header = Header::parse(&picture.metric);
+    let header = ColumnHeader::parse(&picture.metric);
     let label = picture.label.clone().unwrap_or_else(|| {
         let name = picture.metric.strip_suffix(&format!("_{}", header.unit_text)).unwrap_or(&picture.metric);
         let words: Vec<&str> = name.split(['.', '_']).filter(|word| *word != "errors").collect();
@@ -44,9 +44,12 @@ fn one(plan: &Plan, table: &Table, picture: &Picture, index: usize) -> Result<Fi
     }
     let over = picture.over.as_deref().and_then(place_of);
     let panels = match over {
-        Some(over) => {
-            map::panels(plan, table, column, &Map { places: [place, over], value, level: picture.level })?
-        }
+        Some(over) => map::panels(
+            plan,
+            table,
+            column,
+            &StudyMap { places: [place, over], value, level: picture.level },
+        )?,
         None => vec![lines(plan, table, column, place, value)?],
     };
     if panels.is_empty() {
@@ -63,15 +66,15 @@ fn one(plan: &Plan, table: &Table, picture: &Picture, index: usize) -> Result<Fi
 
 /// Lines over one axis, or points where its values are drawn by chance.
 fn lines(
-    plan: &Plan,
-    table: &Table,
+    plan: &StudyPlan,
+    table: &TidyTable,
     column: usize,
     place: usize,
     y: kalmems_figures::Axis,
 ) -> Result<Panel, String> {
     let series = match plan.axes[place].values {
-        Values::Listed(_) => over_grid(plan, table, column, place)?,
-        Values::Drawn(_) => over_draws(plan, table, column, place),
+        AxisValues::Listed(_) => over_grid(plan, table, column, place)?,
+        AxisValues::Drawn(_) => over_draws(plan, table, column, place),
     };
     if series.is_empty() {
         return Err(format!("no run has a number for `{}`", table.columns[column]));
@@ -80,26 +83,26 @@ fn lines(
 }
 
 /// What varies, along an axis of a picture.
-pub(super) fn axis(plan: &Plan, place: usize) -> kalmems_figures::Axis {
+pub(super) fn axis(plan: &StudyPlan, place: usize) -> kalmems_figures::Axis {
     let varied = &plan.axes[place];
     let axis = kalmems_figures::Axis::new(varied.name.replace('_', " "), varied.unit.clone());
     let grid = plan.description.vary.get(place).and_then(|vary| vary.grid.as_ref());
     if grid.is_some_and(|grid| grid.spacing == Spacing::Log) { axis.log() } else { axis }
 }
 
-fn figure_column(table: &Table, name: &str) -> Result<usize, String> {
+fn figure_column(table: &TidyTable, name: &str) -> Result<usize, String> {
     let numbers = || (table.before..table.columns.len()).filter(|column| table.is_number(*column));
     if let Some(column) = numbers().find(|column| table.columns[*column] == name) {
         return Ok(column);
     }
     let known: Vec<&str> = numbers().map(|column| table.columns[column].as_str()).collect();
-    let fault = crate::config::Fault::unknown_word(name, known);
+    let fault = crate::config::ConfigFault::unknown_word(name, known);
     Err(format!("{fault}; the runs need not be made again for a figure"))
 }
 
-fn caption(plan: &Plan, table: &Table, place: usize, over: Option<usize>) -> String {
+fn caption(plan: &StudyPlan, table: &TidyTable, place: usize, over: Option<usize>) -> String {
     let repeats = plan.description.repeats;
-    let mut caption = if matches!(plan.axes[place].values, Values::Drawn(_)) {
+    let mut caption = if matches!(plan.axes[place].values, AxisValues::Drawn(_)) {
         "One point for each run.".to_owned()
     } else if repeats > 1 && over.is_some() {
         format!("Colours: medians of {repeats} runs with noise of their own.")
@@ -120,7 +123,12 @@ fn caption(plan: &Plan, table: &Table, place: usize, over: Option<usize>) -> Str
 }
 
 /// The median over the repeats with its band, one line for each estimator and value of the other axes.
-fn over_grid(plan: &Plan, table: &Table, column: usize, place: usize) -> Result<Vec<Series>, String> {
+fn over_grid(
+    plan: &StudyPlan,
+    table: &TidyTable,
+    column: usize,
+    place: usize,
+) -> Result<Vec<Series>, String> {
     let (groups, _) = groups(table);
     let others: Vec<usize> = plan.grid().map(|(i, _)| i).filter(|i| *i != place).collect();
     // By group, then by the point of the first value of this axis: x, median, lowest and highest.
@@ -148,16 +156,16 @@ fn over_grid(plan: &Plan, table: &Table, column: usize, place: usize) -> Result<
             let axis = &plan.axes[*other];
             label += &format!(", {} {}", axis.name.replace('_', " "), value(&axis.listed()[position]));
         }
-        series.push(Series::line(label, Role::Other, points.iter().map(|p| (p[0], p[1]))));
+        series.push(Series::line(label, SeriesRole::Other, points.iter().map(|p| (p[0], p[1]))));
         if plan.description.repeats > 1 {
-            series.push(Series::band("", Role::Other, points.iter().map(|p| (p[0], p[2], p[3]))));
+            series.push(Series::band("", SeriesRole::Other, points.iter().map(|p| (p[0], p[2], p[3]))));
         }
     }
     Ok(series)
 }
 
 /// As written, with the unit as the axes have it.
-fn value(setting: &Setting) -> String {
+fn value(setting: &AxisValue) -> String {
     let text = setting.text();
     match Value::parse(&text) {
         Ok(value) => {
@@ -168,7 +176,7 @@ fn value(setting: &Setting) -> String {
 }
 
 /// A point for each run.
-fn over_draws(plan: &Plan, table: &Table, column: usize, place: usize) -> Vec<Series> {
+fn over_draws(plan: &StudyPlan, table: &TidyTable, column: usize, place: usize) -> Vec<Series> {
     let (groups, of_rows) = groups(table);
     let mut points: BTreeMap<usize, Vec<(f64, f64)>> = BTreeMap::new();
     for (line, group) in table.rows.iter().zip(of_rows) {
@@ -179,13 +187,13 @@ fn over_draws(plan: &Plan, table: &Table, column: usize, place: usize) -> Vec<Se
     }
     let series = points.into_iter().map(|(group, mut points)| {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Series::points(name(&groups, &groups[group]), Role::Other, points)
+        Series::points(name(&groups, &groups[group]), SeriesRole::Other, points)
     });
     series.collect()
 }
 
 /// The estimator's name, with recording and segment where there are several, and its key where others share the name.
-pub(super) fn name(groups: &[Group], group: &Group) -> String {
+pub(super) fn name(groups: &[RowGroup], group: &RowGroup) -> String {
     let mut parts = Vec::new();
     if groups.iter().any(|other| other.recording != group.recording) {
         parts.push(group.recording.as_str());

@@ -1,12 +1,12 @@
 //! What a study is to run: its file and the experiment's, read, checked and numbered.
 
 use super::StudyError;
-use super::axis::{Axis, Setting, Values};
-use super::calibration::{Drawn, Groups};
-use super::description::{AppliesTo, Description};
+use super::axis::{AxisValue, AxisValues, StudyAxis};
+use super::calibration::{DrawnDeviation, Groups};
+use super::description::{AppliesTo, StudyDescription};
 use super::error::RunError;
 use super::seed::{self, Draw};
-use crate::config::{ConfigError, Experiment, Fault, Key, Source, read_source};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, Source, read_source};
 use crate::config::{absent, put};
 use crate::journal::{digest_of, hex};
 use crate::results::Work;
@@ -37,11 +37,11 @@ const FORMAT: u32 = 2;
 
 /// A study, ready to run.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct StudyPlan {
     pub(super) workbench: Workbench,
     pub(super) source: Source,
-    pub(super) description: Description,
-    pub(super) axes: Vec<Axis>,
+    pub(super) description: StudyDescription,
+    pub(super) axes: Vec<StudyAxis>,
     pub(super) experiment: Source,
     pub(super) document: Table,
     pub(super) truth: Vec<(Key, toml::Value)>,
@@ -52,25 +52,25 @@ pub struct Plan {
 
 /// One run: a point of the grid, once.
 #[derive(Clone, Debug)]
-pub(super) struct Run {
+pub(super) struct StudyRun {
     pub(super) index: u64,
     /// The point of the grid; the key that varies last goes fastest, and the groups of filters of a calibration still faster.
     pub(super) point: u64,
     pub(super) repeat: u64,
     pub(super) seed: u64,
     /// One per axis.
-    pub(super) settings: Vec<Setting>,
+    pub(super) settings: Vec<AxisValue>,
 }
 
 /// What a run starts from.
-pub(super) enum Ready {
+pub(super) enum RunStart {
     /// What is simulated, and what the filters are told.
     Simulated(Box<dyn Simulation>, Box<Experiment>),
     /// What the filters are told of a recording that is there.
     Recorded(Box<Experiment>),
 }
 
-impl Plan {
+impl StudyPlan {
     /// Reads a study file and the experiment file that it names.
     pub fn load(workbench: &Workbench, path: &Path) -> Result<Self, StudyError> {
         let source = Source::load(path)?;
@@ -80,15 +80,15 @@ impl Plan {
 
     /// The experiment file that a study file names.
     pub(super) fn experiment_of(source: &Source, path: &Path) -> Result<Source, StudyError> {
-        let description: Description = read_source(source)?;
+        let description: StudyDescription = read_source(source)?;
         let file = path.parent().unwrap_or(Path::new("")).join(&description.experiment);
         let experiment = Source::load(&file).map_err(|e| match e.fault {
-            Fault::NotFound => {
+            ConfigFault::NotFound => {
                 let why = format!(
                     "there is no file `{}`; give its path from the folder of the study",
                     file.display()
                 );
-                source.error_at(Key::from("experiment"), Fault::Value { why })
+                source.error_at(Key::from("experiment"), ConfigFault::Value { why })
             }
             _ => e,
         })?;
@@ -123,18 +123,19 @@ impl Plan {
         experiment: Source,
         calibration: Option<u64>,
     ) -> Result<Self, StudyError> {
-        let mut description: Description = read_source(&source)?;
+        let mut description: StudyDescription = read_source(&source)?;
         description.repeats = calibration.unwrap_or(description.repeats);
         // The reader of experiments says better what is wrong with one.
         let simulated = workbench.parse(&experiment.text, &experiment.path)?.simulate.is_some();
         let document: Table = experiment.text.parse().map_err(|e: toml::de::Error| {
             let why = e.message().to_owned();
-            experiment.error_at(Key::default(), Fault::Syntax { column: 1, why })
+            experiment.error_at(Key::default(), ConfigFault::Syntax { column: 1, why })
         })?;
         let mut axes = Vec::new();
         for (i, vary) in description.vary.iter().enumerate() {
             axes.push(
-                Axis::of(vary, simulated).map_err(|(name, fault)| source.error_at(at(i, name), fault))?,
+                StudyAxis::of(vary, simulated)
+                    .map_err(|(name, fault)| source.error_at(at(i, name), fault))?,
             );
         }
         let mut truth = Vec::new();
@@ -143,7 +144,7 @@ impl Plan {
                 let why = format!(
                     "`{text}` is no key; expected names and indices, such as `recording[0].clock.rate`"
                 );
-                source.error_at(Key::from("truth").child(text), Fault::Value { why })
+                source.error_at(Key::from("truth").child(text), ConfigFault::Value { why })
             })?;
             truth.push((key, value.clone()));
             Ok(())
@@ -175,7 +176,7 @@ impl Plan {
 
     /// Points of the grid, each once for each group of filters of a calibration.
     pub fn points(&self) -> u64 {
-        self.axes.iter().map(Axis::points).fold(self.groups_at_a_point(), u64::saturating_mul)
+        self.axes.iter().map(StudyAxis::points).fold(self.groups_at_a_point(), u64::saturating_mul)
     }
 
     /// Runs: each point of the grid once for each repeat.
@@ -183,33 +184,33 @@ impl Plan {
         self.points().saturating_mul(self.description.repeats)
     }
 
-    pub(super) fn refuse(&self, key: Key, fault: Fault) -> ConfigError {
+    pub(super) fn refuse(&self, key: Key, fault: ConfigFault) -> ConfigError {
         self.source.error_at(key, fault)
     }
 
     /// A run by its index.
-    pub(super) fn run(&self, index: u64) -> Run {
+    pub(super) fn run(&self, index: u64) -> StudyRun {
         let seed = self.description.seed;
         let (point, repeat) = (index / self.description.repeats, index % self.description.repeats);
         let mut rest = point / self.groups_at_a_point();
-        let mut settings: Vec<Setting> = Vec::with_capacity(self.axes.len());
+        let mut settings: Vec<AxisValue> = Vec::with_capacity(self.axes.len());
         for (i, axis) in self.axes.iter().enumerate().rev() {
             settings.push(match &axis.values {
-                Values::Listed(listed) => {
+                AxisValues::Listed(listed) => {
                     let place = usize::try_from(rest % axis.points()).unwrap_or(0);
                     rest /= axis.points();
                     listed[place].clone()
                 }
-                Values::Drawn(chance) => chance.setting(Draw::of(seed, index, i)),
+                AxisValues::Drawn(chance) => chance.setting(Draw::of(seed, index, i)),
             });
         }
         settings.reverse();
-        Run { index, point, repeat, seed: seed::noise(seed, index), settings }
+        StudyRun { index, point, repeat, seed: seed::noise(seed, index), settings }
     }
 
     /// What a run starts from, and what was drawn for it of what its filters hold as uncertain.
-    pub(super) fn ready(&self, run: &Run) -> Result<(Ready, Vec<Drawn>), RunError> {
-        let settings: Vec<Option<&Setting>> = run.settings.iter().map(Some).collect();
+    pub(super) fn ready(&self, run: &StudyRun) -> Result<(RunStart, Vec<DrawnDeviation>), RunError> {
+        let settings: Vec<Option<&AxisValue>> = run.settings.iter().map(Some).collect();
         match &self.calibration {
             None => Ok((self.ready_with(&settings, run.seed)?, Vec::new())),
             Some(groups) => self.ready_drawn(groups, run, &settings),
@@ -230,12 +231,12 @@ impl Plan {
         let ready = self.ready_with(&base, 0).map_err(|e| self.without_line(e))?;
         let mut hash = Sha256::new();
         match ready {
-            Ready::Simulated(simulation, _) => {
+            RunStart::Simulated(simulation, _) => {
                 for source in simulation.sources() {
                     hash.update(&source.sha256);
                 }
             }
-            Ready::Recorded(told) => {
+            RunStart::Recorded(told) => {
                 let rig = self.workbench.rig(&told)?;
                 for index in rig.wanted(&told)? {
                     let described = told.recording(index)?;
@@ -282,34 +283,34 @@ impl Plan {
     }
 
     /// The axes of the grid: those whose values are listed.
-    pub(super) fn grid(&self) -> impl Iterator<Item = (usize, &Axis)> {
-        self.axes.iter().enumerate().filter(|(_, axis)| matches!(axis.values, Values::Listed(_)))
+    pub(super) fn grid(&self) -> impl Iterator<Item = (usize, &StudyAxis)> {
+        self.axes.iter().enumerate().filter(|(_, axis)| matches!(axis.values, AxisValues::Listed(_)))
     }
 
-    fn ready_with(&self, settings: &[Option<&Setting>], seed: u64) -> Result<Ready, RunError> {
+    fn ready_with(&self, settings: &[Option<&AxisValue>], seed: u64) -> Result<RunStart, RunError> {
         let told = self.read(&self.patched(&[], settings, AppliesTo::Told, None)?)?;
         if !self.simulated {
             let rig = self.workbench.rig(&told)?;
             rig.wanted(&told)?;
-            return Ok(Ready::Recorded(Box::new(told)));
+            return Ok(RunStart::Recorded(Box::new(told)));
         }
         let truth = self.read(&self.patched(&self.truth, settings, AppliesTo::Truth, Some(seed))?)?;
         self.simulation(&truth, &told)
     }
 
     /// A run on a simulation of the truth, with filters that are told something.
-    pub(super) fn simulation(&self, truth: &Experiment, told: &Experiment) -> Result<Ready, RunError> {
+    pub(super) fn simulation(&self, truth: &Experiment, told: &Experiment) -> Result<RunStart, RunError> {
         let simulation = self.workbench.rig(truth)?.simulate(truth)?;
         let told = described(told, &*simulation);
         self.workbench.rig(&told)?.wanted(&told)?;
-        Ok(Ready::Simulated(simulation, Box::new(told)))
+        Ok(RunStart::Simulated(simulation, Box::new(told)))
     }
 
     /// The experiment file with what the study has in its place.
     pub(super) fn patched(
         &self,
         truth: &[(Key, toml::Value)],
-        settings: &[Option<&Setting>],
+        settings: &[Option<&AxisValue>],
         side: AppliesTo,
         seed: Option<u64>,
     ) -> Result<Table, ConfigError> {
@@ -353,7 +354,7 @@ impl Plan {
             error => {
                 let (key, fault) = match error.config() {
                     Some(e) => (e.place.key.clone(), e.fault.clone()),
-                    None => (Key::default(), Fault::Value { why: error.to_string() }),
+                    None => (Key::default(), ConfigFault::Value { why: error.to_string() }),
                 };
                 self.experiment.error(key, None, fault).into()
             }
@@ -361,17 +362,17 @@ impl Plan {
     }
 
     fn check_names(&self) -> Result<(), ConfigError> {
-        let refuse = |key, why: String| Err(self.refuse(key, Fault::Value { why }));
+        let refuse = |key, why: String| Err(self.refuse(key, ConfigFault::Value { why }));
         if self.axes.is_empty() && self.calibration.is_none() {
             let remedy = "add a table headed `[[vary]]`, with double brackets".to_owned();
-            return Err(self.refuse(Key::from("vary"), Fault::MissingKey { remedy }));
+            return Err(self.refuse(Key::from("vary"), ConfigFault::MissingKey { remedy }));
         }
         if !self.truth.is_empty() && !self.simulated {
             let why =
                 "the experiment has no `[simulate]`: the truth of its recordings is what it is".to_owned();
             return refuse(Key::from("truth"), why);
         }
-        let drawn = self.axes.iter().any(|axis| matches!(axis.values, Values::Drawn(_)));
+        let drawn = self.axes.iter().any(|axis| matches!(axis.values, AxisValues::Drawn(_)));
         if self.description.repeats > 1 && !self.simulated && !drawn {
             let why =
                 "the experiment has no `[simulate]` and nothing is drawn: all repeats would be the same"
@@ -403,7 +404,7 @@ impl Plan {
                 {
                     let known = self.axes.iter().map(|axis| axis.name.as_str());
                     let key = Key::from("figure").index(i).child(word);
-                    return Err(self.refuse(key, Fault::unknown_word(name, known)));
+                    return Err(self.refuse(key, ConfigFault::unknown_word(name, known)));
                 }
             }
         }
@@ -412,12 +413,12 @@ impl Plan {
 
     /// No key may be set twice on the same side.
     fn check_keys(&self) -> Result<(), ConfigError> {
-        let touches = |axis: &Axis, side| axis.applies_to == AppliesTo::Both || axis.applies_to == side;
+        let touches = |axis: &StudyAxis, side| axis.applies_to == AppliesTo::Both || axis.applies_to == side;
         for (i, axis) in self.axes.iter().enumerate() {
             if touches(axis, AppliesTo::Truth) && self.truth.iter().any(|(key, _)| *key == axis.key) {
                 let why =
                     "the key stands in `[truth]` already; write `applies_to = \"told\"`, or remove it there";
-                return Err(self.refuse(at(i, "key"), Fault::Value { why: why.to_owned() }));
+                return Err(self.refuse(at(i, "key"), ConfigFault::Value { why: why.to_owned() }));
             }
             let clash = self.axes.iter().take(i).any(|other| {
                 let both = |side| touches(axis, side) && touches(other, side);
@@ -426,7 +427,7 @@ impl Plan {
             if clash {
                 let why =
                     "the key is varied already; one of both may apply to `truth` and the other to `told`";
-                return Err(self.refuse(at(i, "key"), Fault::Value { why: why.to_owned() }));
+                return Err(self.refuse(at(i, "key"), ConfigFault::Value { why: why.to_owned() }));
             }
         }
         Ok(())
@@ -446,13 +447,13 @@ impl Plan {
         }
         for (i, axis) in self.axes.iter().enumerate() {
             let drawn;
-            let (name, settings): (_, Vec<&Setting>) = match &axis.values {
+            let (name, settings): (_, Vec<&AxisValue>) = match &axis.values {
                 // What lies between the ends of a grid is of their kind.
-                Values::Listed(listed) if self.description.vary[i].grid.is_some() => {
+                AxisValues::Listed(listed) if self.description.vary[i].grid.is_some() => {
                     ("grid", listed.first().into_iter().chain(listed.last()).collect())
                 }
-                Values::Listed(listed) => ("values", listed.iter().collect()),
-                Values::Drawn(chance) => {
+                AxisValues::Listed(listed) => ("values", listed.iter().collect()),
+                AxisValues::Drawn(chance) => {
                     drawn = chance.middle();
                     (
                         if self.description.vary[i].normal.is_some() { "normal" } else { "uniform" },
@@ -483,15 +484,18 @@ impl Plan {
     fn blame(&self, key: &Key, error: &RunError, places: (Key, Option<Key>)) -> Result<(), ConfigError> {
         let Some(error) = error.config() else { return Ok(()) };
         let (place_of_key, place_of_value) = places;
-        if let Fault::UnknownKey { .. } = error.fault {
+        if let ConfigFault::UnknownKey { .. } = error.fault {
             return Err(self.refuse(place_of_key, error.fault.clone()));
         }
         if let Some((name, known)) = absent(&self.document, key)
-            && !matches!(error.fault, Fault::Value { .. } | Fault::UnknownWord { .. } | Fault::Type { .. })
+            && !matches!(
+                error.fault,
+                ConfigFault::Value { .. } | ConfigFault::UnknownWord { .. } | ConfigFault::Type { .. }
+            )
         {
-            return Err(self.refuse(place_of_key, Fault::unknown_key(name, known)));
+            return Err(self.refuse(place_of_key, ConfigFault::unknown_key(name, known)));
         }
-        let about_it = error.place.key == *key || !matches!(error.fault, Fault::Value { .. });
+        let about_it = error.place.key == *key || !matches!(error.fault, ConfigFault::Value { .. });
         if about_it {
             return Err(self.refuse(place_of_value.unwrap_or(place_of_key), error.fault.clone()));
         }

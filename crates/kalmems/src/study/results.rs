@@ -1,15 +1,15 @@
 //! The results of a whole study, written as one.
 
-use super::calibration::{self, CalibrationSummary};
-use super::journal::{Header, Runs};
+use super::calibration::{self, StudyCalibrationSummary};
+use super::journal::{FinishedRuns, JournalHeader};
 use super::pictures::pictures;
 use super::table::table;
-use super::{Plan, Shard, StudyError, spread};
+use super::{Shard, StudyError, StudyPlan, spread};
 use crate::journal::{self, JournalError};
 use crate::results::write_figure;
 use crate::results::{Notice, Output, RUN_FILE};
 use crate::rigs::Workbench;
-use kalmems_figures::{Figure, Page, Part, Section, Severity};
+use kalmems_figures::{Figure, NoticeSeverity, Page, PagePart, PageSection};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -33,7 +33,7 @@ pub struct Summary {
     pub notes: Vec<String>,
     /// Of a calibration, what its runs say of the verdict and of the claims.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub calibration: Option<CalibrationSummary>,
+    pub calibration: Option<StudyCalibrationSummary>,
 }
 
 /// Runs that failed for the same reason.
@@ -50,9 +50,11 @@ impl Summary {
     pub fn notices(&self) -> Vec<Notice> {
         let failures = self.failures.iter().map(|(why, failures)| {
             let text = format!("{} runs failed, the first is run {}: {why}", failures.runs, failures.first);
-            Notice::new(Severity::Warning, text)
+            Notice::new(NoticeSeverity::Warning, text)
         });
-        failures.chain(self.notes.iter().map(|note| Notice::new(Severity::Note, note.clone()))).collect()
+        failures
+            .chain(self.notes.iter().map(|note| Notice::new(NoticeSeverity::Note, note.clone())))
+            .collect()
     }
 
     /// How many runs there were.
@@ -77,10 +79,10 @@ impl fmt::Display for Summary {
     }
 }
 
-impl Plan {
+impl StudyPlan {
     /// The plan of a study, from one of its journals.
     pub fn from_journal(workbench: &Workbench, path: &Path) -> Result<Self, StudyError> {
-        let (header, _) = journal::load::<Header>(path)?;
+        let (header, _) = journal::load::<JournalHeader>(path)?;
         Self::parse(workbench, (&header.study, &header.experiment), header.calibration)
     }
 
@@ -145,7 +147,7 @@ impl Plan {
         let page = self.page(&summary, &header, figures).to_html()?;
         output.write("report.html", |w| w.write_all(page.as_bytes()))?;
         output.write(RUN_FILE, |w| {
-            let run = Record {
+            let run = StudyRecord {
                 version: &header.version,
                 command: self.command(),
                 input_id: &input_id,
@@ -161,8 +163,8 @@ impl Plan {
     }
 
     /// What the runs of a calibration say together.
-    fn calibrated(&self, runs: &Runs) -> CalibrationSummary {
-        CalibrationSummary::of(runs.iter().map(|(index, finished)| {
+    fn calibrated(&self, runs: &FinishedRuns) -> StudyCalibrationSummary {
+        StudyCalibrationSummary::of(runs.iter().map(|(index, finished)| {
             let settings = self.run(*index).settings;
             let grid = self.grid().filter(|(_, axis)| axis.points() > 1);
             let settings = grid
@@ -171,26 +173,29 @@ impl Plan {
         }))
     }
 
-    fn page(&self, summary: &Summary, header: &Header, figures: Vec<Figure>) -> Page {
-        let mut result = Section::new("Verdict").part(Part::Verdict);
+    fn page(&self, summary: &Summary, header: &JournalHeader, figures: Vec<Figure>) -> Page {
+        let mut result = PageSection::new("Verdict").part(PagePart::Verdict);
         for notice in summary.notices() {
             result = result.notice(notice.severity, notice.text);
         }
         let result = result.paragraph(summary.in_short());
         let tables = summary.calibration.iter().flat_map(calibration::page_tables);
-        let result = tables.fold(result, Section::table);
-        let pictures = figures.into_iter().fold(Section::new("Figures"), Section::figure);
-        let how =
-            Section::made(self.command(), &header.version, "All figures of all runs are in `results.csv`.")
-                .preformatted("The study", &self.source.text)
-                .preformatted("The experiment", &self.experiment.text);
+        let result = tables.fold(result, PageSection::table);
+        let pictures = figures.into_iter().fold(PageSection::new("Figures"), PageSection::figure);
+        let how = PageSection::made(
+            self.command(),
+            &header.version,
+            "All figures of all runs are in `results.csv`.",
+        )
+        .preformatted("The study", &self.source.text)
+        .preformatted("The experiment", &self.experiment.text);
         let subtitle = self.description.description.clone().unwrap_or_default();
         Page::new(self.name(), subtitle).with(result).with(pictures).with(how)
     }
 }
 
 #[derive(Serialize)]
-struct Record<'a> {
+struct StudyRecord<'a> {
     version: &'a str,
     command: &'static str,
     input_id: &'a str,
@@ -202,14 +207,14 @@ struct Record<'a> {
 }
 
 /// All runs of a study from its journals, each of them once.
-fn joined(journals: &[PathBuf]) -> Result<(Header, Runs), StudyError> {
-    let mut whole: Option<(Header, Runs)> = None;
+fn joined(journals: &[PathBuf]) -> Result<(JournalHeader, FinishedRuns), StudyError> {
+    let mut whole: Option<(JournalHeader, FinishedRuns)> = None;
     let mut holders: BTreeMap<u64, usize> = BTreeMap::new();
     let mut shards = Vec::new();
     for (i, path) in journals.iter().enumerate() {
-        let (header, runs) = journal::load::<Header>(path)?;
+        let (header, runs) = journal::load::<JournalHeader>(path)?;
         shards.push(header.shard.parse::<Shard>()?);
-        let (first, joined) = whole.get_or_insert_with(|| (header.clone(), Runs::new()));
+        let (first, joined) = whole.get_or_insert_with(|| (header.clone(), FinishedRuns::new()));
         if let Some(why) = first.is_of_another_study(&header) {
             return Err(StudyError::Different { first: journals[0].clone(), second: path.clone(), why });
         }

@@ -1,22 +1,22 @@
 //! Runs what is not finished yet, on several threads, and keeps each run as it comes.
 
-use super::calibration::{Drawn, Judged, judged, state_signs};
+use super::calibration::{DrawnDeviation, RunClaims, judged, state_signs};
 use super::error::RunError;
-use super::journal::{Finished, Header, Runs};
-use super::plan::Ready;
-use super::{Plan, Shard, StudyError};
+use super::journal::{FinishedRun, FinishedRuns, JournalHeader};
+use super::plan::RunStart;
+use super::{Shard, StudyError, StudyPlan};
 use crate::journal::Journal;
 use crate::progress::{Progress, each_on_threads, processors};
 use crate::results::Metrics;
-use crate::rows::{Row, rows};
-use crate::simulate::Unwritten;
+use crate::rows::{ResultRow, rows};
+use crate::simulate::ComputedRecording;
 use crate::workflow;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 /// How to run a study.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+pub struct StudyOptions {
     /// Which part of it.
     pub shard: Shard,
     /// How many runs at once; as many as the machine can, if `None`.
@@ -27,7 +27,7 @@ pub struct Options {
 
 /// What was there, and what was done.
 #[derive(Clone, Debug)]
-pub struct Progressed {
+pub struct StudyProgress {
     /// The journal.
     pub journal: PathBuf,
     /// Runs of this part.
@@ -38,7 +38,7 @@ pub struct Progressed {
     pub torn: bool,
 }
 
-impl Plan {
+impl StudyPlan {
     /// The journal for results in a folder: beside it, with its name.
     pub fn journal(&self, out: &Path, shard: Shard) -> PathBuf {
         let name = out
@@ -59,27 +59,27 @@ impl Plan {
     pub fn run_all(
         &self,
         out: &Path,
-        options: Options,
+        options: StudyOptions,
         progress: &dyn Progress,
-    ) -> Result<Progressed, StudyError> {
+    ) -> Result<StudyProgress, StudyError> {
         let inputs = self.check()?;
         let path = self.journal(out, options.shard);
-        let header = Header::of(self, self.digest(&inputs), options.shard);
+        let header = JournalHeader::of(self, self.digest(&inputs), options.shard);
         let (mut journal, finished, torn) = Journal::open(&path, &header, options.force)?;
         let runs = options.shard.share(self.runs());
         let before = finished.len() as u64;
         self.run_missing(&mut journal, &finished, options, progress)?.map_or(Ok(()), |done| {
             Err(StudyError::Interrupted { done: before + done, total: runs, journal: path.clone() })
         })?;
-        Ok(Progressed { journal: path, runs, before, torn })
+        Ok(StudyProgress { journal: path, runs, before, torn })
     }
 
     /// How many were done where the work was stopped; `None` where it came to its end.
     fn run_missing(
         &self,
-        journal: &mut Journal<Header>,
-        finished: &Runs,
-        options: Options,
+        journal: &mut Journal<JournalHeader>,
+        finished: &FinishedRuns,
+        options: StudyOptions,
         progress: &dyn Progress,
     ) -> Result<Option<u64>, StudyError> {
         let missing: Vec<u64> =
@@ -101,33 +101,37 @@ impl Plan {
     }
 
     /// One run; `None` where it was stopped.
-    fn finish(&self, index: u64, progress: &dyn Progress) -> Option<Finished> {
+    fn finish(&self, index: u64, progress: &dyn Progress) -> Option<FinishedRun> {
         if progress.reached(0).is_break() {
             return None;
         }
         match self.outcome(index, progress) {
-            Ok((rows, judged)) => Some(Finished { run: index, error: None, rows, judged }),
+            Ok((rows, judged)) => Some(FinishedRun { run: index, error: None, rows, judged }),
             Err(e) if e.is_interruption() => None,
             Err(e) => {
-                Some(Finished { run: index, error: Some(e.text()), rows: Vec::new(), judged: Vec::new() })
+                Some(FinishedRun { run: index, error: Some(e.text()), rows: Vec::new(), judged: Vec::new() })
             }
         }
     }
 
     /// The rows of a run, and in a calibration what it says of the claims of its filters.
-    fn outcome(&self, index: u64, progress: &dyn Progress) -> Result<(Vec<Row>, Vec<Judged>), RunError> {
+    fn outcome(
+        &self,
+        index: u64,
+        progress: &dyn Progress,
+    ) -> Result<(Vec<ResultRow>, Vec<RunClaims>), RunError> {
         let (ready, drawn) = self.ready(&self.run(index))?;
         let outcome = match ready {
-            Ready::Simulated(simulation, mut told) => {
-                let simulated = Unwritten::of(&*simulation, progress)?;
+            RunStart::Simulated(simulation, mut told) => {
+                let simulated = ComputedRecording::of(&*simulation, progress)?;
                 // From here on there is nothing of the device but what a file of it would hold.
                 drop(simulation);
                 if self.calibration.is_some() {
                     state_signs(&self.workbench, &mut told, &simulated)?;
                 }
-                workflow::estimate_unwritten(&self.workbench, &told, &simulated, progress)?
+                workflow::estimate_computed(&self.workbench, &told, &simulated, progress)?
             }
-            Ready::Recorded(told) => workflow::estimate(&self.workbench, &told, progress)?,
+            RunStart::Recorded(told) => workflow::estimate(&self.workbench, &told, progress)?,
         };
         let metrics = Metrics::of(&outcome);
         let mut rows = rows(&metrics);
@@ -135,7 +139,7 @@ impl Plan {
             return Ok((rows, Vec::new()));
         }
         for row in &mut rows {
-            row.extend(drawn.iter().map(|Drawn { name, deviation }| {
+            row.extend(drawn.iter().map(|DrawnDeviation { name, deviation }| {
                 (format!("drawn.{name}"), serde_json::Value::String(format!("{deviation:?}")))
             }));
         }

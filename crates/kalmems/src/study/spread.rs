@@ -1,13 +1,13 @@
 //! A figure of the results over the repeats of each point.
 
-use super::Plan;
-use crate::table::{Table, number};
+use super::StudyPlan;
+use crate::table::{TidyTable, number};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 /// What an estimator reached at one point of the grid.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Spread {
+pub(super) struct EstimatorSpread {
     /// The point.
     pub(super) point: u64,
     /// Its place among the estimators and segments, in the order of the table.
@@ -21,7 +21,7 @@ pub(super) struct Spread {
 
 /// Recording, segment and estimator of a row: key and name.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Group {
+pub(super) struct RowGroup {
     pub(super) recording: String,
     pub(super) segment: String,
     pub(super) estimator: String,
@@ -29,9 +29,9 @@ pub(super) struct Group {
 }
 
 /// The groups of a table, in its order, and the group of each of its rows; `None` for a run without figures.
-pub(super) fn groups(table: &Table) -> (Vec<Group>, Vec<Option<usize>>) {
+pub(super) fn groups(table: &TidyTable) -> (Vec<RowGroup>, Vec<Option<usize>>) {
     let places = ["recording", "segment", "estimator", "estimator_name"].map(|name| table.column(name));
-    let mut groups: Vec<Group> = Vec::new();
+    let mut groups: Vec<RowGroup> = Vec::new();
     let mut of_rows = Vec::with_capacity(table.rows.len());
     for line in &table.rows {
         let [recording, segment, estimator, name] =
@@ -40,7 +40,7 @@ pub(super) fn groups(table: &Table) -> (Vec<Group>, Vec<Option<usize>>) {
             of_rows.push(None);
             continue;
         }
-        let group = Group { recording, segment, estimator, name };
+        let group = RowGroup { recording, segment, estimator, name };
         let place = groups.iter().position(|other| *other == group).unwrap_or_else(|| {
             groups.push(group);
             groups.len() - 1
@@ -51,7 +51,7 @@ pub(super) fn groups(table: &Table) -> (Vec<Group>, Vec<Option<usize>>) {
 }
 
 /// Median and range of a column, for each point and group that have it.
-pub(super) fn spreads(plan: &Plan, table: &Table, column: usize) -> Vec<Spread> {
+pub(super) fn spreads(plan: &StudyPlan, table: &TidyTable, column: usize) -> Vec<EstimatorSpread> {
     let (_, of_rows) = groups(table);
     let mut values: BTreeMap<(u64, usize), Vec<f64>> = BTreeMap::new();
     for (line, group) in table.rows.iter().zip(of_rows) {
@@ -65,7 +65,7 @@ pub(super) fn spreads(plan: &Plan, table: &Table, column: usize) -> Vec<Spread> 
         let middle = values.len() / 2;
         let median =
             if values.len() % 2 == 1 { values[middle] } else { values[middle - 1].midpoint(values[middle]) };
-        Spread {
+        EstimatorSpread {
             point,
             group,
             count: values.len(),
@@ -78,7 +78,12 @@ pub(super) fn spreads(plan: &Plan, table: &Table, column: usize) -> Vec<Spread> 
 }
 
 /// A table of the spread of each column: one row for each point, segment, estimator and figure.
-pub(super) fn write_csv(plan: &Plan, table: &Table, columns: &[usize], w: &mut dyn Write) -> io::Result<()> {
+pub(super) fn write_csv(
+    plan: &StudyPlan,
+    table: &TidyTable,
+    columns: &[usize],
+    w: &mut dyn Write,
+) -> io::Result<()> {
     let (groups, _) = groups(table);
     let mut csv = csv::Writer::from_writer(w);
     let grid: Vec<_> = plan.grid().collect();

@@ -6,9 +6,9 @@ use kalmems::identify::{Identification, Identified};
 use kalmems::outlook::Outlook;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, IdentificationSummary, Metrics, estimate_figures, summary_table};
-use kalmems::rigs::accelerometer::device::Accelerometer;
+use kalmems::rigs::accelerometer::device::AccelerometerTable;
 use kalmems::rigs::published;
-use kalmems::simulate::{SimulateError, Unwritten, described};
+use kalmems::simulate::{ComputedRecording, SimulateError, described};
 use kalmems::workflow::{self, Outcome, WorkflowError};
 use kalmems_models::constants::VACUUM_PERMITTIVITY;
 use serde_json::Value;
@@ -305,7 +305,7 @@ fn a_weak_spring_and_a_feedback_without_its_table_are_refused() {
     // What is fed back without being described is told with its time; an open loop may have a channel of zeros.
     let told = simulation(&filter("EKF", "ekf", ""), &[]);
     let simulation = published().rig(&told).unwrap().simulate(&told).unwrap();
-    let recorded = Unwritten::of(&*simulation, &Silent).unwrap();
+    let recorded = ComputedRecording::of(&*simulation, &Silent).unwrap();
     let mut described = described(&told, &*simulation).to_toml().unwrap().parse::<toml::Table>().unwrap();
     described["device"]["accelerometer"].as_table_mut().unwrap().remove("feedback");
     let open =
@@ -497,7 +497,7 @@ fn a_smoother_acceleration_is_no_softer_spring() {
     assert!(why.is_some_and(|why| why.contains("bandwidth")), "{why:?}");
     let rmse = |experiment: &Experiment| errors(experiment)["ekf"][0];
     let [before, after] = [rmse(&experiment), rmse(&found.experiment)];
-    let told = found.experiment.device::<Accelerometer>().unwrap().proof_mass.spring.si();
+    let told = found.experiment.device::<AccelerometerTable>().unwrap().proof_mass.spring.si();
     assert!(after < 1.02 * before && told == 3.0, "{after} {before} mg, {told} N/m");
 }
 
@@ -863,7 +863,7 @@ fn a_dithered_recording_tells_spring_damping_and_mass() {
     assert!(
         found.warnings.iter().any(|why| why.contains("mass m") && why.contains("nor does their likelihood"))
     );
-    let device = found.experiment.device::<Accelerometer>().unwrap();
+    let device = found.experiment.device::<AccelerometerTable>().unwrap();
     assert_eq!(device.proof_mass.spring.si(), 3.0);
 }
 

@@ -1,8 +1,9 @@
 //! The circuit: its lines against a Fourier transform of its simulation, against closed forms, and what is made of it.
 
 use kalmems::circuit::{
-    Adequacy, AdequacyError, Bands, Circuit, Complex, Demodulation, DesignError, Detector, DriveRejection,
-    Excitation, HighPass, Known, Line, Motion, Reduced, Setting, Spectrum, Stages, comb_harmonics, run,
+    Adequacy, AdequacyError, AdequacySettings, AmplitudeDetector, Bands, Circuit, CircuitKnowledge,
+    CircuitLine, CircuitSpectrum, Complex, Demodulation, DesignError, DriveRejection, Excitation, HighPass,
+    ReducedCircuit, SineMotion, Stages, comb_harmonics, run,
 };
 use kalmems::config::{ConfigError, Experiment};
 use kalmems::rigs::published;
@@ -26,7 +27,7 @@ fn circuit(order: usize) -> Circuit {
         transimpedance: Transimpedance { feedback_resistance: 17.86e3, parasitic_capacitance: 5e-12 },
         amplifier_bandwidth_hz: None,
         high_pass: HighPass::new(order, 482e3).unwrap(),
-        detector: Detector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
+        detector: AmplitudeDetector::SquareLaw(SquareLaw { linear: 1.0, square: 0.5 }),
         low_pass_hz: [40.8e3, 41.1e3],
         noise_density: 0.0,
     }
@@ -44,15 +45,15 @@ fn excitation(offset: f64, amplitude: f64) -> Excitation {
     Excitation { offset, amplitude, drive_hz: DRIVE_HZ, carrier: 6.0, carrier_hz }
 }
 
-fn motion(degrees: f64) -> Motion {
-    Motion { amplitude_rad: f64::to_radians(degrees), phase_rad: 0.7 }
+fn motion(degrees: f64) -> SineMotion {
+    SineMotion { amplitude_rad: f64::to_radians(degrees), phase_rad: 0.7 }
 }
 
 /// The transforms of the four stages over one record, as coefficients of e^{j2πft}, and the distance of two bins.
 fn transforms(
     circuit: &Circuit,
     excitation: &Excitation,
-    motion: &Motion,
+    motion: &SineMotion,
     samples: u32,
 ) -> ([Vec<Complex<f64>>; 4], f64) {
     let duration_s = f64::from(MOTION_CYCLES) / (0.5 * DRIVE_HZ);
@@ -72,7 +73,7 @@ fn transforms(
     (bins, 1.0 / duration_s)
 }
 
-fn bin_of(line: &Line, width_hz: f64) -> usize {
+fn bin_of(line: &CircuitLine, width_hz: f64) -> usize {
     let bin = line.frequency_hz / width_hz;
     assert!((bin - bin.round()).abs() < 1e-6, "{line} lies between two bins");
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a bin of the transform
@@ -82,7 +83,7 @@ fn bin_of(line: &Line, width_hz: f64) -> usize {
 
 /// The worst relative error of amplitude, and of phase in degrees, of the lines of one stage within 60 dB of the
 /// largest, and how many there are. Every bin that high must be a line, and every line that high a bin.
-fn compare(name: &str, lines: &Spectrum, bins: &[Complex<f64>], width_hz: f64) -> (f64, f64, usize) {
+fn compare(name: &str, lines: &CircuitSpectrum, bins: &[Complex<f64>], width_hz: f64) -> (f64, f64, usize) {
     let amplitude = |bin: usize| if bin == 0 { 1.0 } else { 2.0 } * bins[bin].norm();
     let largest = (0..bins.len()).map(amplitude).fold(0.0, f64::max);
     let listed = lines.lines_above(60.5);
@@ -134,7 +135,7 @@ fn assert_lines_are_those_of_the_simulation(
 
 /// Offset drive, large motion, a first-order high-pass that lets the drive through: the most lines.
 #[test]
-fn every_line_of_the_simulated_circuit_is_foretold() {
+fn every_line_of_the_simulated_circuit_is_predicted() {
     let count = assert_lines_are_those_of_the_simulation(&circuit(1), &excitation(90.0, 90.0), 8.0);
     assert!(count > 35, "{count}");
     let count = assert_lines_are_those_of_the_simulation(&circuit(4), &excitation(90.0, 90.0), 14.0);
@@ -146,7 +147,7 @@ fn every_line_of_the_simulated_circuit_is_foretold() {
 fn so_are_those_of_a_synchronous_demodulator() {
     let slow = Circuit {
         amplifier_bandwidth_hz: Some(1.5e6),
-        detector: Detector::Synchronous(SynchronousDemodulator { phase: 0.4 }),
+        detector: AmplitudeDetector::Synchronous(SynchronousDemodulator { phase: 0.4 }),
         ..circuit(2)
     };
     assert_lines_are_those_of_the_simulation(&slow, &excitation(0.0, 30.0), 8.0);
@@ -240,7 +241,7 @@ fn the_poles_explain_what_a_delay_does_not() {
     let circuit = Circuit { high_pass: HighPass::new(1, 100.0).unwrap(), ..circuit(1) };
     let mut last = 0.0;
     for degrees in [3.0, 6.0, 9.0, 12.0, 15.0] {
-        let reduced = Reduced::of(&circuit, &excitation(0.0, 0.0), &COMB, &motion(degrees));
+        let reduced = ReducedCircuit::of(&circuit, &excitation(0.0, 0.0), &COMB, &motion(degrees));
         println!(
             "{degrees} deg: affine {:.2} %, delay {:.3} %, poles {:.3} %, lag {:.2} deg, {:.3} us",
             reduced.affine.residual * 100.0,
@@ -261,7 +262,7 @@ fn the_poles_explain_what_a_delay_does_not() {
 fn the_rest_is_the_delay_of_the_high_pass() {
     for order in [2, 4, 6] {
         let circuit = circuit(order);
-        let reduced = Reduced::of(&circuit, &excitation(0.0, 0.0), &COMB, &motion(5.0));
+        let reduced = ReducedCircuit::of(&circuit, &excitation(0.0, 0.0), &COMB, &motion(5.0));
         let carrier_hz = excitation(0.0, 0.0).carrier_hz;
         let turn = (circuit.high_pass.response(carrier_hz + 10.0)
             / circuit.high_pass.response(carrier_hz - 10.0))
@@ -288,12 +289,12 @@ fn a_diode_gives_the_amplitude() {
     };
     let ideal = Circuit {
         high_pass: HighPass::new(1, 100.0).unwrap(),
-        detector: Detector::Diode(diode),
+        detector: AmplitudeDetector::Diode(diode),
         low_pass_hz: [200e3, 400e3],
         ..circuit(1)
     };
     let excitation = excitation(0.0, 0.0);
-    let reduced = Reduced::of(&ideal, &excitation, &COMB, &motion(8.0));
+    let reduced = ReducedCircuit::of(&ideal, &excitation, &COMB, &motion(8.0));
     let volts_per_farad = TAU * excitation.carrier_hz * excitation.carrier * 17.86e3;
     let ratio = reduced.with_poles_and_delay.gain / volts_per_farad;
     println!("diode: {reduced}, {ratio:.3} of the amplitude");
@@ -346,8 +347,8 @@ fn sine(frequency_hz: f64) -> Drive {
     Drive::Sine { offset: 90.0, amplitude: 90.0, frequency_hz, phase_rad: 0.0 }
 }
 
-fn asked(acceleration_density: f64) -> Setting {
-    Setting {
+fn asked(acceleration_density: f64) -> AdequacySettings {
+    AdequacySettings {
         acceleration_density,
         noise_variance: 1.92e-4,
         carrier: 6.0,
@@ -362,7 +363,7 @@ fn what_the_affine_model_costs() {
     let published = circuit(4);
     let quick = Circuit {
         high_pass: HighPass::new(4, 100e3).unwrap(),
-        detector: Detector::Synchronous(SynchronousDemodulator { phase: 0.0 }),
+        detector: AmplitudeDetector::Synchronous(SynchronousDemodulator { phase: 0.0 }),
         low_pass_hz: [20e6, 20e6],
         ..published
     };
@@ -372,7 +373,7 @@ fn what_the_affine_model_costs() {
     let [low, high] = [1e4, 1e8].map(|q| of(&published, q));
     println!("{low}\n{high}");
     assert!((low.amplitude_deg - 8.92).abs() < 0.05, "{}", low.amplitude_deg);
-    assert!(!low.is_adequate(Known::Affine) && !high.is_adequate(Known::Affine));
+    assert!(!low.is_adequate(CircuitKnowledge::Affine) && !high.is_adequate(CircuitKnowledge::Affine));
     // A filter that follows its signal is as late as the signal is, one that trusts its model less.
     assert!(high.affine.phase_deg.abs() > low.affine.phase_deg.abs());
     assert!(low.to_string().contains("is not adequate"));
@@ -380,16 +381,16 @@ fn what_the_affine_model_costs() {
     println!("{:?} {:?}", high.poles, high.poles_and_delay);
     assert!((high.poles.phase_deg - 6.5).abs() < 0.7, "{:?}", high.poles);
     assert!(high.poles_and_delay.phase_deg.abs() < 0.05 * high.poles.phase_deg, "{:?}", high.poles_and_delay);
-    assert_eq!(low.needed(), Some(Known::PolesAndDelay));
+    assert_eq!(low.needed(), Some(CircuitKnowledge::PolesAndDelay));
     assert!(low.to_string().contains("and the delay besides"), "{low}");
     // A high-pass of one pole at 5 kHz delays nothing: there the poles will do.
     let prompt = Circuit { high_pass: HighPass::new(1, 5e3).unwrap(), ..quick };
     let poles_alone = of(&Circuit { low_pass_hz: published.low_pass_hz, ..prompt }, 1e4);
     println!("{poles_alone}");
-    assert_eq!(poles_alone.needed(), Some(Known::Poles));
+    assert_eq!(poles_alone.needed(), Some(CircuitKnowledge::Poles));
     let fine = of(&quick, 1e4);
     println!("{fine}");
-    assert_eq!(fine.needed(), Some(Known::Affine), "{fine}");
+    assert_eq!(fine.needed(), Some(CircuitKnowledge::Affine), "{fine}");
     assert!(fine.affine.amplitude_deg.abs() < 0.1, "{fine}");
     let still = Adequacy::of(&published, &SCANNER, (&sine(33e3), [1e-4, 0.0]), &asked(1e4));
     assert!(matches!(still, Err(AdequacyError::NoMotion { .. })));
@@ -410,7 +411,7 @@ fn example(replaced: &[(&str, &str)]) -> Result<Experiment, ConfigError> {
     published().parse(&text, &path)
 }
 
-/// `kalmems simulate` through the circuit: its line at f_dr is the one that the lines foretell, and its motion the same as
+/// `kalmems simulate` through the circuit: its line at f_dr is the one that the lines predict, and its motion the same as
 /// without the circuit.
 #[test]
 fn the_example_is_simulated_through_its_circuit() {
@@ -419,11 +420,11 @@ fn the_example_is_simulated_through_its_circuit() {
     let last = time_s.len() - 2000;
     let line = fit_sine_at(&time_s[last..], &signal[last..], DRIVE_HZ).unwrap();
     let swing = fit_sine_at(&time_s[last..], &angle[last..], 0.5 * DRIVE_HZ).unwrap();
-    let motion = Motion { amplitude_rad: swing.amplitude, phase_rad: swing.phase_rad + 0.25 * TAU };
+    let motion = SineMotion { amplitude_rad: swing.amplitude, phase_rad: swing.phase_rad + 0.25 * TAU };
     let excitation =
         Excitation { offset: 90.0, amplitude: 90.0, drive_hz: DRIVE_HZ, carrier: 6.0, carrier_hz: 500e3 };
     let lines = Bands::of(&circuit(4), &excitation, &COMB, &motion).output.unwrap();
-    println!("{:.4} V, foretold {:.4} V", line.amplitude, lines.amplitude(0, 1));
+    println!("{:.4} V, predicted {:.4} V", line.amplitude, lines.amplitude(0, 1));
     assert_close(line.amplitude, lines.amplitude(0, 1), 0.01, "line");
     let turned = Complex::from_polar(1.0, line.phase_rad) / lines.coefficient(0, 1);
     assert!(turned.arg().to_degrees().abs() < 1.0, "{}", turned.arg().to_degrees());
@@ -452,8 +453,8 @@ fn the_example_is_simulated_through_its_circuit() {
     // What the file takes the readout for is what the command says of the circuit, at the steady amplitude of 8.92°.
     println!("{outlook}");
     assert!(outlook.contains("the poles are needed as states"), "{outlook}");
-    let steady = Motion { amplitude_rad: 8.9235_f64.to_radians(), ..motion };
-    let reduced = Reduced::of(&circuit(4), &excitation, &COMB, &steady).with_poles_and_delay;
+    let steady = SineMotion { amplitude_rad: 8.9235_f64.to_radians(), ..motion };
+    let reduced = ReducedCircuit::of(&circuit(4), &excitation, &COMB, &steady).with_poles_and_delay;
     let device = quiet.device::<SharedScanner>().unwrap();
     assert_close(device.readout.gain.si(), reduced.gain, 0.01, "gain");
     assert!((device.readout.offset.si() - reduced.offset).abs() < 0.05, "{}", reduced.offset);

@@ -7,8 +7,8 @@ mod studies;
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::write_calibration;
 use kalmems::applications::calibration::{
-    Calibration, CalibrationError, Instrument, Matrix, Pair, Rest, Signals, SimulatedUnit, Tone, ToneError,
-    Vibration, calibrate,
+    AxisAtRest, AxisSignals, Calibration, CalibrationError, CalibrationMatrix, RatePair, SimulatedInstrument,
+    SimulatedUnit, ToneError, Vibration, VibrationTone, calibrate,
 };
 use kalmems::progress::Silent;
 use kalmems::results::{Output, RunInfo, Work};
@@ -29,8 +29,8 @@ const TRIAD: Triad<f64> = Triad {
     bias: [0.0312, -0.011, 0.004],
 };
 
-const GYROSCOPES: Instrument =
-    Instrument { triad: TRIAD, noise: 1.745e-3, random_walk: 0.0, step: 1.064e-3, full_scale: 34.9 };
+const GYROSCOPES: SimulatedInstrument =
+    SimulatedInstrument { triad: TRIAD, noise: 1.745e-3, random_walk: 0.0, step: 1.064e-3, full_scale: 34.9 };
 
 const UNIT: SimulatedUnit = SimulatedUnit {
     clock: SampleClock { start: 3.3e-5, rate: 8000.0, skew: 3.1e-3 },
@@ -44,10 +44,10 @@ struct Bench {
     toml: String,
 }
 
-fn write(path: &Path, records: &[(String, Signals, Option<Signals>)], time: bool, unit: &str) {
+fn write(path: &Path, records: &[(String, AxisSignals, Option<AxisSignals>)], time: bool, unit: &str) {
     let mut text = String::from(if time { "record,time_s" } else { "record" });
     let axes = ["x", "y", "z"];
-    let header = |signals: &Signals, prefix: &str, unit: &str| -> String {
+    let header = |signals: &AxisSignals, prefix: &str, unit: &str| -> String {
         let there = axes.iter().zip(&signals.axes).filter(|(_, values)| values.is_some());
         there.fold(String::new(), |text, (axis, _)| text + &format!(",{prefix}{axis}_{unit}"))
     };
@@ -126,7 +126,8 @@ fn about(main: usize, others: f64, amplitude: f64) -> Vibration {
 #[test]
 fn three_axes_tell_everything() {
     let force = SpecificForce { arm: [0.8e-3, -0.3e-3, 1.1e-3] };
-    let accelerometers = Instrument { noise: 0.05, step: 4.8e-3, full_scale: 1e4, ..Instrument::IDEAL };
+    let accelerometers =
+        SimulatedInstrument { noise: 0.05, step: 4.8e-3, full_scale: 1e4, ..SimulatedInstrument::IDEAL };
     let unit = SimulatedUnit { accelerometers: Some((accelerometers, force, [0.0, 0.0, -9.81])), ..UNIT };
     let vibrations: Vec<Vibration> = (0..6).map(|k| about(k % 3, 0.2, 12.0 + 2.0 * k as f64)).collect();
     let bench = Bench::new(&unit, &vibrations, [true; 3], 1);
@@ -208,7 +209,7 @@ fn what_is_uncertain_behind_an_estimated_motion_is_in_the_budget() {
         [before, after].map(|result| result.scale_factor.uncertainty / result.scale_factor.value);
     let common = 1e-6 * ppm("gap").hypot(ppm("delay"));
     assert!((large - small.hypot(common)).abs() < 1e-9, "{large} {small}");
-    let says_model = |result: &kalmems::applications::calibration::Calibrated| {
+    let says_model = |result: &kalmems::applications::calibration::CalibratedGyroscope| {
         result.budget.iter().any(|part| part.source == "model")
     };
     assert!(says_model(before) && !says_model(after));
@@ -217,7 +218,7 @@ fn what_is_uncertain_behind_an_estimated_motion_is_in_the_budget() {
 #[test]
 fn what_is_not_excited_is_not_told() {
     let force = SpecificForce { arm: [0.8e-3, -0.3e-3, 1.1e-3] };
-    let accelerometers = Instrument { noise: 0.05, full_scale: 1e4, ..Instrument::IDEAL };
+    let accelerometers = SimulatedInstrument { noise: 0.05, full_scale: 1e4, ..SimulatedInstrument::IDEAL };
     let unit = SimulatedUnit { accelerometers: Some((accelerometers, force, [0.0, 0.0, -9.81])), ..UNIT };
     let one: Vec<Vibration> = (0..4).map(|k| about(1, 0.0, 15.0 + f64::from(k))).collect();
     let found = Bench::new(&unit, &one, [false, true, false], 2).calibrate().unwrap();
@@ -254,7 +255,7 @@ fn what_is_not_excited_is_not_told() {
     assert!((plane.non_orthogonality.value - closer).abs() < 1e-4, "{plane:?} {closer}");
 }
 
-fn pairs(seed: u64, sizes: &[f64], noise: [f64; 2]) -> Vec<Pair> {
+fn pairs(seed: u64, sizes: &[f64], noise: [f64; 2]) -> Vec<RatePair> {
     let mut source = WhiteNoise::new(seed, 7);
     let mut noisy = |value: Complex64, noise: f64| {
         value + Complex64::new(noise * source.sample(), noise * source.sample())
@@ -262,7 +263,7 @@ fn pairs(seed: u64, sizes: &[f64], noise: [f64; 2]) -> Vec<Pair> {
     let records = sizes.iter().enumerate().map(|(k, size)| {
         let reference = Complex64::from_polar(*size, 0.1 * k as f64);
         let zero = Complex64::new(0.0, 0.0);
-        Pair {
+        RatePair {
             reference: [zero, noisy(reference, noise[0]), zero],
             reference_deviation: [0.0, noise[0], 0.0],
             shown: [
@@ -281,7 +282,7 @@ fn pairs(seed: u64, sizes: &[f64], noise: [f64; 2]) -> Vec<Pair> {
 fn one_axis_is_a_weighted_mean_of_quotients() {
     let noise = [1e-4, 5e-5];
     let pairs = pairs(4, &[15.9, 18.6, 21.6, 23.1], noise);
-    let matrix = Matrix::fit(&pairs, [false, true, false]).unwrap();
+    let matrix = CalibrationMatrix::fit(&pairs, [false, true, false]).unwrap();
     let (value, deviation) = matrix.entry(1, 1).unwrap();
     let (mut up, mut down) = (0.0, 0.0);
     for pair in &pairs {
@@ -303,7 +304,7 @@ fn an_unknown_phase_hides_what_is_in_quadrature() {
     let of = |size: f64, phase: f64| {
         let y = Complex64::from_polar(0.5 * size, phase);
         let zero = Complex64::new(0.0, 0.0);
-        Pair {
+        RatePair {
             reference: [Complex64::new(size, 0.0), y, zero],
             reference_deviation: [1e-5; 3],
             shown: [Some(Complex64::from_polar(1.0, 0.7 + size) * (size * 1.01 + y * 0.02)), None, None],
@@ -312,10 +313,10 @@ fn an_unknown_phase_hides_what_is_in_quadrature() {
     };
     let quarter = TAU / 4.0;
     let hidden = [of(15.0, quarter), of(18.0, quarter), of(21.0, quarter)];
-    let matrix = Matrix::fit(&hidden, [true, true, false]).unwrap();
+    let matrix = CalibrationMatrix::fit(&hidden, [true, true, false]).unwrap();
     assert!(matrix.entry(0, 1).is_none(), "{:?}", matrix.entry(0, 1));
     let told = [of(15.0, quarter), of(18.0, 0.0), of(21.0, 0.5)];
-    let matrix = Matrix::fit(&told, [true, true, false]).unwrap();
+    let matrix = CalibrationMatrix::fit(&told, [true, true, false]).unwrap();
     let [x, y] = [0, 1].map(|column| matrix.entry(0, column).unwrap());
     assert!((x.0 - 1.01).abs() < 1e-8 && (y.0 - 0.02).abs() < 1e-7, "{x:?} {y:?}");
     assert!(y.1 > 1e-7 && y.1 < 1e-4);
@@ -328,7 +329,7 @@ fn a_tone_is_known_to_what_it_says() {
     let mut inside = 0;
     for seed in 0..100 {
         let [rates, _] = UNIT.record(&vibration, 1000, &mut WhiteNoise::new(seed, 1));
-        let tone: Tone = rates.tone(None).unwrap();
+        let tone: VibrationTone = rates.tone(None).unwrap();
         let found = tone.axes[0].unwrap();
         let off = (found.phasor.norm() - 20.0 * TRIAD.x[0]) / found.deviation;
         inside += usize::from(off.abs() < 1.96);
@@ -340,7 +341,7 @@ fn a_tone_is_known_to_what_it_says() {
     assert!(law.cdf(inside as u64) > 1e-3, "{inside}");
 }
 
-fn refused(signals: &Signals, full_scale: Option<f64>) -> ToneError {
+fn refused(signals: &AxisSignals, full_scale: Option<f64>) -> ToneError {
     signals.tone(full_scale).unwrap_err()
 }
 
@@ -360,7 +361,7 @@ fn bad_records_are_named() {
     let still = refused(&of(&UNIT, &about(0, 0.0, 0.0), 2000), None);
     assert!(matches!(still, ToneError::NoSine { .. }), "{still}");
     // A range that ends below the crest: known, and seen by what repeats.
-    let narrow = SimulatedUnit { gyroscopes: Instrument { full_scale: 19.5, ..GYROSCOPES }, ..UNIT };
+    let narrow = SimulatedUnit { gyroscopes: SimulatedInstrument { full_scale: 19.5, ..GYROSCOPES }, ..UNIT };
     let clipped = of(&narrow, &vibration, 2000);
     for full_scale in [None, Some(19.5)] {
         let fault = refused(&clipped, full_scale);
@@ -369,7 +370,8 @@ fn bad_records_are_named() {
     }
     assert!(of(&UNIT, &vibration, 2000).tone(Some(34.9)).is_ok());
     // Coarse steps are not clipping.
-    let coarse = SimulatedUnit { gyroscopes: Instrument { step: 2.0, noise: 0.0, ..GYROSCOPES }, ..UNIT };
+    let coarse =
+        SimulatedUnit { gyroscopes: SimulatedInstrument { step: 2.0, noise: 0.0, ..GYROSCOPES }, ..UNIT };
     assert!(of(&coarse, &vibration, 2000).tone(None).is_ok());
     // A clock that slows down within the record.
     let mut drifting = of(&UNIT, &vibration, 2000);
@@ -423,7 +425,7 @@ fn a_record_at_rest() {
     let [bias, walk] = [0.02, 3e-3];
     let mut source = WhiteNoise::new(11, 0);
     let values: Vec<f64> = (0..60_000).map(|_| bias + walk * rate_hz.sqrt() * source.sample()).collect();
-    let rest = Rest::of("z", &values, 1.0 / rate_hz).unwrap();
+    let rest = AxisAtRest::of("z", &values, 1.0 / rate_hz).unwrap();
     assert!((rest.angle_random_walk.unwrap() / walk - 1.0).abs() < 0.02, "{rest:?}");
     assert!(rest.bias_interval[0] < bias && bias < rest.bias_interval[1], "{rest:?}");
     let half = 0.5 * (rest.bias_interval[1] - rest.bias_interval[0]);
@@ -438,20 +440,20 @@ fn a_record_at_rest() {
             bench_walk
         })
         .collect();
-    let rest = Rest::of("z", &wandering, 1.0 / rate_hz).unwrap();
+    let rest = AxisAtRest::of("z", &wandering, 1.0 / rate_hz).unwrap();
     for d in rest.deviations.iter().filter(|d| d.averaged.factor > 8 && d.freedom > 60.0) {
         let expected = 1e-3 * (d.averaged.time_s / 3.0).sqrt();
         assert_eq!(d.exponent, -2, "{d:?}");
         assert!((d.averaged.deviation / expected - 1.0).abs() < 0.3, "{d:?} {expected}");
     }
-    assert!(Rest::of("z", &values[..50], 0.01).is_none());
+    assert!(AxisAtRest::of("z", &values[..50], 0.01).is_none());
 }
 
 /// Two temperatures, a vibrometer's volts, an angle as reference; written twice, to the same bytes.
 #[test]
 fn two_temperatures_and_every_kind_of_reference() {
     let warm = SimulatedUnit {
-        gyroscopes: Instrument { triad: Triad { x: [1.0237, 0.0, 0.0], ..TRIAD }, ..GYROSCOPES },
+        gyroscopes: SimulatedInstrument { triad: Triad { x: [1.0237, 0.0, 0.0], ..TRIAD }, ..GYROSCOPES },
         ..UNIT
     };
     let vibrations: Vec<Vibration> = (0..3).map(|k| about(0, 0.0, 15.0 + 3.0 * f64::from(k))).collect();

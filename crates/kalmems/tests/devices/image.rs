@@ -2,8 +2,8 @@
 
 use kalmems::applications::image::Image;
 use kalmems::applications::image::{
-    Lissajous, Oscillation, PhaseAccuracy, Picture, Raster, Scan, ScanAxis, Scene, Sharpness, ShiftHistogram,
-    Track, edge_width, pixel_index, psnr_db, search_phases,
+    AxisOscillation, AxisTrack, ImageScan, Lissajous, PhaseAccuracy, Picture, Raster, ScanAxis, Sharpness,
+    ShiftHistogram, TissueScene, edge_width, pixel_index, psnr_db, search_phases,
 };
 use kalmems::progress::Silent;
 use kalmems::simulate::WhiteNoise;
@@ -111,8 +111,8 @@ fn the_published_figure_closes_and_covers() {
     }
     let coverage = |phase: f64| {
         let mut raster = Raster::new([400, 400]);
-        let x = Oscillation { phase_rad: phase, ..published.x };
-        let y = Oscillation { phase_rad: 0.0, ..published.y };
+        let x = AxisOscillation { phase_rad: phase, ..published.x };
+        let y = AxisOscillation { phase_rad: 0.0, ..published.y };
         for spot in (Lissajous { x, y, ..published }).frame(50e-3) {
             raster.add(spot.position, 0.0);
         }
@@ -127,33 +127,33 @@ fn the_published_figure_closes_and_covers() {
 const HALF_FIELD: f64 = 0.15;
 
 fn scan(
-    scene: Scene,
+    scene: TissueScene,
     size: usize,
     rate_hz: f64,
     seconds: f64,
     phases_deg: [f64; 2],
     noise: f64,
     seed: u64,
-) -> Scan {
+) -> ImageScan {
     let believed = Lissajous::published(rate_hz);
     let [px, py] = phases_deg.map(f64::to_radians);
     let real = Lissajous { x: believed.x.ahead_by(px), y: believed.y.ahead_by(py), ..believed };
     let mut white = WhiteNoise::new(seed, 0);
     let (time_s, intensity) =
         real.frame(seconds).map(|s| (s.time_s, scene.intensity(s.position) + noise * white.sample())).unzip();
-    let axis = |axis: Oscillation| {
+    let axis = |axis: AxisOscillation| {
         let time: Vec<f64> =
             (0..60_000).map(|k| f64::from(k) * 1e-6).take_while(|t| *t < seconds + 30e-6).collect();
         let angle = time.iter().map(|t| (2.0 * axis.position(*t) - 1.0) * HALF_FIELD).collect();
-        ScanAxis { track: Track::new(time, angle).unwrap(), half_field_rad: HALF_FIELD, pixels: size }
+        ScanAxis { track: AxisTrack::new(time, angle).unwrap(), half_field_rad: HALF_FIELD, pixels: size }
     };
-    Scan { time_s, intensity, x: axis(believed.x), y: Some(axis(believed.y)) }
+    ImageScan { time_s, intensity, x: axis(believed.x), y: Some(axis(believed.y)) }
 }
 
 /// Along the true motion the image is the object, averaged over its pixels; along a wrong one it is not.
 #[test]
 fn the_right_motion_gives_the_object() {
-    let scene = Scene::mucosa(3);
+    let scene = TissueScene::mucosa(3);
     let scan = scan(scene, 100, 4e6, 50e-3, [1.0, -2.0], 0.0, 1);
     let truth = Picture::of_scene([100, 100], 6, |at| scene.intensity(at));
     let db = |phases: [f64; 2]| {
@@ -170,7 +170,7 @@ fn the_right_motion_gives_the_object() {
     }
 }
 
-fn errors_deg(scan: &Scan, truth: [f64; 2]) -> [(f64, f64); 2] {
+fn errors_deg(scan: &ImageScan, truth: [f64; 2]) -> [(f64, f64); 2] {
     let range = Some(5.0_f64.to_radians());
     let found = search_phases(scan, [0.0; 2], [range; 2], Sharpness::WithinPixel, &Silent).unwrap();
     [0, 1].map(|axis| {
@@ -183,7 +183,7 @@ fn errors_deg(scan: &Scan, truth: [f64; 2]) -> [(f64, f64); 2] {
 fn the_sharpest_image_has_the_true_phase() {
     let truth = [2.31, -1.77];
     for seed in 1..=2 {
-        let scan = scan(Scene::mucosa(seed), 128, 2e6, 40e-3, truth, 0.1, seed);
+        let scan = scan(TissueScene::mucosa(seed), 128, 2e6, 40e-3, truth, 0.1, seed);
         for (error, sd) in errors_deg(&scan, truth) {
             assert!(error.abs() < 0.05 && error.abs() < 5.0 * sd && sd < 0.05, "{seed}: {error} {sd}");
         }
@@ -197,7 +197,8 @@ fn slow_the_sharpest_image_has_the_true_phase_in_many() {
     let (mut squares, mut count, mut largest) = (0.0, 0.0, 0.0_f64);
     for seed in 1..=8_u64 {
         for chart in [true, false] {
-            let scene = if chart { Scene::mucosa(seed) } else { Scene::mucosa(seed).without_chart() };
+            let scene =
+                if chart { TissueScene::mucosa(seed) } else { TissueScene::mucosa(seed).without_chart() };
             let side = if seed % 2 == 0 { 1.0 } else { -1.0 };
             let truth = [side * (0.3 + 0.4 * seed as f64), 0.5 * seed as f64 - 2.1];
             let scan = scan(scene, 400, 10e6, 50e-3, truth, 0.2, seed);

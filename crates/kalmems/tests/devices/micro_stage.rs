@@ -10,14 +10,15 @@ use kalmems::config::Experiment;
 use kalmems::fit::Regression;
 use kalmems::identify::{Identification, IdentifyError};
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::results::{Metrics, Output, RunInfo, Work, WriteOptions, write_estimate};
 use kalmems::rigs::micro_stage::device::MicroStage;
 use kalmems::rigs::micro_stage::identification::{
-    Sought, SweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep, indeterminate, unknown,
+    ElectrodeUnknowns, StageSweepPoint, UNKNOWNS, WaveRecord, Waveforms, correlation, fit_sweep,
+    indeterminate, unknown,
 };
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
+use kalmems::simulate::ComputedRecording;
 use kalmems::workflow;
 use kalmems_core::{Covariance, Ldl, Mat};
 use kalmems_models::capacitance::TiltingPlate;
@@ -149,7 +150,7 @@ fn without_a_vibrometer_a_trusted_gain_gives_the_gaps() {
     let refused = identify(&blind).unwrap_err().to_string();
     println!("{refused}");
     assert!(refused.contains("singular value") && refused.contains("trusted = \"gain\""), "{refused}");
-    blind.identify.as_mut().unwrap().trusted = Some(kalmems::config::Trusted::Gain);
+    blind.identify.as_mut().unwrap().trusted = Some(kalmems::config::TrustedNumber::Gain);
     // Start the gaps elsewhere, as after a change of temperature.
     let mut device = (*blind.device::<MicroStage>().unwrap()).clone();
     for electrode in device.electrodes.values_mut() {
@@ -260,7 +261,7 @@ fn waveforms<'a>(plates: &'a [TiltingPlate<f64>], records: &'a [WaveRecord]) -> 
         records,
         delay_s: 0.0,
         scale_known: true,
-        sought: Sought::Both,
+        unknowns: ElectrodeUnknowns::Both,
         feedthrough: false,
     }
 }
@@ -418,7 +419,7 @@ fn bound<const P: usize>(count: usize) -> [f64; P] {
 fn a_made_sweep_is_found_by_both_ways() {
     let (f_n, zeta, gain, delay) = (1714.37, 0.00507, 3768.0, 6.87e-6);
     let natural = TAU * f_n;
-    let points: Vec<SweepPoint> = (0..17)
+    let points: Vec<StageSweepPoint> = (0..17)
         .map(|k| {
             let f = 1711.0 + 0.5 * f64::from(k);
             let w = TAU * f;
@@ -427,7 +428,7 @@ fn a_made_sweep_is_found_by_both_ways() {
             // jω·(a − jb) = ωb + jωa.
             let (re, im) = (size * b, size * a);
             let (s, c) = (-w * delay).sin_cos();
-            SweepPoint { frequency_hz: f, re: re * c - im * s, im: re * s + im * c, deviation: 1e-3 }
+            StageSweepPoint { frequency_hz: f, re: re * c - im * s, im: re * s + im * c, deviation: 1e-3 }
         })
         .collect();
     let found = fit_sweep(&points).unwrap();
@@ -529,9 +530,10 @@ fn a_simulation_is_estimated() {
     let run = |tables: &str| {
         let experiment = stage::experiment(folder.path(), &(SIMULATED.to_owned() + tables + ESTIMATE));
         let rig = published().rig(&experiment).unwrap();
-        let simulated = rig.simulate(&experiment).map(|s| Unwritten::of(s.as_ref(), &Silent).unwrap());
+        let simulated =
+            rig.simulate(&experiment).map(|s| ComputedRecording::of(s.as_ref(), &Silent).unwrap());
         let (experiment, simulated) = simulated.map(|s| (described(&experiment), s)).unwrap();
-        let outcome = workflow::estimate_unwritten(published(), &experiment, &simulated, &Silent).unwrap();
+        let outcome = workflow::estimate_computed(published(), &experiment, &simulated, &Silent).unwrap();
         let segment = &outcome.recordings[0].segments[0];
         let nis = segment.estimate.trajectories[0].consistency(400..2501).unwrap();
         (segment.values[0]["rate"].clone(), nis)
@@ -604,9 +606,9 @@ fn goes_on(
     published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn read_first(experiment: &Experiment) -> Recording {
+fn read_first(experiment: &Experiment) -> SampledRecording {
     let layout = published().rig(experiment).unwrap().layout(experiment, 0).unwrap();
-    Recording::read(&experiment.resolve(&experiment.recordings[0].file), &layout).unwrap()
+    SampledRecording::read(&experiment.resolve(&experiment.recordings[0].file), &layout).unwrap()
 }
 
 #[test]

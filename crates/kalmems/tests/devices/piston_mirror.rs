@@ -5,10 +5,10 @@ use crate::piston::{CASE, Case, FIVE, trajectory};
 use kalmems::config::Experiment;
 use kalmems::estimate::SegmentEstimate;
 use kalmems::progress::Silent;
-use kalmems::recording::{Recording, UnwrittenRecording};
+use kalmems::recording::{RecordingFromRows, SampledRecording};
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
+use kalmems::simulate::ComputedRecording;
 use kalmems::workflow;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -159,7 +159,7 @@ fn gaps_and_missing_samples_are_bridged_and_counted() {
     let experiment = Case { duration_s: 0.6, ..CASE }.experiment("0.2 s", FIVE);
     let rig = published().rig(&experiment).unwrap();
     let layout = rig.layout(&experiment, 0).unwrap();
-    let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_F"], &layout).unwrap();
+    let mut rows = RecordingFromRows::new("recording.csv", &["time_s", "cap_F"], &layout).unwrap();
     let mut k = 0_u32;
     rig.simulate(&experiment)
         .unwrap()
@@ -235,8 +235,8 @@ fn posterior_bound_nm(case: &Case, filters: &str, key: &str) -> f64 {
 /// What `told` makes of what `real` records.
 fn run(real: &Experiment, told: &Experiment) -> workflow::Outcome {
     let simulation = published().rig(real).unwrap().simulate(real).unwrap();
-    let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
-    workflow::estimate_unwritten(published(), told, &simulated, &Silent).unwrap_or_else(|e| panic!("{e}"))
+    let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
+    workflow::estimate_computed(published(), told, &simulated, &Silent).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// 20 %/min at 194 kHz with both noise densities, and the posterior bound: what filter and smoother claim along the
@@ -433,7 +433,7 @@ fn with_samples(
 ) -> (Vec<String>, SegmentEstimate) {
     let rig = published().rig(experiment).unwrap();
     let layout = rig.layout(experiment, 0).unwrap();
-    let mut rows = UnwrittenRecording::new("recording.csv", &["time_s", "cap_F"], &layout).unwrap();
+    let mut rows = RecordingFromRows::new("recording.csv", &["time_s", "cap_F"], &layout).unwrap();
     let mut k = 0_u32;
     rig.simulate(experiment)
         .unwrap()
@@ -543,8 +543,8 @@ fn a_recording_too_slow_for_the_motion_is_refused() {
         (", trigger = \"trigger_V\"", ""),
     ]);
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-    let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
-    let why = workflow::estimate_unwritten(published(), &experiment, &simulated, &Silent)
+    let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
+    let why = workflow::estimate_computed(published(), &experiment, &simulated, &Silent)
         .map(drop)
         .unwrap_err()
         .to_string();
@@ -637,8 +637,9 @@ fn recorded(
     (published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}")), path)
 }
 
-fn read(experiment: &Experiment, path: &Path) -> Recording {
-    Recording::read(path, &published().rig(experiment).unwrap().layout(experiment, 0).unwrap()).unwrap()
+fn read(experiment: &Experiment, path: &Path) -> SampledRecording {
+    SampledRecording::read(path, &published().rig(experiment).unwrap().layout(experiment, 0).unwrap())
+        .unwrap()
 }
 
 #[test]

@@ -11,7 +11,7 @@ use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
+use kalmems::simulate::ComputedRecording;
 use kalmems::workflow;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -70,8 +70,8 @@ fn a_wrong_gain_is_not_seen_by_the_filter() {
     let real = told.to_toml().unwrap().replace("109.3 fF", "109.31093 fF");
     let real = published().parse(&real, Path::new("piston.toml")).unwrap();
     let simulation = published().rig(&real).unwrap().simulate(&real).unwrap();
-    let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
-    let outcome = workflow::estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
+    let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
+    let outcome = workflow::estimate_computed(published(), &told, &simulated, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     let five = metrics.estimators().next().unwrap();
     let errors = &five.values["position"];
@@ -174,9 +174,9 @@ fn a_known_line_removes_a_gain_error_that_the_filter_does_not_see() {
         let real = text.replace("109.3 fF", &format!("{} fF", 109.3 * GAIN));
         let real = published().parse(&real, Path::new("piston.toml")).unwrap();
         let simulation = published().rig(&real).unwrap().simulate(&real).unwrap();
-        let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+        let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
         let estimate = |told: &Experiment| {
-            let outcome = workflow::estimate_unwritten(published(), told, &simulated, &Silent).unwrap();
+            let outcome = workflow::estimate_computed(published(), told, &simulated, &Silent).unwrap();
             let metrics = Metrics::of(&outcome);
             let five = metrics.estimators().next().unwrap();
             (outcome, five.verdict, five.values["position"].rmse * 1e9)

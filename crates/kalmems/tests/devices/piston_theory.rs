@@ -1,7 +1,7 @@
 //! What the piston mirror's sensor can tell: the series for its capacitance, and the bound.
 
 use kalmems::rigs::piston_mirror::{
-    COEFFICIENTS, MetamodelError, Plates, SegmentData, batch_fit, fit_table, motion_bound,
+    COEFFICIENTS, MetamodelError, PistonSegment, Plates, batch_fit, fit_table, motion_bound,
 };
 use kalmems::simulate::WhiteNoise;
 use kalmems_models::capacitance::CoaxialDisks;
@@ -51,7 +51,7 @@ fn a_series_in_inverse_distances_follows_fringing_fields_to_nanometres() {
     let of = |degree: usize| found.degrees.iter().find(|d| d.degree == degree).unwrap();
     assert!((0.7e-9..2.8e-9).contains(&of(7).worst_m), "{:?}", of(7));
     assert!(found.worst_m < 2e-9 && found.degree >= 7);
-    // Each degree is better than the one before, and what was not seen is foretold about as well as what was.
+    // Each degree is better than the one before, and what was not seen is predicted about as well as what was.
     assert!(found.degrees.windows(2).all(|pair| pair[1].cross_validated_m < pair[0].cross_validated_m));
     assert!(found.degrees.iter().all(|d| d.cross_validated_m < 3.0 * d.worst_m));
     let plate = plate();
@@ -137,7 +137,7 @@ fn the_batch_fit_attains_the_bound() {
                 clean + noise_variance.sqrt() * noise.sample()
             })
             .collect();
-        let data = SegmentData {
+        let data = PistonSegment {
             time_s: &time_s,
             signal: &signal,
             interval_s: rate_hz.recip(),

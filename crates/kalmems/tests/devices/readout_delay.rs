@@ -2,7 +2,7 @@
 //! makes it late.
 
 use crate::scanner::{Simulated, TRUTH, WIDE, errors, estimate, filter, quartiles};
-use kalmems::evaluate::{Accuracy, MotionErrors, Reference};
+use kalmems::evaluate::{Accuracy, MotionErrors, ReferenceMotion};
 use kalmems::rigs::published;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -44,7 +44,7 @@ fn simulated(toml: &str, motion_hz: f64) -> Simulated {
         })
         .unwrap();
     let accuracy = Accuracy::default();
-    let reference = Reference { states: ["angle", "rate"], time_s, angle, rate: Some(rate), accuracy };
+    let reference = ReferenceMotion { states: ["angle", "rate"], time_s, angle, rate: Some(rate), accuracy };
     Simulated { drive_v, signal, reference, motion_hz }
 }
 

@@ -11,7 +11,7 @@ use crate::scanner::{
 };
 use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::results::{Metrics, Verdict};
 use kalmems::rigs::published;
 use kalmems::workflow::{self, Outcome, WorkflowError};
@@ -373,7 +373,8 @@ fn a_recording_in_parts_gives_the_same_bits() {
     let experiment = published().parse(&format!("{}{filters}", &text[..end]), &path).unwrap();
     let rig = published().rig(&experiment).unwrap();
     let recording =
-        Recording::read(&folder.path().join("recording.csv"), &rig.layout(&experiment, 0).unwrap()).unwrap();
+        SampledRecording::read(&folder.path().join("recording.csv"), &rig.layout(&experiment, 0).unwrap())
+            .unwrap();
     let whole = &rig.estimate(&experiment, 0, &recording, &Silent).unwrap()[0].trajectories;
     assert!(whole[0].counts.drive_from_sine > 50 && whole[0].counts.bridged > 40);
     parts::same_bits_in_parts(&experiment, &recording, &[1_000, 4_097, 13_000]);

@@ -8,7 +8,7 @@ use kalmems::evaluate::Grade;
 use kalmems::figures::{Figure, Series, Shape};
 use kalmems::progress::Silent;
 use kalmems::results::{
-    Metrics, Output, RunInfo, Verdict, Work, WriteError, WriteOptions, estimate_figures, notices,
+    Metrics, Output, ResultWriteError, RunInfo, Verdict, Work, WriteOptions, estimate_figures, notices,
     write_estimate,
 };
 use kalmems::rigs::published;
@@ -394,7 +394,7 @@ fn writing_that_is_stopped_leaves_nothing() {
         };
         let output = Output::begin(&target, &Work::named("estimate", "scanner")).unwrap();
         match write_estimate(&outcome, &metrics, &output, WriteOptions::default(), info, &stop) {
-            Err(WriteError::Interrupted) => {
+            Err(ResultWriteError::Interrupted) => {
                 drop(output);
                 assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "stopped at look {places}");
             }

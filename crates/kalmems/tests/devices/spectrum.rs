@@ -191,7 +191,7 @@ fn resampling_gives_what_the_weighted_sum_gives() {
 /// A detector 20 ns late: forward and backward scans tell by how much, and the budget says what it costs in height. Told of it,
 /// nothing is left.
 #[test]
-fn a_late_detector_is_found_and_its_cost_foretold() {
+fn a_late_detector_is_found_and_its_cost_predicted() {
     let scene = Scene { scans: 20, late_s: 20e-9, ..Scene::default() };
     let late = scene.measure(&|_| 0.0, "#delay_sd = 20 ns\n");
     let (delay, sd) = late.residual_delay_s.unwrap();
@@ -200,9 +200,9 @@ fn a_late_detector_is_found_and_its_cost_foretold() {
     let ideal = Scene { late_s: 0.0, ..scene }.measure(&|_| 0.0, "");
     let left = late.lines[0].unwrap().line.height / ideal.lines[0].unwrap().line.height;
     let metrics = SpectrumMetrics::of(&late);
-    let foretold = metrics.lines[0].budget.iter().find(|entry| entry.of == "delay of the detector").unwrap();
-    println!("left {left:.4} of the height, foretold {:.4}", foretold.height);
-    assert!(left < 0.999 && (left - foretold.height).abs() < 0.1 * (1.0 - left), "{left} {foretold:?}");
+    let predicted = metrics.lines[0].budget.iter().find(|entry| entry.of == "delay of the detector").unwrap();
+    println!("left {left:.4} of the height, predicted {:.4}", predicted.height);
+    assert!(left < 0.999 && (left - predicted.height).abs() < 0.1 * (1.0 - left), "{left} {predicted:?}");
     let told = scene.measure(&|_| 0.0, "#told\n");
     assert!(told.residual_delay_s.unwrap().0.abs() < 0.1e-9, "{:?}", told.residual_delay_s);
 }

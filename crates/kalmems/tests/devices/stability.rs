@@ -5,8 +5,8 @@
 #![allow(clippy::inline_always)]
 
 use kalmems::simulate::{
-    Balance, Drive, Hold, SideBySide, Stability, StabilityMap, SteadyMotion, SweepPoint, floquet_exponent,
-    monodromy, starting_factor, sweeps_both_ways,
+    Balance, Drive, SideBySide, Stability, StabilityMap, SteadyMotion, SweepHold, SweepPoint,
+    floquet_exponent, monodromy, starting_factor, sweeps_both_ways,
 };
 use kalmems_core::lanes::Lane;
 use kalmems_core::{Dynamics, Mat, Over, Scalar};
@@ -201,7 +201,7 @@ fn at(points: &[SweepPoint], hz: f64) -> f64 {
 fn sweeps_follow_the_balance() {
     let square = Drive::Square { low: 0.0, high: 150.0, frequency_hz: 31e3, duty: 0.4 };
     for (drive, from, to) in [(sine(90.0, 31e3), 31_180.0, 31_500.0), (square, 31_110.0, 31_430.0)] {
-        let hold = Hold { periods: 6000, steps_per_period: 24, disturbance: 1e-4 };
+        let hold = SweepHold { periods: 6000, steps_per_period: 24, disturbance: 1e-4 };
         let hz: Vec<f64> = (0..=8).map(|i| from + (to - from) * f64::from(i) / 8.0).collect();
         let sweeps = sweeps_both_ways(SCANNER, &drive, &hz, &hold).unwrap();
         let balance = Balance::of(&SCANNER, &drive).unwrap();
@@ -254,7 +254,7 @@ fn the_motion_ends_where_the_balance_does() {
     let hz: Vec<f64> = [-8.0, 8.0, 20.0].map(|by| last.drive_hz + by).to_vec();
     let start: Vec<f64> =
         hz.iter().copied().chain((1..=14).map(|i| last.drive_hz + 20.0 * f64::from(i) + 20.0)).collect();
-    let hold = Hold { periods: 1500, steps_per_period: 24, disturbance: 1e-3 };
+    let hold = SweepHold { periods: 1500, steps_per_period: 24, disturbance: 1e-3 };
     let down = sweeps_both_ways(SCANNER, &drive, &start, &hold).unwrap().down;
     assert!(at(&down, hz[1]) > 0.2 && at(&down, hz[0]) < 0.01, "{down:?}");
 }

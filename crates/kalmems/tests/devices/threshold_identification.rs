@@ -5,7 +5,7 @@ use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use kalmems::rigs::threshold_scanner::device::ThresholdScanner;
 use kalmems::rigs::threshold_scanner::identification::{
-    CurvePoint, Decay, DecayError, DecayFit, fit_curve, fit_decay, unknown,
+    CurvePoint, DecayError, DecayFit, DecayRecord, fit_curve, fit_decay, unknown,
 };
 use kalmems::simulate::WhiteNoise;
 use kalmems_core::{LinearProcess, Lu, Mat, NoiseDensity, Process};
@@ -119,7 +119,7 @@ impl Device {
 
 impl Record {
     fn fitted(&self) -> Result<DecayFit, DecayError> {
-        fit_decay(&Decay {
+        fit_decay(&DecayRecord {
             interval_s: self.interval_s,
             signal: &self.signal,
             angle: &self.angle,

@@ -7,8 +7,8 @@ use kalmems::estimate::EstimateError;
 use kalmems::progress::Silent;
 use kalmems::results::{Metrics, notices};
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
-use kalmems::workflow::{WorkflowError, estimate_unwritten};
+use kalmems::simulate::ComputedRecording;
+use kalmems::workflow::{WorkflowError, estimate_computed};
 use std::path::Path;
 
 /// The four filters of the published comparison, and those beyond it.
@@ -252,8 +252,8 @@ fn brief_cut_offs_of_the_power_are_followed_with_their_transients() {
     assert!(tracked <= 1.0e-3, "{tracked}");
 }
 
-fn refused(case: &Case, recording: &Unwritten) -> EstimateError {
-    match estimate_unwritten(published(), &case.experiment(), recording, &Silent) {
+fn refused(case: &Case, recording: &ComputedRecording) -> EstimateError {
+    match estimate_computed(published(), &case.experiment(), recording, &Silent) {
         Err(WorkflowError::Estimate(why)) => why,
         Err(other) => panic!("{other}"),
         Ok(_) => panic!("it was estimated"),
@@ -319,7 +319,7 @@ fn the_likeliest_filter_that_passes_is_named() {
     let metrics = |case: Case| {
         let experiment =
             Case { filter: wrong.to_owned(), second: Some(tracked.to_owned()), ..case }.experiment();
-        Metrics::of(&estimate_unwritten(published(), &experiment, &recording, &Silent).unwrap())
+        Metrics::of(&estimate_computed(published(), &experiment, &recording, &Silent).unwrap())
     };
     let right = metrics(Case::default());
     for e in right.estimators() {

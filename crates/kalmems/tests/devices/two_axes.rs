@@ -12,8 +12,8 @@ use kalmems::results::{
 };
 use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::two_axes::{
-    Band, BandPlan, BatchStart, Hardware, Place, PlannedDrive, Settings, Start, StartError, estimate,
-    first_tones, line_share,
+    BandPlan, LinePlace, PlannedDrive, ProtectedBand, StartError, TwoAxisBatchStart, TwoAxisHardware,
+    TwoAxisSettings, TwoAxisStart, estimate, first_tones, line_share,
 };
 use kalmems::rigs::{Rig, shared_scanner::two_axes::TwoAxesRig};
 use kalmems::simulate::{Drive, Simulator, Tone, WhiteNoise, floquet_exponent};
@@ -41,11 +41,11 @@ fn changed(changes: &[(&str, &str)]) -> Experiment {
     published().parse(&text, &path()).unwrap()
 }
 
-fn settings() -> Settings {
-    Settings::of(&changed(&[])).unwrap()
+fn settings() -> TwoAxisSettings {
+    TwoAxisSettings::of(&changed(&[])).unwrap()
 }
 
-fn hardware() -> Hardware {
+fn hardware() -> TwoAxisHardware {
     settings().hardware
 }
 
@@ -107,7 +107,7 @@ fn anywhere(seed: u64) -> [f64; 4] {
     [x[0], x[1], y[0], y[1]]
 }
 
-fn run(settings: &Settings, recorded: &Recorded) -> Vec<Trajectory> {
+fn run(settings: &TwoAxisSettings, recorded: &Recorded) -> Vec<Trajectory> {
     let data = DrivenSegment::new(&recorded.time_s, &recorded.drive, &recorded.signal, 1e-6);
     {
         let past = &mut Past::default();
@@ -210,7 +210,7 @@ fn the_lines_of_the_square_are_those_of_its_spectrum() {
         2.0 * c.hypot(s) / f64::from(samples)
     };
     let mut explained = 0.0;
-    let in_square: Vec<_> = plan.lines.iter().filter(|line| line.place == Place::SquareVoltage).collect();
+    let in_square: Vec<_> = plan.lines.iter().filter(|line| line.place == LinePlace::SquareVoltage).collect();
     assert_eq!(in_square.len(), 6);
     for line in in_square {
         let expected = line.square_volts.unwrap();
@@ -241,10 +241,12 @@ fn a_conflict_is_found_and_is_one() {
     let near = BandPlan::of(&scanner, &at(rest), 500.0);
     println!("{near}");
     assert!(!near.is_clear());
-    let conflict =
-        near.conflicts.iter().find(|c| c.line.multiples == [0, 2] && c.line.place == Place::SquareVoltage);
+    let conflict = near
+        .conflicts
+        .iter()
+        .find(|c| c.line.multiples == [0, 2] && c.line.place == LinePlace::SquareVoltage);
     let conflict = conflict.expect("the second harmonic of the drive of y");
-    assert!(matches!(conflict.band, Band::Parametric { axis: 0, order: 1, .. }));
+    assert!(matches!(conflict.band, ProtectedBand::Parametric { axis: 0, order: 1, .. }));
     assert!(conflict.distance_hz.abs() < 1.0);
     let ratio = conflict.over_threshold.unwrap();
     assert!(ratio > 1.5, "{ratio}");
@@ -301,7 +303,7 @@ fn sines_are_found_as_they_are() {
             y + 0.5 + hardware.noise_variance.sqrt() * noise.sample()
         })
         .collect();
-    let start = BatchStart::of(&hardware.readout, &time_s, &signal, DRIVES_HZ).unwrap();
+    let start = TwoAxisBatchStart::of(&hardware.readout, &time_s, &signal, DRIVES_HZ).unwrap();
     for axis in 0..2 {
         let (a, p) = (start.amplitude_rad[axis], start.phase_rad[axis]);
         println!(
@@ -322,14 +324,15 @@ fn sines_are_found_as_they_are() {
 fn what_tells_no_start_is_refused() {
     let hardware = hardware();
     let recorded = record(hardware.scanner, [0.15, 0.0, 0.0, 0.0], 0, 3000, 1);
-    let of =
-        |n: usize| BatchStart::of(&hardware.readout, &recorded.time_s[..n], &recorded.signal[..n], DRIVES_HZ);
+    let of = |n: usize| {
+        TwoAxisBatchStart::of(&hardware.readout, &recorded.time_s[..n], &recorded.signal[..n], DRIVES_HZ)
+    };
     assert!(matches!(of(3000), Err(StartError::NoMotion { axis: 'y', .. })), "{:?}", of(3000));
     assert!(matches!(of(500), Err(StartError::TooShort { .. })));
     let loud: Vec<f64> = recorded.signal.iter().map(|y| 10.0 * y).collect();
-    let found = BatchStart::of(&hardware.readout, &recorded.time_s, &loud, DRIVES_HZ);
+    let found = TwoAxisBatchStart::of(&hardware.readout, &recorded.time_s, &loud, DRIVES_HZ);
     assert!(matches!(found, Err(StartError::TooLarge { axis: 'x', .. })), "{found:?}");
-    let same = BatchStart::of(&hardware.readout, &recorded.time_s, &recorded.signal, [31_350.0; 2]);
+    let same = TwoAxisBatchStart::of(&hardware.readout, &recorded.time_s, &recorded.signal, [31_350.0; 2]);
     assert_eq!(same.unwrap_err(), StartError::Inseparable);
 }
 
@@ -364,7 +367,7 @@ fn locks(trials: u64, (stiffness_error, density): Model) -> [Locks; 2] {
     from_signal.hardware.scanner.y.resonator.stiffness *= 1.0 + stiffness_error;
     let mut blind = from_signal.clone();
     let covariance = Covariance::from_standard_deviations([0.15, 15e3, 0.15, 6e3]);
-    blind.filters[0].start = Start::Given { mean: [0.05, 0.0, 0.05, 0.0], covariance };
+    blind.filters[0].start = TwoAxisStart::Given { mean: [0.05, 0.0, 0.05, 0.0], covariance };
     let mut counts = [Locks::default(); 2];
     for seed in 0..trials {
         let recorded = record(truth, anywhere(seed), 0, 14_000, seed);
@@ -529,7 +532,7 @@ fn files_that_are_wrong_say_where() {
         ),
         ("method = \"ekf\"\n", "method = \"ekf\"\ndemodulator = true\n", "estimate.filter[0].demodulator"),
     ] {
-        let message = Settings::of(&changed(&[(from, to)])).unwrap_err().to_string();
+        let message = TwoAxisSettings::of(&changed(&[(from, to)])).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
 }

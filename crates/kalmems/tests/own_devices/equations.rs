@@ -4,9 +4,9 @@ use kalmems::config::Experiment;
 use kalmems::estimate::{EstimateError, Trajectory};
 use kalmems::expand::expand;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
+use kalmems::simulate::{ComputedRecording, described};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -216,7 +216,7 @@ impl Preset {
     fn estimated(&self, experiment: &Experiment) -> Result<Vec<Trajectory>, EstimateError> {
         let rig = published().rig(experiment).unwrap();
         let file = experiment.resolve(&experiment.recording(0).unwrap().file);
-        let recording = Recording::read(&file, &rig.layout(experiment, 0).unwrap()).unwrap();
+        let recording = SampledRecording::read(&file, &rig.layout(experiment, 0).unwrap()).unwrap();
         let estimates = rig.estimate(experiment, 0, &recording, &Silent)?;
         let found = estimates.into_iter().find(|estimate| estimate.segment.label.contains(self.recording.1));
         Ok(found.unwrap().trajectories)
@@ -367,7 +367,7 @@ fn starts_of_the_stage(seeds: std::ops::Range<u32>, change: impl Fn(&mut Table))
         document["simulate"].as_table_mut().unwrap().insert("seed".into(), Value::Integer(seed.into()));
         let experiment = published().parse(&toml::to_string(&document).unwrap(), &file).unwrap();
         let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-        let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+        let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
         let expanded = expand(published(), &described(&experiment, &*simulation)).unwrap();
         let own = published().parse(&expanded.text, &file).unwrap();
         let rig = published().rig(&own).unwrap();

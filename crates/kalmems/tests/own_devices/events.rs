@@ -3,10 +3,10 @@
 
 use crate::parts::{goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts};
 use kalmems::config::Experiment;
-use kalmems::estimate::{Passed, Trajectory};
+use kalmems::estimate::{PassedMark, Trajectory};
 use kalmems::expand::expand;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::simulate::Simulation;
 use rand_pcg::Pcg64;
@@ -21,10 +21,10 @@ fn example(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(file)
 }
 
-fn recorded(experiment: &Experiment) -> Recording {
+fn recorded(experiment: &Experiment) -> SampledRecording {
     let rig = published().rig(experiment).unwrap();
     let file = experiment.resolve(&experiment.recording(0).unwrap().file);
-    Recording::read(&file, &rig.layout(experiment, 0).unwrap()).unwrap()
+    SampledRecording::read(&file, &rig.layout(experiment, 0).unwrap()).unwrap()
 }
 
 fn trajectories(experiment: &Experiment) -> Vec<Trajectory> {
@@ -350,7 +350,7 @@ fn simulated_passes(seed: u64, noise: bool) -> Vec<f64> {
     let columns: Vec<&str> = simulation.recorded().iter().map(|channel| channel.column).collect();
     assert_eq!(columns, ["signal_V", "pass_ago_s"]);
     let mut times = Vec::new();
-    let each = &mut |sample: &kalmems::simulate::Sample<'_>| {
+    let each = &mut |sample: &kalmems::simulate::SimulatedSample<'_>| {
         let ago = sample.recorded[1];
         if ago.is_finite() {
             assert!((0.0..2.0 * INTERVAL_S).contains(&ago), "{ago}");
@@ -416,7 +416,7 @@ type Row = (f64, Vec<f64>, f64);
 fn simulated(experiment: &Experiment) -> Vec<Row> {
     let simulation = published().rig(experiment).unwrap().simulate(experiment).unwrap();
     let mut rows = Vec::new();
-    let each = &mut |sample: &kalmems::simulate::Sample<'_>| {
+    let each = &mut |sample: &kalmems::simulate::SimulatedSample<'_>| {
         rows.push((sample.time_s, sample.recorded.to_vec(), sample.truth[0]));
         ControlFlow::Continue(())
     };
@@ -502,7 +502,7 @@ fn recorded_events_correct_a_stream_to_the_last_bit_as_an_estimate() {
     assert_eq!(told.count(), trajectories(&experiment)[0].counts.crossings);
     let rig = published().rig(&experiment).unwrap();
     let estimate = rig.estimate(&experiment, 0, &recording, &Silent).unwrap().swap_remove(0);
-    assert!(estimate.crossings.iter().all(|crossing| crossing.of == Passed::Event("pass")));
+    assert!(estimate.crossings.iter().all(|crossing| crossing.of == PassedMark::Event("pass")));
     assert!(estimate.crossings.iter().all(|crossing| (crossing.sd_s / TIME_SD_S - 1.0).abs() < 1e-9));
 }
 

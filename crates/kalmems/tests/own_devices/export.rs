@@ -5,9 +5,9 @@ mod c;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::SegmentEstimate;
-use kalmems::export::{Digits, ExportError, Exported, Request, Target, write_export};
+use kalmems::export::{ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, write_export};
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::results::{Output, OutputError, Work};
 use kalmems::rigs::published;
 use kalmems::signal::cubic_between;
@@ -45,19 +45,19 @@ fn example(path: &str) -> Experiment {
 const SCANNER: &str = "shared_scanner/microcontroller.toml";
 const THRESHOLD: &str = "threshold_scanner/experiment.toml";
 
-fn export(experiment: &Experiment, request: &Request) -> Result<Exported, ExportError> {
+fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
     published().rig(experiment).unwrap().export(experiment, request)
 }
 
-fn request(target: Target, filter: &str) -> Request {
-    Request {
+fn request(target: SourceLanguage, filter: &str) -> ExportRequest {
+    ExportRequest {
         target,
         filter: filter.to_owned(),
         interval_s: None,
         update_every: NonZeroU32::MIN,
         samples: 0,
         adjustable: Vec::new(),
-        digits: Digits::AsNeeded,
+        digits: SourceDigits::AsNeeded,
     }
 }
 
@@ -69,10 +69,10 @@ fn file<'a>(exported: &'a Exported, name: &str) -> &'a str {
 #[test]
 fn the_firmware_holds_what_the_examples_give() {
     let of = |example_file: &str, filter: &str, (every, samples): (u32, usize)| {
-        let request = Request {
+        let request = ExportRequest {
             update_every: NonZeroU32::new(every).unwrap(),
             samples,
-            ..request(Target::Rust, filter)
+            ..request(SourceLanguage::Rust, filter)
         };
         export(&example(example_file), &request).unwrap()
     };
@@ -93,7 +93,7 @@ fn the_firmware_holds_what_the_examples_give() {
     // The same filter from the device's equations.
     let expanded = kalmems::expand::expand(published(), &example(SCANNER)).unwrap();
     let own = published().parse(&expanded.text, example(SCANNER).path()).unwrap();
-    let text = export(&own, &request(Target::C, "Euler EKF")).unwrap();
+    let text = export(&own, &request(SourceLanguage::C, "Euler EKF")).unwrap();
     for name in ["scanner_filter.c", "scanner_filter.h"] {
         let kept = root().join("firmware/src/generated/text").join(name);
         assert!(
@@ -105,11 +105,11 @@ fn the_firmware_holds_what_the_examples_give() {
 }
 
 /// The estimates of the first recording of an example.
-fn estimated(experiment: &Experiment) -> (Recording, SegmentEstimate) {
+fn estimated(experiment: &Experiment) -> (SampledRecording, SegmentEstimate) {
     let rig = published().rig(experiment).unwrap();
     let index = rig.wanted(experiment).unwrap()[0];
     let file = experiment.resolve(&experiment.recording(index).unwrap().file);
-    let recording = Recording::read(&file, &rig.layout(experiment, index).unwrap()).unwrap();
+    let recording = SampledRecording::read(&file, &rig.layout(experiment, index).unwrap()).unwrap();
     let mut estimates = rig.estimate(experiment, index, &recording, &Silent).unwrap();
     (recording, estimates.remove(0))
 }
@@ -187,37 +187,47 @@ fn an_exported_threshold_filter_estimates_nearly_what_the_program_does() {
 
 #[test]
 fn what_cannot_be_exported_says_why() {
-    let why = |file: &str, request: &Request| export(&example(file), request).unwrap_err().to_string();
+    let why = |file: &str, request: &ExportRequest| export(&example(file), request).unwrap_err().to_string();
     let scanner = "shared_scanner/experiment.toml";
     for (file, request, expected) in [
-        (scanner, request(Target::Rust, "no such"), "the experiment has: `Model alone`, `EKF`, `UKF`"),
-        (scanner, request(Target::C, "UKF"), "the methods `ekf` and `euler_ekf` can be exported"),
-        (THRESHOLD, request(Target::Rust, "Hybrid as printed"), "the variant `full`"),
-        (THRESHOLD, request(Target::Rust, "Hybrid, resonance tracked"), "leave `states` out"),
+        (
+            scanner,
+            request(SourceLanguage::Rust, "no such"),
+            "the experiment has: `Model alone`, `EKF`, `UKF`",
+        ),
+        (scanner, request(SourceLanguage::C, "UKF"), "the methods `ekf` and `euler_ekf` can be exported"),
+        (THRESHOLD, request(SourceLanguage::Rust, "Hybrid as printed"), "the variant `full`"),
+        (THRESHOLD, request(SourceLanguage::Rust, "Hybrid, resonance tracked"), "leave `states` out"),
         (
             THRESHOLD,
-            Request { update_every: NonZeroU32::new(2).unwrap(), ..request(Target::C, "Hybrid") },
+            ExportRequest {
+                update_every: NonZeroU32::new(2).unwrap(),
+                ..request(SourceLanguage::C, "Hybrid")
+            },
             "needs every sample",
         ),
         (
             THRESHOLD,
-            Request { update_every: NonZeroU32::new(2).unwrap(), ..request(Target::Rust, "Hybrid") },
+            ExportRequest {
+                update_every: NonZeroU32::new(2).unwrap(),
+                ..request(SourceLanguage::Rust, "Hybrid")
+            },
             "needs every sample",
         ),
         (
             scanner,
-            Request { samples: 30_000, ..request(Target::Rust, "EKF") },
+            ExportRequest { samples: 30_000, ..request(SourceLanguage::Rust, "EKF") },
             "of the first 30000 samples only 24001 have a drive and a signal",
         ),
         (
             scanner,
-            Request { samples: 3, interval_s: Some(1e-6), ..request(Target::Rust, "EKF") },
+            ExportRequest { samples: 3, interval_s: Some(1e-6), ..request(SourceLanguage::Rust, "EKF") },
             "leave `--rate` or `--samples` out",
         ),
         (
             "piston_mirror/experiment.toml",
             request(
-                Target::Rust,
+                SourceLanguage::Rust,
                 &example("piston_mirror/experiment.toml").estimate.unwrap().filters[0].name.to_string(),
             ),
             "no filter of the rig `piston_mirror` can be exported",
@@ -234,7 +244,7 @@ fn an_export_is_whole_and_replaces_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("filter");
     let write = |filter: &str, force: bool| {
-        let exported = export(&experiment, &request(Target::C, filter)).unwrap();
+        let exported = export(&experiment, &request(SourceLanguage::C, filter)).unwrap();
         let output = Output::begin(&target, &Work::named("export", filter).forced(force))?;
         write_export(&exported, &output).unwrap();
         output.commit()
@@ -284,8 +294,11 @@ fn a_filter_of_equations_tests_itself_against_the_library() {
     let expanded = kalmems::expand::expand(published(), &experiment).unwrap();
     let own = published().parse(&expanded.text, experiment.path()).unwrap();
     for filter in own.estimate.as_ref().unwrap().filters.iter().map(|filter| filter.name.to_string()) {
-        let wanted =
-            Request { samples: 300, adjustable: vec!["stiffness".to_owned()], ..request(Target::C, &filter) };
+        let wanted = ExportRequest {
+            samples: 300,
+            adjustable: vec!["stiffness".to_owned()],
+            ..request(SourceLanguage::C, &filter)
+        };
         let exported = export(&own, &wanted).unwrap();
         let folder = tempfile::tempdir().unwrap();
         if let Some(run) = compiled(&exported.files, folder.path()) {
@@ -293,7 +306,7 @@ fn a_filter_of_equations_tests_itself_against_the_library() {
         }
         // Another source of the same bytes.
         assert_eq!(export(&own, &wanted).unwrap().files, exported.files);
-        let rust = export(&own, &Request { target: Target::Rust, ..wanted }).unwrap();
+        let rust = export(&own, &ExportRequest { target: SourceLanguage::Rust, ..wanted }).unwrap();
         assert!(rust.files.iter().any(|(name, _)| name == "scanner_filter.rs"));
     }
 }
@@ -301,15 +314,17 @@ fn a_filter_of_equations_tests_itself_against_the_library() {
 #[test]
 fn what_is_faster_than_the_samples_is_predicted_in_parts() {
     let experiment = example("tuning_fork/experiment.toml");
-    let wanted = Request { samples: 300, ..request(Target::C, "EKF") };
+    let wanted = ExportRequest { samples: 300, ..request(SourceLanguage::C, "EKF") };
     let exported = export(&experiment, &wanted).unwrap();
     let header = exported.files.iter().find(|(name, _)| name == "tuning_fork.h").unwrap();
     assert!(header.1.contains("`tuning_fork_predict` 5 times"), "{}", header.1);
     // Rehearsed and tested in these parts: numbers of 32 bits alone would not suffice.
     assert!(header.1.contains("64 bits"), "{}", header.1);
     self_tested(&experiment, (&wanted, exported), "tuning_fork");
-    let refused =
-        export(&experiment, &Request { adjustable: vec!["q".to_owned()], ..request(Target::C, "EKF") });
+    let refused = export(
+        &experiment,
+        &ExportRequest { adjustable: vec!["q".to_owned()], ..request(SourceLanguage::C, "EKF") },
+    );
     assert!(refused.unwrap_err().to_string().contains("unknown word `q`"));
 }
 
@@ -382,7 +397,7 @@ fn oscillator(folder: &Path) -> Experiment {
 
 /// Compiles an exported filter in C and in Rust and runs its test of itself: C is within 10⁻⁵ of the library, relative to the largest
 /// value of each state, and Rust within what its own test takes.
-fn self_tested(experiment: &Experiment, (wanted, mut exported): (&Request, Exported), name: &str) {
+fn self_tested(experiment: &Experiment, (wanted, mut exported): (&ExportRequest, Exported), name: &str) {
     let filter = &wanted.filter;
     // The program says how far the source is off.
     let (_, main) = exported.files.iter_mut().find(|(name, _)| name == "main.c").unwrap();
@@ -396,7 +411,7 @@ fn self_tested(experiment: &Experiment, (wanted, mut exported): (&Request, Expor
         println!("{filter:?}: C is off by {worst:.1e} of the largest value of a state");
         assert!(run.status.success() && worst < 1e-5, "{filter:?}: {worst:e}");
     }
-    let rust = export(experiment, &Request { target: Target::Rust, ..wanted.clone() }).unwrap();
+    let rust = export(experiment, &ExportRequest { target: SourceLanguage::Rust, ..wanted.clone() }).unwrap();
     let made = tempfile::tempdir().unwrap();
     for (name, content) in &rust.files {
         fs::write(made.path().join(name), content).unwrap();
@@ -417,7 +432,7 @@ fn filters_with_events_and_with_a_constant_gain_test_themselves_against_the_libr
     let folder = tempfile::tempdir().unwrap();
     let experiment = oscillator(folder.path());
     for (filter, _) in OSCILLATOR_FILTERS.iter().take(4) {
-        let wanted = Request { samples: 900, ..request(Target::C, filter) };
+        let wanted = ExportRequest { samples: 900, ..request(SourceLanguage::C, filter) };
         let exported = export(&experiment, &wanted).unwrap();
         let is_told = filter.starts_with("told");
         assert_eq!(file(&exported, "oscillator.h").contains("oscillator_update_pass"), is_told);
@@ -433,7 +448,7 @@ fn events_that_a_source_cannot_have_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let experiment = oscillator(folder.path());
     let refused = |experiment: &Experiment, filter: &str| {
-        export(experiment, &request(Target::C, filter)).unwrap_err().to_string()
+        export(experiment, &request(SourceLanguage::C, filter)).unwrap_err().to_string()
     };
     let said = refused(&experiment, "by its time");
     assert!(said.contains("event `pass`") && said.contains("a constant one by `sd`"), "{said}");

@@ -7,7 +7,7 @@
 use kalmems::diagnose::likeliest;
 use kalmems::identify::Identification;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use std::path::{Path, PathBuf};
 
@@ -190,7 +190,7 @@ fn simulated_rms(found: &Identification, folder: &Path) -> f64 {
     let experiment = published().parse(&text, &folder.join("experiment.toml")).unwrap();
     let rig = published().rig(&experiment).unwrap();
     let file = experiment.resolve(&experiment.recording(0).unwrap().file);
-    let recording = Recording::read(&file, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    let recording = SampledRecording::read(&file, &rig.layout(&experiment, 0).unwrap()).unwrap();
     let estimates = rig.estimate(&experiment, 0, &recording, &Silent).unwrap();
     let trajectory = &estimates[0].trajectories[0];
     let (offset, _) = of(found, "y0");

@@ -1,13 +1,13 @@
 //! What every rig has, for a device that is described by its equations: a study, a diagnosis, the state that each sample means.
 
 use kalmems::config::Experiment;
-use kalmems::diagnose::{Finding, diagnose_recording};
+use kalmems::diagnose::{DiagnosisFinding, diagnose_recording};
 use kalmems::progress::Silent;
 use kalmems::results::Output;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
-use kalmems::study::{Options, Plan};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::simulate::{ComputedRecording, described};
+use kalmems::study::{StudyOptions, StudyPlan};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::num::NonZero;
 use std::path::Path;
 
@@ -29,10 +29,10 @@ fn parse(text: &str) -> Result<Experiment, String> {
 }
 
 /// A simulated recording and the experiment that describes it.
-fn simulated(text: &str) -> (Experiment, Unwritten) {
+fn simulated(text: &str) -> (Experiment, ComputedRecording) {
     let experiment = parse(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-    let all = Unwritten::of(simulation.as_ref(), &Silent).unwrap();
+    let all = ComputedRecording::of(simulation.as_ref(), &Silent).unwrap();
     (described(&experiment, simulation.as_ref()), all)
 }
 
@@ -45,9 +45,9 @@ fn a_study_varies_a_parameter_that_the_filter_is_told() {
         [[vary]]\nkey = \"device.equations.parameters.k\"\napplies_to = \"told\"\n\
         grid = { from = \"4.7374 N/m\", to = \"4.76 N/m\", points = 2 }\n";
     std::fs::write(folder.path().join("study.toml"), study).unwrap();
-    let plan = Plan::load(published(), &folder.path().join("study.toml")).unwrap();
+    let plan = StudyPlan::load(published(), &folder.path().join("study.toml")).unwrap();
     let out = folder.path().join("out");
-    let options = Options { shard: "1/1".parse().unwrap(), threads: NonZero::new(1), force: false };
+    let options = StudyOptions { shard: "1/1".parse().unwrap(), threads: NonZero::new(1), force: false };
     let journal = plan.run_all(&out, options, &Silent).unwrap().journal;
     let output = Output::begin(&out, &plan.work()).unwrap();
     let summary = plan.write_results(&[journal], &output).unwrap();
@@ -73,7 +73,7 @@ fn a_diagnosis_names_the_parameter_that_is_wrong() {
     let diagnosis = diagnose_recording(published(), &told, None, recording, &Silent).unwrap();
     let causes: Vec<(&str, usize)> =
         diagnosis.causes.iter().map(|cause| (cause.name.as_str(), cause.edits.len())).collect();
-    assert!(diagnosis.finding == Finding::Explained, "{causes:?} {:?}", diagnosis.tests);
+    assert!(diagnosis.finding == DiagnosisFinding::Explained, "{causes:?} {:?}", diagnosis.tests);
     let edited = diagnosis.causes.iter().flat_map(|cause| &cause.edits);
     assert!(edited.map(|edit| format!("{edit:?}")).any(|edit| edit.contains("parameters.k")), "{causes:?}");
 }
@@ -115,7 +115,7 @@ fn cardano(t: f64, y: f64) -> f64 {
 #[test]
 fn each_sample_tells_the_state_that_its_measurement_is_of() {
     let (experiment, all) = simulated(STAGE);
-    let outcome: Outcome = estimate_unwritten(published(), &experiment, &all, &Silent).unwrap();
+    let outcome: Outcome = estimate_computed(published(), &experiment, &all, &Silent).unwrap();
     let segment = &outcome.recordings[0].segments[0];
     let trajectory = &segment.estimate.trajectories[0];
     assert_eq!(trajectory.states.len(), 1);
@@ -153,7 +153,7 @@ fn a_measurement_that_does_not_tell_one_state_is_not_inverted() {
 fn a_filter_of_equations_is_smoothed_with_a_lag_and_over_all_samples() {
     let text = comb() + "smooth = true\nsmooth_lag = \"60 us\"\n";
     let (experiment, all) = simulated(&text);
-    let outcome = estimate_unwritten(published(), &experiment, &all, &Silent).unwrap();
+    let outcome = estimate_computed(published(), &experiment, &all, &Silent).unwrap();
     let segment = &outcome.recordings[0].segments[0];
     let rmse = |end: &str| {
         let place = segment.estimate.trajectories.iter().position(|found| found.key == end).unwrap();

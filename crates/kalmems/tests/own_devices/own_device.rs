@@ -5,10 +5,10 @@ use kalmems::config::Experiment;
 use kalmems::diagnose::likeliest;
 use kalmems::identify::Identification;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::simulate::{ComputedRecording, described};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -181,14 +181,14 @@ fn a_curve_from_a_file_stands_for_the_law_that_it_was_computed_from() {
 }
 
 /// The comb resonator of the example, simulated with a seed, told with parameters that are wrong.
-fn told_wrong(seed: u64, further_noise: &str) -> (Experiment, Unwritten) {
+fn told_wrong(seed: u64, further_noise: &str) -> (Experiment, ComputedRecording) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/comb_resonator/simulation.toml");
     let text = std::fs::read_to_string(&file).unwrap().replace("seed = 1", &format!("seed = {seed}"));
     let text = text.replace("signal = \"1e-6[V^2]\"", &format!("signal = \"1e-6[V^2]\"\n{further_noise}"));
     let experiment = published().parse(&text, &file).unwrap();
     let rig = published().rig(&experiment).unwrap();
     let simulation = rig.simulate(&experiment).unwrap();
-    let simulated = Unwritten::of(simulation.as_ref(), &Silent).unwrap();
+    let simulated = ComputedRecording::of(simulation.as_ref(), &Silent).unwrap();
     (described(&experiment, simulation.as_ref()), simulated)
 }
 
@@ -205,7 +205,7 @@ fn identified(seed: u64, changes: &[(&str, &str, &str)], parameters: &str) -> Id
     let (told, simulated) = told_wrong(seed, "v = \"1e-7[m^2/s^3]\"");
     let folder = tempfile::tempdir().unwrap();
     let layout = published().rig(&told).unwrap().layout(&told, 0).unwrap();
-    let recording: Recording = simulated.recorded(&layout).unwrap();
+    let recording: SampledRecording = simulated.recorded(&layout).unwrap();
     let segment = &recording.segments()[0];
     let mut csv = "time_s,drive_V,signal_V\n".to_owned();
     let column = |name: &str| recording.column(name).unwrap().of(segment).to_vec();
@@ -340,7 +340,7 @@ fn what_a_device_of_ones_own_lacks_is_told_with_what_to_write() {
 #[test]
 fn an_unwritten_simulation_is_estimated_as_a_recording() {
     let (experiment, simulated) = told_wrong(3, "");
-    let outcome = estimate_unwritten(published(), &experiment, &simulated, &Silent).unwrap();
+    let outcome = estimate_computed(published(), &experiment, &simulated, &Silent).unwrap();
     for (_, within) in errors(&outcome, "x") {
         assert!(within > 0.99, "{within}");
     }
@@ -354,7 +354,7 @@ fn samples_that_arrive_are_estimated_to_the_last_bit_as_those_of_a_recording() {
     let experiment = published().parse(&text, &file).unwrap();
     let rig = published().rig(&experiment).unwrap();
     let path = experiment.resolve(&experiment.recording(0).unwrap().file);
-    let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
     let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (&std::fs::read(&path).unwrap(), 4000));
     assert_eq!((summary.estimated, summary.not_estimated), (12_000, 0));
 }
@@ -367,7 +367,7 @@ fn what_a_lag_adds_starts_settled_behind_the_states_that_are_stated() {
     let experiment = parse(&format!("{text}{RECORDING}"), folder.path()).unwrap();
     let rig = published().rig(&experiment).unwrap();
     let file = experiment.resolve(&experiment.recording(0).unwrap().file);
-    let mut recording = Recording::read(&file, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    let mut recording = SampledRecording::read(&file, &rig.layout(&experiment, 0).unwrap()).unwrap();
     // Without a correction at the first sample, where both channels are missing.
     for column in ["fast_V", "filtered_V"] {
         recording = recording.what_if(column, |_, values| values[0] = f64::NAN);

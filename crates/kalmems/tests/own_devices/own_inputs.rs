@@ -3,8 +3,8 @@
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::simulate::{ComputedRecording, described};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -62,7 +62,8 @@ impl Rows {
     fn of(text: &str, folder: &Path) -> Self {
         let experiment = parse(text, folder).unwrap_or_else(|error| panic!("{error}"));
         let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-        let names = |channels: &[kalmems::simulate::Channel]| channels.iter().map(|c| c.column).collect();
+        let names =
+            |channels: &[kalmems::simulate::SimulatedColumn]| channels.iter().map(|c| c.column).collect();
         let (recorded, truth) = (names(simulation.recorded()), names(simulation.truth()));
         let mut rows = Vec::new();
         simulation
@@ -230,9 +231,9 @@ const FILTER: &str = "[estimate]\nskip = \"2 ms\"\n[[estimate.filter]]\nname = \
 fn estimated(text: &str, told: &str, folder: &Path) -> Outcome {
     let experiment = parse(text, folder).unwrap();
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-    let simulated = Unwritten::of(simulation.as_ref(), &Silent).unwrap();
+    let simulated = ComputedRecording::of(simulation.as_ref(), &Silent).unwrap();
     let told = described(&parse(told, folder).unwrap(), simulation.as_ref());
-    estimate_unwritten(published(), &told, &simulated, &Silent).unwrap()
+    estimate_computed(published(), &told, &simulated, &Silent).unwrap()
 }
 
 #[test]

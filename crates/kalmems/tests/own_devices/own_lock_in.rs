@@ -3,7 +3,7 @@
 use crate::parts::same_bits_in_a_stream;
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::workflow;
@@ -53,7 +53,7 @@ fn a_lock_in_gives_the_same_bits_in_a_stream_as_over_a_whole_recording() {
     let experiment = published().parse(&text, &file).unwrap();
     let rig = published().rig(&experiment).unwrap();
     let path = experiment.resolve(&experiment.recording(0).unwrap().file);
-    let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
     same_bits_in_a_stream(&experiment, &recording, (&std::fs::read(&path).unwrap(), 4000));
 }
 

@@ -4,10 +4,10 @@ use crate::parts::same_bits_in_parts;
 use kalmems::config::Experiment;
 use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, WhiteNoise, described};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::simulate::{ComputedRecording, WhiteNoise, described};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -26,19 +26,19 @@ fn parse(text: &str) -> Result<Experiment, String> {
 }
 
 /// A simulated recording, and the experiment that describes it.
-fn simulated(text: &str) -> (Experiment, Unwritten) {
+fn simulated(text: &str) -> (Experiment, ComputedRecording) {
     let experiment = parse(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-    let all = Unwritten::of(simulation.as_ref(), &Silent).unwrap();
+    let all = ComputedRecording::of(simulation.as_ref(), &Silent).unwrap();
     (described(&experiment, simulation.as_ref()), all)
 }
 
 fn outcome(text: &str) -> Result<Outcome, String> {
     let (experiment, all) = simulated(text);
-    estimate_unwritten(published(), &experiment, &all, &Silent).map_err(|error| error.to_string())
+    estimate_computed(published(), &experiment, &all, &Silent).map_err(|error| error.to_string())
 }
 
-fn recording(experiment: &Experiment, all: &Unwritten) -> Recording {
+fn recording(experiment: &Experiment, all: &ComputedRecording) -> SampledRecording {
     all.recorded(&published().rig(experiment).unwrap().layout(experiment, 0).unwrap()).unwrap()
 }
 

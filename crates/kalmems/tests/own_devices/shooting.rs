@@ -3,7 +3,8 @@
 #![allow(clippy::inline_always)] // models are inlined whole, by the macro
 
 use kalmems::fit::{
-    Bounds, ByDual, Derived, Fit, FitSettings, Law, Regression, Shooting, ShootingError, Unknown, fit,
+    ByDual, DerivedNumber, Fit, FitSettings, ParameterBounds, Regression, ResidualLaw, Shooting,
+    ShootingError, Unknown, fit,
 };
 use kalmems::signal::band_limited;
 use kalmems::simulate::WhiteNoise;
@@ -224,7 +225,7 @@ fn a_ring_down_with_electrodes_that_pull_and_are_seen() {
         .unwrap();
         // θ → −θ is as good an answer: the sign of the start says which.
         let mut settings = FitSettings::from_start(shooting.nominal());
-        settings.bounds[3] = Bounds { low: 0.01, high: 0.5 };
+        settings.bounds[3] = ParameterBounds { low: 0.01, high: 0.5 };
         settings.free[5] = width_is_free;
         fit(&ByDual(shooting), &settings).unwrap()
     };
@@ -321,7 +322,7 @@ fn derivatives_are_those_of_finite_differences() {
     }
     // The law itself is generic: it can be asked for numbers as well.
     let mut count = 0;
-    Law::<3>::residuals(&shooting, &at, &mut |_: f64| count += 1);
+    ResidualLaw::<3>::residuals(&shooting, &at, &mut |_: f64| count += 1);
     assert_eq!(count, 3);
 }
 
@@ -412,7 +413,8 @@ fn the_measured_silverbox() {
 
     let frequency = found.derived(|p| Scalar::sqrt(p[1]) * (1.0 / TAU));
     let quality = found.derived(|p| Scalar::sqrt(p[1]) / p[0]);
-    let said = |what: &str, ours: Derived| println!("{what}: {:.6e} ± {:.1e}", ours.value, ours.deviation);
+    let said =
+        |what: &str, ours: DerivedNumber| println!("{what}: {:.6e} ± {:.1e}", ours.value, ours.deviation);
     said("f0", frequency);
     said("Q", quality);
     println!("delay {delay_s:.3e} s");

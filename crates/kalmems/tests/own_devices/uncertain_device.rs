@@ -3,11 +3,11 @@
 use crate::parts::{goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts};
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
-use kalmems::workflow::{Outcome, estimate_unwritten};
+use kalmems::simulate::{ComputedRecording, described};
+use kalmems::workflow::{Outcome, estimate_computed};
 use std::path::{Path, PathBuf};
 
 /// Finds a number within this part of what was expected.
@@ -38,10 +38,10 @@ fn scanner_with(stiffness: &str, width: &str, more: &str) -> Result<Experiment, 
     published().parse(&format!("{text}\n{more}"), &path).map_err(|why| why.to_string())
 }
 
-fn recording(experiment: &Experiment) -> Recording {
+fn recording(experiment: &Experiment) -> SampledRecording {
     let rig = published().rig(experiment).unwrap();
     let file = experiment.resolve(&experiment.recording(0).unwrap().file);
-    Recording::read(&file, &rig.layout(experiment, 0).unwrap()).unwrap()
+    SampledRecording::read(&file, &rig.layout(experiment, 0).unwrap()).unwrap()
 }
 
 #[test]
@@ -176,9 +176,9 @@ fn told(text: &str, truth: &[(&str, &str)], path: &Path) -> (Outcome, Metrics) {
     let parse = |text: &str| published().parse(text, path).unwrap_or_else(|e| panic!("{e}"));
     let truth = parse(&replaced(text, truth));
     let simulation = published().rig(&truth).unwrap().simulate(&truth).unwrap();
-    let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+    let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
     let told = described(&parse(text), &*simulation);
-    let outcome = estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
+    let outcome = estimate_computed(published(), &told, &simulated, &Silent).unwrap();
     let metrics = Metrics::of(&outcome);
     (outcome, metrics)
 }

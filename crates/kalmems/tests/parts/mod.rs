@@ -3,11 +3,11 @@
 #![allow(dead_code)] // each test uses its part
 
 use kalmems::config::Experiment;
-use kalmems::estimate::{Crossing, LockEvent, Part, Trajectory};
+use kalmems::estimate::{LockEvent, RecordedPassing, SegmentPart, Trajectory};
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
-use kalmems::stream::{Connection, Opened, Outputs, StreamError, StreamSummary, stream};
+use kalmems::stream::{Connection, OpenedConnection, StreamError, StreamOutputs, StreamSummary, stream};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 use std::cell::RefCell;
@@ -22,12 +22,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct InParts {
     pub trajectories: Vec<Trajectory>,
     pub events: Vec<LockEvent>,
-    pub crossings: Vec<Crossing>,
+    pub crossings: Vec<RecordedPassing>,
     pub remarks: Vec<String>,
 }
 
 /// Takes the first segment of a recording in parts of this length.
-pub fn in_parts(experiment: &Experiment, recording: &Recording, length: usize) -> InParts {
+pub fn in_parts(experiment: &Experiment, recording: &SampledRecording, length: usize) -> InParts {
     let rig = published().rig(experiment).unwrap();
     let mut estimator = rig.considering(experiment, 0, &Silent).unwrap();
     let segment = &recording.segments()[0];
@@ -41,7 +41,7 @@ pub fn in_parts(experiment: &Experiment, recording: &Recording, length: usize) -
         let end = if end + around.after >= rows { rows } else { end };
         let needed = around.before + if around.smooths { before } else { 0 };
         let there = from.saturating_sub(needed)..(end + around.after).min(rows);
-        let part = Part {
+        let part = SegmentPart {
             recording,
             segment: &segment.part(&there),
             fresh: from - there.start..end - there.start,
@@ -73,7 +73,7 @@ pub fn in_parts(experiment: &Experiment, recording: &Recording, length: usize) -
 
 /// Finds every bit of the answers unchanged in parts of these lengths; what is smoothed over the whole, under keys that end so,
 /// knows a part more and not all.
-pub fn same_bits_in_parts(experiment: &Experiment, recording: &Recording, lengths: &[usize]) {
+pub fn same_bits_in_parts(experiment: &Experiment, recording: &SampledRecording, lengths: &[usize]) {
     let rig = published().rig(experiment).unwrap();
     let estimate = rig.estimate(experiment, 0, recording, &Silent).unwrap().swap_remove(0);
     let whole = &estimate.trajectories;
@@ -198,13 +198,13 @@ pub fn streamed(
     input: impl Read + Send + 'static,
     state: Option<&Path>,
 ) -> Streamed {
-    connected(experiment, Box::new(Opened::new(input)), state, Arc::default())
+    connected(experiment, Box::new(OpenedConnection::new(input)), state, Arc::default())
 }
 
 /// Estimates samples while they arrive, until the run is killed.
 pub fn killed(experiment: &Experiment, input: Killing, state: &Path) -> Streamed {
     let killed = input.killed.clone();
-    connected(experiment, Box::new(Opened::new(input)), Some(state), killed)
+    connected(experiment, Box::new(OpenedConnection::new(input)), Some(state), killed)
 }
 
 /// Estimates the samples of a connection while they arrive; from when on the run is killed, it writes nothing.
@@ -215,7 +215,7 @@ pub fn connected(
     killed: Arc<AtomicBool>,
 ) -> Streamed {
     let lines = Shared { bytes: Rc::default(), killed };
-    let outputs = Outputs { lines: Some(Box::new(lines.clone())), ..Outputs::default() };
+    let outputs = StreamOutputs { lines: Some(Box::new(lines.clone())), ..StreamOutputs::default() };
     let ended = stream(published(), experiment, connection, outputs, state, &|| false);
     let text = String::from_utf8(lines.bytes.borrow().clone()).unwrap();
     let (mut answers, mut events) = (BTreeMap::<_, Vec<_>>::new(), Vec::new());
@@ -238,7 +238,7 @@ pub fn connected(
 /// Finds every bit of the estimate of a recording in a stream of its bytes; what the stream says besides.
 pub fn same_bits_in_a_stream(
     experiment: &Experiment,
-    recording: &Recording,
+    recording: &SampledRecording,
     (bytes, longest): (&[u8], u64),
 ) -> (Vec<serde_json::Value>, StreamSummary) {
     let rig = published().rig(experiment).unwrap();

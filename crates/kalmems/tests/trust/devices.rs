@@ -4,8 +4,8 @@ use kalmems::config::Experiment;
 use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
-use kalmems::workflow::estimate_unwritten;
+use kalmems::simulate::{ComputedRecording, described};
+use kalmems::workflow::estimate_computed;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
@@ -133,11 +133,11 @@ impl Device {
         real: &[Setting],
         told: [&[Setting]; N],
         seed: u64,
-    ) -> ([Experiment; N], Unwritten) {
+    ) -> ([Experiment; N], ComputedRecording) {
         let real = self.experiment(real, seed);
         let simulation =
             published().rig(&real).unwrap().simulate(&real).unwrap_or_else(|e| panic!("{}: {e}", self.name));
-        let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+        let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
         (told.map(|told| described(&self.experiment(told, seed), &*simulation)), simulated)
     }
 
@@ -147,19 +147,19 @@ impl Device {
         settings: &[Setting],
         without: &[&str],
         seed: u64,
-    ) -> (Experiment, Unwritten) {
+    ) -> (Experiment, ComputedRecording) {
         let mut settings = settings.to_vec();
         settings.push(("simulate.seed", seed.to_string()));
         let text = self.text_without(&settings, without);
         let experiment =
             published().parse(&text, &self.path()).unwrap_or_else(|e| panic!("{}: {e}", self.name));
         let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-        let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+        let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
         (described(&experiment, &*simulation), simulated)
     }
 
     /// The same of filters that are told one thing.
-    pub fn recorded(&self, real: &[Setting], told: &[Setting], seed: u64) -> (Experiment, Unwritten) {
+    pub fn recorded(&self, real: &[Setting], told: &[Setting], seed: u64) -> (Experiment, ComputedRecording) {
         let ([told], simulated) = self.recorded_by(real, [told], seed);
         (told, simulated)
     }
@@ -182,7 +182,7 @@ impl Device {
     }
 }
 
-fn judged(told: &Experiment, simulated: &Unwritten) -> Option<Metrics> {
-    let outcome = estimate_unwritten(published(), told, simulated, &Silent);
+fn judged(told: &Experiment, simulated: &ComputedRecording) -> Option<Metrics> {
+    let outcome = estimate_computed(published(), told, simulated, &Silent);
     outcome.ok().map(|outcome| Metrics::of(&outcome))
 }

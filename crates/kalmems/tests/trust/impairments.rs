@@ -6,7 +6,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::EstimateError;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
+use kalmems::simulate::ComputedRecording;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -160,7 +160,7 @@ impl Impairment {
     }
 
     /// What comes of a recording with it.
-    fn outcome(self, of: Of, (experiment, simulated): &(Experiment, Unwritten)) -> Outcome {
+    fn outcome(self, of: Of, (experiment, simulated): &(Experiment, ComputedRecording)) -> Outcome {
         let skip_s = experiment.estimate.as_ref().unwrap().skip.si();
         let mut simulated = simulated.clone();
         let signal = &signals(experiment)[0];

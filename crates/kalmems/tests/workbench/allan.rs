@@ -1,6 +1,6 @@
 //! Allan's deviations against published figures and the tables of another program.
 
-use kalmems::signal::{Averaged, Deviation, octaves};
+use kalmems::signal::{AllanDeviation, Deviation, octaves};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::fs;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ const ALL: [(&str, Deviation); 7] = [
 ];
 
 /// As far apart as rounding to seven digits may put them.
-fn assert_published(found: &[Averaged], published: &[f64], what: &str) {
+fn assert_published(found: &[AllanDeviation], published: &[f64], what: &str) {
     assert_eq!(found.len(), published.len(), "{what}");
     for (found, published) in found.iter().zip(published) {
         assert!((found.deviation / published - 1.0).abs() < 5e-7, "{what}: {found:?} {published}");

@@ -1,8 +1,8 @@
 //! Arrays in memory in the place of files.
 
+use kalmems::array_experiment::{ArrayClock, ArrayExperiment, ArrayRecording, PreparedExperiment};
 use kalmems::config::ConfigError;
 use kalmems::diagnose::DiagnoseError;
-use kalmems::given::{Given, GivenClock, GivenRecording, Ready};
 use kalmems::progress::Silent;
 use kalmems::recording::{Array, Arrays, ReadError};
 use kalmems::results::Estimated;
@@ -28,19 +28,19 @@ fn columns(file: &Path) -> Vec<(String, Vec<f64>)> {
     columns
 }
 
-fn given(columns: &[(String, Vec<f64>)]) -> GivenRecording {
+fn given(columns: &[(String, Vec<f64>)]) -> ArrayRecording {
     let arrays = columns.iter().map(|(name, values)| Array::of_numbers(name, values)).collect();
     let arrays = Arrays::new(arrays).unwrap();
-    GivenRecording { arrays, units: BTreeMap::new(), segments: None, clock: None }
+    ArrayRecording { arrays, units: BTreeMap::new(), segments: None, clock: None }
 }
 
-fn of_experiment(file: &Path) -> Given {
-    Given::new(&std::fs::read_to_string(file).unwrap(), file).unwrap()
+fn of_experiment(file: &Path) -> ArrayExperiment {
+    ArrayExperiment::new(&std::fs::read_to_string(file).unwrap(), file).unwrap()
 }
 
-fn estimated(given: Given) -> Result<Estimated, String> {
-    let Ready { workbench, experiment, noise } =
-        given.ready(published(), &Silent).map_err(|error| error.to_string())?;
+fn estimated(given: ArrayExperiment) -> Result<Estimated, String> {
+    let PreparedExperiment { workbench, experiment, noise } =
+        given.prepare(published(), &Silent).map_err(|error| error.to_string())?;
     Estimated::of(&workbench, &experiment, noise, &Silent).map_err(|error| error.to_string())
 }
 
@@ -59,7 +59,7 @@ fn bits(estimated: &Estimated) -> Vec<Vec<u64>> {
 type Columns = Vec<(String, Vec<f64>)>;
 
 /// A short recording of the scanner's example, and the experiment with it and its reference.
-fn short() -> (Given, Columns, Columns) {
+fn short() -> (ArrayExperiment, Columns, Columns) {
     let folder = example("shared_scanner");
     let shortened = |name: &str| {
         let mut columns = columns(&folder.join(name));
@@ -124,7 +124,8 @@ fn findings_of_arrays_name_samples_and_columns() {
     recording[2].0 = "cup_V".to_owned();
     recording[0].1[7] = 0.0;
     experiment.recording(None, &given(&recording)).unwrap();
-    let Ready { workbench, experiment, noise } = experiment.ready(published(), &Silent).unwrap();
+    let PreparedExperiment { workbench, experiment, noise } =
+        experiment.prepare(published(), &Silent).unwrap();
     let error = Estimated::of(&workbench, &experiment, noise, &Silent).unwrap_err();
     let WorkflowError::Read(ReadError::Unusable { findings, .. }) = error else { panic!("{error}") };
     let messages: Vec<String> = findings.iter().map(ToString::to_string).collect();
@@ -145,7 +146,7 @@ fn a_masked_sample_is_missing_whatever_number_stands_there() {
         let (mut values, mut missing) = (recording[2].1.clone(), vec![false; 10_000]);
         (values[402], missing[402]) = (number, true);
         arrays.push(Array::of_numbers("cap_V", &values).without(missing));
-        let with = GivenRecording { arrays: Arrays::new(arrays).unwrap(), ..given(&[]) };
+        let with = ArrayRecording { arrays: Arrays::new(arrays).unwrap(), ..given(&[]) };
         experiment.recording(None, &with).unwrap();
         experiment.reference(None, &given(&reference)).unwrap();
         estimated(experiment).unwrap()
@@ -171,16 +172,16 @@ fn units_clock_and_rate_may_be_said_beside_the_arrays() {
     recording[0].0 = "t_s".to_owned();
     let units = BTreeMap::from([("drive_V".to_owned(), "mV".to_owned())]);
     let with =
-        GivenRecording { units, clock: Some(GivenClock::Column("t_s".to_owned())), ..given(&recording) };
+        ArrayRecording { units, clock: Some(ArrayClock::Column("t_s".to_owned())), ..given(&recording) };
     other.recording(None, &with).unwrap();
     other.reference(None, &given(&reference)).unwrap();
     let other = estimated(other).unwrap();
     assert!(bits(&plain) == bits(&other));
 
     let (mut sampled, recording, reference) = short();
-    let with = GivenRecording { clock: Some(GivenClock::Rate(1e6)), ..given(&recording[1..]) };
+    let with = ArrayRecording { clock: Some(ArrayClock::Rate(1e6)), ..given(&recording[1..]) };
     sampled.recording(None, &with).unwrap();
-    let reference = GivenRecording { clock: Some(GivenClock::Rate(1e6)), ..given(&reference[1..]) };
+    let reference = ArrayRecording { clock: Some(ArrayClock::Rate(1e6)), ..given(&reference[1..]) };
     sampled.reference(None, &reference).unwrap();
     let sampled = estimated(sampled).unwrap();
     assert_eq!(sampled.outcome.recordings[0].recording.rows(), 10_000);
@@ -207,9 +208,11 @@ fn what_cannot_be_given_is_refused_by_key() {
         .replace("role = \"test\"", "name = \"a\"\nrole = \"test\"")
         + "\n[[recording]]\nname = \"b\"\nrole = \"training\"\nfile = \"recording.csv\"\nclock = { column = \"time_s\" }\n\
            channels = { drive = \"drive_V\", signal = \"cap_V\" }\n";
-    let mut experiment = Given::new(&text, &file).unwrap();
+    let mut experiment = ArrayExperiment::new(&text, &file).unwrap();
     experiment.recording(Some("a"), &given(&recording)).unwrap();
-    let DiagnoseError::Config(error) = experiment.ready(published(), &Silent).unwrap_err() else { panic!() };
+    let DiagnoseError::Config(error) = experiment.prepare(published(), &Silent).unwrap_err() else {
+        panic!()
+    };
     assert_eq!(error.place.key.to_string(), "recording[1].file");
 
     let error = Arrays::new(vec![Array::of_numbers("a", &[1.0]), Array::of_numbers("b", &[1.0, 2.0])]);

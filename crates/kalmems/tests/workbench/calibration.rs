@@ -4,9 +4,11 @@ use crate::folders::{files, table};
 use kalmems::progress::{Progress, Silent};
 use kalmems::results::{Metrics, Output, Verdict};
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
-use kalmems::study::{CalibrationSummary, Finding, JournalError, Options, Plan, StudyError, Summary};
-use kalmems::workflow::estimate_unwritten;
+use kalmems::simulate::{ComputedRecording, described};
+use kalmems::study::{
+    ClaimFinding, JournalError, StudyCalibrationSummary, StudyError, StudyOptions, StudyPlan, Summary,
+};
+use kalmems::workflow::estimate_computed;
 use std::collections::BTreeMap;
 use std::fs;
 use std::num::NonZero;
@@ -62,31 +64,31 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    fn plan(&self, file: &str, runs: u64) -> Result<Plan, StudyError> {
-        Plan::calibration(published(), &self.path(file), NonZero::new(runs))
+    fn plan(&self, file: &str, runs: u64) -> Result<StudyPlan, StudyError> {
+        StudyPlan::calibration(published(), &self.path(file), NonZero::new(runs))
     }
 
     fn run(
         &self,
-        plan: &Plan,
+        plan: &StudyPlan,
         out: &str,
         (shard, threads): (&str, usize),
         progress: &dyn Progress,
     ) -> Result<PathBuf, StudyError> {
-        let options = Options { shard: shard.parse()?, threads: NonZero::new(threads), force: false };
+        let options = StudyOptions { shard: shard.parse()?, threads: NonZero::new(threads), force: false };
         plan.run_all(&self.path(out), options, progress).map(|progressed| progressed.journal)
     }
 
     /// Joins journals, by a plan that is known from them alone.
     fn written(&self, out: &str, journals: &[PathBuf]) -> (Summary, BTreeMap<String, Vec<u8>>) {
-        let plan = Plan::from_journal(published(), &journals[0]).unwrap();
+        let plan = StudyPlan::from_journal(published(), &journals[0]).unwrap();
         let output = Output::begin(&self.path(out), &plan.work()).unwrap();
         let summary = plan.write_results(journals, &output).unwrap();
         output.commit().unwrap();
         (summary, files(&self.path(out)))
     }
 
-    fn calibrated(&self, file: &str, runs: u64) -> CalibrationSummary {
+    fn calibrated(&self, file: &str, runs: u64) -> StudyCalibrationSummary {
         let plan = self.plan(file, runs).unwrap();
         let journal = self.run(&plan, "out", ("1/1", 2), &Silent).unwrap();
         let (summary, _) = self.written("out", &[journal]);
@@ -160,9 +162,9 @@ fn a_run_is_a_simulation_of_what_was_drawn() {
         .replace("1.10e-4 N m", &format!("{:?} N m", 1.10e-4 * (1.0 + deviation)));
     let truth = published().parse(&truth, &path).unwrap();
     let simulation = published().rig(&truth).unwrap().simulate(&truth).unwrap();
-    let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+    let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
     let told = described(&published().parse(&text, &path).unwrap(), &*simulation);
-    let metrics = Metrics::of(&estimate_unwritten(published(), &told, &simulated, &Silent).unwrap());
+    let metrics = Metrics::of(&estimate_computed(published(), &told, &simulated, &Silent).unwrap());
     let estimator = metrics.estimators().find(|estimator| estimator.key == "ekf_stiffness").unwrap();
     assert_eq!(row["consistency.mean_nis"], format!("{:?}", estimator.consistency.unwrap().mean_nis));
     let parameter = &estimator.parameters[0];
@@ -183,7 +185,7 @@ fn a_claim_that_is_too_small_is_found() {
         for filter in &found.filters {
             assert_eq!(filter.doubted.share, if finds { 1.0 } else { 0.0 }, "{filter:?}");
             let angle = filter.claims.iter().find(|claim| claim.quantity == "angle").unwrap();
-            assert_eq!(angle.finding == Finding::Overconfident, finds, "{angle:?}");
+            assert_eq!(angle.finding == ClaimFinding::Overconfident, finds, "{angle:?}");
             assert_eq!(angle.coverage[1].found.upper < angle.coverage[1].claimed, finds, "{angle:?}");
         }
         let parameter = &found.filters[1].claims[1];
@@ -205,7 +207,7 @@ fn what_cannot_be_calibrated_is_refused_with_what_to_write() {
     assert!(refused.starts_with("study.toml:4: vary[0].key:"), "{refused}");
     // A study that varies nothing is one only as a calibration.
     let nothing = Folder::with(&experiment()).study("repeats = 2\n");
-    let refused = Plan::load(published(), &nothing.path("study.toml")).unwrap_err().to_string();
+    let refused = StudyPlan::load(published(), &nothing.path("study.toml")).unwrap_err().to_string();
     assert!(refused.contains("add a table headed `[[vary]]`"), "{refused}");
     assert_eq!(nothing.plan("study.toml", 0).unwrap().runs(), 4);
 
@@ -239,9 +241,9 @@ fn verdicts_as_written(
         }
         let truth = published().parse(&truth, path).unwrap();
         let simulation = published().rig(&truth).unwrap().simulate(&truth).unwrap();
-        let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+        let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
         let told = described(&told, &*simulation);
-        let metrics = Metrics::of(&estimate_unwritten(published(), &told, &simulated, &Silent).unwrap());
+        let metrics = Metrics::of(&estimate_computed(published(), &told, &simulated, &Silent).unwrap());
         metrics.estimators().find(|estimator| estimator.key == row["estimator"]).unwrap().verdict
     };
     rows.iter().map(verdict).collect()

@@ -2,13 +2,13 @@
 
 use kalmems::config::Experiment;
 use kalmems::diagnose::load_with_noise;
-use kalmems::draft::{self, DraftError, Wanted};
+use kalmems::draft::{self, DraftError, DraftRequest};
 use kalmems::evaluate::Grade;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics};
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
-use kalmems::workflow::{estimate, estimate_unwritten};
+use kalmems::simulate::{ComputedRecording, described};
+use kalmems::workflow::{estimate, estimate_computed};
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -38,9 +38,9 @@ fn what_a_template_simulates_its_filters_estimate() {
             let mut experiment = parsed(&template(rig.name()), Path::new("own.toml"));
             experiment.simulate.as_mut().unwrap().seed = seed;
             let simulation = rig.simulate(&experiment).unwrap();
-            let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+            let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
             let told = described(&experiment, &*simulation);
-            let outcome = estimate_unwritten(published(), &told, &simulated, &Silent).unwrap();
+            let outcome = estimate_computed(published(), &told, &simulated, &Silent).unwrap();
             assert_passes(&Metrics::of(&outcome), &format!("{}, seed {seed}", rig.name()));
         }
     }
@@ -84,7 +84,7 @@ fn a_recording_gives_an_experiment_that_runs() {
         let folder = tempfile::tempdir().unwrap();
         simulated_files(device, folder.path());
         let recording = folder.path().join("shake 1.csv");
-        let wanted = Wanted {
+        let wanted = DraftRequest {
             device,
             recording: &recording,
             further: &[],
@@ -117,7 +117,7 @@ fn what_a_recording_does_not_tell_is_asked_for() {
     let recording = folder.path().join("scope.csv");
     let rows: Vec<String> = (0..200).map(|k| format!("{k}e-6,{},{}\n", k % 7, k % 5)).collect();
     fs::write(&recording, format!("time_s,CH1_V,CH2_V\n{}", rows.concat())).unwrap();
-    let mut wanted = Wanted {
+    let mut wanted = DraftRequest {
         device: "shared_scanner",
         recording: &recording,
         further: &[],

@@ -2,7 +2,7 @@
 //! standard deviations and sums of squares certified to eleven digits (National Institute of Standards and
 //! Technology, public domain).
 
-use kalmems::fit::{ByDual, Fit, FitSettings, Law, Regression, fit};
+use kalmems::fit::{ByDual, Fit, FitSettings, Regression, ResidualLaw, fit};
 use kalmems_core::{Over, Scalar};
 use std::f64::consts::PI;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ struct Data(Vec<([f64; 2], f64)>);
 macro_rules! laws {
     ($($name:ident: $p:literal, |$b:ident, $x:ident| $law:expr;)*) => {$(
         struct $name<'a>(&'a Data);
-        impl Law<$p> for $name<'_> {
+        impl ResidualLaw<$p> for $name<'_> {
             fn residuals<S: Over<f64>>(&self, $b: &[S; $p], each: &mut impl FnMut(S)) {
                 for &([$x, _], y) in &self.0.0 {
                     each($law - y);
@@ -74,7 +74,7 @@ laws! {
 
 /// The logarithm of y is what is fitted here.
 struct Nelson<'a>(&'a Data);
-impl Law<3> for Nelson<'_> {
+impl ResidualLaw<3> for Nelson<'_> {
     fn residuals<S: Over<f64>>(&self, b: &[S; 3], each: &mut impl FnMut(S)) {
         for &([x1, x2], y) in &self.0.0 {
             each(b[0] - b[1] * x1 * (-b[2] * x2).exp() - y.ln());

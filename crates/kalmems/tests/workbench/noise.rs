@@ -5,7 +5,7 @@ use kalmems::diagnose::{FoundNoise, load_with_noise, noise_of_recording};
 use kalmems::draft;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
+use kalmems::simulate::{ComputedRecording, described};
 use kalmems::units::Value;
 use std::path::Path;
 
@@ -47,7 +47,7 @@ impl Row {
         let mut real = published().parse(&text, Path::new("own.toml")).unwrap();
         real.simulate.as_mut().unwrap().seed = u64::from(seed);
         let simulation = published().rig(&real).unwrap().simulate(&real).unwrap();
-        let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+        let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
         let told = described(&real, &*simulation);
         let layout = published().rig(&told).unwrap().layout(&told, 0).unwrap();
         let recording = simulated.recorded(&layout).unwrap();

@@ -4,7 +4,7 @@
 
 use crate::report_demo;
 use crate::report_demo::{all, demo, error, odd, signals, spectrum};
-use kalmems::figures::{Axis, Figure, Page, Panel, Role, Section, Series, Shape};
+use kalmems::figures::{Axis, Figure, Page, PageSection, Panel, Series, SeriesRole, Shape};
 use proptest::prelude::*;
 use roxmltree::{Document, Node};
 use std::collections::BTreeMap;
@@ -161,8 +161,8 @@ fn every_sample_of_a_short_line_is_where_it_belongs() {
 fn a_line_that_leaves_its_range_keeps_its_course() {
     let data = [(0.0, 0.5), (1.0, 1e6), (2.0, -1e6), (3.0, f64::MAX), (4.0, 0.25)];
     let panel = Panel::new(Axis::new("x", ""), Axis::new("y", "").between(-1.0, 1.0))
-        .with(Series::line("line", Role::Bound, data))
-        .with(Series::band("band", Role::Bound, data.map(|(x, y)| (x, -y, y))));
+        .with(Series::line("line", SeriesRole::Bound, data))
+        .with(Series::band("band", SeriesRole::Bound, data.map(|(x, y)| (x, -y, y))));
     let svg = Figure::new("f", "", "").with(panel).to_svg();
     let drawn = read(&svg).remove(0);
     let [low, high] = ["top", "bottom"].map(|name| drawn.edge(name));
@@ -205,7 +205,7 @@ fn no_extreme_of_a_long_signal_is_lost() {
         if i == 7_777 { 25.0 } else { noise }
     };
     let data: Vec<[f64; 2]> = (0..samples).map(|i| [f64::from(i) * 1e-6, y(i)]).collect();
-    let line = Series::line("noise", Role::Estimate, data.iter().map(|p| (p[0], p[1])));
+    let line = Series::line("noise", SeriesRole::Estimate, data.iter().map(|p| (p[0], p[1])));
     let figure =
         Figure::new("f", "", "").with(Panel::new(Axis::new("time", "s"), Axis::new("y", "V")).with(line));
     let drawn = read(&figure.to_svg()).remove(0);
@@ -295,8 +295,8 @@ fn what_a_fixed_range_hides_is_said() {
     assert!(svg.contains("ramp leaves the axis: it goes from −3 V to 1.9 V."));
     let data = [(0.0, 1.0), (1.0, -1.0), (2.0, 0.0), (3.0, 100.0)];
     let panel = Panel::new(Axis::new("time", "s").between(0.0, 2.5), Axis::new("NIS", "").log())
-        .with(Series::points("each", Role::Measured, data))
-        .with(Series::level("lost", Role::Bound, f64::NAN));
+        .with(Series::points("each", SeriesRole::Measured, data))
+        .with(Series::level("lost", SeriesRole::Bound, f64::NAN));
     let svg = Figure::new("f", "", "").with(panel).to_svg();
     for note in [
         "each: 2 of 4 values are not positive and lie below the logarithmic axis.",
@@ -306,7 +306,7 @@ fn what_a_fixed_range_hides_is_said() {
         assert!(svg.contains(note), "{note}");
     }
     let useless = Panel::new(Axis::new("time", "s").between(2.0, 1.0), Axis::new("y", "V"))
-        .with(Series::points("each", Role::Measured, data));
+        .with(Series::points("each", SeriesRole::Measured, data));
     let svg = Figure::new("f", "", "").with(useless).to_svg();
     assert!(svg.contains("time: no axis can run from 2e0 to 1e0; it shows all of the data."), "{svg}");
 }
@@ -321,8 +321,8 @@ fn no_data_says_so() {
     };
     for figure in [
         panel(Vec::new()),
-        panel(vec![Series::line("a", Role::Other, [])]),
-        panel(vec![Series::band("a", Role::Other, [(f64::NAN, 0.0, 1.0)])]),
+        panel(vec![Series::line("a", SeriesRole::Other, [])]),
+        panel(vec![Series::band("a", SeriesRole::Other, [(f64::NAN, 0.0, 1.0)])]),
     ] {
         assert!(figure.to_svg().contains(">no data<"));
         assert!(figure.to_png().is_ok());
@@ -330,7 +330,7 @@ fn no_data_says_so() {
     assert!(Figure::new("f", "none", "").to_png().is_ok());
     let away = Panel::new(axes().0, axes().1.between(5.0, 6.0)).with(Series::line(
         "a",
-        Role::Other,
+        SeriesRole::Other,
         [(0.0, 0.0), (1.0, 1.0)],
     ));
     let svg = Figure::new("f", "", "").with(away).to_svg();
@@ -404,15 +404,15 @@ fn markup_in_any_text_stays_text() {
     let evil = "</style><script>alert('x')</script>\" onload=\"x\" & \u{1}";
     let panel = Panel::new(Axis::new(evil, evil), Axis::new(evil, evil)).with(Series::line(
         evil,
-        Role::Other,
+        SeriesRole::Other,
         [(0.0, 1.0), (1.0, 2.0)],
     ));
     let figure = Figure::new(evil, evil, evil).with(panel);
-    let table =
-        kalmems::figures::Table::new(evil, [kalmems::figures::Column::number(evil, evil)]).row([evil]);
-    let section = Section::new(evil)
+    let table = kalmems::figures::TextTable::new(evil, [kalmems::figures::ColumnHead::number(evil, evil)])
+        .row([evil]);
+    let section = PageSection::new(evil)
         .paragraph(evil)
-        .notice(kalmems::figures::Severity::Warning, evil)
+        .notice(kalmems::figures::NoticeSeverity::Warning, evil)
         .key_values([(evil, evil)])
         .table(table)
         .figure(figure.clone())
@@ -441,10 +441,11 @@ fn ten_million_samples_fit_a_page() {
     let value = |i: u32, k: u32| f64::from((i ^ k).wrapping_mul(2_654_435_761) >> 16) / 65_536.0;
     let line = |k: u32| {
         let points = (0..samples).map(move |i| (time(i), if i == 1_234_567 { -9.0 } else { value(i, k) }));
-        Series::line(format!("line {k}"), Role::Other, points)
+        Series::line(format!("line {k}"), SeriesRole::Other, points)
     };
-    let band = Series::band("band", Role::Bound, (0..samples).map(|i| (time(i), -value(i, 8), value(i, 9))));
-    let dots = Series::points("points", Role::Measured, (0..samples).map(|i| (time(i), value(i, 10))));
+    let band =
+        Series::band("band", SeriesRole::Bound, (0..samples).map(|i| (time(i), -value(i, 8), value(i, 9))));
+    let dots = Series::points("points", SeriesRole::Measured, (0..samples).map(|i| (time(i), value(i, 10))));
     let mut panel = Panel::new(Axis::new("time", "s"), Axis::new("value", "V"));
     panel.series = vec![line(1), line(2), line(3), line(4), band, dots];
     assert!(panel.series.iter().all(|s| s.source_samples() == 10_000_000));
@@ -453,7 +454,7 @@ fn ten_million_samples_fit_a_page() {
     let figure = Figure::new("long", "Ten million samples", "").with(panel);
     let svg = figure.to_svg();
     assert!(svg.len() < 300_000, "{}", svg.len());
-    let html = Page::new("Long", "").with(Section::new("").figure(figure)).to_html().unwrap();
+    let html = Page::new("Long", "").with(PageSection::new("").figure(figure)).to_html().unwrap();
     assert!(html.len() < 6_000_000, "{}", html.len());
 }
 
@@ -487,10 +488,10 @@ proptest! {
     ) {
         let points = || data.iter().map(|p| (p.0, p.1));
         let panel = Panel::new(x.clone(), y.clone())
-            .with(Series::line(label.as_str(), Role::Estimate, points()))
-            .with(Series::points(label.as_str(), Role::Measured, points()))
-            .with(Series::band(label.as_str(), Role::Estimate, data.iter().copied()))
-            .with(Series::level(label.as_str(), Role::Bound, level));
+            .with(Series::line(label.as_str(), SeriesRole::Estimate, points()))
+            .with(Series::points(label.as_str(), SeriesRole::Measured, points()))
+            .with(Series::band(label.as_str(), SeriesRole::Estimate, data.iter().copied()))
+            .with(Series::level(label.as_str(), SeriesRole::Bound, level));
         let shared = panel.clone().sharing_x();
         let figure = Figure::new(label.as_str(), label.as_str(), "").with(panel).with(shared);
         let svg = figure.to_svg();

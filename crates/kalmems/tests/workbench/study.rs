@@ -2,11 +2,11 @@
 
 use crate::folders::{files, table};
 use kalmems::progress::{Progress, Silent};
-use kalmems::recording::{Clock, Hints, Layout, Recording};
+use kalmems::recording::{Hints, RecordingLayout, SampledRecording, TimeSource};
 use kalmems::results::{Output, RunInfo, Work, write_simulation};
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
-use kalmems::study::{JournalError, Options, Plan, Shard, StudyError, Summary};
+use kalmems::simulate::ComputedRecording;
+use kalmems::study::{JournalError, Shard, StudyError, StudyOptions, StudyPlan, Summary};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs;
@@ -63,7 +63,7 @@ against = "stiffness"
 struct Folder(TempDir);
 
 /// The results of a study in a folder.
-fn write(plan: &Plan, journals: &[PathBuf], out: &Path) -> Result<Summary, StudyError> {
+fn write(plan: &StudyPlan, journals: &[PathBuf], out: &Path) -> Result<Summary, StudyError> {
     let output = Output::begin(out, &plan.work())?;
     let summary = plan.write_results(journals, &output)?;
     output.commit()?;
@@ -82,8 +82,8 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    fn plan(&self) -> Result<Plan, StudyError> {
-        Plan::load(published(), &self.path("study.toml"))
+    fn plan(&self) -> Result<StudyPlan, StudyError> {
+        StudyPlan::load(published(), &self.path("study.toml"))
     }
 
     /// Runs a shard with so many threads; its journal.
@@ -94,7 +94,7 @@ impl Folder {
         threads: usize,
         progress: &dyn Progress,
     ) -> Result<PathBuf, StudyError> {
-        let options = Options { shard: shard.parse()?, threads: NonZero::new(threads), force: false };
+        let options = StudyOptions { shard: shard.parse()?, threads: NonZero::new(threads), force: false };
         self.plan()?.run_all(&self.path(out), options, progress).map(|progressed| progressed.journal)
     }
 
@@ -105,7 +105,7 @@ impl Folder {
     }
 
     fn written(&self, out: &str, journals: &[PathBuf]) -> BTreeMap<String, Vec<u8>> {
-        let plan = Plan::from_journal(published(), &journals[0]).unwrap();
+        let plan = StudyPlan::from_journal(published(), &journals[0]).unwrap();
         write(&plan, journals, &self.path(out)).unwrap();
         files(&self.path(out))
     }
@@ -164,7 +164,7 @@ fn threads_interruptions_and_shards_change_no_byte() {
     let kept = journal.lines().count();
     let last = journal.lines().last().unwrap();
     fs::write(&path, format!("{journal}{}", &last[..last.len() / 2])).unwrap();
-    let options = Options { shard: Shard::WHOLE, threads: None, force: false };
+    let options = StudyOptions { shard: Shard::WHOLE, threads: None, force: false };
     let progressed = folder.plan().unwrap().run_all(&folder.path("stopped"), options, &Silent).unwrap();
     assert!(progressed.torn);
     assert_eq!((progressed.before + 1, progressed.runs), (kept as u64, 6));
@@ -175,7 +175,7 @@ fn threads_interruptions_and_shards_change_no_byte() {
     let shards = ["3/4", "1/4", "4/4", "2/4"].map(|shard| folder.run("parts", shard, 2, &Silent).unwrap());
     assert_eq!(folder.written("parts", &shards), one);
     let join = |journals: &[PathBuf]| {
-        let plan = Plan::from_journal(published(), &journals[0]).unwrap();
+        let plan = StudyPlan::from_journal(published(), &journals[0]).unwrap();
         write(&plan, journals, &folder.path("refused")).unwrap_err()
     };
     let gap = join(&shards[..3]);
@@ -213,7 +213,7 @@ fn a_journal_is_that_of_one_study() {
         Err(StudyError::Journal(JournalError::Other { .. }))
     ));
     assert_eq!(fs::read(folder.path("out.journal")).unwrap(), journal);
-    let force = Options { shard: Shard::WHOLE, threads: None, force: true };
+    let force = StudyOptions { shard: Shard::WHOLE, threads: None, force: true };
     folder.plan().unwrap().run_all(&folder.path("out"), force, &Silent).unwrap();
     assert_ne!(fs::read(folder.path("out.journal")).unwrap(), journal);
 
@@ -282,9 +282,9 @@ fn what_is_not_written_is_read_as_if_it_were() {
     let output = Output::begin(&out, &Work::named("simulate", "simulated")).unwrap();
     write_simulation(&experiment, &*simulation, &output, info, &Silent).unwrap();
     output.commit().unwrap();
-    let unwritten = Unwritten::of(&*simulation, &Silent).unwrap();
-    let layout = |columns: &[&str]| Layout {
-        clock: Clock::Column("time_s".to_owned()),
+    let unwritten = ComputedRecording::of(&*simulation, &Silent).unwrap();
+    let layout = |columns: &[&str]| RecordingLayout {
+        clock: TimeSource::Column("time_s".to_owned()),
         segment_column: None,
         columns: Some(columns.iter().map(|&column| column.to_owned()).collect()),
         declared: Vec::new(),
@@ -294,11 +294,11 @@ fn what_is_not_written_is_read_as_if_it_were() {
         restarts: None,
     };
     for (file, layout, ours) in [
-        ("recording.csv", layout(&["cap_V", "drive_V"]), Unwritten::recorded as fn(&_, &_) -> _),
-        ("reference.csv", layout(&["angle_rad", "rate_rad_per_s"]), Unwritten::truth),
+        ("recording.csv", layout(&["cap_V", "drive_V"]), ComputedRecording::recorded as fn(&_, &_) -> _),
+        ("reference.csv", layout(&["angle_rad", "rate_rad_per_s"]), ComputedRecording::truth),
     ] {
-        let read = Recording::read(&out.join(file), &layout).unwrap();
-        let ours: Recording = ours(&unwritten, &layout).unwrap();
+        let read = SampledRecording::read(&out.join(file), &layout).unwrap();
+        let ours: SampledRecording = ours(&unwritten, &layout).unwrap();
         assert_eq!(ours.source().file, file);
         assert_eq!(ours.columns(), read.columns());
         assert_eq!(ours.segments(), read.segments());

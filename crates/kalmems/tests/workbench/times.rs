@@ -4,7 +4,7 @@ use crate::parts::{goes_on_after_a_kill, same_bits_in_a_stream};
 use kalmems::config::Experiment;
 use kalmems::inspect::inspect;
 use kalmems::progress::Silent;
-use kalmems::recording::{FindingKind, Recording};
+use kalmems::recording::{FindingKind, SampledRecording};
 use kalmems::rigs::published;
 use kalmems::workflow;
 use std::fmt::Write as _;
@@ -182,7 +182,7 @@ fn a_stream_counts_as_the_file_does_and_says_from_where() {
         let experiment =
             published().parse(&text, &folder.path().join("stream.toml")).unwrap_or_else(|e| panic!("{e}"));
         let rig = published().rig(&experiment).unwrap();
-        let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
+        let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
         assert_eq!(recording.origin().to_string(), "1763834400.123456");
         let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (recorded.as_bytes(), 100));
         assert_eq!(summary.origin.unwrap().seconds, "1763834400.123456", "{name}");
@@ -219,7 +219,7 @@ fn frames_with_integer_nanoseconds_since_1970_count_as_the_file_does() {
         cells.for_each(|cell| frames.extend_from_slice(&cell.parse::<f64>().unwrap().to_le_bytes()));
     }
     let rig = published().rig(&experiment).unwrap();
-    let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
     let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (&frames, 100));
     assert_eq!(summary.origin.unwrap().seconds, "1763834400.123456");
 }
@@ -288,7 +288,8 @@ fn times_that_a_file_has_rounded_are_named_with_what_to_write() {
         &format!("file = \"rounded.npy\"\n{text}"),
     );
     let experiment = published().parse(&all, &folder.path().join("experiment.toml")).unwrap();
-    let recording = Recording::read(&path, &experiment.recording(0).unwrap().layout(&["cap_V"])).unwrap();
+    let recording =
+        SampledRecording::read(&path, &experiment.recording(0).unwrap().layout(&["cap_V"])).unwrap();
     let time = &recording.segments()[0].time;
     // The median of rounded intervals would be a multiple of 0.24 µs, 0.15 % off at best.
     assert_near(time.interval_s().unwrap(), interval, 1e-4);

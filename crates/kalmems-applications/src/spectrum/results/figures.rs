@@ -1,7 +1,7 @@
 //! The pictures of a spectrum.
 
 use crate::spectrum::SpectrumOutcome;
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 
 /// As an axis has it.
 const PER_CM: &str = "cm^-1";
@@ -29,9 +29,9 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
     if let Some(comparison) = &outcome.comparison {
         let theirs = comparison.wavenumber_per_m.iter().map(|nu| nu / 100.0);
         let theirs: Vec<(f64, f64)> = theirs.zip(comparison.theirs.iter().copied()).collect();
-        panel = panel.with(Series::line("reference", Role::Reference, theirs));
+        panel = panel.with(Series::line("reference", SeriesRole::Reference, theirs));
     }
-    panel = panel.with(Series::line(label, Role::Estimate, points(&outcome.spectrum)));
+    panel = panel.with(Series::line(label, SeriesRole::Estimate, points(&outcome.spectrum)));
     let (mut figure, mut narrow) = (Figure::new("spectrum", "Spectrum", caption).with(panel), None);
     if let Some(comparison) = &outcome.comparison {
         let differences: Vec<(f64, f64)> = (comparison.wavenumber_per_m.iter())
@@ -44,7 +44,7 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
         };
         let is_wide = span(&mut differences.iter().map(|(x, _)| *x)) > 0.5 * span(&mut nu.iter().copied());
         let difference = Panel::new(wavenumber(), Axis::new("minus reference", "1"));
-        let difference = difference.with(Series::line("", Role::Estimate, differences));
+        let difference = difference.with(Series::line("", SeriesRole::Estimate, differences));
         // What is compared in a narrow band has an axis of its own, below the others, or it could not be seen.
         if is_wide {
             figure = figure.with(difference.sharing_x());
@@ -53,8 +53,8 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
         }
     }
     let errors = [
-        ("noise of the mean", Role::Estimate, &outcome.standard_error),
-        ("errors of the path", Role::Other, &outcome.systematic_error),
+        ("noise of the mean", SeriesRole::Estimate, &outcome.standard_error),
+        ("errors of the path", SeriesRole::Other, &outcome.systematic_error),
     ];
     let mut panel = Panel::new(wavenumber(), Axis::new("standard error", "1"));
     let mut any = false;
@@ -81,7 +81,7 @@ fn interferogram(outcome: &SpectrumOutcome) -> Figure {
         "The first scan",
         "The intensity of the first scan over the path difference.",
     )
-    .with(panel.with(Series::line("", Role::Measured, points)))
+    .with(panel.with(Series::line("", SeriesRole::Measured, points)))
 }
 
 fn noise(outcome: &SpectrumOutcome) -> Option<Figure> {
@@ -94,8 +94,8 @@ fn noise(outcome: &SpectrumOutcome) -> Option<Figure> {
         .map(|(scans, _)| (*scans, first.noise * (first.scans as f64 / scans).sqrt()))
         .collect();
     let panel = Panel::new(Axis::new("scans", "1").log(), Axis::new("noise of their mean", "1").log())
-        .with(Series::line("1/√scans", Role::Bound, root))
-        .with(Series::points("mean of so many scans", Role::Measured, points));
+        .with(Series::line("1/√scans", SeriesRole::Bound, root))
+        .with(Series::points("mean of so many scans", SeriesRole::Measured, points));
     let caption = "The noise of the mean over the number of its scans. Noise that is independent from scan to scan falls along the \
                    dashed line; noise above it is common to the scans.";
     Some(Figure::new("coadding", "Noise of the mean of scans", caption).with(panel))

@@ -2,7 +2,8 @@
 
 use crate::config::Quantity;
 use crate::spectrum::{
-    CoaddedNoise, Contribution, MeasuredLine, PhaseCorrection, Recalibration, ScanCounts, SpectrumOutcome,
+    CoaddedNoise, LineErrorContribution, MeasuredLine, PhaseCorrection, Recalibration, ScanCounts,
+    SpectrumOutcome,
 };
 use kalmems_engines::topics::link;
 use kalmems_figures::significant;
@@ -195,7 +196,7 @@ impl LineMetrics {
         known_per_m: Option<f64>,
         found: Option<&MeasuredLine>,
         ideal: Option<&MeasuredLine>,
-        (noise, budget): (Option<f64>, &[Contribution]),
+        (noise, budget): (Option<f64>, &[LineErrorContribution]),
     ) -> Self {
         let line = found.map(|found| found.line);
         let error = found.and_then(|found| found.standard_error);

@@ -13,14 +13,13 @@ pub use metrics::{
 pub use page::spectrum_page;
 
 use crate::WriteError;
-use crate::recording::Source;
+use crate::recording::RecordingSource;
 use crate::spectrum::SpectrumOutcome;
-use kalmems_store::{Output, RUN_FILE, RunInfo};
+use kalmems_store::{Output, RUN_FILE, RunInfo, RunTiming};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io::{self, Write};
-use std::time::UNIX_EPOCH;
 
 /// Writes a spectrum into a result.
 ///
@@ -64,14 +63,11 @@ pub fn write_spectrum(
         })?;
     }
     output.write(RUN_FILE, |w| {
-        let run = Run {
+        let run = SpectrumRunRecord {
             version: env!("CARGO_PKG_VERSION"),
             command: "spectrum",
             input_id,
-            timing: Timing {
-                started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-                took_s: info.took.as_secs_f64(),
-            },
+            timing: info.timing(),
             input: &outcome.sources,
             spectrum: toml::Value::try_from(&outcome.file).map_err(io::Error::other)?,
         };
@@ -124,17 +120,11 @@ fn input_id(outcome: &SpectrumOutcome) -> String {
 }
 
 #[derive(Serialize)]
-struct Run<'a> {
+struct SpectrumRunRecord<'a> {
     version: &'static str,
     command: &'static str,
     input_id: String,
-    timing: Timing,
-    input: &'a [Source],
+    timing: RunTiming,
+    input: &'a [RecordingSource],
     spectrum: toml::Value,
-}
-
-#[derive(Serialize)]
-struct Timing {
-    started_unix_s: u64,
-    took_s: f64,
 }

@@ -3,7 +3,9 @@
 use super::{LineMetrics, SpectrumMetrics};
 use crate::spectrum::SpectrumOutcome;
 use kalmems_engines::topics::{explained, link};
-use kalmems_figures::{Column, Figure, Page, Part, ReportError, Section, Severity, Table};
+use kalmems_figures::{
+    ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable,
+};
 
 /// The page's text, which needs nothing else.
 pub fn spectrum_page(
@@ -11,14 +13,14 @@ pub fn spectrum_page(
     metrics: &SpectrumMetrics,
     figures: &[Figure],
 ) -> Result<String, ReportError> {
-    let mut verdict = Section::new("Verdict").part(Part::Verdict);
+    let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
     if metrics.band_beyond_limit {
         let text = format!(
             "The samples are too far apart for wavenumbers above {:.1} 1/cm, which appear at lower ones{}.",
             metrics.limit_per_cm,
             link("applications")
         );
-        verdict = verdict.notice(Severity::Warning, text);
+        verdict = verdict.notice(NoticeSeverity::Warning, text);
     }
     for line in &metrics.lines {
         verdict = verdict.notice(severity(line), sentence(line));
@@ -29,26 +31,27 @@ pub fn spectrum_page(
             reference.points,
             100.0 * reference.rms_over_peak
         );
-        verdict = verdict.notice(Severity::Note, text);
+        verdict = verdict.notice(NoticeSeverity::Note, text);
     }
     if verdict.blocks.is_empty() {
         let text = format!("The mean of {} scans, {} of them forward.", metrics.scans, metrics.forward_scans);
-        verdict = verdict.notice(Severity::Note, text);
+        verdict = verdict.notice(NoticeSeverity::Note, text);
     }
     let (answer, evidence): (Vec<&Figure>, Vec<&Figure>) =
         figures.iter().partition(|figure| figure.id == "spectrum");
-    let section =
-        |section: Section, figures: Vec<&Figure>| figures.into_iter().cloned().fold(section, Section::figure);
+    let section = |section: PageSection, figures: Vec<&Figure>| {
+        figures.into_iter().cloned().fold(section, PageSection::figure)
+    };
     let file = toml::to_string(&outcome.file).unwrap_or_else(|e| format!("cannot be written: {e}"));
     let mut page = Page::new(format!("{}: spectrum along a position", metrics.name), "")
         .with(verdict.notes(metrics.findings.clone()))
-        .with(section(Section::new("Spectrum"), answer))
-        .with(section(Section::new("What it rests on").part(Part::Evidence), evidence));
+        .with(section(PageSection::new("Spectrum"), answer))
+        .with(section(PageSection::new("What it rests on").part(PagePart::Evidence), evidence));
     if let Some(table) = budgets(metrics) {
-        page = page.with(Section::new("Uncertainty of the lines").part(Part::Budget).table(table));
+        page = page.with(PageSection::new("Uncertainty of the lines").part(PagePart::Budget).table(table));
     }
     let beside = "The spectrum is in `spectrum.csv` and, as JCAMP-DX, in `spectrum.jdx`; the numbers are in `metrics.json`.";
-    let made = Section::made("spectrum", env!("CARGO_PKG_VERSION"), beside);
+    let made = PageSection::made("spectrum", env!("CARGO_PKG_VERSION"), beside);
     let made = made
         .preformatted("All figures", metrics.to_text())
         .preformatted("The file as it was understood", file);
@@ -56,11 +59,11 @@ pub fn spectrum_page(
 }
 
 /// A line that is not there is no result, and one within its noise is none either.
-fn severity(line: &LineMetrics) -> Severity {
+fn severity(line: &LineMetrics) -> NoticeSeverity {
     match (line.found_per_cm, line.snr) {
-        (None, _) => Severity::Failure,
-        (Some(_), Some(snr)) if snr < 3.0 => Severity::Warning,
-        _ => Severity::Ok,
+        (None, _) => NoticeSeverity::Failure,
+        (Some(_), Some(snr)) if snr < 3.0 => NoticeSeverity::Warning,
+        _ => NoticeSeverity::Ok,
     }
 }
 
@@ -76,15 +79,15 @@ fn sentence(line: &LineMetrics) -> String {
 }
 
 /// What the position and the height of each line are due to.
-fn budgets(metrics: &SpectrumMetrics) -> Option<Table> {
+fn budgets(metrics: &SpectrumMetrics) -> Option<TextTable> {
     let columns = [
-        Column::text("line"),
-        Column::text("due to"),
-        Column::number("shift", "1/cm"),
-        Column::number("sd", "1/cm"),
-        Column::number("leaves of the height", ""),
+        ColumnHead::text("line"),
+        ColumnHead::text("due to"),
+        ColumnHead::number("shift", "1/cm"),
+        ColumnHead::number("sd", "1/cm"),
+        ColumnHead::number("leaves of the height", ""),
     ];
-    let mut table = Table::new("", columns);
+    let mut table = TextTable::new("", columns);
     for line in &metrics.lines {
         let name = line.found_per_cm.map_or_else(String::new, |found| format!("{found:.4} 1/cm"));
         for entry in &line.budget {

@@ -88,9 +88,9 @@ impl Write for Viewer {
 }
 
 /// Writes to two places.
-pub struct Both(pub Box<dyn Write>, pub Viewer);
+pub struct TwoWriters(pub Box<dyn Write>, pub Viewer);
 
-impl Write for Both {
+impl Write for TwoWriters {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.write_all(bytes)?;
         self.1.write(bytes)

@@ -54,7 +54,7 @@ impl Connection for Wire {
             Self::Serial { device, baud } => {
                 let mut port = SerialPort::open(device.as_str(), *baud)?;
                 port.set_read_timeout(PATIENCE)?;
-                Some(Box::new(Device(port)))
+                Some(Box::new(SerialDevice(port)))
             }
         })
     }
@@ -120,9 +120,9 @@ impl Read for Peer {
 }
 
 /// A serial device; one that is unplugged is a connection that broke.
-struct Device(SerialPort);
+struct SerialDevice(SerialPort);
 
-impl Read for Device {
+impl Read for SerialDevice {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         match self.0.read(bytes) {
             Ok(0) => Err(io::Error::new(ErrorKind::NotConnected, "the device is not connected any more")),

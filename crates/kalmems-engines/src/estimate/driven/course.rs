@@ -1,8 +1,9 @@
 //! A driven device on its way through one segment.
 
-use super::{Drive, DrivenSegment, Plant};
+use super::{DrivenSegment, Plant, SegmentDrive};
 use crate::estimate::{
-    Bridge, Counts, Course, Derived, Filtering, Foreteller, Onwards, Transition, by_signal,
+    Bridge, Course, DerivedQuantities, Filtering, PhasePredictor, SampleCounts, StatePropagation, Transition,
+    by_signal,
 };
 use crate::signal::Sine;
 use crate::units::kind;
@@ -20,8 +21,8 @@ pub struct DrivenCourse<'a, P: Plant> {
     parts: Option<(usize, P::Motion)>,
     /// The rate in rad/s by which amplitude and phase are said behind the states.
     phase_rate: Option<f64>,
-    /// What foretells zero phases, and from when on in s.
-    foreteller: Option<(Foreteller, f64)>,
+    /// What predicts zero phases, and from when on in s.
+    predictor: Option<(PhasePredictor, f64)>,
 }
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
@@ -36,7 +37,7 @@ impl<'a, P: Plant> DrivenCourse<'a, P> {
         data: &'a DrivenSegment<'a>,
     ) -> Result<Self, AugmentationError> {
         let usual = plant.over(data.interval_s)?;
-        Ok(Self { plant, data, noise_variance, usual, parts: None, phase_rate: None, foreteller: None })
+        Ok(Self { plant, data, noise_variance, usual, parts: None, phase_rate: None, predictor: None })
     }
 
     /// Likewise, by so many steps from sample to sample, each linearised where the one before has led: the prediction of a
@@ -53,20 +54,20 @@ impl<'a, P: Plant> DrivenCourse<'a, P> {
         Self { phase_rate: rate, ..self }
     }
 
-    /// Likewise, where zero phases are foretold from this time in s on.
+    /// Likewise, where zero phases are predicted from this time in s on.
     #[must_use]
-    pub fn foretelling(self, foreteller: Option<Foreteller>, from_s: f64) -> Self {
-        Self { foreteller: foreteller.map(|foreteller| (foreteller, from_s)), ..self }
+    pub fn predicting_phases(self, predictor: Option<PhasePredictor>, from_s: f64) -> Self {
+        Self { predictor: predictor.map(|predictor| (predictor, from_s)), ..self }
     }
 
-    /// What foretells, at the end of the way.
-    pub fn into_foreteller(self) -> Option<Foreteller> {
-        self.foreteller.map(|(foreteller, _)| foreteller)
+    /// What predicts, at the end of the way.
+    pub fn into_phase_predictor(self) -> Option<PhasePredictor> {
+        self.predictor.map(|(predictor, _)| predictor)
     }
 }
 
 /// A drive that goes on as a sine.
-struct Coming<'a, P: Plant> {
+struct ContinuedDrive<'a, P: Plant> {
     plant: &'a P,
     motion: &'a P::Motion,
     sine: &'a Sine,
@@ -74,11 +75,11 @@ struct Coming<'a, P: Plant> {
     interval_s: f64,
 }
 
-impl<P: Plant> Onwards for Coming<'_, P> {
+impl<P: Plant> StatePropagation for ContinuedDrive<'_, P> {
     fn step(&self, number: u32, with: &mut dyn FnMut(&dyn Transition)) {
         let at = |step: f64| self.from_s + step * self.interval_s;
         let step = f64::from(number);
-        let nodes = Drive::nodes_from_sine(self.sine, at(step), at(step + 1.0));
+        let nodes = SegmentDrive::nodes_from_sine(self.sine, at(step), at(step + 1.0));
         with(&self.plant.under(self.motion, &nodes));
     }
 }
@@ -96,33 +97,38 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
         self.data.signal
     }
 
-    fn derived(&self) -> Option<Derived> {
-        let names = [("amplitude", "rad", &kind::ANGLE), (PHASE, "rad", &kind::ANGLE)];
-        self.phase_rate.map(|parameter| Derived { names, parameter, compute: amplitude_and_phase })
+    fn drive(&self, k: usize) -> Option<f64> {
+        Some(self.data.drive.sample(k).0)
     }
 
-    fn foretell(&mut self, filter: &dyn Filtering, k: usize) {
-        let Self { plant, data, usual, foreteller, .. } = self;
+    fn derived(&self) -> Option<DerivedQuantities> {
+        let names = [("amplitude", "rad", &kind::ANGLE), (PHASE, "rad", &kind::ANGLE)];
+        self.phase_rate.map(|parameter| DerivedQuantities { names, parameter, compute: amplitude_and_phase })
+    }
+
+    fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
+        let Self { plant, data, usual, predictor, .. } = self;
         let (plant, data) = (*plant, *data);
-        let Some((foreteller, from_s)) = foreteller else { return };
+        let Some((predictor, from_s)) = predictor else { return };
         let time_s = data.time_s[k];
         if time_s < *from_s {
             return;
         }
-        let sine = data.drive.coming(k).filter(|sine| {
+        let sine = data.drive.continuation(k).filter(|sine| {
             let strayed = (data.drive.volts()[k] - sine.at(time_s)) / sine.amplitude;
-            foreteller.follows(strayed, sine.residual_rms / sine.amplitude)
+            predictor.follows(strayed, sine.residual_rms / sine.amplitude)
         });
         let interval_s = data.interval_s;
-        let coming = sine.map(|sine| Coming { plant, motion: usual, sine, from_s: time_s, interval_s });
-        filter.foretell(foreteller, time_s, coming.as_ref().map(|coming| coming as _));
+        let coming =
+            sine.map(|sine| ContinuedDrive { plant, motion: usual, sine, from_s: time_s, interval_s });
+        filter.predict_phases(predictor, time_s, coming.as_ref().map(|coming| coming as _));
     }
 
     fn advance(
         &mut self,
         filter: &mut dyn Filtering,
         to: usize,
-        counts: &mut Counts,
+        counts: &mut SampleCounts,
     ) -> Result<(), FilterError> {
         counts.drive_from_sine += usize::from(self.data.drive.sample(to).1);
         let (from_s, to_s) = (self.data.time_s[to - 1], self.data.time_s[to]);
@@ -132,7 +138,8 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
             return match &self.parts {
                 None => filter.predict(&self.plant.under(&self.usual, &drive)),
                 Some((steps, each)) => (0..*steps).try_for_each(|step| {
-                    filter.predict(&self.plant.under(each, &Drive::nodes_of_part(&drive, step, *steps)))
+                    filter
+                        .predict(&self.plant.under(each, &SegmentDrive::nodes_of_part(&drive, step, *steps)))
                 }),
             };
         }
@@ -141,12 +148,12 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
         let Bridge { missing, steps } = Bridge::over(interval, self.data.interval_s);
         // It could be made for the usual interval.
         let each = self.plant.over(interval / steps as f64).map_err(|_| FilterError::NonFiniteState)?;
-        match self.data.drive.stand_in(to) {
+        match self.data.drive.substitute(to) {
             Some(sine) if steps > 1 => {
                 counts.bridged = counts.bridged.saturating_add(missing);
                 for i in 0..steps {
                     let at = |i: usize| from_s + interval * i as f64 / steps as f64;
-                    let nodes = Drive::nodes_from_sine(sine, at(i), at(i + 1));
+                    let nodes = SegmentDrive::nodes_from_sine(sine, at(i), at(i + 1));
                     filter.predict(&self.plant.under(&each, &nodes))?;
                 }
                 Ok(())
@@ -159,7 +166,7 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
         &mut self,
         filter: &mut dyn Filtering,
         k: usize,
-        _: &mut Counts,
+        _: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         by_signal(filter, self.data.signal[k], (&self.plant.sensor(), self.noise_variance))
     }

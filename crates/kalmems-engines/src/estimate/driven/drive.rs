@@ -1,6 +1,6 @@
 //! The recorded drive, between its samples and where samples are missing.
 
-use crate::estimate::Samples;
+use crate::estimate::SampleSelection;
 use crate::signal::{Sine, cubic_between, fit_sine, fit_sine_near};
 use kalmems_core::Nodes;
 use std::cell::OnceCell;
@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// The drive over the rows of a part of a segment.
 #[derive(Clone, Debug)]
-pub struct Drive<'a> {
+pub struct SegmentDrive<'a> {
     time_s: &'a [f64],
     volts: &'a [f64],
     /// The sine that it follows, where it follows one: over all that is there, or over the first part.
@@ -37,8 +37,8 @@ pub struct DrivePast {
     /// Rows of the segment before the new ones of the next part.
     rows: usize,
     /// The block before the present one, with its sine once that was asked for, and the present one as far as it is known.
-    last: Block,
-    present: Block,
+    last: DriveBlock,
+    present: DriveBlock,
     fitted: OnceCell<Option<Sine>>,
     /// The sines that stand in, by the rows of the segment from which on.
     stand_ins: Vec<(usize, Sine)>,
@@ -48,12 +48,12 @@ pub struct DrivePast {
 }
 
 #[derive(Clone, Debug, Default)]
-struct Block {
+struct DriveBlock {
     time_s: Vec<f64>,
     volts: Vec<f64>,
 }
 
-impl Block {
+impl DriveBlock {
     /// The sine near one that came before.
     fn sine_like(&self, before: Option<&Sine>) -> Option<Sine> {
         let before = before.filter(|sine| sine.amplitude > 0.0)?;
@@ -173,14 +173,14 @@ fn missing(time_s: &[f64], volts: &[f64], k: usize, interval_s: f64) -> usize {
     usize::from(!volts[k].is_finite()) + left_out
 }
 
-impl<'a> Drive<'a> {
+impl<'a> SegmentDrive<'a> {
     /// Takes all the samples of a segment and looks for a steady sine in them.
     pub fn new(time_s: &'a [f64], volts: &'a [f64], interval_s: f64) -> Self {
-        Self::of(time_s, volts, &Samples::whole(time_s.len(), interval_s), &mut DrivePast::default())
+        Self::of(time_s, volts, &SampleSelection::whole(time_s.len(), interval_s), &mut DrivePast::default())
     }
 
     /// Takes the samples of a part of a segment; those that are new go on where the past left off.
-    pub fn of(time_s: &'a [f64], volts: &'a [f64], samples: &Samples, past: &mut DrivePast) -> Self {
+    pub fn of(time_s: &'a [f64], volts: &'a [f64], samples: &SampleSelection, past: &mut DrivePast) -> Self {
         let (fresh, interval_s) = (&samples.fresh, samples.interval_s);
         let before = past.rows;
         if before == 0 {
@@ -219,7 +219,7 @@ impl<'a> Drive<'a> {
         let coming = past.coming.iter().map(|(row, sine)| (row.saturating_sub(first), *sine)).collect();
         let (sine, first_sine) = (past.sine, past.first_sine);
         let mut drive = Self { time_s, volts, sine, first_sine, stand_ins, coming, unknown: None };
-        let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.stand_in(*k).is_none());
+        let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.substitute(*k).is_none());
         if let Some(first) = unknown.next() {
             let count = missing(&first) + unknown.map(|k| missing(&k)).sum::<usize>();
             drive.unknown = Some((time_s[first], count));
@@ -248,13 +248,13 @@ impl<'a> Drive<'a> {
     }
 
     /// The sine that stands in for the drive at row `k`, or on the way to it, where that is missing.
-    pub fn stand_in(&self, k: usize) -> Option<&Sine> {
+    pub fn substitute(&self, k: usize) -> Option<&Sine> {
         let next = self.stand_ins.partition_point(|(row, _)| *row <= k);
         self.stand_ins.get(next.checked_sub(1)?).map(|(_, sine)| sine)
     }
 
     /// The sine by which the drive goes on behind row `k`, as far as the rows before its block tell; where it was asked for.
-    pub fn coming(&self, k: usize) -> Option<&Sine> {
+    pub fn continuation(&self, k: usize) -> Option<&Sine> {
         let next = self.coming.partition_point(|(row, _)| *row <= k);
         self.coming.get(next.checked_sub(1)?)?.1.as_ref()
     }
@@ -265,7 +265,7 @@ impl<'a> Drive<'a> {
         if v.is_finite() {
             return (v, false);
         }
-        match self.stand_in(k) {
+        match self.substitute(k) {
             Some(sine) => (sine.at(self.time_s[k]), true),
             None => (v, false),
         }
@@ -325,7 +325,7 @@ mod tests {
         let time: Vec<f64> =
             (0..3000).map(|i| f64::from(i) * 1e-6 + 2e-7 * f64::from(i * 7919 % 11) / 11.0).collect();
         let v: Vec<f64> = time.iter().map(|t| volts(*t)).collect();
-        let drive = Drive::new(&time, &v, 1e-6);
+        let drive = SegmentDrive::new(&time, &v, 1e-6);
         for to in 1..time.len() {
             let middle = time[to - 1].midpoint(time[to]);
             // The fourth derivative over 4! times the products of distances: 5 mV inside, 15 at the ends.
@@ -340,7 +340,7 @@ mod tests {
         let time: Vec<f64> = (0..3000).map(|i| f64::from(i) * 1e-6).collect();
         let mut v: Vec<f64> = time.iter().map(|t| volts(*t)).collect();
         v[1000..1040].fill(f64::NAN);
-        let drive = Drive::new(&time, &v, 1e-6);
+        let drive = SegmentDrive::new(&time, &v, 1e-6);
         let (value, missing) = drive.sample(1020);
         assert!(missing && (value - volts(time[1020])).abs() < 1e-4);
         assert!(!drive.sample(999).1);
@@ -348,7 +348,7 @@ mod tests {
         let sweep: Vec<f64> = time.iter().map(|t| (TAU * (3e4 + 1e7 * t) * t).sin()).collect();
         let mut sweep = sweep;
         sweep[5] = f64::NAN;
-        let drive = Drive::new(&time, &sweep, 1e-6);
+        let drive = SegmentDrive::new(&time, &sweep, 1e-6);
         assert!(drive.sine().is_none() && drive.sample(5).0.is_nan());
         assert_eq!(drive.unknown(), Some((time[5], 1)));
     }
@@ -368,9 +368,9 @@ mod tests {
         for (level, scale) in [(0.0, 0.0), (12.3, 0.0), (0.0, 1e-3), (-4.0, 0.2)] {
             let mut v: Vec<f64> = (0..9000).map(|k| level + scale * noise(k)).collect();
             v[100] = f64::NAN;
-            let drive = Drive::new(&time, &v, 1e-6);
+            let drive = SegmentDrive::new(&time, &v, 1e-6);
             assert!(drive.sine().is_none() && drive.unknown().is_none(), "{level} {scale}");
-            let over = Drive::nodes_from_sine(drive.stand_in(6001).unwrap(), time[6000], time[6001]);
+            let over = SegmentDrive::nodes_from_sine(drive.substitute(6001).unwrap(), time[6000], time[6001]);
             // A mean is rounded, once for each of the rows.
             let rounding = 9000.0 * f64::EPSILON * level.abs();
             assert!(

@@ -9,9 +9,9 @@ mod segment;
 mod turning_gain;
 
 pub use course::{DrivenCourse, HYBRID_STEPS, PHASE};
-pub use drive::{BLOCK, Drive, DrivePast};
-pub use models::{Enters, combinations, shifted, side_by_side};
-pub use parameters::{Beside, Held, OfMotion, ParametricReadout};
-pub use plant::{ByEuler, Plain, Plant, WithParameters, step};
+pub use drive::{BLOCK, DrivePast, SegmentDrive};
+pub use models::{ParameterPlaces, combinations, shifted, side_by_side};
+pub use parameters::{OfMotion, ParameterAugmentedStep, ParameterStep, ParametricReadout};
+pub use plant::{ByEuler, PlainModel, Plant, WithParameters, step};
 pub use segment::DrivenSegment;
 pub use turning_gain::{SteadySwing, TurningGain};

@@ -1,6 +1,6 @@
 //! Parameters of a device that are states of a filter, as its models meet them.
 
-use crate::estimate::{MOST_STATES, Parameter, Sensor, Tracked, Transition};
+use crate::estimate::{DeviceParameter, MOST_STATES, Sensor, Tracked, Transition};
 use kalmems_core::augmentation::{AddedState, AugmentationError, ParametricMeasurement};
 use kalmems_core::{Dual, Measurement, Parameters, Process, ProcessNoise};
 
@@ -9,16 +9,16 @@ use kalmems_core::{Dual, Measurement, Parameters, Process, ProcessNoise};
 pub const MOST_PARAMETERS: usize = MOST_STATES;
 
 /// Which parameter of one model each state behind those of the motion enters.
-pub(super) struct Places {
+pub(super) struct ParameterIndices {
     /// The parameter's index, where it enters this model, and the state.
     states: Vec<(Option<usize>, AddedState<f64>)>,
 }
 
-impl Places {
+impl ParameterIndices {
     /// In a model of type `M`.
     pub(super) fn of<M: Parameters<f64>>(
         tracked: &[Tracked],
-        place: fn(&Parameter) -> Option<&'static str>,
+        place: fn(&DeviceParameter) -> Option<&'static str>,
     ) -> Result<Self, AugmentationError> {
         let mut states: Vec<(Option<usize>, AddedState<f64>)> = Vec::new();
         for (state, tracked) in tracked.iter().take(MOST_PARAMETERS).enumerate() {
@@ -48,20 +48,20 @@ impl Places {
     }
 
     /// Their own step over an interval.
-    pub(super) fn over(&self, interval_s: f64) -> Held {
-        Held::of(self.states.iter().map(|(_, added)| *added), interval_s)
+    pub(super) fn over(&self, interval_s: f64) -> ParameterStep {
+        ParameterStep::of(self.states.iter().map(|(_, added)| *added), interval_s)
     }
 }
 
 /// The step of parameters that are states behind those of a motion: each hangs on itself alone.
 #[derive(Clone, Copy, Debug)]
-pub struct Held {
+pub struct ParameterStep {
     count: usize,
     /// How much of each deviation is left after the interval, and the variance that is added to it.
     steps: [(f64, f64); MOST_PARAMETERS],
 }
 
-impl Held {
+impl ParameterStep {
     /// Of so many added states, over an interval in s.
     pub fn of(added: impl Iterator<Item = AddedState<f64>>, interval_s: f64) -> Self {
         let (mut count, mut steps) = (0, [(1.0, 0.0); MOST_PARAMETERS]);
@@ -112,16 +112,16 @@ impl Held {
 }
 
 /// A step of a motion of `M` states that no parameter enters, with parameters as states behind them.
-pub struct Beside<'a, P: Process<f64, M>, const M: usize> {
+pub struct ParameterAugmentedStep<'a, P: Process<f64, M>, const M: usize> {
     /// The process of the motion.
     pub process: &'a P,
     /// Its input.
     pub input: &'a P::Input,
     /// The parameters.
-    pub held: &'a Held,
+    pub held: &'a ParameterStep,
 }
 
-impl<P: Process<f64, M>, const M: usize> Transition for Beside<'_, P, M> {
+impl<P: Process<f64, M>, const M: usize> Transition for ParameterAugmentedStep<'_, P, M> {
     #[inline(never)]
     fn advance(&self, x: &[f64], to: &mut [f64]) {
         to[..M].copy_from_slice(&self.process.step(&std::array::from_fn(|i| x[i]), self.input));
@@ -152,7 +152,7 @@ impl<P: Process<f64, M>, const M: usize> Transition for Beside<'_, P, M> {
 /// A readout of `M` states and of parameters behind them.
 pub struct ParametricReadout<H, const M: usize> {
     readout: H,
-    places: Places,
+    places: ParameterIndices,
 }
 
 impl<H: Parameters<f64>, const M: usize> ParametricReadout<H, M> {
@@ -160,9 +160,9 @@ impl<H: Parameters<f64>, const M: usize> ParametricReadout<H, M> {
     pub fn new(
         readout: H,
         tracked: &[Tracked],
-        place: fn(&Parameter) -> Option<&'static str>,
+        place: fn(&DeviceParameter) -> Option<&'static str>,
     ) -> Result<Self, AugmentationError> {
-        Ok(Self { places: Places::of::<H>(tracked, place)?, readout })
+        Ok(Self { places: ParameterIndices::of::<H>(tracked, place)?, readout })
     }
 }
 

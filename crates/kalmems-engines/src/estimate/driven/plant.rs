@@ -1,7 +1,7 @@
 //! The models that the filters run on: how a driven device steps over any interval, and how it is read.
 
-use super::parameters::{Held, Places};
-use crate::estimate::{Parameter, Reading, Sensor, Step, Tracked, Transition};
+use super::parameters::{ParameterIndices, ParameterStep};
+use crate::estimate::{DeviceParameter, MeasurementSensor, ProcessTransition, Sensor, Tracked, Transition};
 use kalmems_core::augmentation::{AugmentationError, ParametricDynamics, ParametricProcess};
 use kalmems_core::{Dual, Dynamics, Euler, Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4};
 
@@ -21,7 +21,7 @@ pub trait Plant {
 }
 
 /// A model of `M` states without parameters as states.
-pub struct Plain<D, H, const M: usize> {
+pub struct PlainModel<D, H, const M: usize> {
     /// How it moves.
     pub dynamics: D,
     /// How it is read.
@@ -30,7 +30,7 @@ pub struct Plain<D, H, const M: usize> {
     pub noise: NoiseDensity<f64, M>,
 }
 
-impl<D, H, const M: usize> Plant for Plain<D, H, M>
+impl<D, H, const M: usize> Plant for PlainModel<D, H, M>
 where
     D: Dynamics<f64, M, Input = f64> + Copy,
     H: Measurement<f64, M, 1>,
@@ -42,11 +42,11 @@ where
     }
 
     fn under<'a>(&'a self, motion: &'a Rk4<D, f64, M>, drive: &'a Nodes<f64>) -> impl Transition + 'a {
-        Step::new(motion, drive)
+        ProcessTransition::new(motion, drive)
     }
 
     fn sensor(&self) -> impl Sensor + '_ {
-        Reading::<H, M>(&self.readout)
+        MeasurementSensor::<H, M>(&self.readout)
     }
 }
 
@@ -60,7 +60,7 @@ pub fn step<D: Dynamics<f64, M, Input = f64>, const M: usize>(
 }
 
 /// A model by Euler's method, with the noise of one sample as that of the exact step: what some published filters run on.
-pub struct ByEuler<D, H, const M: usize>(pub Plain<D, H, M>);
+pub struct ByEuler<D, H, const M: usize>(pub PlainModel<D, H, M>);
 
 impl<D, H, const M: usize> Plant for ByEuler<D, H, M>
 where
@@ -77,11 +77,11 @@ where
 
     /// Of the drive it sees the start of the interval alone.
     fn under<'a>(&'a self, motion: &'a Self::Motion, drive: &'a Nodes<f64>) -> impl Transition + 'a {
-        Step::new(motion, &drive.start)
+        ProcessTransition::new(motion, &drive.start)
     }
 
     fn sensor(&self) -> impl Sensor + '_ {
-        Reading::<H, M>(&self.0.readout)
+        MeasurementSensor::<H, M>(&self.0.readout)
     }
 }
 
@@ -90,7 +90,7 @@ pub struct WithParameters<D, R, const M: usize> {
     dynamics: D,
     readout: R,
     noise: NoiseDensity<f64, M>,
-    places: Places,
+    places: ParameterIndices,
 }
 
 impl<D: Parameters<f64>, R, const M: usize> WithParameters<D, R, M> {
@@ -99,16 +99,16 @@ impl<D: Parameters<f64>, R, const M: usize> WithParameters<D, R, M> {
         (dynamics, noise): (D, NoiseDensity<f64, M>),
         readout: R,
         tracked: &[Tracked],
-        place: fn(&Parameter) -> Option<&'static str>,
+        place: fn(&DeviceParameter) -> Option<&'static str>,
     ) -> Result<Self, AugmentationError> {
-        Ok(Self { places: Places::of::<D>(tracked, place)?, dynamics, readout, noise })
+        Ok(Self { places: ParameterIndices::of::<D>(tracked, place)?, dynamics, readout, noise })
     }
 }
 
 /// One step of such a model: that of its motion, and of its parameters.
 pub struct MotionStep<D, const M: usize> {
     process: Rk4<D, f64, M>,
-    parameters: Held,
+    parameters: ParameterStep,
 }
 
 impl<D, R, const M: usize> Plant for WithParameters<D, R, M>
@@ -124,18 +124,18 @@ where
     }
 
     fn under<'a>(&'a self, motion: &'a Self::Motion, drive: &'a Nodes<f64>) -> impl Transition + 'a {
-        Under { plant: self, motion, drive }
+        DrivenStep { plant: self, motion, drive }
     }
 
     fn sensor(&self) -> impl Sensor + '_ {
-        ByReference(&self.readout)
+        BorrowedSensor(&self.readout)
     }
 }
 
 /// A sensor that is another one's.
-struct ByReference<'a, R>(&'a R);
+struct BorrowedSensor<'a, R>(&'a R);
 
-impl<R: Sensor> Sensor for ByReference<'_, R> {
+impl<R: Sensor> Sensor for BorrowedSensor<'_, R> {
     fn read(&self, x: &[f64]) -> f64 {
         self.0.read(x)
     }
@@ -146,13 +146,13 @@ impl<R: Sensor> Sensor for ByReference<'_, R> {
 }
 
 /// A step under a drive.
-struct Under<'a, D, R, const M: usize> {
+struct DrivenStep<'a, D, R, const M: usize> {
     plant: &'a WithParameters<D, R, M>,
     motion: &'a MotionStep<D, M>,
     drive: &'a Nodes<f64>,
 }
 
-impl<D, R, const M: usize> Under<'_, D, R, M>
+impl<D, R, const M: usize> DrivenStep<'_, D, R, M>
 where
     D: ParametricDynamics<f64, M, Input = f64> + Copy,
 {
@@ -182,7 +182,7 @@ where
 const FEW: usize = 4;
 const MANY: usize = 8;
 
-impl<D, R, const M: usize> Transition for Under<'_, D, R, M>
+impl<D, R, const M: usize> Transition for DrivenStep<'_, D, R, M>
 where
     D: ParametricDynamics<f64, M, Input = f64> + Copy,
 {

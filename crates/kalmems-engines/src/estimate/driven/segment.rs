@@ -1,8 +1,9 @@
 //! What the estimators see of a segment with a drive.
 
-use super::Drive;
+use super::SegmentDrive;
 use crate::estimate::{
-    Axis, EstimateError, Motion, Past, Samples, SegmentEstimate, SignalSegment, Trajectory, Windows,
+    AngleAxis, EstimateError, LockInWindows, MotionRate, Past, SampleSelection, SegmentEstimate,
+    SignalSegment, Trajectory,
 };
 use crate::units::kind;
 
@@ -14,11 +15,11 @@ pub struct DrivenSegment<'a> {
     /// The signal in V.
     pub signal: &'a [f64],
     /// The drive.
-    pub drive: Drive<'a>,
+    pub drive: SegmentDrive<'a>,
     /// The usual interval between samples in s.
     pub interval_s: f64,
     /// Which of them are new.
-    pub samples: Samples,
+    pub samples: SampleSelection,
     /// When the segment began, in s.
     pub start_s: f64,
 }
@@ -29,9 +30,9 @@ impl<'a> DrivenSegment<'a> {
         Self {
             time_s,
             signal,
-            drive: Drive::new(time_s, drive, interval_s),
+            drive: SegmentDrive::new(time_s, drive, interval_s),
             interval_s,
-            samples: Samples::whole(time_s.len(), interval_s),
+            samples: SampleSelection::whole(time_s.len(), interval_s),
             start_s: time_s.first().copied().unwrap_or(0.0),
         }
     }
@@ -44,7 +45,7 @@ impl<'a> DrivenSegment<'a> {
     ) -> Result<Self, EstimateError> {
         let drive = segment.recording.column_of(drive_column, &kind::VOLTAGE)?.of(segment.segment);
         let samples = segment.samples();
-        let drive = Drive::of(&segment.time_s, drive, &samples, &mut past.drive);
+        let drive = SegmentDrive::of(&segment.time_s, drive, &samples, &mut past.drive);
         if let Some((first_s, count)) = drive.unknown() {
             let (place, column) = (segment.place.clone(), drive_column.to_owned());
             return Err(EstimateError::DriveUnknown { place, column, count, first_s });
@@ -54,16 +55,22 @@ impl<'a> DrivenSegment<'a> {
     }
 
     /// How fast a device moves that is driven at twice its frequency: at half that of a steady drive, else at its own.
-    pub fn motion(&self, natural_hz: f64) -> Motion {
+    pub fn motion(&self, natural_hz: f64) -> MotionRate {
         match self.drive.sine() {
-            Some(sine) => Motion { frequency_hz: sine.frequency_hz / 2.0, is_driven: true },
-            None => Motion { frequency_hz: natural_hz, is_driven: false },
+            Some(sine) => MotionRate { frequency_hz: sine.frequency_hz / 2.0, is_driven: true },
+            None => MotionRate { frequency_hz: natural_hz, is_driven: false },
         }
     }
 
     /// Its samples as a lock-in takes them that has windows of this length in s, with these signals, such as its own.
-    pub fn windows<'b>(&'b self, signals: &'b [&'b [f64]], length_s: f64) -> Windows<'b> {
-        Windows { time_s: self.time_s, signals, samples: &self.samples, start_s: self.start_s, length_s }
+    pub fn windows<'b>(&'b self, signals: &'b [&'b [f64]], length_s: f64) -> LockInWindows<'b> {
+        LockInWindows {
+            time_s: self.time_s,
+            signals,
+            samples: &self.samples,
+            start_s: self.start_s,
+            length_s,
+        }
     }
 
     /// The end of the settling time in s.
@@ -91,7 +98,7 @@ impl SignalSegment<'_> {
     pub fn estimated_under(
         &self,
         drive_column: &str,
-        (axis, other_axes): (Axis, Vec<Axis>),
+        (axis, other_axes): (AngleAxis, Vec<AngleAxis>),
         trajectories: Vec<Trajectory>,
     ) -> SegmentEstimate {
         SegmentEstimate {

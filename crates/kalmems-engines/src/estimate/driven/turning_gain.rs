@@ -1,13 +1,13 @@
 //! One gain for all of a swing: constant in the frame that turns with the motion.
 
-use super::Plain;
+use super::PlainModel;
 use crate::estimate::{GainOf, Never, Swing};
 use kalmems_core::Portable;
 use kalmems_core::riccati::continuous_riccati;
 use kalmems_core::update::{Correction, Policy};
 use kalmems_core::{
-    Cholesky, Covariance, Dynamics, Ekf, Filter, FilterError, FixedGain, Innovation, LinearProcess, Link, Lu,
-    Mat, Measurement, NoiseDensity, NumericMeasurement, NumericProcess, OperatingPoint, Process,
+    Cholesky, Covariance, Dynamics, Ekf, Filter, FilterError, FixedGain, Innovation, LinearProcess, Lu, Mat,
+    Measurement, NoiseDensity, NumericMeasurement, NumericProcess, OperatingPoint, Process, StateTransition,
 };
 use std::f64::consts::TAU;
 
@@ -53,7 +53,7 @@ impl<const N: usize> TurningGain<N> {
     /// The gain for a device in this motion, from a mean on, for samples of this interval in s and this variance in V².
     pub fn new<D: Dynamics<f64, N, Input = f64>, H: Measurement<f64, N, 1>>(
         gain: GainOf,
-        plant: &Plain<D, H, N>,
+        plant: &PlainModel<D, H, N>,
         motion: SteadySwing,
         mean: [f64; N],
         (interval_s, noise_variance): (f64, f64),
@@ -70,7 +70,7 @@ impl<const N: usize> TurningGain<N> {
                 corner / TAU
             ));
         }
-        let Averaged { system, density, information } = Averaged::of(plant, motion, &rates);
+        let SteadyMeans { system, density, information } = SteadyMeans::of(plant, motion, &rates);
         // A root of G is an observation of as many numbers as there are states, each with the noise of a sample.
         let lower = Cholesky::of_semidefinite(&Covariance::from_lower(information));
         let observation = Mat::from_fn(|i, j| lower.0[j][i]);
@@ -138,7 +138,7 @@ fn of_each<const N: usize>(block: impl Fn(usize) -> [[f64; 2]; 2]) -> Mat<f64, N
 }
 
 /// The means over a steady motion.
-struct Averaged<const N: usize> {
+struct SteadyMeans<const N: usize> {
     /// F.
     system: Mat<f64, N, N>,
     /// Q.
@@ -147,9 +147,9 @@ struct Averaged<const N: usize> {
     information: Mat<f64, N, N>,
 }
 
-impl<const N: usize> Averaged<N> {
+impl<const N: usize> SteadyMeans<N> {
     fn of<D: Dynamics<f64, N, Input = f64>, H: Measurement<f64, N, 1>>(
-        plant: &Plain<D, H, N>,
+        plant: &PlainModel<D, H, N>,
         motion: SteadySwing,
         rates: &[f64; N],
     ) -> Self {
@@ -198,13 +198,13 @@ impl<const N: usize> Filter<f64, N> for TurningGain<N> {
         &mut self,
         process: &P,
         u: &P::Input,
-    ) -> Result<Link<f64, N>, FilterError> {
+    ) -> Result<StateTransition<f64, N>, FilterError> {
         let (mean, transition) = process.linearized(&self.mean, u);
         if !mean.iter().all(|x| x.is_finite()) {
             return Err(FilterError::NonFiniteState);
         }
         self.mean = mean;
-        Ok(Link { transition, noise: *process.noise_added().covariance(), taken: true })
+        Ok(StateTransition { transition, noise: *process.noise_added().covariance(), taken: true })
     }
 
     fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(

@@ -1,8 +1,8 @@
 //! Innovations folded over the cycle of a motion: what repeats with it is no noise.
 
 use super::evidence::CycleEvidence;
-use super::spectrum::{Level, Spectrum};
-use super::{InnovationTest, Moments, Place, TestResult};
+use super::spectrum::{InnovationSpectrum, SpectralLevel};
+use super::{InnovationMoments, InnovationTest, TestPlace, TestResult};
 use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::f64::consts::TAU;
@@ -29,7 +29,7 @@ struct Bin {
 
 /// Innovations over the cycle of a motion.
 #[derive(Clone, Debug)]
-pub struct Cycle {
+pub struct InnovationCycle {
     frequency_hz: f64,
     start_s: f64,
     bins: [Bin; BINS],
@@ -44,7 +44,7 @@ struct Harmonic {
     chance: f64,
 }
 
-impl Cycle {
+impl InnovationCycle {
     /// Of a motion of this frequency in Hz, whose phase counts from this time in s.
     pub fn new(frequency_hz: f64, start_s: f64) -> Self {
         Self { frequency_hz, start_s, bins: [Bin::default(); BINS] }
@@ -74,14 +74,22 @@ impl Cycle {
 
     /// Whether the innovations have the motion or its harmonics in them. Each |Σ z·e^{−2πikφ}|²/n is exponential, and is held
     /// against the spectrum around it; the harmonics in one are Fisher's sum of logarithms.
-    pub fn harmonics(&self, moments: &Moments, spectrum: &Spectrum, interval_s: f64) -> Option<TestResult> {
+    pub fn harmonics(
+        &self,
+        moments: &InnovationMoments,
+        spectrum: &InnovationSpectrum,
+        interval_s: f64,
+    ) -> Option<TestResult> {
         let mean = moments.mean();
         let all = self.each(interval_s, spectrum.resolution(), |k, place| {
             let power = self.power(k, |bin| bin.sum - mean * bin.count);
             let around = spectrum.around(place)?;
             // A careful filter's spectrum is not flat; what counts is what is above its claim.
-            let around =
-                if moments.are_careful() { Level { mean: around.mean.max(1.0), ..around } } else { around };
+            let around = if moments.are_careful() {
+                SpectralLevel { mean: around.mean.max(1.0), ..around }
+            } else {
+                around
+            };
             // A ratio of an exponential number to the mean of others.
             let chance = (1.0 + power / around.mean / around.count).portable_powf(-around.count);
             Some((2.0 * (power / moments.count).sqrt(), chance))
@@ -93,7 +101,7 @@ impl Cycle {
     /// `inflation` for squares that are correlated.
     pub fn variance(
         &self,
-        moments: &Moments,
+        moments: &InnovationMoments,
         inflation: f64,
         resolution: f64,
         interval_s: f64,
@@ -108,7 +116,7 @@ impl Cycle {
 
     /// Whether the variance is larger than claimed in some part of the cycle: of a careful filter, whose claim may be too large by a
     /// factor that changes.
-    pub fn excess(&self, moments: &Moments) -> Option<TestResult> {
+    pub fn excess(&self, moments: &InnovationMoments) -> Option<TestResult> {
         if moments.count < FEWEST {
             return None;
         }
@@ -121,7 +129,7 @@ impl Cycle {
         let (chance, sector, size) = judged.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let p_value = ((BINS / SECTOR) as f64 * chance).min(1.0);
         let middle = (sector * SECTOR + SECTOR / 2) as f64 / BINS as f64;
-        let place = Place::Phase { degrees: 360.0 * middle, of_hz: self.frequency_hz };
+        let place = TestPlace::Phase { degrees: 360.0 * middle, of_hz: self.frequency_hz };
         Some(TestResult {
             test: InnovationTest::Phase,
             p_value,
@@ -167,14 +175,19 @@ impl Cycle {
         (re * re + im * im) / count
     }
 
-    fn together(&self, test: InnovationTest, moments: &Moments, all: &[Harmonic]) -> Option<TestResult> {
+    fn together(
+        &self,
+        test: InnovationTest,
+        moments: &InnovationMoments,
+        all: &[Harmonic],
+    ) -> Option<TestResult> {
         if moments.count < FEWEST {
             return None;
         }
         let worst = all.iter().min_by(|a, b| a.chance.total_cmp(&b.chance))?;
         let statistic: f64 = all.iter().map(|h| -2.0 * h.chance.max(f64::MIN_POSITIVE).portable_ln()).sum();
         let p_value = ChiSquared::new(2.0 * all.len() as f64).ok()?.sf(statistic);
-        let place = Place::Harmonic { number: worst.number, of_hz: self.frequency_hz };
+        let place = TestPlace::Harmonic { number: worst.number, of_hz: self.frequency_hz };
         Some(TestResult { test, p_value, size: worst.amplitude, place: Some(place), signal: None })
     }
 }

@@ -23,7 +23,7 @@ pub struct InnovationEvidence {
     /// Over the cycle of each axis's motion.
     pub cycles: Vec<CycleEvidence>,
     /// How they are distributed.
-    pub histogram: Histogram,
+    pub histogram: InnovationHistogram,
 }
 
 /// The spectrum in a group of neighbouring frequencies.
@@ -50,11 +50,11 @@ pub struct CycleEvidence {
 
 /// Counts of z in bins of equal width; what lies further out is in the outermost ones.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Histogram {
+pub struct InnovationHistogram {
     counts: Vec<f64>,
 }
 
-impl Histogram {
+impl InnovationHistogram {
     /// Takes an innovation in.
     #[inline]
     pub(super) fn take(&mut self, z: f64) {
@@ -101,8 +101,11 @@ impl InnovationRecord {
         InnovationEvidence {
             count: self.moments.count,
             spectrum: groups.collect(),
-            autocorrelation: spectrum.iter().flat_map(super::spectrum::Spectrum::autocorrelation).collect(),
-            cycles: self.cycles.iter().map(super::cycle::Cycle::evidence).collect(),
+            autocorrelation: spectrum
+                .iter()
+                .flat_map(super::spectrum::InnovationSpectrum::autocorrelation)
+                .collect(),
+            cycles: self.cycles.iter().map(super::cycle::InnovationCycle::evidence).collect(),
             histogram: self.histogram.clone(),
         }
     }

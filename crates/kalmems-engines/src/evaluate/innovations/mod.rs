@@ -11,26 +11,26 @@ mod result;
 mod spectrum;
 mod windows;
 
-pub use evidence::{CycleEvidence, Histogram, InnovationEvidence, SpectrumGroup};
-pub use result::{InnovationTest, Place, TestResult, WRONG, nis};
+pub use evidence::{CycleEvidence, InnovationEvidence, InnovationHistogram, SpectrumGroup};
+pub use result::{InnovationTest, TestPlace, TestResult, WRONG, nis};
 
 use crate::progress::Interruption;
-use cycle::Cycle;
-use moments::Moments;
+use cycle::InnovationCycle;
+use moments::InnovationMoments;
 use spectrum::SpectrumRecord;
 use statrs::function::erf::erfc;
 use std::f64::consts::SQRT_2;
-use windows::Windows;
+use windows::InnovationWindows;
 
 /// The innovations of one channel of one filter, as sums.
 #[derive(Clone, Default)]
 pub struct InnovationRecord {
-    moments: Moments,
-    windows: Windows,
+    moments: InnovationMoments,
+    windows: InnovationWindows,
     spectrum: SpectrumRecord,
-    histogram: Histogram,
+    histogram: InnovationHistogram,
     /// One for each axis of the device.
-    cycles: Vec<Cycle>,
+    cycles: Vec<InnovationCycle>,
     first_s: f64,
     last_s: f64,
 }
@@ -39,7 +39,8 @@ impl InnovationRecord {
     /// Of motions with these frequencies in Hz, in a segment that begins at this time in s.
     pub fn new(motions_hz: impl IntoIterator<Item = f64>, start_s: f64) -> Self {
         let moves = |hz: &f64| hz.is_finite() && *hz > 0.0;
-        let cycles = motions_hz.into_iter().filter(moves).map(|hz| Cycle::new(hz, start_s)).collect();
+        let cycles =
+            motions_hz.into_iter().filter(moves).map(|hz| InnovationCycle::new(hz, start_s)).collect();
         Self { cycles, ..Self::default() }
     }
 
@@ -93,7 +94,7 @@ impl InnovationRecord {
             all.extend(self.worst_of_axes(|cycle| cycle.excess(moments)));
             all.extend(self.windows.excess());
         } else {
-            let variance = |cycle: &Cycle| cycle.variance(moments, squares, resolution, interval_s);
+            let variance = |cycle: &InnovationCycle| cycle.variance(moments, squares, resolution, interval_s);
             all.extend(self.worst_of_axes(variance));
             all.extend(self.windows.steadiness(moments, squares));
             all.extend(moments.shape(spectrum.inflation(3).recip()));
@@ -106,7 +107,7 @@ impl InnovationRecord {
 
 impl InnovationRecord {
     /// What a test finds at the axis where it finds most.
-    fn worst_of_axes(&self, test: impl Fn(&Cycle) -> Option<TestResult>) -> Option<TestResult> {
+    fn worst_of_axes(&self, test: impl Fn(&InnovationCycle) -> Option<TestResult>) -> Option<TestResult> {
         let looks = self.cycles.len() as f64;
         let worst = self.cycles.iter().filter_map(test).min_by(|a, b| a.p_value.total_cmp(&b.p_value))?;
         Some(TestResult { p_value: (looks * worst.p_value).min(1.0), ..worst })

@@ -1,12 +1,12 @@
 //! Sums over the normalised innovations, and what they say of their level, size and distribution.
 
-use super::{InnovationTest, Place, TestResult, normal_tail};
+use super::{InnovationTest, TestPlace, TestResult, normal_tail};
 use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Sums over normalised innovations z.
 #[derive(Clone, Debug, Default)]
-pub struct Moments {
+pub struct InnovationMoments {
     /// How many.
     pub count: f64,
     /// Σ z, Σ z², Σ z³ and Σ z⁴.
@@ -18,7 +18,7 @@ pub struct Moments {
 /// Fewer values say nothing of the shape of a distribution; the approximations below hold from here on.
 const FEWEST: f64 = 200.0;
 
-impl Moments {
+impl InnovationMoments {
     /// Takes an innovation in.
     #[inline]
     pub fn take(&mut self, time_s: f64, z: f64) {
@@ -105,7 +105,7 @@ impl Moments {
             test: InnovationTest::Outlier,
             p_value,
             size,
-            place: Some(Place::Time { at_s }),
+            place: Some(TestPlace::Time { at_s }),
             signal: None,
         })
     }

@@ -35,7 +35,7 @@ pub enum InnovationTest {
 /// Where a test found what it found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Place {
+pub enum TestPlace {
     /// At a time.
     Time {
         /// In s.
@@ -95,7 +95,7 @@ pub struct TestResult {
     pub size: f64,
     /// Where it is largest.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub place: Option<Place>,
+    pub place: Option<TestPlace>,
     /// The signal whose innovations these are, where it is not the first one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub signal: Option<String>,
@@ -224,7 +224,7 @@ impl InnovationTest {
     }
 }
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for TestPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match *self {
             Self::Time { at_s } => write!(f, "at {}", quantity(at_s, "s")),

@@ -1,6 +1,6 @@
 //! The spectrum of the innovations, which is flat for a filter that is right.
 
-use super::{InnovationTest, Moments, Place, TestResult, WRONG};
+use super::{InnovationMoments, InnovationTest, TestPlace, TestResult, WRONG};
 use kalmems_core::Portable;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
@@ -35,14 +35,14 @@ const NEXT: usize = 2;
 #[derive(Clone, Default)]
 pub struct SpectrumRecord {
     block: Vec<f64>,
-    full: Option<Periodograms>,
+    full: Option<BlockPeriodograms>,
     products: Products,
 }
 
 /// Sums of |Σ z·e^{−2πiνk}|²/n of blocks of one length, from the first frequency above zero to the last below half the sampling
 /// rate. Each is exponential with mean 1 of a filter that is right.
 #[derive(Clone, Debug)]
-struct Periodograms {
+struct BlockPeriodograms {
     length: usize,
     blocks: f64,
     sums: Vec<f64>,
@@ -56,15 +56,15 @@ struct Products {
 }
 
 /// The spectrum of all innovations until now.
-pub struct Spectrum {
+pub struct InnovationSpectrum {
     /// That of the blocks, and that of what has not become one, as far as they are there.
-    parts: Vec<Periodograms>,
+    parts: Vec<BlockPeriodograms>,
     products: Products,
 }
 
 /// The level of a spectrum around a frequency.
 #[derive(Clone, Copy, Debug)]
-pub struct Level {
+pub struct SpectralLevel {
     /// The mean of the ordinates.
     pub mean: f64,
     /// How many exponential numbers it is the mean of.
@@ -73,7 +73,7 @@ pub struct Level {
 
 /// Neighbouring ordinates.
 #[derive(Clone, Copy, Debug)]
-pub struct Group {
+pub struct OrdinateGroup {
     /// The geometric mean of the first and the last frequency in cycles per sample.
     pub frequency: f64,
     /// The mean of the ordinates.
@@ -90,7 +90,7 @@ impl SpectrumRecord {
     pub fn take(&mut self, z: f64) {
         self.block.push(z);
         if self.block.len() == BLOCK {
-            let new = Periodograms::of(&self.block);
+            let new = BlockPeriodograms::of(&self.block);
             match &mut self.full {
                 Some(full) => full.add(&new),
                 none => *none = Some(new),
@@ -101,13 +101,13 @@ impl SpectrumRecord {
     }
 
     /// What is known until now. `None` of too few innovations.
-    pub fn spectrum(&self) -> Option<Spectrum> {
+    pub fn spectrum(&self) -> Option<InnovationSpectrum> {
         let length = smooth_below(self.block.len());
-        let rest = (length >= FEWEST).then(|| Periodograms::of(&self.block[..length]));
+        let rest = (length >= FEWEST).then(|| BlockPeriodograms::of(&self.block[..length]));
         let mut products = self.products;
         products.add(&self.block);
-        let parts: Vec<Periodograms> = self.full.iter().cloned().chain(rest).collect();
-        (!parts.is_empty()).then_some(Spectrum { parts, products })
+        let parts: Vec<BlockPeriodograms> = self.full.iter().cloned().chain(rest).collect();
+        (!parts.is_empty()).then_some(InnovationSpectrum { parts, products })
     }
 }
 
@@ -127,7 +127,7 @@ fn smooth_below(count: usize) -> usize {
     best
 }
 
-impl Periodograms {
+impl BlockPeriodograms {
     fn of(block: &[f64]) -> Self {
         let length = block.len();
         let transform = PLANNER.with_borrow_mut(|planner| planner.plan_fft_forward(length));
@@ -179,7 +179,7 @@ impl Products {
     }
 }
 
-impl Spectrum {
+impl InnovationSpectrum {
     /// The distance of neighbouring frequencies in cycles per sample.
     pub fn resolution(&self) -> f64 {
         1.0 / self.parts[0].length as f64
@@ -191,7 +191,7 @@ impl Spectrum {
     }
 
     /// At most so many groups of neighbouring ordinates, equally spaced in the logarithm of the frequency.
-    pub fn groups(&self, most: usize) -> Vec<Group> {
+    pub fn groups(&self, most: usize) -> Vec<OrdinateGroup> {
         let Some(part) = self.parts.first() else { return Vec::new() };
         let (mut groups, mut first) = (Vec::new(), 0);
         for group in 1..=most {
@@ -203,7 +203,7 @@ impl Spectrum {
             }
             let sums = &part.sums[first..end];
             let count = part.blocks * sums.len() as f64;
-            groups.push(Group {
+            groups.push(OrdinateGroup {
                 frequency: (part.frequency(first) * part.frequency(end - 1)).sqrt(),
                 mean: sums.iter().sum::<f64>() / count,
                 largest: sums.iter().copied().fold(0.0, f64::max) / part.blocks,
@@ -221,7 +221,7 @@ impl Spectrum {
     }
 
     /// The level around a frequency in cycles per sample. `None` where there is too little.
-    pub fn around(&self, frequency: f64) -> Option<Level> {
+    pub fn around(&self, frequency: f64) -> Option<SpectralLevel> {
         let part = self.parts.first()?;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // up to half the length
         let at = ((frequency * part.length as f64).round() as usize).saturating_sub(1);
@@ -229,7 +229,7 @@ impl Spectrum {
             .filter(|i| i.abs_diff(at) > NEXT);
         let (count, sum) =
             others.fold((0.0, 0.0), |(count, sum), i| (count + part.blocks, sum + part.sums[i]));
-        (count >= 8.0).then_some(Level { mean: sum / count, count })
+        (count >= 8.0).then_some(SpectralLevel { mean: sum / count, count })
     }
 
     /// Whether some band of frequencies has more in it than claimed: the sum of its ordinates follows the law of Gamma.
@@ -258,7 +258,7 @@ impl Spectrum {
             Some((Gamma::new(count, 1.0).ok()?.sf(sum), sum / count, from, to))
         });
         let (chance, size, from, to) = judged.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let place = Place::Band { from_hz: from / interval_s, to_hz: to / interval_s };
+        let place = TestPlace::Band { from_hz: from / interval_s, to_hz: to / interval_s };
         Some(TestResult {
             test: InnovationTest::Bands,
             p_value: (looks * chance).min(1.0),
@@ -270,7 +270,7 @@ impl Spectrum {
 
     /// Whether one frequency stands out: the largest ordinate, beside what it is one of so many. Noise that is larger than claimed
     /// is no line.
-    pub fn line(&self, moments: &Moments, interval_s: f64) -> Option<TestResult> {
+    pub fn line(&self, moments: &InnovationMoments, interval_s: f64) -> Option<TestResult> {
         let level = moments.mean_square().max(1.0);
         let looks: usize = self.parts.iter().map(|part| part.sums.len()).sum();
         let largest = self.parts.iter().filter_map(|part| {
@@ -280,7 +280,7 @@ impl Spectrum {
             Some((chance, amplitude, part.frequency(i)))
         });
         let (chance, size, frequency) = largest.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let place = Place::Frequency { hz: frequency / interval_s };
+        let place = TestPlace::Frequency { hz: frequency / interval_s };
         let p_value = (looks as f64 * chance).min(1.0);
         Some(TestResult { test: InnovationTest::Line, p_value, size, place: Some(place), signal: None })
     }
@@ -301,6 +301,12 @@ impl Spectrum {
         let p_value = ChiSquared::new(LAGS as f64).ok()?.sf(statistic).max(WRONG / ABOVE * above);
         let largest = (1..=LAGS).max_by(|a, b| term(*a).total_cmp(&term(*b)))?;
         let (test, size) = (InnovationTest::Whiteness, self.products.correlation(largest));
-        Some(TestResult { test, p_value, size, place: Some(Place::Lag { updates: largest }), signal: None })
+        Some(TestResult {
+            test,
+            p_value,
+            size,
+            place: Some(TestPlace::Lag { updates: largest }),
+            signal: None,
+        })
     }
 }

@@ -86,7 +86,7 @@ fn parts_of_any_length_and_blocks_give_the_same() {
     let z = noise(150_000, 7);
     let times: Vec<f64> = (0..z.len()).map(|k| k as f64 * INTERVAL_S).collect();
     let mut whole = InnovationRecord::new([MOTION_HZ], 0.0);
-    whole.take(&times, &z, &vec![1.0; z.len()]);
+    whole.take(&times, &z, &vec![1.0; z.len()], &Interruption::never());
     assert_eq!(whole.tests(true), record(&z).tests(true));
     assert!(whole.tests(true).iter().all(|found| found.p_value > 1e-4), "{:?}", whole.tests(true));
 }
@@ -95,12 +95,12 @@ fn parts_of_any_length_and_blocks_give_the_same() {
 fn a_line_is_found_with_its_frequency_and_amplitude() {
     let z = with(20_000, 1, |_, t, z| z + 0.1 * (TAU * 50_000.0 * t).sin());
     let found = at(&z, InnovationTest::Line);
-    let Some(Place::Frequency { hz }) = found.place else { panic!("{found:?}") };
+    let Some(TestPlace::Frequency { hz }) = found.place else { panic!("{found:?}") };
     assert!((hz - 50_000.0).abs() < 50.0 && (found.size - 0.1).abs() < 0.03, "{found:?}");
     assert!(found.to_string().contains("50 kHz"), "{found}");
     // The same over several blocks.
     let z = with(200_000, 2, |_, t, z| z + 0.04 * (TAU * 50_003.0 * t).sin());
-    let Some(Place::Frequency { hz }) = at(&z, InnovationTest::Line).place else { panic!() };
+    let Some(TestPlace::Frequency { hz }) = at(&z, InnovationTest::Line).place else { panic!() };
     assert!((hz - 50_003.0).abs() < 16.0, "{hz}");
 }
 
@@ -108,7 +108,7 @@ fn a_line_is_found_with_its_frequency_and_amplitude() {
 fn what_repeats_with_the_motion_is_found_at_its_harmonic() {
     let z = with(20_000, 3, |_, t, z| z + 0.08 * (2.0 * TAU * MOTION_HZ * t + 0.4).cos());
     let found = at(&z, InnovationTest::Harmonics);
-    assert!(matches!(found.place, Some(Place::Harmonic { number: 2, .. })), "{found:?}");
+    assert!(matches!(found.place, Some(TestPlace::Harmonic { number: 2, .. })), "{found:?}");
     assert!((found.size - 0.08).abs() < 0.03, "{found:?}");
 }
 
@@ -137,17 +137,17 @@ fn harmonics_that_the_samples_cannot_tell_apart_are_looked_at_once() {
 fn a_variance_that_changes_over_the_cycle_or_the_recording_is_found() {
     let z = with(20_000, 4, |_, t, z| z * (1.0 + 0.15 * (TAU * MOTION_HZ * t).cos()));
     let found = at(&z, InnovationTest::Phase);
-    assert!(matches!(found.place, Some(Place::Harmonic { number: 1, .. })), "{found:?}");
+    assert!(matches!(found.place, Some(TestPlace::Harmonic { number: 1, .. })), "{found:?}");
     assert!((found.size - 0.3).abs() < 0.06, "{found:?}");
     let z = with(20_000, 5, |k, _, z| if (12_000..13_000).contains(&k) { 1.4 * z } else { z });
-    let Some(Place::Span { from_s, to_s }) = at(&z, InnovationTest::Windows).place else { panic!() };
+    let Some(TestPlace::Span { from_s, to_s }) = at(&z, InnovationTest::Windows).place else { panic!() };
     assert!((0.0115..=0.013).contains(&from_s) && (0.012..=0.0135).contains(&to_s), "{from_s} to {to_s}");
 }
 
 #[test]
 fn a_level_a_band_and_correlation_are_found() {
     let z = with(20_000, 6, |k, _, z| z + if k > 15_000 { 0.3 } else { 0.0 });
-    let Some(Place::Span { from_s, .. }) = at(&z, InnovationTest::Level).place else { panic!() };
+    let Some(TestPlace::Span { from_s, .. }) = at(&z, InnovationTest::Level).place else { panic!() };
     assert!(from_s > 0.0149, "{from_s}");
     let mut before = 0.0;
     let z = with(20_000, 7, |_, _, z| z);
@@ -160,7 +160,7 @@ fn a_level_a_band_and_correlation_are_found() {
         .collect();
     let found = at(&coloured, InnovationTest::Whiteness);
     assert!(
-        matches!(found.place, Some(Place::Lag { updates: 1 })) && (found.size - 0.15).abs() < 0.03,
+        matches!(found.place, Some(TestPlace::Lag { updates: 1 })) && (found.size - 0.15).abs() < 0.03,
         "{found:?}"
     );
     at(&coloured, InnovationTest::Bands);
@@ -170,7 +170,7 @@ fn a_level_a_band_and_correlation_are_found() {
 fn an_outlier_and_heavy_tails_are_found() {
     let z = with(5_000, 8, |k, _, z| if k == 3_210 { 9.0 } else { z });
     let found = at(&z, InnovationTest::Outlier);
-    assert_eq!(found.place, Some(Place::Time { at_s: 3_210.0 * INTERVAL_S }));
+    assert_eq!(found.place, Some(TestPlace::Time { at_s: 3_210.0 * INTERVAL_S }));
     let z = with(20_000, 9, |_, _, z| 0.9 * z * (1.0 + 0.1 * z * z).sqrt());
     assert!(at(&z, InnovationTest::Shape).size > 0.5);
 }
@@ -226,7 +226,7 @@ fn slow_the_test_of_shape_fails_as_often_as_it_says() {
         let (mut below, mut by_law) = ([0_u32; 5], [0_u32; 5]);
         let mut noise = WhiteNoise::new(count.into(), 9);
         for _ in 0..sets {
-            let mut moments = Moments::default();
+            let mut moments = InnovationMoments::default();
             for _ in 0..count {
                 moments.take(0.0, noise.sample());
             }

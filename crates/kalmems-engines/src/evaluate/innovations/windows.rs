@@ -1,6 +1,6 @@
 //! Whether level and size of the innovations stay the same over the recording.
 
-use super::{InnovationTest, Moments, Place, TestResult};
+use super::{InnovationMoments, InnovationTest, TestPlace, TestResult};
 use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -13,7 +13,7 @@ const SHORTEST: usize = 64;
 
 /// Sums over a part of a recording.
 #[derive(Clone, Copy, Debug)]
-struct Window {
+struct WindowSums {
     from_s: f64,
     to_s: f64,
     count: f64,
@@ -23,21 +23,21 @@ struct Window {
 
 /// A recording in windows of one length.
 #[derive(Clone, Debug)]
-pub struct Windows {
+pub struct InnovationWindows {
     /// Innovations of a window.
     length: usize,
     /// Those of the last one.
     filled: usize,
-    all: Vec<Window>,
+    all: Vec<WindowSums>,
 }
 
-impl Default for Windows {
+impl Default for InnovationWindows {
     fn default() -> Self {
         Self { length: SHORTEST, filled: SHORTEST, all: Vec::new() }
     }
 }
 
-impl Windows {
+impl InnovationWindows {
     /// Takes an innovation in.
     #[inline]
     pub fn take(&mut self, time_s: f64, z: f64) {
@@ -58,12 +58,12 @@ impl Windows {
             self.all = self.all.chunks(2).map(|pair| pair[0].with(pair.get(1))).collect();
             self.length *= 2;
         }
-        self.all.push(Window { from_s: time_s, to_s: time_s, count: 0.0, sum: 0.0, squares: 0.0 });
+        self.all.push(WindowSums { from_s: time_s, to_s: time_s, count: 0.0, sum: 0.0, squares: 0.0 });
         self.filled = 0;
     }
 
     /// The windows that are whole, or nearly so.
-    fn whole(&self) -> &[Window] {
+    fn whole(&self) -> &[WindowSums] {
         let ends =
             if 2 * self.filled < self.length { self.all.len().saturating_sub(1) } else { self.all.len() };
         &self.all[..ends]
@@ -84,7 +84,7 @@ impl Windows {
     /// that changes.
     pub fn excess(&self) -> Option<TestResult> {
         let windows = self.whole();
-        let chance = |w: &Window| ChiSquared::new(w.count).map_or(1.0, |chi| chi.sf(w.squares));
+        let chance = |w: &WindowSums| ChiSquared::new(w.count).map_or(1.0, |chi| chi.sf(w.squares));
         let worst = windows.iter().map(|w| (chance(w), w)).min_by(|a, b| a.0.total_cmp(&b.0));
         let (chance, worst) = worst?;
         let p_value = (windows.len() as f64 * chance).min(1.0);
@@ -95,13 +95,13 @@ impl Windows {
     /// Whether the variance is the same in all windows. The mean of n squares of a normal number is nearly normal as its cube
     /// root (Wilson & Hilferty, Proceedings of the National Academy of Sciences 17, 684, 1931), here with the variance of z²
     /// as it was measured, and `inflation` for squares that are correlated.
-    pub fn steadiness(&self, moments: &Moments, inflation: f64) -> Option<TestResult> {
+    pub fn steadiness(&self, moments: &InnovationMoments, inflation: f64) -> Option<TestResult> {
         let windows = self.whole();
         if windows.len() < MOST / 4 {
             return None;
         }
         let (mean, variance) = (moments.mean_square(), moments.variance_of_squares() * inflation);
-        let deviation = |w: &Window| {
+        let deviation = |w: &WindowSums| {
             let ninth = variance / (9.0 * w.count * mean * mean);
             ((w.squares / (w.count * mean)).portable_cbrt() - 1.0 + ninth) / ninth.sqrt()
         };
@@ -114,7 +114,7 @@ impl Windows {
     }
 }
 
-impl Window {
+impl WindowSums {
     fn with(self, next: Option<&Self>) -> Self {
         next.map_or(self, |next| Self {
             from_s: self.from_s,
@@ -125,7 +125,7 @@ impl Window {
         })
     }
 
-    fn place(&self) -> Place {
-        Place::Span { from_s: self.from_s, to_s: self.to_s }
+    fn place(&self) -> TestPlace {
+        TestPlace::Span { from_s: self.from_s, to_s: self.to_s }
     }
 }

@@ -1,6 +1,6 @@
 //! The filter of a shared-electrode scanner in C99.
 
-use super::super::scanner::{Integration, Scaled};
+use super::super::scanner::{Integration, ScaledScannerFilter};
 use super::{PRELUDE, comment, constants, float};
 
 /// How a program takes the tables of samples, and how it sees that it takes them rightly.
@@ -24,7 +24,7 @@ pub fn use_of_samples(name: &str, integration: Integration) -> Vec<String> {
 
 /// Header and source; `name` begins the names of types and functions and is a C name.
 pub fn files(
-    (scaled, integration): (&Scaled, Integration),
+    (scaled, integration): (&ScaledScannerFilter, Integration),
     (interval_s, update_every): (f64, u32),
     name: &str,
     heading: &[String],

@@ -1,40 +1,40 @@
 //! Functions that `math.h` does not have, and tables, in C99.
 
 use super::float;
-use crate::description::Outside;
+use crate::description::CurveExtension;
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::interface::part;
-use crate::emit::tables::{CurveTable, disks_series};
-use crate::emit::tape::Called;
+use crate::emit::tables::{EmittedCurve, disks_series};
+use crate::emit::tape::CalledFunction;
 use std::collections::BTreeSet;
 
 /// Functions that `math.h` does not have.
 const FUNCTIONS: &str = include_str!("functions.c");
 
 /// The functions that are called and that `math.h` does not have.
-pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<String, EmitError> {
+pub(super) fn functions(device: &Device, called: &BTreeSet<CalledFunction>) -> Result<String, EmitError> {
     let mut text = String::new();
     for (marker, is_used) in [
-        ("FALLING_EXP", called.contains(&Called::FallingExp)),
-        ("LN_COSH", called.contains(&Called::LnCosh)),
-        ("ATANHC", called.iter().any(|c| matches!(c, Called::Atanhc(_)))),
+        ("FALLING_EXP", called.contains(&CalledFunction::FallingExp)),
+        ("LN_COSH", called.contains(&CalledFunction::LnCosh)),
+        ("ATANHC", called.iter().any(|c| matches!(c, CalledFunction::Atanhc(_)))),
     ] {
         if is_used {
             text.push('\n');
             text += part(FUNCTIONS, &format!("/* --- {marker} */\n"), "/* --- ");
         }
     }
-    if called.iter().any(|c| matches!(c, Called::Disks(_))) {
+    if called.iter().any(|c| matches!(c, CalledFunction::Disks(_))) {
         text += &disks()?;
     }
     let curves: BTreeSet<usize> = called
         .iter()
-        .filter_map(|c| if let Called::Curve(curve, _) = c { Some(*curve) } else { None })
+        .filter_map(|c| if let CalledFunction::Curve(curve, _) = c { Some(*curve) } else { None })
         .collect();
     for curve in curves {
         if let Some(table) = device.curves.get(curve) {
-            text += &curve_function(curve, &CurveTable::of(table))?;
+            text += &curve_function(curve, &EmittedCurve::of(table))?;
         }
     }
     Ok(text)
@@ -89,19 +89,19 @@ static float disks(float share, unsigned order)
     ))
 }
 
-fn curve_function(curve: usize, table: &CurveTable) -> Result<String, EmitError> {
+fn curve_function(curve: usize, table: &EmittedCurve) -> Result<String, EmitError> {
     let count = table.places.len();
     let coefficients: Vec<f64> = table.pieces.iter().flatten().copied().collect();
     let (before, after) = match table.outside {
-        Outside::Error => {
+        CurveExtension::Error => {
             ("    if (!(x >= CURVE_AT[0] && x <= CURVE_AT[LAST])) {\n        return NAN;\n    }\n", "")
         }
-        Outside::Clamp => (
+        CurveExtension::Clamp => (
             "    const float end = x < CURVE_AT[0] ? CURVE_AT[0] : x > CURVE_AT[LAST] ? CURVE_AT[LAST] : x;\n    \
              if (end != x && order > 0U) {\n        return x == x ? 0.0F : NAN;\n    }\n    x = end;\n",
             "",
         ),
-        Outside::Linear => (
+        CurveExtension::Linear => (
             "    const float end = x < CURVE_AT[0] ? CURVE_AT[0] : x > CURVE_AT[LAST] ? CURVE_AT[LAST] : x;\n    \
              const float beyond = x - end;\n    x = end;\n",
             "    if (beyond != 0.0F) {\n        return order == 0U   ? ((c[3] * u + c[2]) * u + c[1]) * u + c[0]\n                               \

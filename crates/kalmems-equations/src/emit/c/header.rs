@@ -3,7 +3,7 @@
 use super::{comment, float, kind};
 use crate::device::Device;
 use crate::emit::error::EmitError;
-use crate::emit::filter::Program;
+use crate::emit::filter::FilterProgram;
 use crate::emit::interface::Interface;
 use crate::emit::request::{EmitGain, EmitRequest};
 use std::fmt::Write as _;
@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 pub(super) fn header(
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
     interface: &Interface,
 ) -> Result<String, EmitError> {
     let (name, upper) = (&request.name, request.name.to_uppercase());

@@ -5,11 +5,11 @@ mod header;
 mod steps;
 
 use super::error::EmitError;
-use super::filter::Program;
+use super::filter::FilterProgram;
 use super::interface::{Interface, further};
 use super::request::EmitRequest;
-use super::routine::{Array, Routine, Syntax, Written};
-use super::tape::Called;
+use super::routine::{Routine, StorageArray, Syntax, Written};
+use super::tape::CalledFunction;
 use crate::device::Device;
 use functions::functions;
 use header::header;
@@ -77,21 +77,21 @@ impl Syntax for C {
         format!("const {} {name} = {value};", kind(wide))
     }
 
-    fn call(&self, called: Called, at: &str, wide: bool) -> String {
+    fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String {
         let at = if wide { format!("(float)({at})") } else { at.to_owned() };
         let call = match called {
-            Called::FallingExp => format!("falling_exp({at})"),
-            Called::Exp => format!("expf({at})"),
-            Called::Ln => format!("logf({at})"),
-            Called::Sin => format!("sinf({at})"),
-            Called::Cos => format!("cosf({at})"),
-            Called::Tanh => format!("tanhf({at})"),
-            Called::Atanh => format!("atanhf({at})"),
-            Called::Sqrt => format!("sqrtf({at})"),
-            Called::Atanhc(order) => format!("atanhc({at}, {order}U)"),
-            Called::LnCosh => format!("ln_cosh({at})"),
-            Called::Disks(order) => format!("disks({at}, {order}U)"),
-            Called::Curve(curve, order) => format!("curve{curve}({at}, {order}U)"),
+            CalledFunction::FallingExp => format!("falling_exp({at})"),
+            CalledFunction::Exp => format!("expf({at})"),
+            CalledFunction::Ln => format!("logf({at})"),
+            CalledFunction::Sin => format!("sinf({at})"),
+            CalledFunction::Cos => format!("cosf({at})"),
+            CalledFunction::Tanh => format!("tanhf({at})"),
+            CalledFunction::Atanh => format!("atanhf({at})"),
+            CalledFunction::Sqrt => format!("sqrtf({at})"),
+            CalledFunction::Atanhc(order) => format!("atanhc({at}, {order}U)"),
+            CalledFunction::LnCosh => format!("ln_cosh({at})"),
+            CalledFunction::Disks(order) => format!("disks({at}, {order}U)"),
+            CalledFunction::Curve(curve, order) => format!("curve{curve}({at}, {order}U)"),
         };
         if wide { format!("(double){call}") } else { call }
     }
@@ -117,7 +117,7 @@ impl Syntax for C {
 pub(super) fn files(
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
 ) -> Result<Vec<(String, String)>, EmitError> {
     let interface = Interface::of(device, request, program);
     let name = &request.name;
@@ -139,19 +139,19 @@ pub(super) fn comment(lines: &[String]) -> String {
 fn source(
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
     interface: &Interface,
 ) -> Result<String, EmitError> {
     let name = &request.name;
     let routines = program.routines();
-    let called: BTreeSet<Called> = routines.iter().flat_map(|routine| routine.called()).collect();
+    let called: BTreeSet<CalledFunction> = routines.iter().flat_map(|routine| routine.called()).collect();
     let functions = functions(device, &called)?;
     let mut text = comment(&interface.heading);
     let _ = write!(text, "#include \"{name}.h\"\n\n");
     if functions.contains("uint32_t") {
         text += "#include <stdint.h>\n";
     }
-    if called.iter().any(|called| *called != Called::FallingExp) {
+    if called.iter().any(|called| *called != CalledFunction::FallingExp) {
         text += "#include <math.h>\n";
     }
     text += MACROS;
@@ -188,9 +188,9 @@ fn source(
                     "    const {} {local} = {array}[{place}];",
                     kind(program.widths.of(array)),
                     array = match array {
-                        Array::Mean => "state->mean",
-                        Array::Covariance => "state->covariance",
-                        Array::Constants | Array::Stage => "constants",
+                        StorageArray::Mean => "state->mean",
+                        StorageArray::Covariance => "state->covariance",
+                        StorageArray::Constants | StorageArray::Stage => "constants",
                     }
                 );
             }
@@ -232,16 +232,16 @@ fn body(text: &mut String, written: &Written, mean: &str, covariance: &str, othe
     }
     for (array, place, value) in &written.outputs {
         let array = match array {
-            Array::Mean => mean,
-            Array::Covariance => covariance,
-            Array::Constants | Array::Stage => other,
+            StorageArray::Mean => mean,
+            StorageArray::Covariance => covariance,
+            StorageArray::Constants | StorageArray::Stage => other,
         };
         let _ = writeln!(text, "    {array}[{place}] = {value};");
     }
 }
 
 /// Units and origins as tables.
-fn scales(request: &EmitRequest, program: &Program) -> Result<String, EmitError> {
+fn scales(request: &EmitRequest, program: &FilterProgram) -> Result<String, EmitError> {
     let list = |values: &[f64]| -> Result<String, EmitError> {
         Ok(values.iter().map(|value| float(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
     };

@@ -3,7 +3,7 @@
 use super::{C, kind, number};
 use crate::device::Device;
 use crate::emit::error::EmitError;
-use crate::emit::filter::Program;
+use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{Interface, further};
 use crate::emit::request::EmitRequest;
 use crate::emit::routine::Routine;
@@ -14,7 +14,7 @@ pub(super) fn finish(
     text: &mut String,
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
     interface: &Interface,
 ) -> Result<(), EmitError> {
     let name = &request.name;
@@ -110,7 +110,7 @@ fn steps(
     text: &mut String,
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
     interface: &Interface,
 ) {
     let name = &request.name;

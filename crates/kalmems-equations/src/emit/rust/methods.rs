@@ -3,7 +3,7 @@
 use super::{Rust, kind, number, typed};
 use crate::device::Device;
 use crate::emit::error::EmitError;
-use crate::emit::filter::Program;
+use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{Interface, further};
 use crate::emit::request::EmitRequest;
 use crate::emit::routine::Routine;
@@ -14,7 +14,7 @@ pub(super) fn methods(
     text: &mut String,
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
     interface: &Interface,
 ) -> Result<(), EmitError> {
     let widths = program.widths;
@@ -89,7 +89,7 @@ fn configured(
     text: &mut String,
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
     configure: &Routine,
 ) -> Result<(), EmitError> {
     let written = configure.written(&Rust)?;
@@ -126,7 +126,7 @@ fn steps(
     text: &mut String,
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
     interface: &Interface,
 ) {
     let call = |routine: &Routine, of: &str, arguments: &[String]| {

@@ -4,11 +4,11 @@ mod methods;
 mod tables;
 
 use super::error::EmitError;
-use super::filter::Program;
+use super::filter::FilterProgram;
 use super::interface::{Interface, further};
 use super::request::{EmitGain, EmitRequest};
-use super::routine::{Array, Routine, Syntax, Written};
-use super::tape::Called;
+use super::routine::{Routine, StorageArray, Syntax, Written};
+use super::tape::CalledFunction;
 use crate::device::Device;
 use methods::methods;
 use std::collections::BTreeSet;
@@ -60,21 +60,21 @@ impl Syntax for Rust {
         format!("let {name} = {value};")
     }
 
-    fn call(&self, called: Called, at: &str, wide: bool) -> String {
+    fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String {
         let at = if wide { format!("narrow({at})") } else { at.to_owned() };
         let call = match called {
-            Called::FallingExp => format!("falling_exp({at})"),
-            Called::Exp => format!("exp({at})"),
-            Called::Ln => format!("ln({at})"),
-            Called::Sin => format!("sin({at})"),
-            Called::Cos => format!("cos({at})"),
-            Called::Tanh => format!("tanh({at})"),
-            Called::Atanh => format!("atanh({at})"),
-            Called::Sqrt => format!("sqrt({at})"),
-            Called::Atanhc(order) => format!("atanhc({at}, {order})"),
-            Called::LnCosh => format!("ln_cosh({at})"),
-            Called::Disks(order) => format!("disks({at}, {order})"),
-            Called::Curve(curve, order) => format!("curve{curve}({at}, {order})"),
+            CalledFunction::FallingExp => format!("falling_exp({at})"),
+            CalledFunction::Exp => format!("exp({at})"),
+            CalledFunction::Ln => format!("ln({at})"),
+            CalledFunction::Sin => format!("sin({at})"),
+            CalledFunction::Cos => format!("cos({at})"),
+            CalledFunction::Tanh => format!("tanh({at})"),
+            CalledFunction::Atanh => format!("atanh({at})"),
+            CalledFunction::Sqrt => format!("sqrt({at})"),
+            CalledFunction::Atanhc(order) => format!("atanhc({at}, {order})"),
+            CalledFunction::LnCosh => format!("ln_cosh({at})"),
+            CalledFunction::Disks(order) => format!("disks({at}, {order})"),
+            CalledFunction::Curve(curve, order) => format!("curve{curve}({at}, {order})"),
         };
         if wide { format!("f64::from({call})") } else { call }
     }
@@ -100,13 +100,14 @@ impl Syntax for Rust {
 pub(super) fn files(
     device: &Device,
     request: &EmitRequest,
-    program: &Program,
+    program: &FilterProgram,
 ) -> Result<Vec<(String, String)>, EmitError> {
     let interface = Interface::of(device, request, program);
     let size = request.size();
     let entries = size * (size + 1) / 2;
     let mut text = comment(&interface.heading);
-    let called: BTreeSet<Called> = program.routines().iter().flat_map(|routine| routine.called()).collect();
+    let called: BTreeSet<CalledFunction> =
+        program.routines().iter().flat_map(|routine| routine.called()).collect();
     let has_covariance = request.gain == EmitGain::Covariance;
     text += "\n#![allow(non_snake_case, clippy::all, clippy::pedantic)]\n";
     let _ = write!(
@@ -207,7 +208,7 @@ fn typed(arguments: &[String]) -> String {
 /// A routine as a function over a state.
 fn core(
     text: &mut String,
-    program: &Program,
+    program: &FilterProgram,
     interface: &Interface,
     (routine, of): (&Routine, &str),
     (inputs, measured): (&[String], &[String]),
@@ -224,9 +225,9 @@ fn core(
     let _ = write!(text, "\n#[inline(always)]\nfn {of}(state: &mut State{constants}{more}){kind} {{\n");
     for (local, array, place) in interface.loads(routine, program) {
         let array = match array {
-            Array::Mean => "state.mean",
-            Array::Covariance => "state.covariance",
-            Array::Constants | Array::Stage => "constants",
+            StorageArray::Mean => "state.mean",
+            StorageArray::Covariance => "state.covariance",
+            StorageArray::Constants | StorageArray::Stage => "constants",
         };
         let _ = writeln!(text, "    let {local} = {array}[{place}];");
     }
@@ -248,9 +249,9 @@ fn body(text: &mut String, written: &Written, mean: &str, covariance: &str, othe
     }
     for (array, place, value) in &written.outputs {
         let array = match array {
-            Array::Mean => mean,
-            Array::Covariance => covariance,
-            Array::Constants | Array::Stage => other,
+            StorageArray::Mean => mean,
+            StorageArray::Covariance => covariance,
+            StorageArray::Constants | StorageArray::Stage => other,
         };
         let _ = writeln!(text, "    {array}[{place}] = {value};");
     }

@@ -1,36 +1,36 @@
 //! Functions and tables that Rust without `std` does not have.
 
 use super::float;
-use crate::description::Outside;
+use crate::description::CurveExtension;
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::interface::part;
-use crate::emit::tables::{CurveTable, disks_series};
-use crate::emit::tape::Called;
+use crate::emit::tables::{EmittedCurve, disks_series};
+use crate::emit::tape::CalledFunction;
 use std::collections::BTreeSet;
 
 /// Functions that Rust without `std` does not have.
 const FUNCTIONS: &str = include_str!("functions.rs");
 
 /// The functions that are called.
-pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<String, EmitError> {
-    let any = |of: &[Called]| of.iter().any(|one| called.contains(one));
-    let atanhc = called.iter().any(|c| matches!(c, Called::Atanhc(_)));
-    let disks_used = called.iter().any(|c| matches!(c, Called::Disks(_)));
-    let atanh = atanhc || any(&[Called::Atanh]);
-    let ln_cosh = any(&[Called::LnCosh]);
-    let tanh = any(&[Called::Tanh]);
+pub(super) fn functions(device: &Device, called: &BTreeSet<CalledFunction>) -> Result<String, EmitError> {
+    let any = |of: &[CalledFunction]| of.iter().any(|one| called.contains(one));
+    let atanhc = called.iter().any(|c| matches!(c, CalledFunction::Atanhc(_)));
+    let disks_used = called.iter().any(|c| matches!(c, CalledFunction::Disks(_)));
+    let atanh = atanhc || any(&[CalledFunction::Atanh]);
+    let ln_cosh = any(&[CalledFunction::LnCosh]);
+    let tanh = any(&[CalledFunction::Tanh]);
     let mut text = String::new();
     for (marker, is_used) in [
-        ("EXP", disks_used || any(&[Called::Exp])),
-        ("FALLING_EXP", tanh || ln_cosh || any(&[Called::FallingExp])),
-        ("LN", atanh || ln_cosh || disks_used || any(&[Called::Ln])),
-        ("SIN_COS", any(&[Called::Sin, Called::Cos])),
-        ("SIN", any(&[Called::Sin])),
-        ("COS", any(&[Called::Cos])),
+        ("EXP", disks_used || any(&[CalledFunction::Exp])),
+        ("FALLING_EXP", tanh || ln_cosh || any(&[CalledFunction::FallingExp])),
+        ("LN", atanh || ln_cosh || disks_used || any(&[CalledFunction::Ln])),
+        ("SIN_COS", any(&[CalledFunction::Sin, CalledFunction::Cos])),
+        ("SIN", any(&[CalledFunction::Sin])),
+        ("COS", any(&[CalledFunction::Cos])),
         ("TANH", tanh),
         ("ATANH", atanh),
-        ("SQRT", any(&[Called::Sqrt])),
+        ("SQRT", any(&[CalledFunction::Sqrt])),
         ("LN_COSH", ln_cosh),
         ("ATANHC", atanhc),
     ] {
@@ -42,10 +42,11 @@ pub(super) fn functions(device: &Device, called: &BTreeSet<Called>) -> Result<St
     if disks_used {
         text += &disks()?;
     }
-    let of_curve = |c: &Called| if let Called::Curve(curve, _) = c { Some(*curve) } else { None };
+    let of_curve =
+        |c: &CalledFunction| if let CalledFunction::Curve(curve, _) = c { Some(*curve) } else { None };
     for curve in called.iter().filter_map(of_curve).collect::<BTreeSet<usize>>() {
         if let Some(table) = device.curves.get(curve) {
-            text += &curve_function(curve, &CurveTable::of(table))?;
+            text += &curve_function(curve, &EmittedCurve::of(table))?;
         }
     }
     Ok(text)
@@ -99,19 +100,19 @@ fn disks(share: f32, order: u32) -> f32 {{
     ))
 }
 
-fn curve_function(curve: usize, table: &CurveTable) -> Result<String, EmitError> {
+fn curve_function(curve: usize, table: &EmittedCurve) -> Result<String, EmitError> {
     let count = table.places.len();
     let rows: Result<Vec<String>, EmitError> =
         table.pieces.iter().map(|piece| Ok(format!("[{}]", numbers(piece)?))).collect();
     let outside = match table.outside {
-        Outside::Error => {
+        CurveExtension::Error => {
             "    if !(x >= CURVE_AT[0] && x <= CURVE_AT[LAST]) {\n        return f32::NAN;\n    }\n    let beyond = 0.0;\n"
         }
-        Outside::Clamp => {
+        CurveExtension::Clamp => {
             "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    if x != end && order > 0 {\n        \
              return if x == x { 0.0 } else { x };\n    }\n    let (x, beyond) = (end, 0.0);\n"
         }
-        Outside::Linear => {
+        CurveExtension::Linear => {
             "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    let beyond = x - end;\n    \
              if beyond != 0.0 && order > 1 {\n        return 0.0 * beyond;\n    }\n    let x = end;\n"
         }

@@ -17,7 +17,7 @@ pub(super) struct Comments {
 }
 
 /// Names, and units where they have a line of their own, that comments hold.
-pub(super) struct Names {
+pub(super) struct CommentNames {
     pub(super) line: u64,
     pub(super) columns: Vec<String>,
     pub(super) units: Option<(u64, Vec<String>)>,
@@ -38,7 +38,7 @@ impl Comments {
     }
 
     /// The names of as many columns in the last comment that has as many words.
-    pub(super) fn names(&self, separator: u8, count: usize) -> Option<Names> {
+    pub(super) fn names(&self, separator: u8, count: usize) -> Option<CommentNames> {
         let mut last = self.lines.iter().enumerate().rev();
         last.find_map(|(index, (line, comment))| {
             let names = marks::names(comment, separator, count)?;
@@ -51,8 +51,10 @@ impl Comments {
             let above =
                 before.and_then(|(line, comment)| Some((*line, marks::names(comment, separator, count)?)));
             Some(match above {
-                Some((above, words)) => Names { line: above, columns: words, units: Some((*line, names)) },
-                None => Names { line: *line, columns: names, units: None },
+                Some((above, words)) => {
+                    CommentNames { line: above, columns: words, units: Some((*line, names)) }
+                }
+                None => CommentNames { line: *line, columns: names, units: None },
             })
         })
     }

@@ -1,10 +1,10 @@
 //! A line of names, perhaps a line of units, and rows: what most programs write.
 
 use super::comments::{Comments, unmarked};
-use super::head::{Head, text};
+use super::head::{TextHead, text};
 use super::marks::is_number;
 use super::units::{column_name, unit_cell};
-use super::{Found, Origin, Records, marks};
+use super::{ColumnOrigin, RecognizedText, RecordShape, marks};
 use crate::csv::split::{BLANKS, Split};
 use crate::{FormatError, Hints};
 
@@ -13,11 +13,11 @@ const ROWS: usize = 64;
 
 /// The dialect of a text whose names are in a comment before the first line of its head, or else in the line `header`.
 pub(super) fn find(
-    head: &Head,
+    head: &TextHead,
     header: usize,
     comments: &Comments,
     hints: &Hints,
-) -> Result<Found, FormatError> {
+) -> Result<RecognizedText, FormatError> {
     if hints.csv.header_line.is_none()
         && let Some(found) = below_comments(head, comments, hints)?
     {
@@ -41,14 +41,14 @@ pub(super) fn find(
     let units = units_index.map(|index| head.cells(index, separator));
     let (cells, trailing) = width(head, first_row, separator, &names);
     let unit = |index: usize| units.as_ref().and_then(|units| unit_cell(units.get(index)?));
-    let columns: Vec<(String, Origin)> = names
+    let columns: Vec<(String, ColumnOrigin)> = names
         .iter()
         .take(cells)
         .enumerate()
-        .map(|(index, name)| (column_name(name, unit(index).as_deref(), index), Origin::Cell(index)))
+        .map(|(index, name)| (column_name(name, unit(index).as_deref(), index), ColumnOrigin::Cell(index)))
         .collect();
     let joined = columns.iter().zip(&names).any(|((joined, _), name)| joined != name);
-    Ok(Found {
+    Ok(RecognizedText {
         instrument: comments.instrument,
         separator,
         point: Some(marks::point(head, first_row, separator, &hints.csv)?),
@@ -57,7 +57,7 @@ pub(super) fn find(
         cells,
         trailing,
         remarks: false,
-        records: Records::One,
+        records: RecordShape::One,
         columns,
         units: match units_index {
             Some(index) => format!("units in line {}", head.number(index)),
@@ -69,7 +69,11 @@ pub(super) fn find(
 
 /// The dialect of rows of numbers below comments, one of which holds the names; `None` where the first line is no row,
 /// or no comment has as many words.
-fn below_comments(head: &Head, comments: &Comments, hints: &Hints) -> Result<Option<Found>, FormatError> {
+fn below_comments(
+    head: &TextHead,
+    comments: &Comments,
+    hints: &Hints,
+) -> Result<Option<RecognizedText>, FormatError> {
     let Some((separator, count)) = marks::separator_of_rows(head, &hints.csv) else { return Ok(None) };
     let first_row = head.filled(0);
     if !head.cells(first_row, separator).iter().any(|cell| is_number(cell)) {
@@ -78,11 +82,11 @@ fn below_comments(head: &Head, comments: &Comments, hints: &Hints) -> Result<Opt
     let Some(said) = comments.names(separator, count) else { return Ok(None) };
     let unit = |index: usize| said.units.as_ref().and_then(|(_, units)| unit_cell(units.get(index)?));
     let named = |(index, name): (usize, &String)| {
-        (column_name(name, unit(index).as_deref(), index), Origin::Cell(index))
+        (column_name(name, unit(index).as_deref(), index), ColumnOrigin::Cell(index))
     };
-    let columns: Vec<(String, Origin)> = said.columns.iter().enumerate().map(named).collect();
+    let columns: Vec<(String, ColumnOrigin)> = said.columns.iter().enumerate().map(named).collect();
     let joined = columns.iter().zip(&said.columns).any(|((joined, _), name)| joined != name);
-    Ok(Some(Found {
+    Ok(Some(RecognizedText {
         instrument: comments.instrument,
         separator,
         point: Some(marks::point(head, first_row, separator, &hints.csv)?),
@@ -91,7 +95,7 @@ fn below_comments(head: &Head, comments: &Comments, hints: &Hints) -> Result<Opt
         cells: count,
         trailing: false,
         remarks: false,
-        records: Records::One,
+        records: RecordShape::One,
         columns,
         units: match said.units {
             Some((line, _)) => format!("names and units in comments, units in line {line}"),
@@ -102,7 +106,7 @@ fn below_comments(head: &Head, comments: &Comments, hints: &Hints) -> Result<Opt
 }
 
 /// The names, and how many lines they take: a quoted name may hold a line end.
-fn names(head: &Head, header: usize, separator: u8) -> Result<(Vec<String>, usize), FormatError> {
+fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, usize), FormatError> {
     let line = head.line(header);
     let line = unmarked(line.trim_ascii()).unwrap_or(line);
     if separator == BLANKS
@@ -140,7 +144,7 @@ fn names(head: &Head, header: usize, separator: u8) -> Result<(Vec<String>, usiz
     }
 }
 
-fn line_index(head: &Head, line: u64, key: &str) -> Result<usize, FormatError> {
+fn line_index(head: &TextHead, line: u64, key: &str) -> Result<usize, FormatError> {
     (0..head.len()).find(|index| head.number(*index) == line).ok_or_else(|| FormatError::NotRecognised {
         found: format!("`{key} = {line}` in the settings"),
         expected: "a line of the beginning of the file, the first of which is 1".to_owned(),
@@ -148,14 +152,14 @@ fn line_index(head: &Head, line: u64, key: &str) -> Result<usize, FormatError> {
 }
 
 /// Whether a line holds units for these names and nothing else.
-fn is_units(head: &Head, index: usize, separator: u8, names: &[String]) -> bool {
+fn is_units(head: &TextHead, index: usize, separator: u8, names: &[String]) -> bool {
     let cells = head.cells(index, separator);
     let unit = |cell: &String| cell.is_empty() || unit_cell(cell).is_some();
     cells.len() == names.len() && cells.iter().all(unit) && cells.iter().any(|cell| !cell.is_empty())
 }
 
 /// How many cells a row has, and whether a separator may stand behind the last.
-fn width(head: &Head, first_row: usize, separator: u8, names: &[String]) -> (usize, bool) {
+fn width(head: &TextHead, first_row: usize, separator: u8, names: &[String]) -> (usize, bool) {
     let rows = || head.rows(first_row).take(ROWS).map(|row| head.cells(row, separator));
     let last_empty = |row: &Vec<String>| row.last().is_some_and(String::is_empty);
     let count = names.len();
@@ -171,7 +175,7 @@ fn width(head: &Head, first_row: usize, separator: u8, names: &[String]) -> (usi
 
 /// Refuses a text whose first line is no line of names, where a later one is: the experiment file has to say so.
 fn refuse_preamble(
-    head: &Head,
+    head: &TextHead,
     header: usize,
     first_row: usize,
     separator: u8,

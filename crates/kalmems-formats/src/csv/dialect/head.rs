@@ -3,7 +3,7 @@
 use crate::csv::split::Split;
 
 /// The first lines of a text, without their ends.
-pub(super) struct Head<'a> {
+pub(super) struct TextHead<'a> {
     lines: Vec<&'a [u8]>,
     /// Where each begins.
     starts: Vec<usize>,
@@ -11,7 +11,7 @@ pub(super) struct Head<'a> {
     first_line: u64,
 }
 
-impl<'a> Head<'a> {
+impl<'a> TextHead<'a> {
     pub(super) fn new(text: &'a [u8], first_line: u64, most: usize) -> Self {
         let mut head = Self { lines: Vec::new(), starts: vec![0], first_line };
         let mut start = 0;

@@ -1,6 +1,6 @@
 //! What separates cells, and the decimal mark.
 
-use super::head::{Head, cells, text};
+use super::head::{TextHead, cells, text};
 use crate::csv::split::{BLANKS, Split};
 use crate::{CsvHints, FormatError};
 
@@ -20,7 +20,7 @@ pub(super) fn name(separator: u8) -> &'static str {
 }
 
 /// The separator that a line for spreadsheets says: `sep=;`.
-pub(super) fn said(line: &[u8]) -> Option<char> {
+pub(super) fn declared_separator(line: &[u8]) -> Option<char> {
     let line = line.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\"")).unwrap_or(line);
     let (key, said) = line.split_at_checked(4)?;
     let said = if key.eq_ignore_ascii_case(b"sep=") { said } else { return None };
@@ -40,7 +40,7 @@ pub(super) fn is_number(cell: &str) -> bool {
 
 /// How many cells the rows from a line on have, where all have as many and at least half of them are numbers; a line
 /// without any number may come first.
-pub(super) fn cells_of_rows(head: &Head, from: usize, separator: u8) -> Option<usize> {
+pub(super) fn cells_of_rows(head: &TextHead, from: usize, separator: u8) -> Option<usize> {
     let numbers = |row: &Vec<String>| row.iter().filter(|cell| is_number(cell)).count();
     let mut rows = head.rows(from).take(ROWS).map(|row| head.cells(row, separator)).peekable();
     rows.next_if(|row| numbers(row) == 0);
@@ -76,7 +76,7 @@ pub(super) fn names(line: &[u8], separator: u8, count: usize) -> Option<Vec<Stri
 /// What separates the cells below the names in a line: what the experiment file says, else the only one of the known ones
 /// that occurs in the names, or the only one by which the rows have as many cells. Blanks separate what is numbers by
 /// them and by nothing else.
-pub(super) fn separator(head: &Head, header: usize, hints: &CsvHints) -> Result<u8, FormatError> {
+pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Result<u8, FormatError> {
     if let Some(hint) = hints.separator {
         return u8::try_from(hint)
             .ok()
@@ -122,7 +122,7 @@ pub(super) fn separator(head: &Head, header: usize, hints: &CsvHints) -> Result<
 }
 
 /// What separates the cells of rows without names above them, and how many they are.
-pub(super) fn separator_of_rows(head: &Head, hints: &CsvHints) -> Option<(u8, usize)> {
+pub(super) fn separator_of_rows(head: &TextHead, hints: &CsvHints) -> Option<(u8, usize)> {
     let numbers = |separator: &u8| {
         let all =
             head.rows(0).take(ROWS).all(|row| head.cells(row, *separator).iter().all(|cell| is_number(cell)));
@@ -144,7 +144,7 @@ pub(super) fn separator_of_rows(head: &Head, hints: &CsvHints) -> Option<(u8, us
 
 /// The decimal mark of the rows from a line on.
 pub(super) fn point(
-    head: &Head,
+    head: &TextHead,
     first_row: usize,
     separator: u8,
     hints: &CsvHints,

@@ -7,12 +7,12 @@ mod instruments;
 mod marks;
 mod units;
 
-use super::input::Input;
+use super::input::CsvInput;
 use super::split::Split;
 use crate::time::{IsoTime, TimeKind, parse_iso};
-use crate::{Column, Evidence, FormatError, Hints};
+use crate::{Column, FormatError, Hints, TableEvidence};
 use comments::Comments;
-use head::Head;
+use head::TextHead;
 pub(super) use instruments::Heading;
 
 /// As many lines are looked at, or as many bytes where lines are long.
@@ -38,9 +38,9 @@ pub(super) struct Dialect {
     /// Whether remarks may stand behind that separator.
     pub(super) remarks: bool,
     pub(super) columns: Vec<DialectColumn>,
-    pub(super) records: Records,
+    pub(super) records: RecordShape,
     /// By what it is known to be a table of numbers.
-    pub(super) evidence: Evidence,
+    pub(super) evidence: TableEvidence,
     /// All of this for people.
     pub(super) recognised: String,
 }
@@ -49,14 +49,14 @@ pub(super) struct Dialect {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct DialectColumn {
     pub(super) column: Column,
-    pub(super) origin: Origin,
+    pub(super) origin: ColumnOrigin,
     /// Where its cells are dates or times of a day as text.
     pub(super) time: Option<TimeKind>,
 }
 
 /// Where the values of a column come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Origin {
+pub(super) enum ColumnOrigin {
     /// A cell of the row.
     Cell(usize),
     /// A cell times a step that the header states, after a start.
@@ -69,7 +69,7 @@ pub(super) enum Origin {
 
 /// How rows make records, where a file tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Records {
+pub(super) enum RecordShape {
     /// All rows are one, or a column tells them apart.
     One,
     /// So many rows each.
@@ -78,7 +78,7 @@ pub(super) enum Records {
     Headed(Heading),
 }
 
-impl Origin {
+impl ColumnOrigin {
     /// The cell, where there is one.
     pub(super) const fn cell(self) -> Option<usize> {
         match self {
@@ -92,7 +92,7 @@ impl Dialect {
     /// How many rows a record has, where that is stated.
     pub(super) const fn record_rows(&self) -> Option<u64> {
         match self.records {
-            Records::OfRows(rows) => Some(rows),
+            RecordShape::OfRows(rows) => Some(rows),
             _ => None,
         }
     }
@@ -107,7 +107,7 @@ impl Dialect {
 }
 
 /// What the beginning of a text tells.
-struct Found {
+struct RecognizedText {
     /// The instrument or program, where its preamble is known.
     instrument: Option<&'static str>,
     separator: u8,
@@ -121,14 +121,14 @@ struct Found {
     trailing: bool,
     remarks: bool,
     /// Names, units in them, and where their values come from.
-    columns: Vec<(String, Origin)>,
+    columns: Vec<(String, ColumnOrigin)>,
     /// Where the units are from, for people; empty where the names have them as a matter of course.
     units: String,
-    records: Records,
+    records: RecordShape,
 }
 
 /// Tells the dialect and takes all that comes before the first row.
-pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, FormatError> {
+pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, FormatError> {
     if !input.more()? {
         return Ok(nothing());
     }
@@ -149,7 +149,7 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
         };
         let first = lines.get(..end).unwrap_or_default().trim_ascii();
         if line == 1
-            && let Some(separator) = marks::said(first)
+            && let Some(separator) = marks::declared_separator(first)
         {
             csv.separator = csv.separator.or(Some(separator));
         } else if !first.is_empty() && !comments.take(first, line) {
@@ -159,7 +159,7 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
         line += 1;
     }
     let said = hints.csv.header_line.map_or(0, |line| usize::try_from(line).unwrap_or(LINES).min(1 << 16));
-    let wanted = LINES + said + instruments::lines(&Head::new(input.lines(), line, 2));
+    let wanted = LINES + said + instruments::lines(&TextHead::new(input.lines(), line, 2));
     while input.lines().len() < BYTES
         && memchr::memchr_iter(b'\n', input.lines()).count() < wanted
         && input.more()?
@@ -170,7 +170,7 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
             expected: "text".to_owned(),
         });
     }
-    let head = Head::new(input.lines(), line, wanted);
+    let head = TextHead::new(input.lines(), line, wanted);
     if head.len() == 0 {
         return Ok(nothing());
     }
@@ -198,7 +198,11 @@ pub(super) fn recognise(input: &mut Input, hints: &Hints) -> Result<Dialect, For
 }
 
 /// The dialect in words and numbers, and the bytes before its first row.
-fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usize), FormatError> {
+fn finish(
+    mut found: RecognizedText,
+    head: &TextHead,
+    hints: &Hints,
+) -> Result<(Dialect, usize), FormatError> {
     if found.columns.len() > MOST_COLUMNS || found.cells > MOST_COLUMNS {
         return Err(FormatError::TooLarge {
             format: "CSV",
@@ -213,7 +217,7 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
                 1 => "1 column".to_owned(),
                 count => format!("{count} columns"),
             };
-            if found.columns.len() > 1 && evidence(head, &found) == Evidence::Rows {
+            if found.columns.len() > 1 && evidence(head, &found) == TableEvidence::Rows {
                 let names: Vec<String> =
                     found.columns.iter().take(20).map(|(name, _)| format!("`{name}`")).collect();
                 present += &format!(": {}", names.join(", "));
@@ -248,14 +252,14 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
     }
     for (name, origin) in &found.columns {
         match origin {
-            Origin::Cell(_) | Origin::Record => {}
-            Origin::Affine { start, step, .. } | Origin::Counted { start, step } => {
+            ColumnOrigin::Cell(_) | ColumnOrigin::Record => {}
+            ColumnOrigin::Affine { start, step, .. } | ColumnOrigin::Counted { start, step } => {
                 words.push(format!("`{name}` from {start:?} on in steps of {step:?}, as the header says"));
             }
         }
     }
     let (times, evidence) = (times(head, &found), evidence(head, &found));
-    let column = |((name, origin), time): ((String, Origin), Option<TimeKind>)| DialectColumn {
+    let column = |((name, origin), time): ((String, ColumnOrigin), Option<TimeKind>)| DialectColumn {
         column: Column::new(&name),
         origin,
         time,
@@ -278,7 +282,7 @@ fn finish(mut found: Found, head: &Head, hints: &Hints) -> Result<(Dialect, usiz
 
 /// By what the first lines are known to be those of a table of numbers: below the names there is a row of as many cells, with a
 /// number below a name. One column is believed where at least half of the rows hold one, as any text has a line with a number.
-fn evidence(head: &Head, found: &Found) -> Evidence {
+fn evidence(head: &TextHead, found: &RecognizedText) -> TableEvidence {
     let numbered = found.columns.iter().filter(|(name, _)| marks::is_number(name));
     // As a program does that has no names.
     let counted = numbered.enumerate().all(|(number, (name, _))| *name == number.to_string());
@@ -299,17 +303,17 @@ fn evidence(head: &Head, found: &Found) -> Evidence {
         let with_number = rows().filter(holds_number).count();
         with_number > 0 && 2 * with_number >= rows().count()
     };
-    if is_table { Evidence::Rows } else { Evidence::Nothing }
+    if is_table { TableEvidence::Rows } else { TableEvidence::Nothing }
 }
 
 /// Which columns hold dates and times of a day as text, by the first cell of each that is not empty.
-fn times(head: &Head, found: &Found) -> Vec<Option<TimeKind>> {
+fn times(head: &TextHead, found: &RecognizedText) -> Vec<Option<TimeKind>> {
     /// Rows whose cells may be empty before the first that is not.
     const ROWS: usize = 16;
     let rows: Vec<Vec<String>> =
         head.rows(found.first_row).take(ROWS).map(|row| head.cells(row, found.separator)).collect();
-    let kind = |(_, origin): &(String, Origin)| {
-        let Origin::Cell(cell) = *origin else { return None };
+    let kind = |(_, origin): &(String, ColumnOrigin)| {
+        let ColumnOrigin::Cell(cell) = *origin else { return None };
         let first = rows.iter().filter_map(|row| row.get(cell)).find(|cell| !cell.is_empty())?;
         Some(match parse_iso(first.as_bytes())? {
             IsoTime::Calendar(_) => TimeKind::Calendar,
@@ -329,8 +333,8 @@ fn nothing() -> Dialect {
         cells: 0,
         trailing: false,
         remarks: false,
-        records: Records::One,
-        evidence: Evidence::Nothing,
+        records: RecordShape::One,
+        evidence: TableEvidence::Nothing,
         columns: Vec::new(),
         recognised: "nothing".to_owned(),
     }

@@ -1,7 +1,7 @@
 //! Names of columns with units, from one line or from two.
 
 use crate::name::{in_brackets, join, parts, with_unit};
-use crate::unit_words::unit_ending;
+use crate::unit_spellings::unit_ending;
 
 /// The unit of a cell in a line of units: in brackets, or a unit by itself; empty where a mark says that there is none.
 pub(super) fn unit_cell(cell: &str) -> Option<String> {

@@ -1,10 +1,13 @@
 //! The accelerometer's thesis: what its tables lead to, and what its runs show.
 
 use kalmems::progress::Silent;
-use kalmems_papers::program::{Check, Effort, Reproduction, Settings, Spread, Verdict, reproduce};
+use kalmems_papers::program::{
+    Check, Effort, ItemVerdict, Reproduction, ReproductionSettings, SeedSpread, reproduce,
+};
 
 fn reproduced(only: Option<&str>, threads: usize) -> Reproduction {
-    let settings = Settings { only: only.map(str::to_owned), effort: Effort::Quick, seed: 1, threads };
+    let settings =
+        ReproductionSettings { only: only.map(str::to_owned), effort: Effort::Quick, seed: 1, threads };
     reproduce("accelerometer", kalmems_papers::of("accelerometer").unwrap(), settings, &Silent).unwrap()
 }
 
@@ -14,7 +17,7 @@ fn holds(found: &Reproduction, subject: &str) -> bool {
     checks.find(|check| check.subject().contains(subject)).unwrap_or_else(|| panic!("no {subject}")).holds()
 }
 
-fn value(found: &Reproduction, subject: &str) -> Spread {
+fn value(found: &Reproduction, subject: &str) -> SeedSpread {
     let values = found.items.iter().flat_map(|item| &item.checks).filter_map(|check| match check {
         Check::Value { quantity, ours, .. } if quantity.contains(subject) => Some(*ours),
         _ => None,
@@ -27,7 +30,7 @@ fn value(found: &Reproduction, subject: &str) -> Spread {
 #[test]
 fn the_thesis_tables_lead_where_the_recomputed_figures_say() {
     let found = reproduced(Some("Table I"), 1);
-    assert_eq!(found.items[0].verdict(), Verdict::DoesNotReproduce);
+    assert_eq!(found.items[0].verdict(), ItemVerdict::DoesNotReproduce);
     assert!((value(&found, "slower eigenvalue").median / -4390.4 - 1.0).abs() < 1e-4);
     assert!((value(&found, "faster eigenvalue").median / -179_820.0 - 1.0).abs() < 1e-4);
     assert!(holds(&found, "rank") && !holds(&found, "under-damped") && !holds(&found, "equation 2-13"));
@@ -56,7 +59,7 @@ fn the_thesis_tables_lead_where_the_recomputed_figures_say() {
     let found = reproduced(Some("Figure 8"), 1);
     assert!((value(&found, "bandwidth").median / 241.0 - 1.0).abs() < 0.01);
     let found = reproduced(Some("Figure 10"), 1);
-    assert_eq!(found.items[0].verdict(), Verdict::DoesNotReproduce);
+    assert_eq!(found.items[0].verdict(), ItemVerdict::DoesNotReproduce);
     assert!((value(&found, "bandwidth").median / 9.7e3 - 1.0).abs() < 0.02);
     assert!(found.items[0].why().contains("K_p = 137"), "{}", found.items[0].why());
 }

@@ -1,12 +1,12 @@
 //! The micro-stage's chapter.
 
 use kalmems::progress::Silent;
-use kalmems_papers::program::{Check, Effort, Settings, reproduce};
+use kalmems_papers::program::{Check, Effort, ReproductionSettings, reproduce};
 
 /// Every item is there; what the chapter's model must give, and what it cannot.
 #[test]
 fn the_chapter_is_set_beside_ours() {
-    let settings = Settings { only: None, effort: Effort::Quick, seed: 1, threads: 2 };
+    let settings = ReproductionSettings { only: None, effort: Effort::Quick, seed: 1, threads: 2 };
     let found =
         reproduce("micro_stage", kalmems_papers::of("micro_stage").unwrap(), settings, &Silent).unwrap();
     for item in &found.items {
@@ -44,7 +44,7 @@ fn the_chapter_is_set_beside_ours() {
 #[ignore = "a study over 24 sets"]
 fn slow_two_temperatures_and_the_gaps_found_in_place() {
     let only = Some("Table 3.6".to_owned());
-    let settings = Settings { only, effort: Effort::Full, seed: 1, threads: 2 };
+    let settings = ReproductionSettings { only, effort: Effort::Full, seed: 1, threads: 2 };
     let found =
         reproduce("micro_stage", kalmems_papers::of("micro_stage").unwrap(), settings, &Silent).unwrap();
     let [item] = &found.items[..] else { panic!("one item") };

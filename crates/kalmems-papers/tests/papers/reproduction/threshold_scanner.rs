@@ -1,11 +1,11 @@
 //! The threshold-sensing scanner's papers.
 
-use kalmems::figures::Table;
+use kalmems::figures::TextTable;
 use kalmems::progress::Silent;
-use kalmems_papers::program::{Effort, Reproduction, Settings, Verdict, reproduce};
+use kalmems_papers::program::{Effort, ItemVerdict, Reproduction, ReproductionSettings, reproduce};
 
 fn reproduced(only: Option<&str>, effort: Effort) -> Reproduction {
-    let settings = Settings { only: only.map(str::to_owned), effort, seed: 1, threads: 2 };
+    let settings = ReproductionSettings { only: only.map(str::to_owned), effort, seed: 1, threads: 2 };
     let program = kalmems_papers::of("threshold_scanner").unwrap();
     reproduce("threshold_scanner", program, settings, &Silent).unwrap()
 }
@@ -15,7 +15,7 @@ fn reproduced(only: Option<&str>, effort: Effort) -> Reproduction {
 fn the_curves_of_the_papers_are_reproduced() {
     let found = reproduced(Some("Figure 4.7"), Effort::Quick);
     let [item] = found.items.as_slice() else { panic!() };
-    assert_eq!(item.verdict(), Verdict::Reproduced);
+    assert_eq!(item.verdict(), ItemVerdict::Reproduced);
     let mut keys: Vec<&str> =
         found.program.parts.iter().flat_map(|part| part.heads).map(|head| head.key).collect();
     let count = keys.len();
@@ -28,9 +28,9 @@ fn the_curves_of_the_papers_are_reproduced() {
 #[test]
 #[ignore = "half a minute with --release"]
 fn slow_the_papers_are_reproduced_as_far_as_the_book_says() {
-    use Verdict::{DoesNotReproduce, Reproduced, SameTrend};
+    use ItemVerdict::{DoesNotReproduce, Reproduced, SameTrend};
     let found = reproduced(None, Effort::Quick);
-    let verdicts: Vec<(&str, Verdict)> =
+    let verdicts: Vec<(&str, ItemVerdict)> =
         found.items.iter().map(|item| (item.head.key, item.verdict())).collect();
     assert_eq!(
         verdicts,
@@ -56,7 +56,7 @@ fn slow_the_papers_are_reproduced_as_far_as_the_book_says() {
 }
 
 /// A column of a row of a table, by the head of the row.
-fn cell(table: &Table, row: &str, column: usize) -> f64 {
+fn cell(table: &TextTable, row: &str, column: usize) -> f64 {
     let row = table.rows.iter().find(|cells| cells[0] == row).unwrap_or_else(|| panic!("no row {row}"));
     row[column].parse().unwrap()
 }

@@ -1,8 +1,8 @@
 //! How likely a recording is under an accelerometer of other parameters.
 
-use super::super::data::SegmentData;
-use super::super::settings::Hardware;
-use super::super::varied::{Factors, Varied};
+use super::super::data::AccelerometerSegment;
+use super::super::settings::AccelerometerHardware;
+use super::super::varied_instrument::{Factors, VariedInstrument};
 use kalmems_core::riccati::RiccatiError;
 use kalmems_core::{FilterError, FixedGain, Innovation, Mat, NotAScale, Scalar, Scales};
 
@@ -43,9 +43,9 @@ pub enum LikelihoodError {
 #[derive(Clone, Copy, Debug)]
 pub struct Likelihood<'a> {
     /// What the experiment says of the instrument.
-    pub hardware: &'a Hardware,
+    pub hardware: &'a AccelerometerHardware,
     /// The recording, sampled evenly.
-    pub data: &'a SegmentData<'a>,
+    pub data: &'a AccelerometerSegment<'a>,
     /// Samples at the start that are followed and not counted.
     pub forgotten: usize,
 }
@@ -67,7 +67,7 @@ impl Likelihood<'_> {
         logs: &[T; COUNT],
         each: &mut impl FnMut(&Innovation<T, 1>, T),
     ) -> Result<T, LikelihoodError> {
-        let (Varied { process, readout, .. }, mut filter) =
+        let (VariedInstrument { process, readout, .. }, mut filter) =
             settled(self.hardware, logs, self.data.interval_s)?;
         let size = Scales::natural(&self.hardware.sensed).map_err(LikelihoodError::Scale)?.sizes()[2];
         for (k, y) in self.data.signal.iter().enumerate() {
@@ -90,10 +90,10 @@ impl Likelihood<'_> {
 
 /// The instrument, and the filter in which it settles.
 fn settled<T: Scalar<Mask = bool>>(
-    hardware: &Hardware,
+    hardware: &AccelerometerHardware,
     logs: &[T; COUNT],
     interval_s: f64,
-) -> Result<(Varied<T>, FixedGain<T, 4, 1>), LikelihoodError> {
+) -> Result<(VariedInstrument<T>, FixedGain<T, 4, 1>), LikelihoodError> {
     let factors = Factors {
         spring: logs[SPRING].exp(),
         damping: logs[DAMPING].exp(),
@@ -102,7 +102,7 @@ fn settled<T: Scalar<Mask = bool>>(
         acceleration: logs[ACCELERATION].exp(),
         bandwidth: logs[BANDWIDTH].exp(),
     };
-    let varied = Varied::of(hardware, &factors, interval_s).map_err(LikelihoodError::Scale)?;
+    let varied = VariedInstrument::of(hardware, &factors, interval_s).map_err(LikelihoodError::Scale)?;
     let filter = FixedGain::steady_state([T::of(0.0); 4], &varied.at_rest());
     Ok((varied, filter.map_err(LikelihoodError::Unsettled)?))
 }
@@ -111,7 +111,7 @@ fn settled<T: Scalar<Mask = bool>>(
 ///
 /// Its error moves with F·(I − K·H). The start is as wrong as the acceleration is large by what is known of it: what is
 /// left of that must be small against what the filter claims, of the acceleration and of the innovation alike.
-pub fn forgotten_after(hardware: &Hardware, interval_s: f64) -> Result<usize, LikelihoodError> {
+pub fn forgotten_after(hardware: &AccelerometerHardware, interval_s: f64) -> Result<usize, LikelihoodError> {
     const BLOCK: usize = 64;
     const BLOCKS: usize = 4096;
     let (varied, filter) = settled(hardware, &[0.0; COUNT], interval_s)?;

@@ -5,42 +5,42 @@
 
 mod figures;
 mod likelihood;
+mod messages;
 mod profile;
 mod record;
 mod search;
 mod visibility;
-mod words;
 
-use super::data::SegmentData;
+use super::data::AccelerometerSegment;
 use super::feedback;
 use super::pull_in;
-use super::settings::Hardware;
-use crate::accelerometer::device::Accelerometer;
+use super::settings::AccelerometerHardware;
+use crate::accelerometer::device::AccelerometerTable;
 use crate::config::Experiment;
-use crate::fit::Derived;
+use crate::fit::DerivedNumber;
 use crate::identify::{
-    Entries, Identification, IdentifyError, Likeliest, Standing, TWO_SIDED, Whiteness, exact,
-    standings_beside,
+    Entries, Identification, IdentifyError, LikelihoodSolution, NumberStatus, TWO_SIDED, Whiteness, exact,
+    joint_number_statuses,
 };
 use crate::progress::{Progress, Silent};
 use kalmems_core::Scalar;
 use likelihood::{Likelihood, forgotten_after, unknown};
 use profile::{Ends, profiles};
-use record::Record;
-use search::{Found, SearchError, search, search_from};
+use record::IdentificationRecord;
+use search::{LikelihoodMaximum, LikelihoodSearchError, search, search_from};
 use std::f64::consts::TAU;
 use visibility::{Visibility, visibility};
 
 /// What the recording gave.
-struct Outcome {
-    found: Found,
+struct AccelerometerOutcome {
+    found: LikelihoodMaximum,
     /// Where the logarithms may lie, from their likeliest values.
     ends: [Ends; unknown::COUNT],
     /// Of spring, damping and mass.
     visibility: [Visibility; 3],
     whiteness: Whiteness,
     /// What of each unknown can be put into its place.
-    standings: Vec<Standing>,
+    standings: Vec<NumberStatus>,
     /// What the experiment said of each unknown, in SI.
     stated: [f64; unknown::COUNT],
 }
@@ -56,24 +56,24 @@ fn spread([low, high]: &Ends) -> f64 {
 /// What of each unknown can be put into its place.
 fn told(
     likelihood: &Likelihood,
-    found: &Found,
+    found: &LikelihoodMaximum,
     ends: &[Ends; unknown::COUNT],
     progress: &dyn Progress,
-) -> Result<Vec<Standing>, SearchError> {
-    let likeliest = Likeliest {
+) -> Result<Vec<NumberStatus>, LikelihoodSearchError> {
+    let likeliest = LikelihoodSolution {
         at: &found.logs,
         spread: &|i| spread(&ends[i]),
         is_told: &|i| !found.at_bound[i] && spread(&ends[i]) < WORTH_SETTING,
         correlation: &|i, j| found.correlation(i, j),
     };
-    standings_beside(&likeliest, |kept| {
+    joint_number_statuses(&likeliest, |kept| {
         let kept: [bool; unknown::COUNT] = std::array::from_fn(|i| kept[i]);
         let start = std::array::from_fn(|i| if kept[i] { 0.0 } else { found.logs[i] });
         Ok(search_from(likelihood, start, kept, progress)?.logs.to_vec())
     })
 }
 
-impl Outcome {
+impl AccelerometerOutcome {
     /// In SI.
     fn value(&self, index: usize) -> f64 {
         self.stated[index] * Scalar::exp(self.found.logs[index])
@@ -82,21 +82,21 @@ impl Outcome {
     /// Relative to the value; infinite for what the recording does not tell, be it for another's sake.
     fn deviation(&self, index: usize) -> f64 {
         match self.standings[index] {
-            Standing::HangsOn(other) if self.deviation(other).is_infinite() => f64::INFINITY,
-            Standing::Untold if self.found.at_bound[index] => f64::INFINITY,
+            NumberStatus::DependsOn(other) if self.deviation(other).is_infinite() => f64::INFINITY,
+            NumberStatus::Undetermined if self.found.at_bound[index] => f64::INFINITY,
             _ => spread(&self.ends[index]),
         }
     }
 
     fn is_known(&self, index: usize) -> bool {
-        self.standings[index] == Standing::Told
+        self.standings[index] == NumberStatus::Determined
     }
 }
 
 /// Identifies the instrument from the experiment's recording.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
-    let hardware = Hardware::of(experiment)?;
-    let record = Record::read(experiment, hardware.has_feedback, progress)?;
+    let hardware = AccelerometerHardware::of(experiment)?;
+    let record = IdentificationRecord::read(experiment, hardware.has_feedback, progress)?;
     let data = record.data();
     let unfit = |why: String| record.material.unfit(why);
     pull_in::require_free(&hardware, &data, &record.signal_column, &record.material.name)
@@ -104,7 +104,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     feedback::require_right(&hardware, &data, &record.feedback_column, &record.material.name)
         .map_err(|why| unfit(why.to_string()))?;
     let forgotten = forgotten_after(&hardware, data.interval_s)
-        .map_err(|why| unfit(SearchError::from(why).to_string()))?;
+        .map_err(|why| unfit(LikelihoodSearchError::from(why).to_string()))?;
     if data.signal.len() < 2 * forgotten {
         return Err(unfit(format!(
             "it has {} samples, and a filter forgets its start after {forgotten}; expected twice as many at least",
@@ -112,18 +112,18 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         )));
     }
     let likelihood = Likelihood { hardware: &hardware, data: &data, forgotten };
-    let refused = |why: SearchError| match why {
-        SearchError::Interrupted => IdentifyError::Interrupted,
-        why @ SearchError::Likelihood(_) => unfit(why.to_string()),
+    let refused = |why: LikelihoodSearchError| match why {
+        LikelihoodSearchError::Interrupted => IdentifyError::Interrupted,
+        why @ LikelihoodSearchError::Likelihood(_) => unfit(why.to_string()),
     };
     progress.begin("likelihood", 0);
     let found = search(&likelihood, progress).map_err(refused)?;
-    let visibility =
-        visibility(&likelihood, &found.logs).map_err(|why| unfit(SearchError::from(why).to_string()))?;
+    let visibility = visibility(&likelihood, &found.logs)
+        .map_err(|why| unfit(LikelihoodSearchError::from(why).to_string()))?;
     let mass = &hardware.sensed.device.mass;
     let ends = profiles(&likelihood, &found, progress).map_err(refused)?;
     let standings = told(&likelihood, &found, &ends, progress).map_err(refused)?;
-    let outcome = Outcome {
+    let outcome = AccelerometerOutcome {
         standings,
         whiteness: Whiteness::of(&found.innovations),
         stated: [
@@ -149,14 +149,14 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         experiment: experiment.clone(),
         materials: Vec::new(),
     };
-    words::of(&mut identification, &record, &outcome);
+    messages::of(&mut identification, &record, &outcome);
     apply(&mut identification.experiment, &outcome)?;
     identification.materials.push(record.material);
     Ok(identification)
 }
 
 /// ln p of the recording under the likeliest of all mechanics, noises and accelerations; `None` where there is no such search.
-pub fn most_likely_with(hardware: &Hardware, data: &SegmentData) -> Option<f64> {
+pub fn most_likely_with(hardware: &AccelerometerHardware, data: &AccelerometerSegment) -> Option<f64> {
     let forgotten = forgotten_after(hardware, data.interval_s).ok()?;
     if data.signal.len() < 2 * forgotten {
         return None;
@@ -165,12 +165,12 @@ pub fn most_likely_with(hardware: &Hardware, data: &SegmentData) -> Option<f64> 
 }
 
 /// Puts what is known well enough into the device table.
-fn apply(experiment: &mut Experiment, outcome: &Outcome) -> Result<(), IdentifyError> {
-    let mut device = (*experiment.device::<Accelerometer>()?).clone();
+fn apply(experiment: &mut Experiment, outcome: &AccelerometerOutcome) -> Result<(), IdentifyError> {
+    let mut device = (*experiment.device::<AccelerometerTable>()?).clone();
     let mut entries = Entries::default();
     let of = |index: usize| {
         let value = outcome.value(index);
-        Derived { value, deviation: (value * outcome.deviation(index)).abs() }
+        DerivedNumber { value, deviation: (value * outcome.deviation(index)).abs() }
     };
     let known = |index: usize| outcome.is_known(index);
     let mass = &mut device.proof_mass;

@@ -1,16 +1,16 @@
 //! The recording that an identification takes.
 
 use super::super::MEANINGS;
-use super::super::data::SegmentData;
-use crate::config::{Experiment, Fault, Key, Role};
-use crate::identify::{IdentifyError, Material, require_sound};
+use super::super::data::AccelerometerSegment;
+use crate::config::{ConfigFault, Experiment, Key, RecordingRole};
+use crate::identify::{IdentifyError, Material, require_usable_signals};
 use crate::progress::Progress;
-use crate::recording::Recording;
+use crate::recording::SampledRecording;
 use crate::units::kind;
 
 /// Signal and feedback over one record.
 #[derive(Clone, Debug)]
-pub struct Record {
+pub struct IdentificationRecord {
     /// The signal and where it comes from.
     pub material: Material,
     /// The feedback in V, where there is one.
@@ -21,7 +21,7 @@ pub struct Record {
     pub feedback_column: String,
 }
 
-impl Record {
+impl IdentificationRecord {
     /// The recording of the role `training`, or, where there is none, the one of the role `test`.
     pub fn read(
         experiment: &Experiment,
@@ -32,12 +32,12 @@ impl Record {
         let described = experiment.recording(index)?;
         let key = || Key::from("recording").index(index).child("channels");
         if let Some((name, _)) = described.channels.iter().find(|(name, _)| !MEANINGS.contains(name)) {
-            return Err(experiment.error(key().child(name), Fault::unknown_key(name, MEANINGS)).into());
+            return Err(experiment.error(key().child(name), ConfigFault::unknown_key(name, MEANINGS)).into());
         }
         let column = |name: &str, example: &str| {
             described.channels.column(name).ok_or_else(|| {
                 let remedy = format!("name the column, such as `{name} = \"{example}\"`");
-                experiment.error(key().child(name), Fault::MissingKey { remedy })
+                experiment.error(key().child(name), ConfigFault::MissingKey { remedy })
             })
         };
         let signal = column("signal", "output_V")?;
@@ -45,16 +45,17 @@ impl Record {
         let columns: Vec<&str> = [Some(signal), feedback].into_iter().flatten().collect();
         let mut started = false;
         let file = experiment.resolve(&described.file);
-        let recording = Recording::read_with(&file, &described.layout(&columns), &mut |done, total| {
-            if !started {
-                progress.begin("reading", total);
-                started = true;
-            }
-            progress.reached(done)
-        })?;
+        let recording =
+            SampledRecording::read_with(&file, &described.layout(&columns), &mut |done, total| {
+                if !started {
+                    progress.begin("reading", total);
+                    started = true;
+                }
+                progress.reached(done)
+            })?;
         let name =
             described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
-        require_sound(recording.diagnosis(), &name, &[signal])?;
+        require_usable_signals(recording.diagnosis(), &name, &[signal])?;
         let unfit = |why: String| IdentifyError::Unfit { recording: name.clone(), why };
         let [segment] = recording.segments() else {
             let count = recording.segments().len();
@@ -89,8 +90,8 @@ impl Record {
     }
 
     /// As the filters take it.
-    pub fn data(&self) -> SegmentData<'_> {
-        SegmentData {
+    pub fn data(&self) -> AccelerometerSegment<'_> {
+        AccelerometerSegment {
             time_s: &self.material.time_s,
             signal: &self.material.signal,
             feedback: self.feedback.as_deref(),
@@ -101,7 +102,7 @@ impl Record {
 }
 
 fn place(experiment: &Experiment) -> Result<usize, IdentifyError> {
-    for role in [Role::Training, Role::Test] {
+    for role in [RecordingRole::Training, RecordingRole::Test] {
         let mut of_role =
             experiment.recordings.iter().enumerate().filter(|(_, recording)| recording.role == role);
         let Some((index, _)) = of_role.next() else { continue };
@@ -109,10 +110,10 @@ fn place(experiment: &Experiment) -> Result<usize, IdentifyError> {
             let why =
                 "an identification takes one recording; give the role `training` to one alone".to_owned();
             let key = Key::from("recording").index(second).child("role");
-            return Err(experiment.error(key, Fault::Value { why }).into());
+            return Err(experiment.error(key, ConfigFault::Value { why }).into());
         }
         return Ok(index);
     }
     let why = "no recording has the role `training` or `test`; parameters are identified from one".to_owned();
-    Err(experiment.error("recording", Fault::Value { why }).into())
+    Err(experiment.error("recording", ConfigFault::Value { why }).into())
 }

@@ -7,11 +7,11 @@ use kalmems_core::{Covariance, Dual, Ldl, Mat};
 use std::ops::ControlFlow;
 use unknown::COUNT;
 
-type Number = Dual<f64, COUNT>;
+type ParameterDual = Dual<f64, COUNT>;
 
 /// Where the likelihood is largest, and what the recording says there.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct LikelihoodMaximum {
     /// The logarithms of the factors.
     pub logs: [f64; COUNT],
     /// Their covariance: the inverse of Fisher's information and of how far a search may go. What the recording does not tell is known to
@@ -37,7 +37,7 @@ pub struct Found {
     pub is_settled: bool,
 }
 
-impl Found {
+impl LikelihoodMaximum {
     /// How the errors of two unknowns hang together.
     pub fn correlation(&self, i: usize, j: usize) -> f64 {
         let c = &self.covariance;
@@ -47,7 +47,7 @@ impl Found {
 
 /// Why the search has no end.
 #[derive(Debug, thiserror::Error)]
-pub enum SearchError {
+pub enum LikelihoodSearchError {
     /// Nothing can be computed where it begins.
     #[error("the likelihood cannot be computed at the values of the experiment: {0}")]
     Likelihood(#[from] LikelihoodError),
@@ -70,7 +70,10 @@ const HALVINGS: usize = 30;
 
 /// Fisher's scoring, θ + I⁻¹·∂ ln p/∂θ, with steps that are held and halved until the likelihood grows (Gupta and Mehra,
 /// IEEE Trans. Automatic Control 19, 774, 1974).
-pub fn search(likelihood: &Likelihood, progress: &dyn Progress) -> Result<Found, SearchError> {
+pub fn search(
+    likelihood: &Likelihood,
+    progress: &dyn Progress,
+) -> Result<LikelihoodMaximum, LikelihoodSearchError> {
     search_from(likelihood, [0.0; COUNT], [false; COUNT], progress)
 }
 
@@ -80,15 +83,15 @@ pub fn search_from(
     start: [f64; COUNT],
     kept: [bool; COUNT],
     progress: &dyn Progress,
-) -> Result<Found, SearchError> {
-    let mut at = Pass::of(likelihood, start)?;
+) -> Result<LikelihoodMaximum, LikelihoodSearchError> {
+    let mut at = LikelihoodPass::of(likelihood, start)?;
     let at_start = at.log_likelihood;
     let mut passes = 1;
     let mut gain = f64::INFINITY;
     let mut taken = 0;
     loop {
         if progress.reached(0) == ControlFlow::Break(()) {
-            return Err(SearchError::Interrupted);
+            return Err(LikelihoodSearchError::Interrupted);
         }
         let held = at.held(kept);
         let covariance = inverse(at.score.information(), held);
@@ -107,7 +110,9 @@ pub fn search_from(
             let logs = std::array::from_fn(|i| (at.logs[i] + share * change[i]).clamp(-FARTHEST, FARTHEST));
             passes += 1;
             // Parameters without a settled filter are as good as impossible.
-            better = Pass::of(likelihood, logs).ok().filter(|next| next.log_likelihood > at.log_likelihood);
+            better = LikelihoodPass::of(likelihood, logs)
+                .ok()
+                .filter(|next| next.log_likelihood > at.log_likelihood);
             if better.is_some() {
                 break;
             }
@@ -126,7 +131,7 @@ pub fn search_from(
 }
 
 /// The likelihood at one set of parameters with its slope.
-struct Pass {
+struct LikelihoodPass {
     logs: [f64; COUNT],
     log_likelihood: f64,
     score: Score<f64, COUNT>,
@@ -135,17 +140,18 @@ struct Pass {
     samples: usize,
 }
 
-impl Pass {
+impl LikelihoodPass {
     fn of(likelihood: &Likelihood, logs: [f64; COUNT]) -> Result<Self, LikelihoodError> {
         let (mut total, mut samples, mut score) = (0.0, 0_usize, Score::new());
         let mut moves = Covariance::<f64, COUNT>::zero();
-        let claimed = likelihood.follow(&Number::variables(&logs), &mut |innovation, acceleration| {
-            score.add(innovation);
-            total += innovation.log_likelihood().value();
-            samples += 1;
-            let by = acceleration.gradient();
-            moves = moves.plus(&Covariance::from_lower(Mat::from_fn(|i, j| by[i] * by[j])));
-        })?;
+        let claimed =
+            likelihood.follow(&ParameterDual::variables(&logs), &mut |innovation, acceleration| {
+                score.add(innovation);
+                total += innovation.log_likelihood().value();
+                samples += 1;
+                let by = acceleration.gradient();
+                moves = moves.plus(&Covariance::from_lower(Mat::from_fn(|i, j| by[i] * by[j])));
+            })?;
         let mean = |i: usize, j: usize| moves.get(i, j) / samples.max(1) as f64;
         Ok(Self {
             logs,
@@ -170,12 +176,12 @@ impl Pass {
         at_bound: [bool; COUNT],
         at_start: f64,
         (passes, is_settled): (usize, bool),
-    ) -> Result<Found, SearchError> {
+    ) -> Result<LikelihoodMaximum, LikelihoodSearchError> {
         let mut innovations = Vec::with_capacity(self.samples);
         likelihood.follow(&self.logs, &mut |innovation, _: f64| {
             innovations.push(innovation.residual[0] / innovation.covariance.standard_deviation(0));
         })?;
-        Ok(Found {
+        Ok(LikelihoodMaximum {
             covariance: inverse(self.score.information(), [false; COUNT]),
             at_bound,
             logs: self.logs,

@@ -6,7 +6,7 @@ use unknown::{COUNT, DAMPING, MASS, SPRING};
 
 /// What a filter with one parameter off says of the same recording.
 #[derive(Clone, Copy, Debug)]
-pub struct Shifted {
+pub struct MistunedFilter {
     /// What the parameter is multiplied by.
     pub factor: f64,
     /// The mean of its normalised innovations squared.
@@ -21,7 +21,7 @@ pub struct Visibility {
     /// Its place among the unknowns.
     pub parameter: usize,
     /// In the order of the factors, that of 1 among them.
-    pub shifted: Vec<Shifted>,
+    pub shifted: Vec<MistunedFilter>,
 }
 
 /// What the parameters of the mechanics are multiplied by.
@@ -37,7 +37,7 @@ pub fn visibility(likelihood: &Likelihood, logs: &[f64; COUNT]) -> Result<[Visib
     let of = |parameter: usize| -> Result<Visibility, LikelihoodError> {
         let one = |factor: f64| {
             if factor == 1.0 {
-                return Ok(Shifted { factor, mean_nis: nis, moved: 0.0 });
+                return Ok(MistunedFilter { factor, mean_nis: nis, moved: 0.0 });
             }
             let mut shifted = *logs;
             shifted[parameter] += factor.portable_ln();
@@ -46,7 +46,7 @@ pub fn visibility(likelihood: &Likelihood, logs: &[f64; COUNT]) -> Result<[Visib
                 let right = all.next().copied().unwrap_or(acceleration);
                 square += (acceleration - right).powi(2);
             })?;
-            Ok(Shifted { factor, mean_nis, moved: (square / right.len().max(1) as f64).sqrt() })
+            Ok(MistunedFilter { factor, mean_nis, moved: (square / right.len().max(1) as f64).sqrt() })
         };
         let shifted = FACTORS.iter().map(|factor| one(*factor)).collect::<Result<_, _>>()?;
         Ok(Visibility { parameter, shifted })
@@ -77,10 +77,11 @@ pub fn chance(samples: usize) -> f64 {
 impl Visibility {
     /// The factor that moves the acceleration most, of those whose mean NIS differs from that of the right filter by less
     /// than a 95 % interval of chance; `None` where each would be seen.
-    pub fn worst_hidden(&self, samples: usize) -> Option<Shifted> {
+    pub fn worst_hidden(&self, samples: usize) -> Option<MistunedFilter> {
         let right = self.shifted.iter().find(|one| one.factor == 1.0).map_or(1.0, |one| one.mean_nis);
-        let hidden =
-            |one: &&Shifted| one.factor != 1.0 && (one.mean_nis - right).abs() < 1.96 * chance(samples);
+        let hidden = |one: &&MistunedFilter| {
+            one.factor != 1.0 && (one.mean_nis - right).abs() < 1.96 * chance(samples)
+        };
         self.shifted.iter().filter(hidden).max_by(|a, b| a.moved.total_cmp(&b.moved)).copied()
     }
 }

@@ -1,4 +1,4 @@
-use crate::crossings::{Acceptance, Crossing, DetectorSettings, Rows, Sought, find};
+use crate::crossings::{Acceptance, DetectorSettings, LevelCrossing, SearchedSignal, SignalRows, find};
 use crate::simulate::WhiteNoise;
 use kalmems_core::Process;
 use kalmems_models::capacitance::{CombCurve, CurveShape};
@@ -18,13 +18,13 @@ fn comb() -> CombCurve<f64> {
 }
 
 /// A free decay, and when it passes the threshold.
-struct Decay {
+struct ThresholdDecay {
     time_s: Vec<f64>,
     volts: Vec<f64>,
     crossings_s: Vec<f64>,
 }
 
-impl Decay {
+impl ThresholdDecay {
     /// From this amplitude in rad and phase in cycles, step by step of the exact process.
     fn of(amplitude: f64, phase: f64, samples: usize, noise: (f64, u64)) -> Self {
         let (mirror, comb, mut white) = (mirror(), comb(), WhiteNoise::new(noise.1, 0));
@@ -54,15 +54,15 @@ impl Decay {
 }
 
 fn found(
-    decay: &Decay,
+    decay: &ThresholdDecay,
     noise: f64,
     told: (CombCurve<f64>, MirrorResonator<f64>),
     least: f64,
-) -> Vec<Crossing> {
-    let sought = Sought::of_comb((INTERVAL_S, noise * noise, 0.0), told.0, told.1);
+) -> Vec<LevelCrossing> {
+    let sought = SearchedSignal::of_comb((INTERVAL_S, noise * noise, 0.0), told.0, told.1);
     let acceptance = Acceptance::Deviations(least);
     let settings = DetectorSettings { width_s: 30e-6, separation_s: 300e-6, acceptance };
-    find(Rows { time_s: &decay.time_s, volts: &decay.volts, first: 0 }, sought, &settings).unwrap()
+    find(SignalRows { time_s: &decay.time_s, volts: &decay.volts, first: 0 }, sought, &settings).unwrap()
 }
 
 /// Errors over the standard deviations that are claimed of them.
@@ -115,7 +115,7 @@ fn claims(
     let mut claims: [Claims; 3] = Default::default();
     let noise = times * NOISE;
     for seed in seeds.clone() {
-        let decay = Decay::of(0.15, 0.618 * seed as f64, 40_000, (noise, seed));
+        let decay = ThresholdDecay::of(0.15, 0.618 * seed as f64, 40_000, (noise, seed));
         for crossing in found(&decay, noise, told, least) {
             let best = crossing.best();
             let Some(error_s) = decay.error_s(best.time_s) else { continue };
@@ -178,7 +178,7 @@ fn vertices_beside_gaps_are_as_far_off_as_claimed() {
     for (times, amplitude) in [(0.3, 0.15), (1.0, 0.15), (1.0, 0.08)] {
         let (noise, mut claims, mut loud) = (times * NOISE, Claims::default(), 0);
         for seed in 8_000..8_006 {
-            let mut decay = Decay::of(amplitude, 0.618 * seed as f64, 20_000, (noise, seed));
+            let mut decay = ThresholdDecay::of(amplitude, 0.618 * seed as f64, 20_000, (noise, seed));
             for (place, crossing_s) in decay.crossings_s.iter().enumerate() {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a row
                 let row = (crossing_s / INTERVAL_S) as usize;
@@ -206,7 +206,7 @@ fn vertices_beside_gaps_are_as_far_off_as_claimed() {
 
 #[test]
 fn zeros_of_a_strong_signal_are_told_as_they_are() {
-    let decay = Decay::of(0.15, 0.2, 20_000, (NOISE, 9_000));
+    let decay = ThresholdDecay::of(0.15, 0.2, 20_000, (NOISE, 9_000));
     let found = found(&decay, NOISE, (comb(), mirror()), 4.0);
     let inner = found.iter().filter(|crossing| (200..19_800).contains(&crossing.index));
     let told = inner.filter(|crossing| crossing.fallback.is_none() && Some(crossing.best()) == crossing.zero);
@@ -219,7 +219,7 @@ fn zeros_of_a_strong_signal_are_told_as_they_are() {
 fn most_slopes_of_a_mirror_at_rest_tell_no_time() {
     let (mut slopes, mut told) = (0, 0);
     for seed in 9_200..9_206 {
-        let still = Decay::of(0.0, 0.0, 40_000, (NOISE, seed));
+        let still = ThresholdDecay::of(0.0, 0.0, 40_000, (NOISE, seed));
         for crossing in found(&still, NOISE, (comb(), mirror()), 2.0) {
             slopes += 1;
             told += usize::from(crossing.best().sd_s < 0.5 * 400e-6 / 3.0_f64.sqrt());

@@ -1,6 +1,6 @@
 //! Gap and gain from two features of the waveform: the distance from crest to trough, and the height.
 
-use crate::fit::{Derived, Fit, FitError, FitSettings, Regression, fit};
+use crate::fit::{DerivedNumber, Fit, FitError, FitSettings, Regression, fit};
 use crate::signal::{Sine, least_squares};
 use kalmems_core::Portable;
 use kalmems_core::{Dual, Scalar};
@@ -14,12 +14,12 @@ const BASIS: usize = 1 + 2 * HARMONICS;
 
 /// A periodic signal as a sum of harmonics.
 #[derive(Clone, Copy, Debug)]
-struct Series {
+struct HarmonicSeries {
     /// The mean, and the parts along cosine and sine of each harmonic.
     coefficients: [f64; BASIS],
 }
 
-impl Series {
+impl HarmonicSeries {
     fn of(time_s: &[f64], signal: &[f64], frequency_hz: f64) -> Option<Self> {
         let coefficients = least_squares(time_s, signal, |t| {
             array::from_fn(|i| {
@@ -75,9 +75,9 @@ fn extremes(of: impl Fn(f64) -> [f64; 3]) -> [[f64; 2]; 2] {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crests {
     /// λ: from the crest to the next trough, in cycles.
-    pub distance: Derived,
+    pub distance: DerivedNumber,
     /// From the trough up to the crest, in V.
-    pub height: Derived,
+    pub height: DerivedNumber,
 }
 
 /// The features of a signal with white noise of this standard deviation in V. `None` where the samples do not determine
@@ -86,7 +86,7 @@ pub struct Crests {
 /// A harmonic series through the whole record: a single sample, 1.6 µs, is 3 to 5 % of the gap (equation 55 of Chen,
 /// dissertation, 2018, matches this distance). The standard errors are those of the noise.
 pub fn crests(time_s: &[f64], signal: &[f64], frequency_hz: f64, noise: f64) -> Option<Crests> {
-    let series = Series::of(time_s, signal, frequency_hz)?;
+    let series = HarmonicSeries::of(time_s, signal, frequency_hz)?;
     let [[crest, top], [trough, bottom]] = extremes(|phase| series.at(phase));
     let cycles = (trough - crest) / TAU;
     // Each coefficient has the variance 2σ²/n.
@@ -103,8 +103,11 @@ pub fn crests(time_s: &[f64], signal: &[f64], frequency_hz: f64, noise: f64) -> 
         ]
     });
     Some(Crests {
-        distance: Derived { value: cycles.rem_euclid(1.0), deviation: (variance * sums[0]).sqrt() / TAU },
-        height: Derived { value: top - bottom, deviation: (variance * sums[1]).sqrt() },
+        distance: DerivedNumber {
+            value: cycles.rem_euclid(1.0),
+            deviation: (variance * sums[0]).sqrt() / TAU,
+        },
+        height: DerivedNumber { value: top - bottom, deviation: (variance * sums[1]).sqrt() },
     })
 }
 
@@ -131,9 +134,9 @@ pub fn expected(plate: &TiltingPlate<f64>, angle: &Sine, sign: f64) -> [f64; 2] 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ByCrests {
     /// D_n: the gap whose waveforms have the measured distances.
-    pub gap: Derived,
+    pub gap: DerivedNumber,
     /// η: by the heights, with that gap.
-    pub gain: Derived,
+    pub gain: DerivedNumber,
 }
 
 /// Gap and gain from the features of several records with known motions.
@@ -142,11 +145,11 @@ pub fn by_crests(
     sign: f64,
     records: &[(Sine, Crests)],
 ) -> Result<ByCrests, FitError> {
-    let distances = Distances { plate, sign, records };
+    let distances = CrestDistances { plate, sign, records };
     let found: Fit<1> =
         fit(&distances, &FitSettings { tolerance: 1e-12, ..FitSettings::from_start([plate.gap]) })?;
     let noise = distances.noise_deviation(&found);
-    let gap = Derived { value: found.parameters[0], deviation: noise };
+    let gap = DerivedNumber { value: found.parameters[0], deviation: noise };
     let gain_with = |gap: f64| {
         let plate = TiltingPlate { gap, ..*plate };
         let (mut up, mut down) = (0.0, 0.0);
@@ -160,16 +163,16 @@ pub fn by_crests(
     };
     let value = gain_with(gap.value);
     let by_gap = (gain_with(gap.value + gap.deviation) - gain_with(gap.value - gap.deviation)) / 2.0;
-    Ok(ByCrests { gap, gain: Derived { value, deviation: by_gap.abs() } })
+    Ok(ByCrests { gap, gain: DerivedNumber { value, deviation: by_gap.abs() } })
 }
 
-struct Distances<'a> {
+struct CrestDistances<'a> {
     plate: &'a TiltingPlate<f64>,
     sign: f64,
     records: &'a [(Sine, Crests)],
 }
 
-impl Distances<'_> {
+impl CrestDistances<'_> {
     fn residual(&self, gap: f64, (angle, crests): &(Sine, Crests)) -> f64 {
         let distance = expected(&TiltingPlate { gap, ..*self.plate }, angle, self.sign)[0];
         (distance - crests.distance.value) / crests.distance.deviation
@@ -188,7 +191,7 @@ impl Distances<'_> {
     }
 }
 
-impl Regression<1> for Distances<'_> {
+impl Regression<1> for CrestDistances<'_> {
     fn residuals(&self, [gap]: &[f64; 1], each: &mut impl FnMut(f64)) {
         self.records.iter().for_each(|record| each(self.residual(*gap, record)));
     }

@@ -2,11 +2,11 @@
 
 use super::crests::expected;
 use super::gaps::GapFit;
-use super::sweep::{SweepFit, SweepPoint};
+use super::sweep::{StageSweepPoint, SweepFit};
 use super::waveform::unknown;
-use crate::micro_stage::hardware::Hardware;
+use crate::micro_stage::hardware::StageHardware;
 use kalmems_core::Portable;
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems_models::capacitance::TiltingPlate;
 use std::f64::consts::TAU;
 
@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 const CURVE: u32 = 200;
 
 /// The response over frequency, and in the plane with its circle.
-pub fn sweep(points: &[SweepPoint], fitted: &SweepFit) -> Figure {
+pub fn sweep(points: &[StageSweepPoint], fitted: &SweepFit) -> Figure {
     let p = &fitted.response.fit.parameters;
     let [low, high] = [points.first(), points.last()].map(|p| p.map_or(0.0, |p| p.frequency_hz));
     let middle = (low * high).sqrt();
@@ -59,24 +59,24 @@ pub fn sweep(points: &[SweepPoint], fitted: &SweepFit) -> Figure {
     Figure::new("resonance", "Tilting mode: response to the drive", caption)
         .with(
             Panel::new(Axis::new("frequency", "Hz"), Axis::new("amplitude", "rad/s/V"))
-                .with(Series::line("fitted", Role::Model, along(&size)))
-                .with(Series::points("measured", Role::Measured, measured(&size))),
+                .with(Series::line("fitted", SeriesRole::Model, along(&size)))
+                .with(Series::points("measured", SeriesRole::Measured, measured(&size))),
         )
         .with(
             Panel::new(Axis::new("frequency", "Hz"), Axis::new("phase", "deg"))
-                .with(Series::line("fitted", Role::Model, along(&phase)))
-                .with(Series::points("measured", Role::Measured, measured(&phase)))
+                .with(Series::line("fitted", SeriesRole::Model, along(&phase)))
+                .with(Series::points("measured", SeriesRole::Measured, measured(&phase)))
                 .sharing_x(),
         )
         .with(
             Panel::new(Axis::new("real part", "rad/s/V"), Axis::new("imaginary part", "rad/s/V"))
-                .with(Series::line("circle", Role::Model, circle))
-                .with(Series::points("measured", Role::Measured, plane)),
+                .with(Series::line("circle", SeriesRole::Model, circle))
+                .with(Series::points("measured", SeriesRole::Measured, plane)),
         )
 }
 
 /// Waveforms with their fit, and how the crest-to-trough distance depends on the gap.
-pub fn gaps(hardware: &Hardware, fitted: &GapFit) -> Vec<Figure> {
+pub fn gaps(hardware: &StageHardware, fitted: &GapFit) -> Vec<Figure> {
     let mut figures = Vec::new();
     if let Some(figure) = waveforms(hardware, fitted) {
         figures.push(figure);
@@ -90,7 +90,7 @@ pub fn gaps(hardware: &Hardware, fitted: &GapFit) -> Vec<Figure> {
 /// Cycles that are drawn.
 const CYCLES: f64 = 2.0;
 
-fn waveforms(hardware: &Hardware, fitted: &GapFit) -> Option<Figure> {
+fn waveforms(hardware: &StageHardware, fitted: &GapFit) -> Option<Figure> {
     let fit = fitted.fit.as_ref()?;
     let largest = fitted.records.iter().max_by(|a, b| a.drive.amplitude.total_cmp(&b.drive.amplitude))?;
     let start = *largest.time_s.first()?;
@@ -117,8 +117,8 @@ fn waveforms(hardware: &Hardware, fitted: &GapFit) -> Option<Figure> {
         let measured: Vec<(f64, f64)> = time().zip(signals.get(place)?.iter().copied()).collect();
         let mut panel =
             Panel::new(Axis::new("time", "s"), Axis::new(format!("signal {}", channel.name), "V"))
-                .with(Series::points("measured", Role::Measured, measured))
-                .with(Series::line("fitted", Role::Model, fitted_wave));
+                .with(Series::points("measured", SeriesRole::Measured, measured))
+                .with(Series::line("fitted", SeriesRole::Model, fitted_wave));
         if place > 0 {
             panel = panel.sharing_x();
         }
@@ -128,7 +128,7 @@ fn waveforms(hardware: &Hardware, fitted: &GapFit) -> Option<Figure> {
 }
 
 /// Figure 3.12 of the dissertation: the distance over the gap, and where the records are.
-fn crest_distance(hardware: &Hardware, fitted: &GapFit) -> Option<Figure> {
+fn crest_distance(hardware: &StageHardware, fitted: &GapFit) -> Option<Figure> {
     let (electrode, by) = fitted.electrodes.iter().find(|(_, by)| by.crests.is_some())?;
     let channel = &hardware.channels[*electrode];
     let caption = "How far the trough is behind the crest of a signal, as a part of the cycle, over the gap, for the motion \
@@ -144,10 +144,11 @@ fn crest_distance(hardware: &Hardware, fitted: &GapFit) -> Option<Figure> {
             .map(|k| gap * (0.8 + 0.4 * f64::from(k) / 40.0))
             .map(|gap| (gap, at(record, gap)))
             .collect();
-        panel = panel.with(Series::line(format!("{:.2} V", record.drive.amplitude), Role::Model, curve));
+        panel =
+            panel.with(Series::line(format!("{:.2} V", record.drive.amplitude), SeriesRole::Model, curve));
     }
     let points: Vec<(f64, f64)> = fitted.records.iter().map(|record| (gap, at(record, gap))).collect();
-    panel = panel.with(Series::points("found", Role::Estimate, points));
+    panel = panel.with(Series::points("found", SeriesRole::Estimate, points));
     Some(
         Figure::new("crest_distance", format!("Crest to trough of {} over the gap", channel.name), caption)
             .with(panel),

@@ -2,16 +2,16 @@
 
 use super::crests::{ByCrests, Crests, by_crests, crests};
 use super::fit_error;
-use super::in_situ::InPlace;
+use super::in_situ::InSituKnowledge;
 use super::waveform::{
-    ELECTRODES, Sought, UNKNOWNS, WaveRecord, Waveforms, indeterminate, motion_by, unknown,
+    ELECTRODES, ElectrodeUnknowns, UNKNOWNS, WaveRecord, Waveforms, indeterminate, motion_by, unknown,
 };
-use crate::config::{Experiment, Fault, FeedthroughBy, Key, Trusted};
-use crate::fit::{Derived, Fit, FitError};
+use crate::config::{ConfigFault, Experiment, FeedthroughBy, Key, TrustedNumber};
+use crate::fit::{DerivedNumber, Fit, FitError};
 use crate::identify::IdentifyError;
-use crate::micro_stage::feedthrough::{BiasOff, without_drive};
-use crate::micro_stage::hardware::Hardware;
-use crate::micro_stage::records::{Record, Records, require_one_frequency};
+use crate::micro_stage::feedthrough::{BiasOffRecord, without_drive};
+use crate::micro_stage::hardware::StageHardware;
+use crate::micro_stage::records::{StageRecord, StageRecords, require_one_frequency};
 use crate::signal::{Sine, fit_sine_at};
 use kalmems_core::Portable;
 use kalmems_models::capacitance::TiltingPlate;
@@ -33,9 +33,9 @@ pub struct GapFit {
     /// The covariance of the errors of gap and gain of each, in this order.
     pub covariance: Vec<Vec<f64>>,
     /// How late the vibrometer is in s; `None` without one.
-    pub delay: Option<Derived>,
+    pub delay: Option<DerivedNumber>,
     /// Whether gap or gain was taken from the device table, and which.
-    pub trusted: Option<Trusted>,
+    pub trusted: Option<TrustedNumber>,
     /// Whether feedthrough was told by the harmonics alone.
     pub by_harmonics: bool,
     /// The variance of the drive in V² that explains how far the motion is from what the stage's model makes of the
@@ -64,9 +64,9 @@ impl GapFit {
 #[derive(Clone, Copy, Debug)]
 pub struct ElectrodeFit {
     /// D_n in m, less what a static tilt makes of it.
-    pub gap: Derived,
+    pub gap: DerivedNumber,
     /// η in V·Ω.
-    pub gain: Derived,
+    pub gain: DerivedNumber,
     /// The correlation of their errors; not a number where one of them was trusted.
     pub correlation: f64,
     /// The same by crest, trough and height; `None` without a vibrometer.
@@ -81,9 +81,9 @@ const SAME_AMPLITUDE: f64 = 0.01;
 /// Identifies gaps, gains and the vibrometer's delay.
 pub fn identify(
     experiment: &Experiment,
-    hardware: &Hardware,
-    on: &Records,
-    off: Option<&Records>,
+    hardware: &StageHardware,
+    on: &StageRecords,
+    off: Option<&StageRecords>,
 ) -> Result<GapFit, IdentifyError> {
     let settings = experiment.identify.as_ref();
     let by_harmonics = settings.and_then(|s| s.feedthrough) == Some(FeedthroughBy::Harmonics);
@@ -99,7 +99,7 @@ pub fn identify(
                        known. Record the same drives with the sensing bias off and add them with that role and the same \
                        labels; or write `[identify]` with `feedthrough = \"harmonics\"`, which is less exact"
                 .to_owned();
-            return Err(experiment.error("recording", Fault::Value { why }).into());
+            return Err(experiment.error("recording", ConfigFault::Value { why }).into());
         }
     };
     let has_vibrometer = training.iter().all(|record| record.rate.is_some());
@@ -129,7 +129,7 @@ pub fn identify(
     if has_vibrometer {
         require_layout(hardware, on, &training, &records)?;
     }
-    let task = Task { hardware, on, records: &records, by_harmonics };
+    let task = GapFitTask { hardware, on, records: &records, by_harmonics };
     let mut found = match (has_vibrometer, trusted) {
         (true, _) => task.with_vibrometer()?,
         (false, Some(trusted)) => task.trusting(experiment, trusted)?,
@@ -162,7 +162,7 @@ pub fn identify(
 /// What the fit of the signals does not have of the delay's standard error, in s: the sines that are taken off as feedthrough shift the phase
 /// of the fundamental by the noise of the bias-off record, which is as large as that of the record itself if it is as long; and the phase of the
 /// vibrometer has its own noise. Gaps and gains come from the harmonics, which the first leaves alone.
-fn unfitted_delay(fitted: f64, training: &[&Record], offs: &[usize]) -> f64 {
+fn unfitted_delay(fitted: f64, training: &[&StageRecord], offs: &[usize]) -> f64 {
     let count = training.len().max(1) as f64;
     let of_offs: f64 = training
         .iter()
@@ -178,21 +178,24 @@ fn unfitted_delay(fitted: f64, training: &[&Record], offs: &[usize]) -> f64 {
 }
 
 /// The records that serve the identification.
-fn training<'a>(experiment: &Experiment, on: &'a Records) -> Result<Vec<&'a Record>, IdentifyError> {
+fn training<'a>(
+    experiment: &Experiment,
+    on: &'a StageRecords,
+) -> Result<Vec<&'a StageRecord>, IdentifyError> {
     let wanted = experiment.identify.as_ref().map_or(&[][..], |identify| &identify.training);
     for (i, name) in wanted.iter().enumerate() {
         if !on.all.iter().any(|record| record.label == *name) {
             let known = on.all.iter().map(|record| record.label.as_str());
             let key = Key::from("identify").child("training").index(i);
-            return Err(experiment.error(key, Fault::unknown_word(name, known)).into());
+            return Err(experiment.error(key, ConfigFault::unknown_word(name, known)).into());
         }
     }
-    let is_wanted = |record: &&Record| wanted.is_empty() || wanted.contains(&record.label);
+    let is_wanted = |record: &&StageRecord| wanted.is_empty() || wanted.contains(&record.label);
     Ok(on.all.iter().filter(is_wanted).collect())
 }
 
 /// Refuses records that all have one drive amplitude.
-fn require_amplitudes(on: &Records, training: &[&Record]) -> Result<(), IdentifyError> {
+fn require_amplitudes(on: &StageRecords, training: &[&StageRecord]) -> Result<(), IdentifyError> {
     let mut amplitudes: Vec<f64> = training.iter().map(|record| record.drive.amplitude).collect();
     amplitudes.sort_by(f64::total_cmp);
     amplitudes.dedup_by(|a, b| *a < *b * (1.0 + SAME_AMPLITUDE));
@@ -211,9 +214,9 @@ fn require_amplitudes(on: &Records, training: &[&Record]) -> Result<(), Identify
 /// The angle of a record, as late as the vibrometer shows it less the stated delay; without one, as the first signal says
 /// it with the gap and gain of the device table.
 fn motion(
-    hardware: &Hardware,
-    on: &Records,
-    record: &Record,
+    hardware: &StageHardware,
+    on: &StageRecords,
+    record: &StageRecord,
     signals: &[Vec<f64>],
 ) -> Result<Sine, IdentifyError> {
     if let Some(rate) = record.rate {
@@ -240,9 +243,9 @@ fn motion(
 
 /// Refuses signals that have the opposite sign of what the layout makes of the motion.
 fn require_layout(
-    hardware: &Hardware,
-    on: &Records,
-    training: &[&Record],
+    hardware: &StageHardware,
+    on: &StageRecords,
+    training: &[&StageRecord],
     records: &[WaveRecord],
 ) -> Result<(), IdentifyError> {
     let mut against: Vec<(usize, f64)> = Vec::new();
@@ -280,10 +283,10 @@ fn require_layout(
 
 /// The record without bias that belongs to a record with bias, and the electrodes that its signals are of.
 pub fn off_of<'a>(
-    off: &'a Records,
+    off: &'a StageRecords,
     label: &str,
     place: &str,
-) -> Result<(BiasOff, &'a [usize]), IdentifyError> {
+) -> Result<(BiasOffRecord, &'a [usize]), IdentifyError> {
     let record = off.all.iter().find(|record| record.label == label).ok_or_else(|| {
         let known: Vec<String> = off.all.iter().map(|record| format!("`{}`", record.label)).collect();
         let why = format!(
@@ -294,7 +297,7 @@ pub fn off_of<'a>(
         IdentifyError::Unfit { recording: place.to_owned(), why }
     })?;
     let signals: Vec<&[f64]> = record.signals.iter().map(Vec::as_slice).collect();
-    let found = BiasOff::of(&record.place, &record.time_s, record.drive, &signals);
+    let found = BiasOffRecord::of(&record.place, &record.time_s, record.drive, &signals);
     let found = found.ok_or_else(|| IdentifyError::Unfit {
         recording: record.place.clone(),
         why: "a signal has too few samples for a sine of the drive's frequency".to_owned(),
@@ -303,9 +306,9 @@ pub fn off_of<'a>(
 }
 
 /// What is fitted.
-struct Task<'a> {
-    hardware: &'a Hardware,
-    on: &'a Records,
+struct GapFitTask<'a> {
+    hardware: &'a StageHardware,
+    on: &'a StageRecords,
     records: &'a [WaveRecord],
     by_harmonics: bool,
 }
@@ -313,7 +316,7 @@ struct Task<'a> {
 /// The standard deviation that a channel is given whose noise is not known: the fits then find a common one.
 const UNKNOWN_NOISE: f64 = 1e-6;
 
-impl Task<'_> {
+impl GapFitTask<'_> {
     fn plates(&self) -> Vec<TiltingPlate<f64>> {
         self.on.electrodes.iter().map(|e| self.hardware.channels[*e].current.plate).collect()
     }
@@ -341,7 +344,7 @@ impl Task<'_> {
             // The motions are as late as the vibrometer shows them.
             delay_s: self.on.delay_s,
             scale_known: true,
-            sought: Sought::Both,
+            unknowns: ElectrodeUnknowns::Both,
             feedthrough: self.by_harmonics,
         };
         let fit = waveforms.fit().map_err(|why| self.fit_error(why))?;
@@ -381,9 +384,10 @@ impl Task<'_> {
         Ok(GapFit { fit: Some(fit), electrodes, covariance, delay, ..self.nothing() })
     }
 
-    fn trusting(&self, experiment: &Experiment, trusted: Trusted) -> Result<GapFit, IdentifyError> {
+    fn trusting(&self, experiment: &Experiment, trusted: TrustedNumber) -> Result<GapFit, IdentifyError> {
         let noise = self.noise();
-        let known = InPlace { noise: &noise, records: self.records, trusted, feedthrough: self.by_harmonics };
+        let known =
+            InSituKnowledge { noise: &noise, records: self.records, trusted, feedthrough: self.by_harmonics };
         let names: Vec<&str> = self
             .on
             .electrodes
@@ -394,8 +398,10 @@ impl Task<'_> {
         let (found, covariance) = known
             .with_stated_errors((&self.plates(), &self.gains()), (&names, &directions))
             .map_err(|why| self.fit_error(why))?;
-        let of =
-            |place: usize, number: Derived| Derived { deviation: covariance[place][place].sqrt(), ..number };
+        let of = |place: usize, number: DerivedNumber| DerivedNumber {
+            deviation: covariance[place][place].sqrt(),
+            ..number
+        };
         let fitted = found.electrodes.iter().enumerate().map(|(place, [gap, gain])| ElectrodeFit {
             gap: of(2 * place, *gap),
             gain: of(2 * place + 1, *gain),
@@ -485,7 +491,7 @@ pub(super) fn alone<'a>(
         records,
         delay_s: 0.0,
         scale_known: false,
-        sought: Sought::Gaps,
+        unknowns: ElectrodeUnknowns::Gaps,
         feedthrough,
     }
 }

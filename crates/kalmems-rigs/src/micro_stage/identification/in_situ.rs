@@ -1,20 +1,20 @@
 //! Gaps by trusted gains, or gains by trusted gaps, without a vibrometer; and what the errors of the trusted numbers make of them.
 
 use super::gaps::alone;
-use super::waveform::{ELECTRODES, Sought, UNKNOWNS, WaveRecord, Waveforms, unknown, weighted};
-use crate::config::{Direction, Trusted};
-use crate::fit::{Derived, Fit, FitError};
+use super::waveform::{ELECTRODES, ElectrodeUnknowns, UNKNOWNS, WaveRecord, Waveforms, unknown, weighted};
+use crate::config::{Direction, TrustedNumber};
+use crate::fit::{DerivedNumber, Fit, FitError};
 use kalmems_models::capacitance::TiltingPlate;
 
 /// Gaps or gains without a vibrometer.
 #[derive(Clone, Debug)]
 pub struct InSitu {
     /// Gap in m and gain in V·Ω of each electrode; what was trusted has no standard error.
-    pub electrodes: Vec<[Derived; 2]>,
+    pub electrodes: Vec<[DerivedNumber; 2]>,
     /// The covariance of the errors of what was found, by electrodes: the motion, which they share, is found with them.
     pub covariance: Vec<Vec<f64>>,
     /// The amplitude of the angle in rad in each record.
-    pub amplitudes: Vec<Derived>,
+    pub amplitudes: Vec<DerivedNumber>,
 }
 
 /// The gaps where the gains are trusted, or the gains where the gaps are, from the signals alone: after a change of
@@ -26,16 +26,16 @@ pub fn in_situ(
     gains: &[f64],
     noise: &[f64],
     records: &[WaveRecord],
-    trusted: Trusted,
+    trusted: TrustedNumber,
     feedthrough: bool,
 ) -> Result<InSitu, FitError> {
-    let is_gain = trusted == Trusted::Gain;
+    let is_gain = trusted == TrustedNumber::Gain;
     let mut fits = Vec::new();
     let mut amplitudes = Vec::new();
     for record in records {
         let one = [record.clone()];
         let waveforms = Waveforms {
-            sought: if is_gain { Sought::Gaps } else { Sought::Gains },
+            unknowns: if is_gain { ElectrodeUnknowns::Gaps } else { ElectrodeUnknowns::Gains },
             ..alone(plates, gains, noise, &one, feedthrough)
         };
         let fit = waveforms.fit()?;
@@ -46,9 +46,9 @@ pub fn in_situ(
     let count = plates.len().min(ELECTRODES);
     let electrodes = (0..count).map(|i| {
         let index = index(i);
-        let each: Vec<Derived> = fits.iter().map(|fit| fit.parameter(index)).collect();
-        let found = weighted(&each).unwrap_or(Derived { value: f64::NAN, deviation: f64::INFINITY });
-        let known = |value: f64| Derived { value, deviation: 0.0 };
+        let each: Vec<DerivedNumber> = fits.iter().map(|fit| fit.parameter(index)).collect();
+        let found = weighted(&each).unwrap_or(DerivedNumber { value: f64::NAN, deviation: f64::INFINITY });
+        let known = |value: f64| DerivedNumber { value, deviation: 0.0 };
         if is_gain { [found, known(gains[i])] } else { [known(plates[i].gap), found] }
     });
     // Weighted means of numbers that hang together within each record.
@@ -64,18 +64,18 @@ pub fn in_situ(
 }
 
 /// What is known where gaps or gains are found in place.
-pub struct InPlace<'a> {
+pub struct InSituKnowledge<'a> {
     /// The variances of the electrodes' samples in V².
     pub noise: &'a [f64],
     /// The records.
     pub records: &'a [WaveRecord],
     /// Which number of each electrode is trusted.
-    pub trusted: Trusted,
+    pub trusted: TrustedNumber,
     /// Whether feedthrough is found from the harmonics.
     pub feedthrough: bool,
 }
 
-impl InPlace<'_> {
+impl InSituKnowledge<'_> {
     fn found(&self, plates: &[TiltingPlate<f64>], gains: &[f64]) -> Result<InSitu, FitError> {
         in_situ(plates, gains, self.noise, self.records, self.trusted, self.feedthrough)
     }
@@ -88,15 +88,15 @@ impl InPlace<'_> {
         (names, directions): (&[&str], &[Direction]),
     ) -> Result<(InSitu, Vec<Vec<f64>>), FitError> {
         let found = self.found(plates, gains)?;
-        let (trusted, sought, number) = match self.trusted {
-            Trusted::Gap => (0, 1, "gap"),
-            Trusted::Gain => (1, 0, "gain"),
+        let (trusted, unknown, number) = match self.trusted {
+            TrustedNumber::Gap => (0, 1, "gap"),
+            TrustedNumber::Gain => (1, 0, "gain"),
         };
         let count = 2 * found.electrodes.len();
         let mut covariance = vec![vec![0.0; count]; count];
         for (i, row) in found.covariance.iter().enumerate() {
             for (j, value) in row.iter().enumerate() {
-                covariance[2 * i + sought][2 * j + sought] = *value;
+                covariance[2 * i + unknown][2 * j + unknown] = *value;
             }
         }
         for direction in directions {
@@ -105,8 +105,8 @@ impl InPlace<'_> {
                 let key = format!("electrodes.{name}.{number}");
                 let Some((_, step)) = direction.steps.iter().find(|(of, _)| of.name == key) else { continue };
                 match self.trusted {
-                    Trusted::Gap => plates[place].gap += step,
-                    Trusted::Gain => gains[place] += step,
+                    TrustedNumber::Gap => plates[place].gap += step,
+                    TrustedNumber::Gain => gains[place] += step,
                 }
                 moved[2 * place + trusted] = *step;
             }
@@ -115,7 +115,7 @@ impl InPlace<'_> {
             }
             let other = self.found(&plates, &gains)?;
             for (place, (own, other)) in found.electrodes.iter().zip(&other.electrodes).enumerate() {
-                moved[2 * place + sought] = other[sought].value - own[sought].value;
+                moved[2 * place + unknown] = other[unknown].value - own[unknown].value;
             }
             for (row, by) in covariance.iter_mut().zip(&moved) {
                 row.iter_mut().zip(&moved).for_each(|(entry, other)| *entry += by * other);

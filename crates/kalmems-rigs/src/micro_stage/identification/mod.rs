@@ -11,30 +11,30 @@ mod crests;
 mod figures;
 mod gaps;
 mod in_situ;
+mod messages;
 mod noise;
+mod rate_line;
 mod sweep;
-mod trained;
 mod waveform;
-mod words;
 
 pub use crests::{ByCrests, Crests, by_crests, crests, expected};
 pub use figures::sweep as sweep_figure;
 pub use gaps::GapFit;
 pub use in_situ::{InSitu, in_situ};
 use kalmems_core::Portable;
-pub use sweep::{SweepError, SweepFit, SweepPoint, fit_sweep};
+pub use sweep::{StageSweepPoint, SweepError, SweepFit, fit_sweep};
 pub use waveform::{
-    ELECTRODES, Indeterminate, Sought, UNKNOWNS, WaveRecord, Waveforms, correlation, indeterminate,
-    motion_by, unknown,
+    ELECTRODES, ElectrodeUnknowns, Indeterminate, UNKNOWNS, WaveRecord, Waveforms, correlation,
+    indeterminate, motion_by, unknown,
 };
 
 pub(super) use gaps::off_of;
 
-use super::hardware::Hardware;
-use super::records::{self, Records, of_role};
+use super::hardware::StageHardware;
+use super::records::{self, StageRecords, of_role};
 use crate::config::kinds::KindOf;
-use crate::config::{Experiment, Fault, Key, Quantity, Role, SignOf};
-use crate::fit::{Derived, FitError};
+use crate::config::{ConfigFault, Experiment, Key, Quantity, RecordingRole, SignOf};
+use crate::fit::{DerivedNumber, FitError};
 use crate::identify::{Entries, Identification, IdentifyError};
 use crate::micro_stage::device::MicroStage;
 use crate::progress::Progress;
@@ -42,7 +42,7 @@ use std::f64::consts::TAU;
 
 /// Identifies what the recordings' roles allow.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
-    let mut hardware = Hardware::of(experiment)?;
+    let mut hardware = StageHardware::of(experiment)?;
     let mut found = Identification {
         rig: "micro_stage",
         parameters: Vec::new(),
@@ -55,11 +55,15 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         materials: Vec::new(),
     };
     let index = |role| only(experiment, role);
-    let (sweep, on, off, still) =
-        (index(Role::Sweep)?, index(Role::BiasOn)?, index(Role::BiasOff)?, index(Role::ZeroDrive)?);
+    let (sweep, on, off, still) = (
+        index(RecordingRole::Sweep)?,
+        index(RecordingRole::BiasOn)?,
+        index(RecordingRole::BiasOff)?,
+        index(RecordingRole::ZeroDrive)?,
+    );
     if sweep.is_none() && on.is_none() && still.is_none() {
         let why = "no recording has the role `sweep`, `bias_on` or `zero_drive`; parameters are identified from those";
-        return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }).into());
+        return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
     }
     let mut device = (*experiment.device::<MicroStage>()?).clone();
     let mut entries = Entries::default();
@@ -70,11 +74,11 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     if let Some(index) = sweep {
         let records = records::read(experiment, &hardware, index, progress)?;
         let (points, fitted) = sweep_of(&records)?;
-        words::sweep(&mut found, &records, &fitted);
+        messages::sweep(&mut found, &records, &fitted);
         found.figures.push(figures::sweep(&points, &fitted));
         let resonator = &mut device.resonator;
         let damping = fitted.damping_ratio();
-        let damping = Derived { value: 100.0 * damping.value, deviation: 100.0 * damping.deviation };
+        let damping = DerivedNumber { value: 100.0 * damping.value, deviation: 100.0 * damping.deviation };
         let place = (NATURAL_FREQUENCY, &mut resonator.natural_frequency);
         entries.set(experiment, place, fitted.natural_frequency_hz(), "Hz")?;
         entries.set(experiment, (DAMPING_RATIO, &mut resonator.damping_ratio), damping, "%")?;
@@ -97,7 +101,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
             None => None,
         };
         let fitted = gaps::identify(experiment, &hardware, &records, off.as_ref())?;
-        words::gaps(&mut found, &hardware, &records, &fitted);
+        messages::gaps(&mut found, &hardware, &records, &fitted);
         found.figures.extend(figures::gaps(&hardware, &fitted));
         let mut names = Vec::new();
         for (electrode, by) in &fitted.electrodes {
@@ -108,11 +112,10 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
             entries.set(experiment, (&gain, &mut table.gain), by.gain, "V ohm")?;
             names.extend([gap, gain]);
             if let Some(feedthrough) = by.feedthrough {
-                let of_drive = crate::micro_stage::device::DriveFeedthrough {
+                table.feedthrough = Some(crate::micro_stage::device::DriveFeedthrough {
                     gain: quantity(experiment, feedthrough[0], "")?,
                     slope: quantity(experiment, feedthrough[1], "s")?,
-                };
-                table.feedthrough = Some(of_drive);
+                });
             }
         }
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -123,8 +126,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         found.experiment.set_device(device.clone());
         entries.write(&mut found.experiment);
         stop(progress)?;
-        if let Some(line) = trained::correction(&found.experiment, &records, &fitted, progress)? {
-            words::correction(&mut found, &records, &line);
+        if let Some(line) = rate_line::correction(&found.experiment, &records, &fitted, progress)? {
+            messages::correction(&mut found, &records, &line);
             let correction = crate::micro_stage::device::RateCorrection {
                 scale: quantity(experiment, line.scale.value, "")?,
                 bias: quantity(experiment, line.bias.value, "rad/s")?,
@@ -142,7 +145,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
 }
 
 /// The one recording of a role.
-fn only(experiment: &Experiment, role: Role) -> Result<Option<usize>, IdentifyError> {
+fn only(experiment: &Experiment, role: RecordingRole) -> Result<Option<usize>, IdentifyError> {
     match of_role(experiment, role)[..] {
         [first, second, ..] => {
             let key = Key::from("recording").index(second).child("role");
@@ -151,7 +154,7 @@ fn only(experiment: &Experiment, role: Role) -> Result<Option<usize>, IdentifyEr
                  one file with a `segments` column, or into another experiment",
                 Key::from("recording").index(first)
             );
-            Err(experiment.error(key, Fault::Value { why }).into())
+            Err(experiment.error(key, ConfigFault::Value { why }).into())
         }
         [index] => Ok(Some(index)),
         [] => Ok(None),
@@ -159,7 +162,7 @@ fn only(experiment: &Experiment, role: Role) -> Result<Option<usize>, IdentifyEr
 }
 
 /// The steps of a sweep, and the fit.
-fn sweep_of(records: &Records) -> Result<(Vec<SweepPoint>, SweepFit), IdentifyError> {
+fn sweep_of(records: &StageRecords) -> Result<(Vec<StageSweepPoint>, SweepFit), IdentifyError> {
     let mut points = Vec::new();
     for record in &records.all {
         let Some(rate) = record.rate else {
@@ -176,7 +179,7 @@ fn sweep_of(records: &Records) -> Result<(Vec<SweepPoint>, SweepFit), IdentifyEr
         let relative = (rate.residual_rms / rate.amplitude)
             .portable_hypot(record.drive.residual_rms / record.drive.amplitude);
         let deviation = size * relative * (2.0 / samples).sqrt();
-        points.push(SweepPoint { frequency_hz, re: size * cosine, im: size * sine, deviation });
+        points.push(StageSweepPoint { frequency_hz, re: size * cosine, im: size * sine, deviation });
     }
     points.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     let fitted = fit_sweep(&points).map_err(|error| match error {
@@ -193,7 +196,7 @@ const LABEL_HZ: f64 = 0.5;
 
 /// The frequency of a step: its label where that is a number, which is what the generator was set to; else what the
 /// drive shows.
-fn stepped_frequency(record: &records::Record) -> Result<f64, IdentifyError> {
+fn stepped_frequency(record: &records::StageRecord) -> Result<f64, IdentifyError> {
     match record.label.parse::<f64>() {
         Ok(stated) if (stated - record.drive.frequency_hz).abs() <= LABEL_HZ => Ok(stated),
         Ok(stated) => {
@@ -221,7 +224,7 @@ const DAMPING_RATIO: &str = "resonator.damping_ratio";
 const DRIVE_GAIN: &str = "resonator.drive_gain";
 
 fn value_error(experiment: &Experiment, why: String) -> IdentifyError {
-    experiment.error("device.micro_stage", Fault::Value { why }).into()
+    experiment.error("device.micro_stage", ConfigFault::Value { why }).into()
 }
 
 fn quantity<K: KindOf, S: SignOf>(

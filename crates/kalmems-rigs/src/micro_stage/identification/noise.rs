@@ -1,20 +1,20 @@
 //! The noise of the channels from a recording without drive.
 
 use super::common_noise::CommonNoise;
-use super::{quantity, words};
-use crate::config::{Experiment, Fault, Key};
+use super::{messages, quantity};
+use crate::config::{ConfigFault, Experiment, Key};
 use crate::identify::{Identification, IdentifyError, Material, STRETCH, StillRecord};
 use crate::micro_stage::device::MicroStage;
-use crate::micro_stage::hardware::Hardware;
+use crate::micro_stage::hardware::StageHardware;
 use crate::micro_stage::records::{DRIVE, place};
 use crate::progress::Progress;
-use crate::recording::{Around, Stretches};
+use crate::recording::{StretchSize, Stretches};
 use crate::units::kind;
 
 /// Finds the variance of each channel, and puts it into the device table and the hardware.
 pub fn identify(
     experiment: &Experiment,
-    hardware: &mut Hardware,
+    hardware: &mut StageHardware,
     device: &mut MicroStage,
     index: usize,
     found: &mut Identification,
@@ -28,7 +28,7 @@ pub fn identify(
     if let Some((other, _)) =
         described.channels.iter().find(|(name, _)| *name != DRIVE && !all.iter().any(|known| known == name))
     {
-        let fault = Fault::unknown_key(other, all.iter().map(String::as_str));
+        let fault = ConfigFault::unknown_key(other, all.iter().map(String::as_str));
         return Err(experiment.error(key().child(other), fault).into());
     }
     let columns: Vec<(usize, &str)> = (hardware.channels.iter().enumerate())
@@ -38,7 +38,7 @@ pub fn identify(
         })
         .collect();
     let names: Vec<&str> = columns.iter().map(|(_, column)| *column).collect();
-    let around = Around { rows: STRETCH, first: STRETCH, before: 0, after: 0 };
+    let around = StretchSize { rows: STRETCH, first: STRETCH, before: 0, after: 0 };
     let path = experiment.resolve(&described.file);
     let mut stretches = Stretches::open(&path, &described.layout(&names), around)?;
     let (mut records, mut common) = (Vec::new(), CommonNoise::new(columns.len()));
@@ -83,13 +83,13 @@ pub fn identify(
         })?;
         let channel = &mut hardware.channels[*electrode];
         channel.noise_variance = Some(still.variance);
-        words::noise(found, &name, &channel.name, &still);
+        messages::noise(found, &name, &channel.name, &still);
         if let Some(table) = device.electrodes.get_mut(&channel.name) {
             table.noise_variance = Some(quantity(experiment, still.variance, "V^2")?);
         }
         channels.push(channel.name.clone());
     }
-    words::common_noise(found, &name, &common, &channels);
+    messages::common_noise(found, &name, &common, &channels);
     found.materials.push(Material {
         name,
         role: described.role,

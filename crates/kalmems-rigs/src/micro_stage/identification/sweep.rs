@@ -1,6 +1,6 @@
 //! The stage's resonance from a stepped sweep of the drive's frequency.
 
-use crate::fit::{ByDual, Derived, Fit, FitError, FitSettings, Law, fit};
+use crate::fit::{ByDual, DerivedNumber, Fit, FitError, FitSettings, ResidualLaw, fit};
 use crate::identify::{Circle, ResonantResponse, ResponseModel, ResponsePoint, fit_circle, fit_response};
 use kalmems_core::Portable;
 use kalmems_core::{Over, Scalar};
@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 /// One step of the sweep: the angular rate over the drive, as the instruments show them, in rad/s/V.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SweepPoint {
+pub struct StageSweepPoint {
     /// The drive's frequency in Hz.
     pub frequency_hz: f64,
     /// The real part.
@@ -55,8 +55,8 @@ pub enum SweepError {
 ///
 /// The response of the angle is that of the rate over 2πjf. Where the phase of the rate is 0 is no resonance: a
 /// vibrometer that is 6.9 µs late moves that by 0.6 Hz.
-pub fn fit_sweep(points: &[SweepPoint]) -> Result<SweepFit, SweepError> {
-    let size = |p: &SweepPoint| p.re.portable_hypot(p.im);
+pub fn fit_sweep(points: &[StageSweepPoint]) -> Result<SweepFit, SweepError> {
+    let size = |p: &StageSweepPoint| p.re.portable_hypot(p.im);
     let peak = points.iter().max_by(|a, b| size(a).total_cmp(&size(b))).map_or(0.0, |p| p.frequency_hz);
     let below = points.iter().filter(|p| p.frequency_hz < peak).count();
     let above = points.iter().filter(|p| p.frequency_hz > peak).count();
@@ -83,7 +83,7 @@ pub fn fit_sweep(points: &[SweepPoint]) -> Result<SweepFit, SweepError> {
 }
 
 /// The angles at which the circle is passed: ψ(f) = ψ₀ − 2·atan((f/f_n − f_n/f)/(2ζ)).
-fn along(points: &[SweepPoint], circle: &Circle, near: &ResonantResponse) -> Result<Fit<3>, FitError> {
+fn along(points: &[StageSweepPoint], circle: &Circle, near: &ResonantResponse) -> Result<Fit<3>, FitError> {
     let [x, y] = circle.centre();
     let natural = near.natural_frequency_hz().value;
     let nearest = points
@@ -100,7 +100,7 @@ fn along(points: &[SweepPoint], circle: &Circle, near: &ResonantResponse) -> Res
 
 struct Passage<'a>(&'a [[f64; 3]]);
 
-impl Law<3> for Passage<'_> {
+impl ResidualLaw<3> for Passage<'_> {
     fn residuals<S: Over<f64>>(&self, p: &[S; 3], each: &mut impl FnMut(S)) {
         for [frequency, angle, deviation] in self.0 {
             let ratio = S::lift(*frequency) / p[1];
@@ -116,17 +116,17 @@ impl Law<3> for Passage<'_> {
 
 impl SweepFit {
     /// f_n in Hz.
-    pub fn natural_frequency_hz(&self) -> Derived {
+    pub fn natural_frequency_hz(&self) -> DerivedNumber {
         self.response.natural_frequency_hz()
     }
 
     /// ζ.
-    pub fn damping_ratio(&self) -> Derived {
+    pub fn damping_ratio(&self) -> DerivedNumber {
         self.response.damping_ratio()
     }
 
     /// b_c in rad/s²/V: ω_n² times the static angle per volt.
-    pub fn drive_gain(&self) -> Derived {
+    pub fn drive_gain(&self) -> DerivedNumber {
         self.response.fit.derived(|p| p[0] * (p[1] * TAU).sq())
     }
 
@@ -141,30 +141,30 @@ impl SweepFit {
     }
 
     /// The delay of the vibrometer in s.
-    pub fn delay_s(&self) -> Derived {
+    pub fn delay_s(&self) -> DerivedNumber {
         self.response.delay_s()
     }
 
     /// f_n in Hz by the circle.
-    pub fn circle_frequency_hz(&self) -> Derived {
+    pub fn circle_frequency_hz(&self) -> DerivedNumber {
         self.along.parameter(1)
     }
 
     /// ζ by the circle.
-    pub fn circle_damping_ratio(&self) -> Derived {
+    pub fn circle_damping_ratio(&self) -> DerivedNumber {
         self.along.parameter(2)
     }
 
     /// b_c in rad/s²/V by the circle: its diameter is b_c/(2ζω_n).
-    pub fn circle_drive_gain(&self) -> Derived {
+    pub fn circle_drive_gain(&self) -> DerivedNumber {
         let radius = self.circle.fit.parameter(2);
         let gain = self.along.derived(|p| p[1] * p[2] * (4.0 * TAU * radius.value));
         let relative = (gain.deviation / gain.value).portable_hypot(radius.deviation / radius.value);
-        Derived { value: gain.value, deviation: gain.value.abs() * relative }
+        DerivedNumber { value: gain.value, deviation: gain.value.abs() * relative }
     }
 
     /// The phase of the rate at resonance in rad: 0 but for the delay of the vibrometer.
-    pub fn phase_at_resonance(&self) -> Derived {
+    pub fn phase_at_resonance(&self) -> DerivedNumber {
         self.along.parameter(0)
     }
 }

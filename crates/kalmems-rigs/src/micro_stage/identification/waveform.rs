@@ -1,6 +1,6 @@
 //! Gap and gain of each electrode from the whole waveform of its signal.
 
-use crate::fit::{Bounds, Derived, Fit, FitError, FitSettings, Regression, fit};
+use crate::fit::{DerivedNumber, Fit, FitError, FitSettings, ParameterBounds, Regression, fit};
 use crate::signal::Sine;
 use kalmems_core::Dual;
 use kalmems_core::Portable;
@@ -56,7 +56,7 @@ pub struct WaveRecord {
 
 /// What of the electrodes is searched for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sought {
+pub enum ElectrodeUnknowns {
     /// Gap and gain of each.
     Both,
     /// The gaps; the gains are trusted.
@@ -81,7 +81,7 @@ pub struct Waveforms<'a> {
     /// Whether the motion's size is known, as a vibrometer says it.
     pub scale_known: bool,
     /// What of the electrodes is searched for.
-    pub sought: Sought,
+    pub unknowns: ElectrodeUnknowns,
     /// Whether the signals have feedthrough that nothing has taken away: it is fitted, and what is then left to
     /// determine gap and gain is the harmonics.
     pub feedthrough: bool,
@@ -96,19 +96,19 @@ impl Waveforms<'_> {
     pub fn fit(&self) -> Result<Fit<UNKNOWNS>, FitError> {
         let mut start = [0.0; UNKNOWNS];
         let mut free = [false; UNKNOWNS];
-        let mut bounds = [Bounds::FREE; UNKNOWNS];
+        let mut bounds = [ParameterBounds::FREE; UNKNOWNS];
         (start[unknown::SCALE], free[unknown::SCALE]) = (1.0, !self.scale_known);
-        bounds[unknown::SCALE] = Bounds { low: 0.05, high: 4.0 };
+        bounds[unknown::SCALE] = ParameterBounds { low: 0.05, high: 4.0 };
         (start[unknown::DELAY], free[unknown::DELAY]) = (self.delay_s, true);
         let largest = self.records.iter().map(|record| record.angle.amplitude).fold(0.0, f64::max);
         for (i, plate) in self.plates.iter().enumerate().take(ELECTRODES) {
             let (gap, gain) = (unknown::gap(i), unknown::gain(i));
-            (start[gap], free[gap]) = (plate.gap, self.sought != Sought::Gains);
+            (start[gap], free[gap]) = (plate.gap, self.unknowns != ElectrodeUnknowns::Gains);
             // The plates stay apart; where the scale is searched for, it is the scale that gives way.
             let contact = plate.w1.abs().max(plate.w2.abs()) * largest.portable_tan();
-            bounds[gap] = Bounds { low: 1.02 * contact, high: f64::INFINITY };
+            bounds[gap] = ParameterBounds { low: 1.02 * contact, high: f64::INFINITY };
             start[gap] = start[gap].max(1.1 * contact);
-            (start[gain], free[gain]) = (self.gains[i], self.sought != Sought::Gaps);
+            (start[gain], free[gain]) = (self.gains[i], self.unknowns != ElectrodeUnknowns::Gaps);
             free[unknown::offset(i)] = true;
             for index in unknown::feedthrough(i) {
                 free[index] = self.feedthrough;
@@ -120,7 +120,7 @@ impl Waveforms<'_> {
     }
 
     /// What one electrode's signal is expected to be at one time.
-    fn at(&self, p: &[f64; UNKNOWNS], record: &WaveRecord, electrode: usize, time_s: f64) -> Expected {
+    fn at(&self, p: &[f64; UNKNOWNS], record: &WaveRecord, electrode: usize, time_s: f64) -> ExpectedSample {
         let plate = &self.plates[electrode];
         let rate = TAU * record.angle.frequency_hz;
         let phase = rate * (time_s + p[unknown::DELAY]) + record.angle.phase_rad;
@@ -144,7 +144,7 @@ impl Waveforms<'_> {
         let (drive_sine, drive_cosine) = (turn * time_s + record.drive.phase_rad).portable_sin_cos();
         let drive = [record.drive.amplitude * drive_cosine, -turn * record.drive.amplitude * drive_sine];
         let [direct, differentiated] = unknown::feedthrough(electrode).map(|index| p[index]);
-        Expected {
+        ExpectedSample {
             volts: gain * slope.value() * speed
                 + p[unknown::offset(electrode)]
                 + direct * drive[0]
@@ -159,7 +159,7 @@ impl Waveforms<'_> {
 }
 
 /// A sample of a signal in V, and its derivatives.
-struct Expected {
+struct ExpectedSample {
     volts: f64,
     by_gap: f64,
     by_gain: f64,
@@ -170,7 +170,7 @@ struct Expected {
 
 impl Waveforms<'_> {
     /// Every finite sample of every signal: its electrode, what is expected of it, and what it is.
-    fn each_sample(&self, p: &[f64; UNKNOWNS], each: &mut impl FnMut(usize, &Expected, f64)) {
+    fn each_sample(&self, p: &[f64; UNKNOWNS], each: &mut impl FnMut(usize, &ExpectedSample, f64)) {
         for record in self.records {
             for (electrode, signal) in record.signals.iter().enumerate().take(self.plates.len()) {
                 for (time_s, y) in record.time_s.iter().zip(signal).filter(|(_, y)| y.is_finite()) {
@@ -234,9 +234,9 @@ pub struct Indeterminate {
 /// Θ → c·Θ, D_n → c·D_n, η → c·η leaves the waveform as it is but for tan θ against θ, a part in 10⁶ at 2 mrad: the
 /// singular value is that small, and the standard error that large.
 pub fn indeterminate(waveforms: &Waveforms) -> Result<Indeterminate, FitError> {
-    let all = Waveforms { scale_known: false, sought: Sought::Both, ..waveforms.clone() };
+    let all = Waveforms { scale_known: false, unknowns: ElectrodeUnknowns::Both, ..waveforms.clone() };
     // At the best waveform with trusted gains; the direction is the same at every point of the line that it runs along.
-    let trusted = Waveforms { sought: Sought::Gaps, ..all.clone() }.fit()?;
+    let trusted = Waveforms { unknowns: ElectrodeUnknowns::Gaps, ..all.clone() }.fit()?;
     let p = trusted.parameters;
     let logarithms: [f64; UNKNOWNS] = array::from_fn(|i| {
         let (electrode, place) = (i.saturating_sub(2) / EACH, i.saturating_sub(2) % EACH);
@@ -286,9 +286,9 @@ pub fn correlation(fit: &Fit<UNKNOWNS>, electrode: usize) -> f64 {
 }
 
 /// The mean of values weighted by their standard errors.
-pub fn weighted(values: &[Derived]) -> Option<Derived> {
+pub fn weighted(values: &[DerivedNumber]) -> Option<DerivedNumber> {
     let usable = || values.iter().filter(|v| v.deviation.is_finite() && v.deviation > 0.0);
     let weight: f64 = usable().map(|v| v.deviation.powi(-2)).sum();
     let sum: f64 = usable().map(|v| v.value * v.deviation.powi(-2)).sum();
-    (weight > 0.0).then(|| Derived { value: sum / weight, deviation: weight.sqrt().recip() })
+    (weight > 0.0).then(|| DerivedNumber { value: sum / weight, deviation: weight.sqrt().recip() })
 }

@@ -27,11 +27,11 @@ pub struct SharedScanner {
     /// The mirror on its torsion bars.
     pub resonator: Resonator,
     /// The comb's capacitance over the angle.
-    pub comb: GaussianComb,
+    pub comb: GaussianCombTable,
     /// From capacitance to voltage.
     pub readout: DemodulatedReadout,
     /// The carrier that senses the capacitance.
-    pub carrier: Carrier,
+    pub carrier: CarrierTable,
     /// A second axis on the same electrode; none if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_axis: Option<SecondAxis>,
@@ -60,7 +60,7 @@ pub struct Resonator {
 /// A capacitance that falls with the angle as a Gaussian: `C0 exp(-(angle/theta0)^2) + Cb`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct GaussianComb {
+pub struct GaussianCombTable {
     /// How much the capacitance varies at most, C0.
     pub nominal_capacitance: Quantity<Capacitance, Positive>,
     /// The angle at which it has fallen to 1/e, theta0.
@@ -84,18 +84,18 @@ pub struct DemodulatedReadout {
     /// filters that track them as states.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "two_poles")]
     #[schemars(example = poles())]
-    pub poles: Option<[Pole; 2]>,
+    pub poles: Option<[PoleFrequency; 2]>,
     /// How late the voltage is beside the poles, such as `1.16 us` for a high-pass of fourth order near its cut-off; at
     /// most an eighth of the motion's cycle. All filters and the simulation without a circuit heed it; none if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay: Option<Quantity<Time, NotNegative>>,
 }
 
-type Pole = Quantity<Frequency, Positive>;
+type PoleFrequency = Quantity<Frequency, Positive>;
 
-fn two_poles<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[Pole; 2]>, D::Error> {
-    let poles = Vec::<Pole>::deserialize(deserializer)?;
-    let two = <[Pole; 2]>::try_from(poles).map_err(|poles| {
+fn two_poles<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[PoleFrequency; 2]>, D::Error> {
+    let poles = Vec::<PoleFrequency>::deserialize(deserializer)?;
+    let two = <[PoleFrequency; 2]>::try_from(poles).map_err(|poles| {
         let found = poles.len();
         D::Error::custom(format!(
             "found {found} in the list; expected the two corner frequencies, such as `[\"31.35 kHz\", \"31.35 kHz\"]`"
@@ -111,7 +111,7 @@ fn poles() -> serde_json::Value {
 /// The carrier that senses the capacitance. Its mean square drives the device as well.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Carrier {
+pub struct CarrierTable {
     /// Its amplitude.
     pub amplitude: Quantity<Voltage, NotNegative>,
     /// Its frequency; the estimate does not need it.

@@ -1,6 +1,6 @@
 //! A second axis on the electrode of a shared-electrode scanner.
 
-use super::{GaussianComb, Resonator};
+use super::{GaussianCombTable, Resonator};
 use crate::config::Quantity;
 use crate::config::kinds::Inertia;
 use schemars::JsonSchema;
@@ -13,7 +13,7 @@ pub struct SecondAxis {
     /// The gimbal, mirror included, on its torsion bars.
     pub resonator: Resonator,
     /// The capacitance of its comb over its angle.
-    pub comb: GaussianComb,
+    pub comb: GaussianCombTable,
     /// What the inertia about its axis gains as the mirror turns by a right angle: for a thin flat mirror the mirror's
     /// own. Left out, the two axes meet in the voltage and the signal alone.
     #[serde(skip_serializing_if = "Option::is_none")]

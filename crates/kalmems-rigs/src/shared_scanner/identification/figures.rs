@@ -1,8 +1,8 @@
 //! The pictures of an identification.
 
 use super::{RingDown, RingDownFit, SteadyState, SteadyStateFit, integrated_capacitance, unknown};
-use crate::identify::{Identification, Material, Still};
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use crate::identify::{Identification, Material, StillNoise};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::TAU;
 
@@ -32,18 +32,22 @@ pub fn ring_down(found: &mut Identification, material: &Material, record: &RingD
                    takes the whole record.";
     let mut figure = Figure::new("ring_down_fit", "Ring-down: fit over data", caption).with(
         Panel::new(time_axis(), Axis::new("V_o1", "V"))
-            .with(Series::points("measured", Role::Measured, zip(&|k| material.signal[k], near)))
-            .with(Series::line("fitted", Role::Model, zip(&|k| fitted.fitted[k][0], near))),
+            .with(Series::points("measured", SeriesRole::Measured, zip(&|k| material.signal[k], near)))
+            .with(Series::line("fitted", SeriesRole::Model, zip(&|k| fitted.fitted[k][0], near))),
     );
     let mut angle = Panel::new(time_axis(), Axis::new("angle", "deg"));
     if fitted.with_reference {
         angle = angle.with(Series::points(
             "reference",
-            Role::Reference,
+            SeriesRole::Reference,
             zip(&|k| material.angle[k].to_degrees(), near),
         ));
     }
-    angle = angle.with(Series::line("fitted", Role::Model, zip(&|k| fitted.fitted[k][1].to_degrees(), near)));
+    angle = angle.with(Series::line(
+        "fitted",
+        SeriesRole::Model,
+        zip(&|k| fitted.fitted[k][1].to_degrees(), near),
+    ));
     figure = figure.with(angle.sharing_x());
     found.figures.push(figure);
 
@@ -61,9 +65,9 @@ pub fn ring_down(found: &mut Identification, material: &Material, record: &RingD
         };
         let three = 3.0 * fitted.deviations[channel] / scale;
         let panel = Panel::new(time_axis(), Axis::new(label, unit))
-            .with(Series::points(name, Role::Measured, zip(&left, all)))
-            .with(Series::level("±3σ", Role::Bound, three))
-            .with(Series::level("", Role::Bound, -three));
+            .with(Series::points(name, SeriesRole::Measured, zip(&left, all)))
+            .with(Series::level("±3σ", SeriesRole::Bound, three))
+            .with(Series::level("", SeriesRole::Bound, -three));
         figure = figure.with(if channel == 0 { panel } else { panel.sharing_x() });
     }
     found.figures.push(figure);
@@ -97,9 +101,9 @@ fn profile(record: &RingDown, fitted: &RingDownFit) -> Figure {
                    what it walks away by is noise.";
     Figure::new("capacitance_profile", "Capacitance over the angle", caption).with(
         Panel::new(Axis::new("angle", "deg"), Axis::new("C − C_b", "F"))
-            .with(Series::points("charge added up", Role::Measured, charge))
-            .with(Series::line("before", Role::Reference, curve(believed)))
-            .with(Series::line("fitted", Role::Model, curve(comb))),
+            .with(Series::points("charge added up", SeriesRole::Measured, charge))
+            .with(Series::line("before", SeriesRole::Reference, curve(believed)))
+            .with(Series::line("fitted", SeriesRole::Model, curve(comb))),
     )
 }
 
@@ -119,23 +123,23 @@ pub fn steady_state(
                    what the line leaves, and what is left with the demodulator's poles where they are seen. A loop \
                    is a lag.";
     let mut residuals = Panel::new(Axis::new("capacitance", "F"), Axis::new("residual", "V"))
-        .with(Series::points("affine", Role::Measured, over(&|k| line.residuals[k])));
+        .with(Series::points("affine", SeriesRole::Measured, over(&|k| line.residuals[k])));
     if let Some(poles) = &fitted.poles {
         residuals =
-            residuals.with(Series::points("with poles", Role::Estimate, over(&|k| poles.residuals[k])));
+            residuals.with(Series::points("with poles", SeriesRole::Estimate, over(&|k| poles.residuals[k])));
     }
     found.figures.push(
         Figure::new("circuit_gain", "Signal over capacitance", caption)
             .with(
                 Panel::new(Axis::new("capacitance", "F"), Axis::new("signal", "V"))
-                    .with(Series::points("measured", Role::Measured, over(&|k| material.signal[k])))
-                    .with(Series::line("fitted", Role::Model, over(&fit))),
+                    .with(Series::points("measured", SeriesRole::Measured, over(&|k| material.signal[k])))
+                    .with(Series::line("fitted", SeriesRole::Model, over(&fit))),
             )
             .with(residuals.sharing_x()),
     );
 }
 
-pub fn still(found: &mut Identification, material: &Material, fitted: &Still) {
+pub fn still(found: &mut Identification, material: &Material, fitted: &StillNoise) {
     let all = material.time_s.len();
     let three = 3.0 * fitted.variance.sqrt();
     let points: Vec<(f64, f64)> = (0..all).map(|k| (material.time_s[k], material.signal[k])).collect();
@@ -144,9 +148,9 @@ pub fn still(found: &mut Identification, material: &Material, fitted: &Still) {
     found.figures.push(
         Figure::new("noise", "Noise without motion", caption).with(
             Panel::new(time_axis(), Axis::new("signal", "V"))
-                .with(Series::points("measured", Role::Measured, points))
-                .with(Series::level("±3σ", Role::Bound, fitted.mean + three))
-                .with(Series::level("", Role::Bound, fitted.mean - three)),
+                .with(Series::points("measured", SeriesRole::Measured, points))
+                .with(Series::level("±3σ", SeriesRole::Bound, fitted.mean + three))
+                .with(Series::level("", SeriesRole::Bound, fitted.mean - three)),
         ),
     );
 }

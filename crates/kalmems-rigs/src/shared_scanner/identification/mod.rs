@@ -9,33 +9,33 @@
 //! A reference with the channel `angle` is used where a recording has one; the steady state needs it.
 
 mod amplitude;
-mod entered;
 mod figures;
+mod identified_table;
+mod messages;
 mod ring_down;
 mod settings;
 mod steady_state;
-mod words;
 
 pub use amplitude::gain_ambiguity;
 pub use ring_down::{RingDown, RingDownError, RingDownFit, fit_ring_down, integrated_capacitance, unknown};
 pub use settings::RingDownSettings;
 pub use steady_state::{PolesFit, SteadyState, SteadyStateFit, fit_steady_state, fit_width};
 
-use super::settings::Hardware;
-use crate::config::{Experiment, Fault, Role};
+use super::settings::ScannerHardware;
+use crate::config::{ConfigFault, Experiment, RecordingRole};
 use crate::evaluate::{Instruments, ReferenceChannels};
 use crate::identify::{Entries, Identification, IdentifyError, Material, exact};
 use crate::progress::Progress;
 use crate::shared_scanner::device::SharedScanner;
 use crate::units::kind;
-use entered::{NOISE_VARIANCE, WORTH_SETTING, apply_ring_down, apply_steady_state, knows_comb};
+use identified_table::{NOISE_VARIANCE, WORTH_SETTING, apply_ring_down, apply_steady_state, knows_comb};
 use kalmems_core::{Covariance, Mat};
 use kalmems_figures::number;
 
 /// Identifies what the recordings' roles allow.
 #[allow(clippy::too_many_lines)] // one role of recordings after the other
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = ScannerHardware::of(experiment)?;
     let reference = ReferenceChannels::one_angle(Instruments::default());
     let channel = |role, name, also: &[&str]| {
         Material::of_role(experiment, role, (name, &kind::VOLTAGE), also, &reference, progress)
@@ -51,11 +51,11 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         experiment: experiment.clone(),
         materials: Vec::new(),
     };
-    let decay = channel(Role::RingDown, CURRENT, &[RECORDED_BIAS])?;
-    let steady = channel(Role::SteadyState, "signal", &["drive"])?;
+    let decay = channel(RecordingRole::RingDown, CURRENT, &[RECORDED_BIAS])?;
+    let steady = channel(RecordingRole::SteadyState, "signal", &["drive"])?;
     let still = Material::still_of_role(
         experiment,
-        Role::ZeroDrive,
+        RecordingRole::ZeroDrive,
         ("signal", &kind::VOLTAGE),
         &["drive"],
         progress,
@@ -63,7 +63,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     if decay.is_none() && steady.is_none() && still.is_none() {
         let why = "no recording has the role `ring_down`, `steady_state` or `zero_drive`; parameters are identified \
                    from those";
-        return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }).into());
+        return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
     }
     let mut device = (*experiment.device::<SharedScanner>()?).clone();
 
@@ -74,18 +74,18 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         Some(material) => {
             let mut settings = RingDownSettings::of(experiment)?;
             if let Some(bias) = recorded_bias(experiment, progress)? {
-                words::recorded_bias(&mut found, &material, (settings.bias, bias));
+                messages::recorded_bias(&mut found, &material, (settings.bias, bias));
                 settings.bias = bias;
             }
             let record = ring_down_of(&hardware, &material, &settings);
             let fitted = decay_of(&record, &material)?;
-            words::ring_down(&mut found, &material, &record, &fitted);
+            messages::ring_down(&mut found, &material, &record, &fitted);
             figures::ring_down(&mut found, &material, &record, &fitted);
             comb = apply_ring_down(experiment, &mut device, (&mut entries, &fitted), comb.0)?;
             ring_down = Some(fitted);
             found.materials.push(material);
         }
-        None => words::no_ring_down(&mut found),
+        None => messages::no_ring_down(&mut found),
     }
     stop(progress)?;
     match steady {
@@ -116,13 +116,13 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                 record.comb_covariance = Covariance::from_lower(Mat([[0.0, 0.0], [0.0, variance]]));
                 fitted = fit(&record)?;
             }
-            words::steady_state(&mut found, &material, &record, &fitted);
-            words::steady_state_width(&mut found, &material, width);
+            messages::steady_state(&mut found, &material, &record, &fitted);
+            messages::steady_state_width(&mut found, &material, width);
             figures::steady_state(&mut found, &material, &record, &fitted);
             apply_steady_state(experiment, &mut device, &mut entries, (&fitted, used, width))?;
             found.materials.push(material);
         }
-        other => words::no_reference(&mut found, other.as_ref(), comb.0.angular_width),
+        other => messages::no_reference(&mut found, other.as_ref(), comb.0.angular_width),
     }
     stop(progress)?;
     match still {
@@ -131,13 +131,13 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                 let why = "fewer than 32 samples, or none that varies; there is no noise to see";
                 material.unfit(why.to_owned())
             })?;
-            words::still(&mut found, &material, &fitted);
+            messages::still(&mut found, &material, &fitted);
             figures::still(&mut found, &material, &fitted);
             let place = (NOISE_VARIANCE, &mut device.readout.noise_variance);
             entries.set(experiment, place, exact(fitted.variance), "V^2")?;
             found.materials.push(material);
         }
-        None => words::no_still(&mut found),
+        None => messages::no_still(&mut found),
     }
     for material in &found.materials {
         found.notes.extend(material.diagnosis.iter().map(|finding| format!("{}: {finding}", material.name)));
@@ -153,13 +153,15 @@ const RECORDED_BIAS: &str = "bias";
 
 /// The mean of the bias voltage, where the ring-down has a channel of it.
 fn recorded_bias(experiment: &Experiment, progress: &dyn Progress) -> Result<Option<f64>, IdentifyError> {
-    let mut of_role = experiment.recordings.iter().filter(|recording| recording.role == Role::RingDown);
+    let mut of_role =
+        experiment.recordings.iter().filter(|recording| recording.role == RecordingRole::RingDown);
     if of_role.next().is_none_or(|recording| recording.channels.column(RECORDED_BIAS).is_none()) {
         return Ok(None);
     }
     let known = ReferenceChannels::one_angle(Instruments::default());
     let column = (RECORDED_BIAS, &kind::VOLTAGE);
-    let Some(material) = Material::of_role(experiment, Role::RingDown, column, &[CURRENT], &known, progress)?
+    let Some(material) =
+        Material::of_role(experiment, RecordingRole::RingDown, column, &[CURRENT], &known, progress)?
     else {
         return Ok(None);
     };
@@ -179,7 +181,7 @@ fn stop(progress: &dyn Progress) -> Result<(), IdentifyError> {
 }
 
 fn ring_down_of<'a>(
-    hardware: &Hardware,
+    hardware: &ScannerHardware,
     material: &'a Material,
     settings: &RingDownSettings,
 ) -> RingDown<'a> {

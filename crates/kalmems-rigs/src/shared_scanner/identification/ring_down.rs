@@ -1,7 +1,7 @@
 //! The mechanics and the electrodes from a free decay under a bias.
 
 use crate::fit::{
-    Bounds, ByDual, Fit, FitError, FitSettings, Regression, Shooting, ShootingError, Unknown, fit,
+    ByDual, Fit, FitError, FitSettings, ParameterBounds, Regression, Shooting, ShootingError, Unknown, fit,
 };
 use crate::identify::Whiteness;
 use kalmems_core::Portable;
@@ -232,7 +232,7 @@ fn rms(samples: &[[f64; 2]]) -> [f64; 2] {
 fn settings_from(start: [f64; COUNT], with_reference: bool) -> FitSettings<COUNT> {
     let mut settings = FitSettings::from_start(start);
     settings.free[ANGLE_OFFSET] = with_reference;
-    let around = |value: f64, factor: f64| Bounds { low: value / factor, high: value * factor };
+    let around = |value: f64, factor: f64| ParameterBounds { low: value / factor, high: value * factor };
     settings.bounds[STIFFNESS] = around(start[STIFFNESS], 2.0);
     settings.bounds[DAMPING].low = 0.0;
     settings.bounds[NOMINAL] = around(start[NOMINAL], 100.0);

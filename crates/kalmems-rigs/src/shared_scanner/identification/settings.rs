@@ -1,6 +1,6 @@
 //! How the ring-down was taken.
 
-use crate::config::{ConfigError, Entry, Experiment, Fault, Sign};
+use crate::config::{ConfigError, ConfigFault, ExpectedEntry, Experiment, Sign};
 use crate::units::kind;
 
 /// What `[identify.ring_down]` says, in SI.
@@ -12,9 +12,9 @@ pub struct RingDownSettings {
     pub feedback_resistance: f64,
 }
 
-const ENTRIES: [Entry; 2] = [
-    Entry::new("bias", &kind::VOLTAGE, Sign::NotZero),
-    Entry::new("feedback_resistance", &kind::RESISTANCE, Sign::NotZero),
+const ENTRIES: [ExpectedEntry; 2] = [
+    ExpectedEntry::new("bias", &kind::VOLTAGE, Sign::NotZero),
+    ExpectedEntry::new("feedback_resistance", &kind::RESISTANCE, Sign::NotZero),
 ];
 
 impl RingDownSettings {
@@ -24,7 +24,7 @@ impl RingDownSettings {
             let remedy = "add the table `[identify.ring_down]` with `bias = \"23.76 V\"` and \
                           `feedback_resistance = \"17.86 kohm\"`"
                 .to_owned();
-            return Err(experiment.error("identify", Fault::MissingKey { remedy }));
+            return Err(experiment.error("identify", ConfigFault::MissingKey { remedy }));
         };
         let [bias, feedback_resistance] =
             experiment.values("identify.ring_down", &identify.ring_down, ENTRIES)?;

@@ -1,7 +1,7 @@
 //! Gain and offset of the circuit from a motion that a reference shows.
 
 use crate::fit::{
-    Bounds, ByDual, Derived, Fit, FitError, FitSettings, Shooting, ShootingError, Unknown, fit,
+    ByDual, DerivedNumber, Fit, FitError, FitSettings, ParameterBounds, Shooting, ShootingError, Unknown, fit,
 };
 use crate::identify::{AffineFit, Whiteness, fit_affine};
 use crate::signal::{GAP, cubic_between, usual_interval};
@@ -35,13 +35,13 @@ pub struct SteadyStateFit {
     /// y = a·C(θ) + b by least squares, with the errors of the line alone.
     pub affine: AffineFit,
     /// a in V/F, the errors of C₀ and θ₀ included.
-    pub gain: Derived,
+    pub gain: DerivedNumber,
     /// b in V, for the C_b that was given, the errors of C₀ and θ₀ included.
-    pub offset: Derived,
+    pub offset: DerivedNumber,
     /// a·C₀ in V: what is observable of the gain.
-    pub swing: Derived,
+    pub swing: DerivedNumber,
     /// a·C_b + b in V: what is observable of the offset.
-    pub level: Derived,
+    pub level: DerivedNumber,
     /// How a and b move with C₀ and θ₀.
     pub by_comb: [[f64; 2]; 2],
     /// C filtered by the demodulator's two poles, where that explains the signal better.
@@ -63,7 +63,7 @@ pub struct PolesFit {
 
 impl PolesFit {
     /// The poles' frequency in Hz.
-    pub fn frequency_hz(&self) -> Derived {
+    pub fn frequency_hz(&self) -> DerivedNumber {
         self.fit.derived(|p| p[0] * (1.0 / TAU))
     }
 }
@@ -141,7 +141,7 @@ pub fn fit_steady_state(record: &SteadyState) -> Option<Result<SteadyStateFit, F
         let from_comb = by_nominal * by_nominal * c.get(0, 0)
             + 2.0 * by_nominal * by_width * c.get(0, 1)
             + by_width * by_width * c.get(1, 1);
-        Derived { value: values[i], deviation: (own[i] * own[i] + from_comb).sqrt() }
+        DerivedNumber { value: values[i], deviation: (own[i] * own[i] + from_comb).sqrt() }
     };
     let poles = match record.poles(&affine) {
         Ok(poles) => poles,
@@ -168,7 +168,7 @@ const WIDTHS: u32 = 12;
 /// θ₀ by the motion itself: the width with which the line through signal and capacitance leaves least, the line being the best for each
 /// width. Its error is that of a fit of width, swing and level together, 2·s²/S″ of the sum of squares S. `None` where there is no least
 /// one within a factor of 1.6 of the width that is believed.
-pub fn fit_width(record: &SteadyState) -> Option<Derived> {
+pub fn fit_width(record: &SteadyState) -> Option<DerivedNumber> {
     let believed = record.comb.angular_width;
     let left = |logarithm: f64| -> Option<(f64, f64)> {
         let comb = GaussianComb { angular_width: believed * Scalar::exp(logarithm), ..record.comb };
@@ -202,7 +202,7 @@ pub fn fit_width(record: &SteadyState) -> Option<Derived> {
     let beside = [-BEND, BEND].map(|by| left(at + by).map(|(sum, _)| sum));
     let bend = (beside[0]? - 2.0 * sum + beside[1]?) / (BEND * BEND);
     let value = believed * Scalar::exp(at);
-    (bend > 0.0).then(|| Derived { value, deviation: value * (2.0 * sum / freedom / bend).sqrt() })
+    (bend > 0.0).then(|| DerivedNumber { value, deviation: value * (2.0 * sum / freedom / bend).sqrt() })
 }
 
 /// Rounds of that, the smallest distance of the points, and that over which the curvature is taken, of the logarithm.
@@ -277,7 +277,7 @@ impl SteadyState<'_> {
                 (&samples, [affine.residual_deviation]),
             )?;
             let mut settings = FitSettings::from_start(shooting.nominal());
-            settings.bounds[0] = Bounds { low: 1e-3 * fastest, high: fastest };
+            settings.bounds[0] = ParameterBounds { low: 1e-3 * fastest, high: fastest };
             let found = match fit(&ByDual(shooting), &settings) {
                 Ok(found) => found,
                 // Another start may do.

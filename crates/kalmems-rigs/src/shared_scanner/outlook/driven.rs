@@ -1,21 +1,21 @@
 //! What a drive does to a scanner: whether it starts, how far it swings, and when.
 
-use super::super::settings::Hardware;
-use crate::outlook::{Response, Start, Topic};
+use super::super::settings::ScannerHardware;
+use crate::outlook::{AmplitudeResponse, OutlookTopic, SmallMotionGrowth};
 use crate::simulate::{
-    Balance, Drive, Hold, Stability, StabilityMap, StartUp, SteadyMotion, floquet_exponent, start_up,
-    starting_factor, sweeps_both_ways,
+    Balance, Drive, Stability, StabilityMap, SteadyMotion, SweepHold, SweepStartUp, floquet_exponent,
+    start_up, starting_factor, sweeps_both_ways,
 };
 use kalmems_core::Scalar;
 use kalmems_models::dynamics::ParametricScanner;
 
 /// Statements and figures about one drive.
 pub struct Driven {
-    pub topics: Vec<Topic>,
+    pub topics: Vec<OutlookTopic>,
     /// That of the steady motion at the drive's frequency, or the largest within its sweep, in rad.
     pub amplitude: Option<f64>,
-    pub response: Option<Response>,
-    pub start: Option<Start>,
+    pub response: Option<AmplitudeResponse>,
+    pub start: Option<SmallMotionGrowth>,
 }
 
 /// Integration steps per half cycle of the motion, which is a period of the harmonic of the drive that pumps: the frequency
@@ -38,7 +38,7 @@ const LONGEST_START: f64 = 4e6;
 
 impl Driven {
     /// For this device and drive.
-    pub fn of(hardware: &Hardware, drive: &Drive) -> Self {
+    pub fn of(hardware: &ScannerHardware, drive: &Drive) -> Self {
         let scanner = &hardware.scanner;
         let Some(stability) = Stability::of(scanner, drive) else {
             let text = match drive {
@@ -50,12 +50,13 @@ impl Driven {
                         .to_owned()
                 }
             };
-            let topics = vec![Topic::new("Drive").with("drive", [], text)];
+            let topics = vec![OutlookTopic::new("Drive").with("drive", [], text)];
             return Self { topics, amplitude: None, response: None, start: None };
         };
         let curve = Balance::of(scanner, drive).map_or_else(Vec::new, |balance| balance.curve());
         let response = response(scanner, drive, &stability, curve);
-        let motion = response.as_ref().map(|response| Motion::of(scanner, drive, &stability, response));
+        let motion =
+            response.as_ref().map(|response| DrivenSteadyMotion::of(scanner, drive, &stability, response));
         let mut topics = vec![starts(scanner, drive, &stability)];
         topics.extend(motion.as_ref().map(|motion| motion.topic.clone()));
         Self {
@@ -67,10 +68,10 @@ impl Driven {
     }
 }
 
-fn starts(scanner: &ParametricScanner<f64>, drive: &Drive, stability: &Stability) -> Topic {
+fn starts(scanner: &ParametricScanner<f64>, drive: &Drive, stability: &Stability) -> OutlookTopic {
     let [depth, threshold] = [stability.pump_depth, stability.threshold()];
     let verdict = stability.to_string();
-    let mut topic = Topic::new("Drive")
+    let mut topic = OutlookTopic::new("Drive")
         .with("pump_depth_over_threshold", [depth / threshold], format!("The device {verdict}."))
         .with(
             "resonance_driven_hz",
@@ -144,24 +145,24 @@ fn response(
     drive: &Drive,
     stability: &Stability,
     balance: Vec<SteadyMotion>,
-) -> Option<Response> {
+) -> Option<AmplitudeResponse> {
     let [low, high] = span(balance.iter().map(|motion| motion.drive_hz))?;
     let beyond = 0.12 * (high - low);
     let hold = hold(stability);
     let sweeps = sweeps_both_ways(*scanner, drive, &grid(low - beyond, high + beyond, SWEEP_POINTS), &hold)?;
-    Some(Response { sweeps, balance })
+    Some(AmplitudeResponse { sweeps, balance })
 }
 
 /// Forty times as long as a motion takes to fall to 1/e, as long as Q leaves that a matter of seconds.
-fn hold(stability: &Stability) -> Hold {
+fn hold(stability: &Stability) -> SweepHold {
     let harmonic = f64::from(stability.harmonic);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
     let periods = ((26.0 * stability.quality).clamp(500.0, LONGEST_HOLD) / harmonic).ceil() as u32;
-    Hold { periods, steps_per_period: STEPS * stability.harmonic, disturbance: AT_LEAST }
+    SweepHold { periods, steps_per_period: STEPS * stability.harmonic, disturbance: AT_LEAST }
 }
 
 /// From no drive to half again as much as is there, or as is needed.
-fn map(scanner: &ParametricScanner<f64>, drive: &Drive, stability: &Stability) -> Option<Start> {
+fn map(scanner: &ParametricScanner<f64>, drive: &Drive, stability: &Stability) -> Option<SmallMotionGrowth> {
     let most = 1.5 * starting_factor(scanner, drive)?.max(1.0);
     let factor = grid(0.0, most, MAP_POINTS[1]);
     let at = |factor: f64| Stability::of(scanner, &drive.scaled(factor));
@@ -172,26 +173,26 @@ fn map(scanner: &ParametricScanner<f64>, drive: &Drive, stability: &Stability) -
     let hz = grid(low - beyond, high + beyond, MAP_POINTS[0]);
     let tongue_hz = factor.iter().map(|factor| at(*factor).and_then(|s| s.tongue_hz())).collect();
     let map = StabilityMap::of(*scanner, drive, hz, factor, STEPS * stability.harmonic)?;
-    Some(Start { map, peak_volts: drive.peak_volts()?, tongue_hz })
+    Some(SmallMotionGrowth { map, peak_volts: drive.peak_volts()?, tongue_hz })
 }
 
 /// The steady motion.
-struct Motion {
-    topic: Topic,
+struct DrivenSteadyMotion {
+    topic: OutlookTopic,
     amplitude: Option<f64>,
 }
 
-impl Motion {
+impl DrivenSteadyMotion {
     fn of(
         scanner: &ParametricScanner<f64>,
         drive: &Drive,
         stability: &Stability,
-        response: &Response,
+        response: &AmplitudeResponse,
     ) -> Self {
         let stable: Vec<&SteadyMotion> = response.balance.iter().filter(|motion| motion.is_stable).collect();
         let by_amplitude = |a: &&&SteadyMotion, b: &&&SteadyMotion| a.amplitude.total_cmp(&b.amplitude);
         let by_frequency = |a: &&&SteadyMotion, b: &&&SteadyMotion| a.drive_hz.total_cmp(&b.drive_hz);
-        let mut topic = Topic::new("Motion");
+        let mut topic = OutlookTopic::new("Motion");
         let largest = stable.iter().max_by(by_amplitude);
         if let (Some(largest), Some(last)) = (largest, stable.iter().min_by(by_frequency)) {
             topic = topic.with(
@@ -257,12 +258,12 @@ impl Motion {
 
 /// How long it takes from almost nothing, with so many steps per second.
 fn starting(
-    topic: Topic,
+    topic: OutlookTopic,
     scanner: &ParametricScanner<f64>,
     (drive, rate_hz): (&Drive, f64),
     motion: &SteadyMotion,
     growth: f64,
-) -> Topic {
+) -> OutlookTopic {
     // Growth from the disturbance, and settling.
     let decay = 0.5 * scanner.resonator.damping / scanner.resonator.inertia;
     let expected_s = Scalar::ln(motion.amplitude / DISTURBANCE) / growth;
@@ -271,7 +272,7 @@ fn starting(
         .then(|| start_up(*scanner, drive, DISTURBANCE, rate_hz, limit_s))
         .flatten();
     match begun {
-        Some(StartUp { time_s, amplitude }) => topic.with(
+        Some(SweepStartUp { time_s, amplitude }) => topic.with(
             "start_up_s_and_deg",
             [time_s, amplitude.to_degrees()],
             format!(

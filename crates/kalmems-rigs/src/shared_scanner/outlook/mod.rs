@@ -5,9 +5,9 @@ mod model;
 mod observability;
 
 use super::regulation::expected_drive;
-use super::settings::Hardware;
+use super::settings::ScannerHardware;
 use crate::config::Experiment;
-use crate::outlook::{Information, Outlook, Recorded, Topic};
+use crate::outlook::{AmplitudeDeviations, Outlook, OutlookTopic, Recorded};
 use crate::simulate::{Drive, SimulateError};
 use driven::Driven;
 pub use observability::CycleBound;
@@ -15,7 +15,7 @@ use std::f64::consts::TAU;
 
 /// Device, drive and what the signal will tell.
 pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = ScannerHardware::of(experiment)?;
     let stated =
         experiment.simulate.as_ref().map(|simulate| expected_drive(experiment, simulate)).transpose()?;
     // What the simulation says counts; a recording shows its own.
@@ -26,7 +26,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     if let Some(Drive::Sine { offset, amplitude, frequency_hz, .. }) = &drive
         && experiment.simulate.is_none()
     {
-        topics.push(Topic::new("Recorded drive").with(
+        topics.push(OutlookTopic::new("Recorded drive").with(
             "recorded_drive_v_v_hz",
             [*offset, *amplitude, *frequency_hz],
             format!(
@@ -39,7 +39,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     let driven = drive.as_ref().map(|drive| Driven::of(&hardware, drive));
     match &driven {
         Some(driven) => topics.extend(driven.topics.iter().cloned()),
-        None => topics.push(Topic::new("Drive").with(
+        None => topics.push(OutlookTopic::new("Drive").with(
             "drive",
             [],
             "Neither the experiment nor the beginning of a recording shows a steady drive: add the table `[simulate]` with one, \
@@ -61,7 +61,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
                 let bound =
                     CycleBound::of(&hardware.readout, hardware.noise_variance, amplitude, 1e-3 * rate);
                 let CycleBound { phase_sd, amplitude_sd, amplitude_sd_free, .. } = bound;
-                Information { amplitude, phase_sd, amplitude_sd, amplitude_sd_free }
+                AmplitudeDeviations { amplitude, phase_sd, amplitude_sd, amplitude_sd_free }
             })
             .collect(),
         response: driven.as_ref().and_then(|driven| driven.response.clone()),
@@ -69,14 +69,14 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     })
 }
 
-fn device(hardware: &Hardware) -> Topic {
+fn device(hardware: &ScannerHardware) -> OutlookTopic {
     let (scanner, resonator) = (&hardware.scanner, &hardware.scanner.resonator);
     let rate = resonator.natural_rate();
     let per_square_volt = -0.5 * scanner.comb.curvature_at_rest();
     let quality = resonator.inertia * rate / resonator.damping;
     let decay_s = 2.0 * resonator.inertia / resonator.damping;
     let shift = rate / TAU * 0.5 * per_square_volt / resonator.stiffness;
-    let topic = Topic::new("Device")
+    let topic = OutlookTopic::new("Device")
         .with(
             "mechanical_resonance_hz",
             [rate / TAU],
@@ -107,7 +107,13 @@ fn device(hardware: &Hardware) -> Topic {
     )
 }
 
-fn signal(hardware: &Hardware, own: Option<f64>, drive: Option<&Drive>, rate: f64, is_given: bool) -> Topic {
+fn signal(
+    hardware: &ScannerHardware,
+    own: Option<f64>,
+    drive: Option<&Drive>,
+    rate: f64,
+    is_given: bool,
+) -> OutlookTopic {
     let resonance = hardware.scanner.resonator.natural_rate() / TAU;
     let motion_hz = drive.and_then(Drive::period_s).map_or(resonance, |period| {
         // A drive near the resonance moves it at its own frequency, one at twice the resonance at half of it.
@@ -115,7 +121,7 @@ fn signal(hardware: &Hardware, own: Option<f64>, drive: Option<&Drive>, rate: f6
         0.5 * ratio / period
     });
     let of = if is_given { "" } else { " (taken for this; neither the file nor a recording says a rate)" };
-    let mut topic = Topic::new("What the signal tells").with(
+    let mut topic = OutlookTopic::new("What the signal tells").with(
         "sign",
         [],
         "The sign of the motion is not observable at any amplitude: with θ also −θ moves the device and reads the same. \

@@ -1,10 +1,10 @@
 //! Which measurement model a filter needs for the circuit that the file describes.
 
 use super::super::circuit::{SensingCircuit, density_asked, not_reduced};
-use super::super::settings::{Hardware, state_at};
-use crate::circuit::{Adequacy, Cost, Known};
+use super::super::settings::{ScannerHardware, state_at};
+use crate::circuit::{Adequacy, CircuitKnowledge, Cost};
 use crate::config::{ConfigError, Experiment};
-use crate::outlook::Topic;
+use crate::outlook::OutlookTopic;
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::Drive;
 
@@ -12,13 +12,13 @@ use crate::simulate::Drive;
 /// describes no circuit.
 pub fn of_the_circuit(
     experiment: &Experiment,
-    hardware: &Hardware,
+    hardware: &ScannerHardware,
     drive: Option<&Drive>,
-) -> Result<Option<Topic>, ConfigError> {
+) -> Result<Option<OutlookTopic>, ConfigError> {
     if experiment.device::<SharedScanner>()?.circuit.is_none() {
         return Ok(None);
     }
-    let topic = Topic::new("What a filter has to know of the circuit");
+    let topic = OutlookTopic::new("What a filter has to know of the circuit");
     let (Some(simulate), Some(drive)) = (&experiment.simulate, drive) else {
         let why = "that is computed for the drive and the start of a simulation; add the table `[simulate]`";
         return Ok(Some(topic.with("circuit", [], sentence(&not_reduced(&why)))));
@@ -36,7 +36,7 @@ pub fn of_the_circuit(
 }
 
 /// The statement as facts, each with its numbers.
-fn facts(topic: Topic, hardware: &Hardware, adequacy: &Adequacy) -> Topic {
+fn facts(topic: OutlookTopic, hardware: &ScannerHardware, adequacy: &Adequacy) -> OutlookTopic {
     let Adequacy { amplitude_deg, motion_hz, reduced, setting, .. } = adequacy;
     let model = reduced.with_poles_and_delay;
     let [first, second] = reduced.poles_hz;
@@ -54,9 +54,9 @@ fn facts(topic: Topic, hardware: &Hardware, adequacy: &Adequacy) -> Topic {
             format!("Its signal is {lag_deg:.1}° of the motion late, of which the poles explain {of_poles_deg:.1}°."),
         );
     for (known, name, words) in [
-        (Known::Affine, "cost_of_affine_deg", "y = a·C + b alone"),
-        (Known::Poles, "cost_of_poles_deg", "the poles as states"),
-        (Known::PolesAndDelay, "cost_of_poles_and_delay_deg", "the poles as states and the delay"),
+        (CircuitKnowledge::Affine, "cost_of_affine_deg", "y = a·C + b alone"),
+        (CircuitKnowledge::Poles, "cost_of_poles_deg", "the poles as states"),
+        (CircuitKnowledge::PolesAndDelay, "cost_of_poles_and_delay_deg", "the poles as states and the delay"),
     ] {
         let cost @ Cost { phase_deg, amplitude_deg, angle_rmse_deg } = *adequacy.cost(known);
         let verdict = if adequacy.is_adequate(known) { "adequate" } else { "not adequate" };
@@ -81,9 +81,9 @@ fn facts(topic: Topic, hardware: &Hardware, adequacy: &Adequacy) -> Topic {
     };
     let permitted = setting.permitted_phase_deg;
     let needed = match adequacy.needed() {
-        Some(Known::Affine) => format!("y = a·C + b will do ({permitted}° permitted)."),
-        Some(Known::Poles) => format!("The poles are needed ({permitted}° permitted): {poles}."),
-        Some(Known::PolesAndDelay) => format!(
+        Some(CircuitKnowledge::Affine) => format!("y = a·C + b will do ({permitted}° permitted)."),
+        Some(CircuitKnowledge::Poles) => format!("The poles are needed ({permitted}° permitted): {poles}."),
+        Some(CircuitKnowledge::PolesAndDelay) => format!(
             "Poles and delay are needed ({permitted}° permitted): {poles}, and `delay = \"{delay_us:.2} us\"` (the file {told})."
         ),
         None => format!("None of these will do ({permitted}° permitted); another detector or high-pass may."),

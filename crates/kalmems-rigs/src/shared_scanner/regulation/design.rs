@@ -1,11 +1,11 @@
 //! From the file to a regulator: the motion that is wanted, its gains and its margins.
 
-use super::super::filters::FilterSettings;
-use super::super::settings::{Hardware, estimate_table, state_at};
-use super::drift::Drift;
-use super::observer::Observer;
+use super::super::filters::ScannerFilterSettings;
+use super::super::settings::{ScannerHardware, estimate_table, state_at};
+use super::drift::TemperatureDrift;
+use super::observer::RegulationObserver;
 use crate::config::{
-    ConfigError, DriveSource, Experiment, Fault, Key, Method, Quantity, RegulatedDrive, Simulate,
+    ConfigError, ConfigFault, DriveSource, Experiment, Key, Method, Quantity, RegulatedDrive, Simulate,
     TriggerDirection,
 };
 use crate::shared_scanner::device::SharedScanner;
@@ -22,9 +22,9 @@ use std::fmt;
 #[derive(Clone, Debug)]
 pub struct Regulation {
     /// The device as the file has it.
-    pub(super) hardware: Hardware,
+    pub(super) hardware: ScannerHardware,
     /// The filter that observes.
-    pub(super) filter: FilterSettings,
+    pub(super) filter: ScannerFilterSettings,
     /// The motion that is wanted, and how it answers.
     pub motion: RegulatedMotion,
     /// What the regulator goes by.
@@ -32,7 +32,7 @@ pub struct Regulation {
     /// The margins of the amplitude's and of the phase's loop.
     pub margins: [LoopMargins; 2],
     /// What changes with the temperature.
-    pub(super) drift: Option<Drift>,
+    pub(super) drift: Option<TemperatureDrift>,
     /// From when on the commands are held, in s.
     pub(super) hold_from_s: Option<f64>,
     /// The trigger at work, where there is one.
@@ -59,8 +59,8 @@ impl Regulation {
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let (simulate, regulated) = tables(experiment)?;
         let at = |name: &str| Key::from("simulate.drive.regulated").child(name);
-        let wrong = |key: Key, why: String| Err(experiment.error(key, Fault::Value { why }));
-        let hardware = Hardware::of(experiment)?;
+        let wrong = |key: Key, why: String| Err(experiment.error(key, ConfigFault::Value { why }));
+        let hardware = ScannerHardware::of(experiment)?;
         let device = experiment.device::<SharedScanner>()?;
         if device.circuit.is_some() {
             let why = "a regulated drive is simulated with the readout of `gain` and `offset`, not through the \
@@ -81,7 +81,7 @@ impl Regulation {
             );
             return wrong(at("filter"), why);
         };
-        let filter = FilterSettings::of(experiment, estimate, &hardware, index)?;
+        let filter = ScannerFilterSettings::of(experiment, estimate, &hardware, index)?;
         if filter.basics.method != Method::Ekf
             || filter.demodulator_sd.is_some()
             || filter.basics.tracked.len() > MOST
@@ -127,7 +127,7 @@ impl Regulation {
         }
         let settings = settings(simulate, regulated, &motion);
         let trigger = trigger(simulate, regulated, &motion)
-            .map_err(|why| experiment.error(at("trigger").child("lead"), Fault::Value { why }))?;
+            .map_err(|why| experiment.error(at("trigger").child("lead"), ConfigFault::Value { why }))?;
         let delay_s = LATENCY * settings.interval;
         let margins =
             motion.margins(&[settings.amplitude_loop, settings.phase_loop], settings.smoothing_rate, delay_s);
@@ -138,15 +138,15 @@ impl Regulation {
             motion,
             settings,
             margins,
-            drift: simulate.temperature.as_ref().map(Drift::of),
+            drift: simulate.temperature.as_ref().map(TemperatureDrift::of),
             hold_from_s: regulated.hold_from.as_ref().map(Quantity::si),
             trigger,
         })
     }
 
     /// The filter that observes at this interval, before its first sample.
-    pub fn observer(&self, interval_s: f64) -> Result<Observer, AugmentationError> {
-        Observer::new(&self.hardware, &self.filter, interval_s, LEAST * self.settings.start.caught)
+    pub fn observer(&self, interval_s: f64) -> Result<RegulationObserver, AugmentationError> {
+        RegulationObserver::new(&self.hardware, &self.filter, interval_s, LEAST * self.settings.start.caught)
     }
 
     /// The drive that keeps up the wanted motion.
@@ -166,13 +166,13 @@ pub const MOST: usize = 4;
 fn tables(experiment: &Experiment) -> Result<(&Simulate, &RegulatedDrive), ConfigError> {
     let Some(simulate) = &experiment.simulate else {
         let remedy = "add the table `[simulate]` with `[simulate.drive.regulated]`".to_owned();
-        return Err(experiment.error("simulate", Fault::MissingKey { remedy }));
+        return Err(experiment.error("simulate", ConfigFault::MissingKey { remedy }));
     };
     if let DriveSource::Regulated(regulated) = &simulate.drive {
         return Ok((simulate, regulated));
     }
     let why = "the drive is not a regulated one; write `[simulate.drive.regulated]`".to_owned();
-    Err(experiment.error("simulate.drive", Fault::Value { why }))
+    Err(experiment.error("simulate.drive", ConfigFault::Value { why }))
 }
 
 fn settings(

@@ -1,13 +1,13 @@
 //! What a temperature does to the scanner and its readout.
 
-use super::super::settings::Hardware;
+use super::super::settings::ScannerHardware;
 use crate::config::{Quantity, TemperatureRamp};
 use kalmems_models::dynamics::ParametricScanner;
 use kalmems_models::readout::DemodulatedComb;
 
 /// A temperature that changes linearly, and its coefficients.
 #[derive(Clone, Copy, Debug)]
-pub struct Drift {
+pub struct TemperatureDrift {
     change_k: f64,
     from_s: f64,
     to_s: f64,
@@ -34,7 +34,7 @@ pub struct Drifted {
     pub offset_v: f64,
 }
 
-impl Drift {
+impl TemperatureDrift {
     /// As the file describes it.
     pub fn of(ramp: &TemperatureRamp) -> Self {
         Self {
@@ -65,7 +65,7 @@ impl Drift {
 
 impl Drifted {
     /// The scanner that has become of it.
-    pub fn scanner(&self, hardware: &Hardware) -> ParametricScanner<f64> {
+    pub fn scanner(&self, hardware: &ScannerHardware) -> ParametricScanner<f64> {
         let mut scanner = hardware.scanner;
         scanner.resonator.stiffness *= 1.0 + self.stiffness;
         scanner.resonator.damping *= 1.0 + self.damping;
@@ -73,7 +73,7 @@ impl Drifted {
     }
 
     /// The readout.
-    pub fn readout(&self, hardware: &Hardware) -> DemodulatedComb<f64> {
+    pub fn readout(&self, hardware: &ScannerHardware) -> DemodulatedComb<f64> {
         let mut readout = hardware.readout;
         readout.gain *= 1.0 + self.gain;
         readout.offset += self.offset_v;

@@ -12,7 +12,7 @@ mod report;
 mod run;
 
 pub use design::Regulation;
-pub use observer::Observer;
+pub use observer::RegulationObserver;
 pub use report::{RegulationReport, RegulationWindow, TriggerCheck, WorstErrors};
 pub use run::RegulatedSimulation;
 

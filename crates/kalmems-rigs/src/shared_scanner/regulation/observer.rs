@@ -1,11 +1,11 @@
 //! The filter that observes the scanner while it runs.
 
-use super::super::filters::FilterSettings;
+use super::super::filters::ScannerFilterSettings;
 use super::super::lock_in::amplitude_of;
 use super::super::plant::drive_gain;
-use super::super::settings::Hardware;
+use super::super::settings::ScannerHardware;
 use super::design::MOST;
-use crate::estimate::Parameter;
+use crate::estimate::DeviceParameter;
 use crate::estimate::driven::step;
 use kalmems_core::Portable;
 use kalmems_core::augmentation::AugmentationError;
@@ -27,15 +27,15 @@ pub type ObserverProcess = Augmented<Rk4<DriveGain<f64>, f64, 2>, f64, 2, MOST, 
 /// has them. The estimate is told after the filter has settled. Where the innovations say that it has lost the motion, it
 /// looks for a start again.
 #[derive(Clone, Debug)]
-pub struct Observer {
+pub struct RegulationObserver {
     process: ObserverProcess,
     readout: AugmentedMeasurement<DelayedComb<f64>, f64, 2, MOST>,
     noise: Covariance<f64, 1>,
-    hardware: Hardware,
+    hardware: ScannerHardware,
     start_sd: [f64; STATES],
     least_amplitude: f64,
-    stage: Observing,
-    window: Window,
+    stage: ObserverStage,
+    window: ObserverWindow,
     /// How many samples it takes.
     window_samples: u32,
     losses: u32,
@@ -44,7 +44,7 @@ pub struct Observer {
 #[derive(Clone, Copy, Debug)]
 // One per loop, and no allocation while it runs.
 #[allow(clippy::large_enum_variant)]
-enum Observing {
+enum ObserverStage {
     /// Until a motion shows.
     Waiting,
     /// So many samples until its estimate is told.
@@ -53,7 +53,7 @@ enum Observing {
 
 /// Sums over a window of samples.
 #[derive(Clone, Copy, Debug, Default)]
-struct Window {
+struct ObserverWindow {
     samples: u32,
     signal: f64,
     product: [f64; 2],
@@ -66,18 +66,18 @@ const WINDOW_CYCLES: f64 = 48.0;
 /// A mean NIS over a window from which the motion counts as lost: of 3000 samples it is 1 ± 0.03 in a filter that is right.
 const LOST_NIS: f64 = 4.0;
 
-impl Observer {
+impl RegulationObserver {
     /// Before the first sample, at this interval; it starts from motions of at least this amplitude in rad.
     pub fn new(
-        hardware: &Hardware,
-        filter: &FilterSettings,
+        hardware: &ScannerHardware,
+        filter: &ScannerFilterSettings,
         interval_s: f64,
         least_amplitude: f64,
     ) -> Result<Self, AugmentationError> {
         let tracked = &filter.basics.tracked;
         let none = AddedState { scale: 1.0, drift: Drift::RandomWalk { density: 0.0 } };
         let added = std::array::from_fn(|i| tracked.get(i).map_or(none, |tracked| tracked.added));
-        let enters = |place: fn(&Parameter) -> Option<&'static str>| {
+        let enters = |place: fn(&DeviceParameter) -> Option<&'static str>| {
             std::array::from_fn(|i| tracked.get(i).and_then(|tracked| place(tracked.parameter)))
         };
         let (dynamics, noise) = drive_gain(hardware, filter);
@@ -104,8 +104,8 @@ impl Observer {
             hardware: *hardware,
             start_sd,
             least_amplitude,
-            stage: Observing::Waiting,
-            window: Window::default(),
+            stage: ObserverStage::Waiting,
+            window: ObserverWindow::default(),
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some thousands
             window_samples: window.round() as u32,
             losses: 0,
@@ -128,27 +128,27 @@ impl Observer {
         self.window.add(signal, drive);
         let full = self.window.samples >= window;
         match &mut self.stage {
-            Observing::Waiting => {
+            ObserverStage::Waiting => {
                 if full {
                     let found = self.window.motion(&self.hardware, drive);
-                    self.window = Window::default();
+                    self.window = ObserverWindow::default();
                     if let Some((amplitude, mean)) = found
                         && amplitude > self.least_amplitude
                     {
                         let covariance = Covariance::from_standard_deviations(self.start_sd);
                         let filter = Ekf::new(mean, covariance);
-                        self.stage = Observing::Following { filter, settling: window };
+                        self.stage = ObserverStage::Following { filter, settling: window };
                     }
                 }
             }
-            Observing::Following { filter, settling } => {
+            ObserverStage::Following { filter, settling } => {
                 let updated = filter.update(&self.readout, &[signal], &self.noise);
                 let lost = match updated {
                     Ok(innovation) => {
                         self.window.nis += innovation.nis;
                         let lost = full && *settling == 0 && self.window.nis > LOST_NIS * f64::from(window);
                         if full {
-                            self.window = Window::default();
+                            self.window = ObserverWindow::default();
                         }
                         lost
                     }
@@ -161,14 +161,14 @@ impl Observer {
             }
         }
         match &self.stage {
-            Observing::Following { filter, settling: 0 } => Some(filter),
+            ObserverStage::Following { filter, settling: 0 } => Some(filter),
             _ => None,
         }
     }
 
     /// To the next sample.
     pub fn predict(&mut self, drive: &Nodes<f64>) {
-        if let Observing::Following { filter, .. } = &mut self.stage
+        if let ObserverStage::Following { filter, .. } = &mut self.stage
             && filter.predict(&self.process, drive).is_err()
         {
             self.lose();
@@ -177,12 +177,12 @@ impl Observer {
 
     fn lose(&mut self) {
         self.losses += 1;
-        self.stage = Observing::Waiting;
-        self.window = Window::default();
+        self.stage = ObserverStage::Waiting;
+        self.window = ObserverWindow::default();
     }
 }
 
-impl Window {
+impl ObserverWindow {
     fn add(&mut self, signal: f64, drive: &Oscillator<f64>) {
         let turned = Complex::turned(2.0 * drive.phase);
         self.samples += 1;
@@ -195,7 +195,7 @@ impl Window {
 
     /// Amplitude and state of the motion at the end of the window. The signal a·C(θ) of θ = A·cos β has the component
     /// 2a·C₀·e^{−z}·I₁(z)·cos 2β.
-    fn motion(&self, hardware: &Hardware, drive: &Oscillator<f64>) -> Option<(f64, [f64; STATES])> {
+    fn motion(&self, hardware: &ScannerHardware, drive: &Oscillator<f64>) -> Option<(f64, [f64; STATES])> {
         let count = f64::from(self.samples);
         let mean = self.signal / count;
         let component = [0, 1].map(|i| 2.0 * (self.product[i] - mean * self.reference[i]) / count);

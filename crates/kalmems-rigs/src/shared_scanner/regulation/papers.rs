@@ -1,8 +1,8 @@
 //! The files of a regulated run.
 
 use super::report::{RegulationReport, RegulationWindow};
-use crate::simulate::{Paper, Papers};
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use crate::simulate::{Papers, RunFile};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use std::fmt::Write as _;
 
 /// What is written beside recording and truth, and what is said.
@@ -10,12 +10,12 @@ pub fn of(report: &RegulationReport) -> Papers {
     let figure = figure(report);
     let json = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";
     let mut files = vec![
-        Paper { name: "regulation.csv", content: windows(report).into_bytes() },
-        Paper { name: "regulation.json", content: json.into_bytes() },
-        Paper { name: "regulation.svg", content: figure.to_svg().into_bytes() },
+        RunFile { name: "regulation.csv", content: windows(report).into_bytes() },
+        RunFile { name: "regulation.json", content: json.into_bytes() },
+        RunFile { name: "regulation.svg", content: figure.to_svg().into_bytes() },
     ];
     if report.trigger.is_some() {
-        files.push(Paper { name: "trigger.csv", content: events(report).into_bytes() });
+        files.push(RunFile { name: "trigger.csv", content: events(report).into_bytes() });
     }
     Papers { files, lines: lines(report) }
 }
@@ -98,22 +98,22 @@ pub fn figure(report: &RegulationReport) -> Figure {
     Figure::new("regulation", "", "")
         .with(
             panel("amplitude", "deg")
-                .with(Series::line("true", Role::Reference, degrees(&|w| w.amplitude)))
-                .with(Series::line("as regulated", Role::Estimate, degrees(&|w| w.estimated_amplitude)))
-                .with(Series::level("wanted", Role::Bound, report.wanted_amplitude.to_degrees())),
+                .with(Series::line("true", SeriesRole::Reference, degrees(&|w| w.amplitude)))
+                .with(Series::line("as regulated", SeriesRole::Estimate, degrees(&|w| w.estimated_amplitude)))
+                .with(Series::level("wanted", SeriesRole::Bound, report.wanted_amplitude.to_degrees())),
         )
         .with(
             panel("phase", "deg")
                 .sharing_x()
-                .with(Series::line("", Role::Reference, degrees(&|w| w.phase)))
-                .with(Series::line("", Role::Estimate, degrees(&|w| w.estimated_phase)))
-                .with(Series::level("", Role::Bound, report.wanted_phase.to_degrees())),
+                .with(Series::line("", SeriesRole::Reference, degrees(&|w| w.phase)))
+                .with(Series::line("", SeriesRole::Estimate, degrees(&|w| w.estimated_phase)))
+                .with(Series::level("", SeriesRole::Bound, report.wanted_phase.to_degrees())),
         )
-        .with(panel("drive", "Hz").sharing_x().with(Series::line("", Role::Input, of(&|w| w.drive_hz))))
-        .with(panel("voltage", "V").sharing_x().with(Series::line("", Role::Input, of(&|w| w.voltage))))
+        .with(panel("drive", "Hz").sharing_x().with(Series::line("", SeriesRole::Input, of(&|w| w.drive_hz))))
+        .with(panel("voltage", "V").sharing_x().with(Series::line("", SeriesRole::Input, of(&|w| w.voltage))))
         .with(panel("temperature", "K").sharing_x().with(Series::line(
             "",
-            Role::Other,
+            SeriesRole::Other,
             of(&|w| w.temperature_k),
         )))
 }

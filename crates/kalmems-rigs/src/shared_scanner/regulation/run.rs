@@ -1,19 +1,21 @@
 //! The run itself, sample by sample.
 
-use super::super::past::Past;
+use super::super::past::DelayedState;
 use super::super::simulation::SIGNAL_NOISE;
 use super::design::{MOST, Regulation};
 use super::drift::Drifted;
-use super::observer::{Observer, STATES};
+use super::observer::{RegulationObserver, STATES};
 use super::papers;
 use super::report::{RegulationReport, RegulationWindow, TriggerCheck};
-use crate::config::{Experiment, Fault};
-use crate::recording::Source;
+use crate::config::{ConfigFault, Experiment};
+use crate::recording::RecordingSource;
 use crate::signal::hermite;
-use crate::simulate::{Channel, Converter, Papers, Sample, SimulateError, Simulation, WhiteNoise};
+use crate::simulate::{
+    Converter, Papers, SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise,
+};
 use kalmems_core::Portable;
 use kalmems_core::{Ekf, Filter, Measurement, Process, ProcessNoise, Rk4};
-use kalmems_models::control::{Mark, Oscillator, Regulator, Stage, Trigger};
+use kalmems_models::control::{Mark, Oscillator, Regulator, RegulatorStage, Trigger};
 use kalmems_models::dynamics::ParametricScanner;
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
@@ -26,7 +28,7 @@ use std::sync::OnceLock;
 /// and nothing else.
 pub struct RegulatedSimulation {
     regulation: Regulation,
-    observer: Observer,
+    observer: RegulationObserver,
     sampling_rate_hz: f64,
     steps_per_sample: u64,
     samples: u64,
@@ -45,12 +47,12 @@ impl RegulatedSimulation {
         let regulation = Regulation::of(experiment)?;
         let Some(simulate) = &experiment.simulate else {
             let remedy = "add the table `[simulate]`".to_owned();
-            return Err(experiment.error("simulate", Fault::MissingKey { remedy }).into());
+            return Err(experiment.error("simulate", ConfigFault::MissingKey { remedy }).into());
         };
         let interval_s = 1.0 / simulate.sampling_rate.si();
         let observer = regulation.observer(interval_s).map_err(|why| {
             let why = format!("the filter cannot be made: {why}");
-            experiment.error("simulate.drive.regulated.filter", Fault::Value { why })
+            experiment.error("simulate.drive.regulated.filter", ConfigFault::Value { why })
         })?;
         Ok(Self {
             observer,
@@ -73,17 +75,19 @@ impl RegulatedSimulation {
     /// Runs it, and says what the run was like.
     pub fn regulate(
         &self,
-        each: &mut dyn FnMut(&Sample) -> ControlFlow<()>,
+        each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>,
     ) -> Result<RegulationReport, SimulateError> {
         let Regulation { hardware, settings, .. } = &self.regulation;
         let h = 1.0 / self.sampling_rate_hz;
         let mut observer = self.observer.clone();
         let mut regulator = Regulator::new(*settings);
-        let mut witness = Witness::new(&self.regulation, h);
+        let mut witness = RegulationMonitor::new(&self.regulation, h);
         let mut noise = WhiteNoise::new(self.seed, SIGNAL_NOISE);
         let mut truth = self.regulation.start;
-        let mut past =
-            Past::new(&truth, hardware.delay_s * self.sampling_rate_hz * self.steps_per_sample as f64);
+        let mut past = DelayedState::new(
+            &truth,
+            hardware.delay_s * self.sampling_rate_hz * self.steps_per_sample as f64,
+        );
         let mut held: Option<Oscillator<f64>> = None;
         for k in 0..self.samples {
             let time_s = k as f64 * h;
@@ -95,7 +99,7 @@ impl RegulatedSimulation {
             let [clean] = drifted.readout(hardware).predict(&past.state());
             let analogue = clean + self.noise * noise.sample();
             let signal = self.converter.map_or(analogue, |converter| converter.round(analogue));
-            let sample = Sample { time_s, recorded: &[drive.voltage(), signal], truth: &truth };
+            let sample = SimulatedSample { time_s, recorded: &[drive.voltage(), signal], truth: &truth };
             if each(&sample).is_break() {
                 return Err(SimulateError::Interrupted);
             }
@@ -111,7 +115,7 @@ impl RegulatedSimulation {
             }
             let before = truth;
             advance(&drifted.scanner(hardware), &drive, &mut truth, (h, self.steps_per_sample), &mut past);
-            let seen = Seen { time_s, truth: [before, truth], drive: &drive, drifted: &drifted };
+            let seen = ObservedSample { time_s, truth: [before, truth], drive: &drive, drifted: &drifted };
             witness.see(&seen, estimate.as_ref(), &observer, &regulator);
             observer.predict(&drive.nodes(h));
         }
@@ -125,7 +129,7 @@ fn advance(
     drive: &Oscillator<f64>,
     state: &mut [f64; 2],
     (interval_s, steps): (f64, u64),
-    past: &mut Past<2>,
+    past: &mut DelayedState<2>,
 ) {
     let h = interval_s / steps as f64;
     let process = Rk4::with_noise(*scanner, h, ProcessNoise::none());
@@ -138,14 +142,17 @@ fn advance(
 }
 
 impl Simulation for RegulatedSimulation {
-    fn recorded(&self) -> &[Channel] {
-        &[Channel { meaning: "drive", column: "drive_V" }, Channel { meaning: "signal", column: "cap_V" }]
+    fn recorded(&self) -> &[SimulatedColumn] {
+        &[
+            SimulatedColumn { meaning: "drive", column: "drive_V" },
+            SimulatedColumn { meaning: "signal", column: "cap_V" },
+        ]
     }
 
-    fn truth(&self) -> &[Channel] {
+    fn truth(&self) -> &[SimulatedColumn] {
         &[
-            Channel { meaning: "angle", column: "angle_rad" },
-            Channel { meaning: "rate", column: "rate_rad_per_s" },
+            SimulatedColumn { meaning: "angle", column: "angle_rad" },
+            SimulatedColumn { meaning: "rate", column: "rate_rad_per_s" },
         ]
     }
 
@@ -153,7 +160,7 @@ impl Simulation for RegulatedSimulation {
         self.samples
     }
 
-    fn sources(&self) -> &[Source] {
+    fn sources(&self) -> &[RecordingSource] {
         &[]
     }
 
@@ -161,7 +168,7 @@ impl Simulation for RegulatedSimulation {
         Some(self.regulation.to_string())
     }
 
-    fn run(&self, each: &mut dyn FnMut(&Sample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let report = self.regulate(each)?;
         // Every run gives the same: the first one's is that of all.
         let _ = self.report.set(report);
@@ -174,7 +181,7 @@ impl Simulation for RegulatedSimulation {
 }
 
 /// What there is to see at one sample.
-struct Seen<'a> {
+struct ObservedSample<'a> {
     time_s: f64,
     /// The true state there and at the next sample.
     truth: [[f64; 2]; 2],
@@ -183,7 +190,7 @@ struct Seen<'a> {
 }
 
 /// Keeps what the report will say. It sees the truth, and nothing of it goes back.
-struct Witness {
+struct RegulationMonitor {
     report: RegulationReport,
     interval_s: f64,
     length: u32,
@@ -198,7 +205,7 @@ struct Witness {
     places: [Option<usize>; 4],
 }
 
-impl Witness {
+impl RegulationMonitor {
     fn new(regulation: &Regulation, interval_s: f64) -> Self {
         let cycle_s = 2.0 / regulation.motion.drive_hz;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some hundreds
@@ -232,12 +239,12 @@ impl Witness {
 
     fn see(
         &mut self,
-        seen: &Seen,
+        seen: &ObservedSample,
         estimate: Option<&Ekf<f64, STATES>>,
-        observer: &Observer,
+        observer: &RegulationObserver,
         regulator: &Regulator<f64>,
     ) {
-        let regulated = regulator.stage() == Stage::Regulated;
+        let regulated = regulator.stage() == RegulatorStage::Regulated;
         if regulated && self.report.regulated_from_s.is_none() {
             self.report.regulated_from_s = Some(seen.time_s);
         }
@@ -279,7 +286,7 @@ impl Witness {
         }
     }
 
-    fn trigger(&mut self, seen: &Seen, estimate: &Ekf<f64, STATES>, observer: &Observer) {
+    fn trigger(&mut self, seen: &ObservedSample, estimate: &Ekf<f64, STATES>, observer: &RegulationObserver) {
         let Some((trigger, direction)) = &mut self.trigger else { return };
         let onward = (observer.process(), &(*seen.drive, self.interval_s));
         let covariance = estimate.covariance();
@@ -307,7 +314,7 @@ impl Witness {
         }
     }
 
-    fn into_report(mut self, observer: &Observer, regulator: &Regulator<f64>) -> RegulationReport {
+    fn into_report(mut self, observer: &RegulationObserver, regulator: &Regulator<f64>) -> RegulationReport {
         self.report.sweeps_again = regulator.sweeps_again();
         self.report.losses = observer.losses();
         self.report.marks_missed = self.trigger.map_or(0, |(trigger, _)| trigger.missed());

@@ -39,7 +39,7 @@ impl PlannedDrive {
 /// Where a line stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Place {
+pub enum LinePlace {
     /// In the square of the voltage: it modulates the stiffness of both axes.
     SquareVoltage,
     /// In the demodulated signal.
@@ -48,9 +48,9 @@ pub enum Place {
 
 /// A line at m·f_x + n·f_y.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Line {
+pub struct CombinationLine {
     /// Where.
-    pub place: Place,
+    pub place: LinePlace,
     /// m and n; of a difference the sign that makes the frequency positive.
     pub multiples: [i32; 2],
     /// Its frequency.
@@ -62,7 +62,7 @@ pub struct Line {
 /// What a line must keep away from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub enum Band {
+pub enum ProtectedBand {
     /// 2·f/order of an axis, f its resonance: there a modulated stiffness can start a motion.
     Parametric {
         /// 0 for x, 1 for y.
@@ -89,9 +89,9 @@ pub enum Band {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Conflict {
     /// The line.
-    pub line: Line,
+    pub line: CombinationLine,
     /// The band.
-    pub band: Band,
+    pub band: ProtectedBand,
     /// From the band to the line; below 0 for a line below it.
     pub distance_hz: f64,
     /// For a parametric resonance of order 1: the line's pump depth over the one that starts a motion.
@@ -106,7 +106,7 @@ pub struct BandPlan {
     /// The resonances of x and y at rest, with the mean stiffness of the electrodes under both drives.
     pub resonance_hz: [f64; 2],
     /// Every line.
-    pub lines: Vec<Line>,
+    pub lines: Vec<CombinationLine>,
     /// How far lines shall be from bands.
     pub guard_hz: f64,
     /// Those that are not, the nearest first.
@@ -191,16 +191,21 @@ fn stability(axis: &ParametricScanner<f64>, mean: f64, component: f64, line_hz: 
     }
 }
 
-fn lines(drive: &PlannedDrive) -> Vec<Line> {
+fn lines(drive: &PlannedDrive) -> Vec<CombinationLine> {
     let [f, g] = drive.frequency_hz;
     let [a, b] = drive.amplitude.map(f64::abs);
     let line = |place, [m, n]: [i32; 2], square_volts| {
         let frequency = f64::from(m) * f + f64::from(n) * g;
         let sign = if frequency < 0.0 { -1 } else { 1 };
-        Line { place, multiples: [sign * m, sign * n], frequency_hz: frequency.abs(), square_volts }
+        CombinationLine {
+            place,
+            multiples: [sign * m, sign * n],
+            frequency_hz: frequency.abs(),
+            square_volts,
+        }
     };
     let offset = drive.offset.abs();
-    let mut lines: Vec<Line> = [
+    let mut lines: Vec<CombinationLine> = [
         ([1, 0], 2.0 * offset * a),
         ([0, 1], 2.0 * offset * b),
         ([2, 0], 0.5 * a * a),
@@ -208,14 +213,14 @@ fn lines(drive: &PlannedDrive) -> Vec<Line> {
         ([1, -1], a * b),
         ([1, 1], a * b),
     ]
-    .map(|(multiples, amplitude)| line(Place::SquareVoltage, multiples, Some(amplitude)))
+    .map(|(multiples, amplitude)| line(LinePlace::SquareVoltage, multiples, Some(amplitude)))
     .into();
     for m in 0..=PRODUCTS {
         for n in -PRODUCTS..=PRODUCTS {
             // Of ±(m, n) one is enough.
             let is_new = m > 0 || n > 0;
             if is_new && m + n.abs() <= PRODUCTS {
-                lines.push(line(Place::Signal, [m, n], None));
+                lines.push(line(LinePlace::Signal, [m, n], None));
             }
         }
     }
@@ -229,15 +234,15 @@ fn judge(
     mean: f64,
     drive: &PlannedDrive,
 ) -> Vec<Conflict> {
-    let mut bands = vec![Band::Offset];
+    let mut bands = vec![ProtectedBand::Offset];
     for (axis, resonance_hz) in rest.iter().enumerate() {
         bands.extend((1..=ORDERS).map(|order| {
             let frequency_hz = 2.0 * resonance_hz / f64::from(order);
-            Band::Parametric { axis, order, frequency_hz }
+            ProtectedBand::Parametric { axis, order, frequency_hz }
         }));
         bands.extend((1..=WANTED).map(|harmonic| {
             let frequency_hz = f64::from(harmonic) * drive.frequency_hz[axis];
-            Band::Motion { axis, harmonic, frequency_hz }
+            ProtectedBand::Motion { axis, harmonic, frequency_hz }
         }));
     }
     let lines = lines(drive);
@@ -248,7 +253,7 @@ fn judge(
                 band: *band,
                 distance_hz: line.frequency_hz - band.frequency_hz(),
                 over_threshold: match (band, line.square_volts) {
-                    (Band::Parametric { axis, order: 1, .. }, Some(component)) => {
+                    (ProtectedBand::Parametric { axis, order: 1, .. }, Some(component)) => {
                         let pumped = stability(&axes[*axis], mean, component, line.frequency_hz);
                         Some(pumped.pump_depth / pumped.threshold())
                     }
@@ -272,7 +277,7 @@ fn suggest(tongues: &[Option<[f64; 2]>; 2], distance: impl Fn([f64; 2]) -> f64) 
     tried.map(|pair| (pair, distance(pair))).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-impl Band {
+impl ProtectedBand {
     /// Its middle.
     pub fn frequency_hz(&self) -> f64 {
         match self {
@@ -282,14 +287,14 @@ impl Band {
     }
 
     /// Whether a line can disturb it: not the one that it is there for.
-    fn minds(&self, line: &Line) -> bool {
+    fn minds(&self, line: &CombinationLine) -> bool {
         let own =
             |axis: usize, multiple: i32| line.multiples[axis] == multiple && line.multiples[1 - axis] == 0;
         match (self, line.place) {
-            (Self::Parametric { axis, order: 1, .. }, Place::SquareVoltage) => !own(*axis, 1),
+            (Self::Parametric { axis, order: 1, .. }, LinePlace::SquareVoltage) => !own(*axis, 1),
             // At no frequency: a slow modulation of the stiffness is a slow change of both motions.
-            (Self::Parametric { .. }, Place::SquareVoltage) | (Self::Offset, _) => true,
-            (Self::Motion { axis, harmonic, .. }, Place::Signal) => !own(*axis, *harmonic),
+            (Self::Parametric { .. }, LinePlace::SquareVoltage) | (Self::Offset, _) => true,
+            (Self::Motion { axis, harmonic, .. }, LinePlace::Signal) => !own(*axis, *harmonic),
             _ => false,
         }
     }
@@ -297,7 +302,7 @@ impl Band {
 
 const AXES: [char; 2] = ['x', 'y'];
 
-impl fmt::Display for Line {
+impl fmt::Display for CombinationLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut parts = self.multiples.iter().zip(AXES).filter(|(m, _)| **m != 0).collect::<Vec<_>>();
         parts.sort_by_key(|(m, _)| **m < 0);
@@ -312,14 +317,14 @@ impl fmt::Display for Line {
             write!(f, "{sign}{times}f_{axis}")?;
         }
         let place = match self.place {
-            Place::SquareVoltage => "in V²",
-            Place::Signal => "in the signal",
+            LinePlace::SquareVoltage => "in V²",
+            LinePlace::Signal => "in the signal",
         };
         write!(f, " {place} ({:.3} kHz)", self.frequency_hz / 1e3)
     }
 }
 
-impl fmt::Display for Band {
+impl fmt::Display for ProtectedBand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let khz = self.frequency_hz() / 1e3;
         match self {

@@ -1,8 +1,10 @@
 //! The filters that an experiment file asks for, and where each starts.
 
-use super::hardware::Hardware;
-use crate::config::{self, ConfigError, Entry, Estimate, Experiment, Fault, Filter, Key, Sign};
-use crate::estimate::{FilterBasics, Parameter, StateName, process_noise};
+use super::hardware::TwoAxisHardware;
+use crate::config::{
+    self, ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterTable, Key, Sign,
+};
+use crate::estimate::{DeviceParameter, FilterBasics, StateName, process_noise};
 use crate::units::kind;
 use kalmems_core::Covariance;
 
@@ -15,24 +17,24 @@ pub const STATES: [StateName; 4] = [
 ];
 
 /// The states as entries of a table of values.
-pub fn four(sign: Sign) -> [Entry; 4] {
-    STATES.map(|(name, _, kind)| Entry { name, kind, sign })
+pub fn four(sign: Sign) -> [ExpectedEntry; 4] {
+    STATES.map(|(name, _, kind)| ExpectedEntry { name, kind, sign })
 }
 
 /// One filter.
 #[derive(Clone, Debug)]
-pub struct FilterSettings {
+pub struct TwoAxisFilterSettings {
     /// What every filter has.
     pub basics: FilterBasics,
     /// Where it starts.
-    pub start: Start,
+    pub start: TwoAxisStart,
     /// The densities of the angular accelerations' noise of x and y, in rad²/s³.
     pub acceleration_density: [f64; 2],
 }
 
 /// Where a filter starts.
 #[derive(Clone, Copy, Debug)]
-pub enum Start {
+pub enum TwoAxisStart {
     /// Where the first samples of the signal say that the axes are.
     Signal,
     /// At a given state.
@@ -44,49 +46,51 @@ pub enum Start {
     },
 }
 
-const NOISE: [Entry; 2] = [
-    Entry::new("angular_acceleration_x", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative),
-    Entry::new("angular_acceleration_y", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative),
+const NOISE: [ExpectedEntry; 2] = [
+    ExpectedEntry::new("angular_acceleration_x", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative),
+    ExpectedEntry::new("angular_acceleration_y", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative),
 ];
 
 /// The parameters that can be states. The drive is one for both axes; what acts on one axis alone is its stiffness and
 /// its damping.
-pub static PARAMETERS: [Parameter; 7] = [
-    Parameter::factor("stiffness_x")
+pub static PARAMETERS: [DeviceParameter; 7] = [
+    DeviceParameter::factor("stiffness_x")
         .in_motion("scanner.x.resonator.stiffness")
         .written(&[("resonator.stiffness", 1)]),
-    Parameter::factor("stiffness_y")
+    DeviceParameter::factor("stiffness_y")
         .in_motion("scanner.y.resonator.stiffness")
         .written(&[("second_axis.resonator.stiffness", 1)]),
-    Parameter::factor("damping_x")
+    DeviceParameter::factor("damping_x")
         .in_motion("scanner.x.resonator.damping")
         .written(&[("resonator.damping", 1)]),
-    Parameter::factor("damping_y")
+    DeviceParameter::factor("damping_y")
         .in_motion("scanner.y.resonator.damping")
         .written(&[("second_axis.resonator.damping", 1)]),
-    Parameter::factor("drive_gain").in_motion("drive_gain").written(&super::super::settings::DRIVE_GAIN),
-    Parameter::factor("gain").in_readout("gain").written(&[("readout.gain", 1)]),
-    Parameter::volts("offset").in_readout("offset").written(&[("readout.offset", 1)]),
+    DeviceParameter::factor("drive_gain")
+        .in_motion("drive_gain")
+        .written(&super::super::settings::DRIVE_GAIN),
+    DeviceParameter::factor("gain").in_readout("gain").written(&[("readout.gain", 1)]),
+    DeviceParameter::volts("offset").in_readout("offset").written(&[("readout.offset", 1)]),
 ];
 
 /// What a deviation of 1 adds to each of them.
-fn scales(hardware: &Hardware) -> [f64; 7] {
+fn scales(hardware: &TwoAxisHardware) -> [f64; 7] {
     let [x, y] = [&hardware.scanner.x.resonator, &hardware.scanner.y.resonator];
     [x.stiffness, y.stiffness, x.damping, y.damping, 1.0, hardware.readout.gain, 1.0]
 }
 
-impl FilterSettings {
+impl TwoAxisFilterSettings {
     /// Reads and checks the filter at this place of the file.
     pub fn of(
         experiment: &Experiment,
         estimate: &Estimate,
-        hardware: &Hardware,
+        hardware: &TwoAxisHardware,
         index: usize,
     ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
         let refuse = |name: &str, why: &str| {
-            Err(experiment.error(at.clone().child(name), Fault::Value { why: why.to_owned() }))
+            Err(experiment.error(at.clone().child(name), ConfigFault::Value { why: why.to_owned() }))
         };
         if filter.demodulator {
             return refuse(
@@ -104,14 +108,14 @@ impl FilterSettings {
 }
 
 /// A start from the signal brings its own standard deviations.
-fn start(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<Start, ConfigError> {
+fn start(experiment: &Experiment, at: &Key, filter: &FilterTable) -> Result<TwoAxisStart, ConfigError> {
     let (start_key, sd_key) = (at.clone().child("start"), at.clone().child("start_sd"));
-    let Some(config::Start::Values(values)) = &filter.start else {
+    let Some(config::FilterStart::Values(values)) = &filter.start else {
         if let Some((name, _)) = filter.start_sd.iter().next() {
             let why = "a start from the signal brings its own standard deviations; leave `start_sd` out";
-            return Err(experiment.error(sd_key.child(name), Fault::Value { why: why.to_owned() }));
+            return Err(experiment.error(sd_key.child(name), ConfigFault::Value { why: why.to_owned() }));
         }
-        return Ok(Start::Signal);
+        return Ok(TwoAxisStart::Signal);
     };
     let mean = experiment.values(start_key.clone(), values, four(Sign::Any))?;
     for (axis, name) in [(0, "x"), (2, "y")] {
@@ -121,7 +125,7 @@ fn start(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<Start, Co
                  filter nor the model would ever leave it; start from a small angle, such as `angle_{name} = \
                  \"1e-6 rad\"`, or from the signal, `start = \"from_signal\"`"
             );
-            return Err(experiment.error(start_key, Fault::Value { why }));
+            return Err(experiment.error(start_key, ConfigFault::Value { why }));
         }
     }
     let covariance = if filter.method.claims() {
@@ -130,5 +134,5 @@ fn start(experiment: &Experiment, at: &Key, filter: &Filter) -> Result<Start, Co
     } else {
         Covariance::zero()
     };
-    Ok(Start::Given { mean, covariance })
+    Ok(TwoAxisStart::Given { mean, covariance })
 }

@@ -1,6 +1,6 @@
 //! The device with its second axis, in SI.
 
-use crate::config::{ConfigError, Experiment, Fault, Key, Quantity};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, Quantity};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::settings;
 use kalmems_models::capacitance::GaussianComb;
@@ -9,7 +9,7 @@ use kalmems_models::readout::TwoAxisComb;
 
 /// The device alone.
 #[derive(Clone, Copy, Debug)]
-pub struct Hardware {
+pub struct TwoAxisHardware {
     /// How it moves.
     pub scanner: TwoAxisScanner<f64>,
     /// What is recorded of it.
@@ -18,20 +18,20 @@ pub struct Hardware {
     pub noise_variance: f64,
 }
 
-impl Hardware {
+impl TwoAxisHardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let first = settings::Hardware::of(experiment)?;
+        let first = settings::ScannerHardware::of(experiment)?;
         let device = experiment.device::<SharedScanner>()?;
         let Some(second) = &device.second_axis else {
             let remedy = "add the table `[device.shared_scanner.second_axis]`".to_owned();
-            return Err(experiment.error("device", Fault::MissingKey { remedy }));
+            return Err(experiment.error("device", ConfigFault::MissingKey { remedy }));
         };
         if first.delay_s > 0.0 {
             let why = "a scanner with two axes is read without a delay; leave `delay` out".to_owned();
             let key =
                 ["shared_scanner", "readout", "delay"].into_iter().fold(Key::from("device"), Key::child);
-            return Err(experiment.error(key, Fault::Value { why }));
+            return Err(experiment.error(key, ConfigFault::Value { why }));
         }
         let comb = GaussianComb {
             nominal: second.comb.nominal_capacitance.si(),

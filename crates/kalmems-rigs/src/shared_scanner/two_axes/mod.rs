@@ -17,11 +17,11 @@ mod simulation;
 mod start;
 mod tones;
 
-pub use band_plan::{Band, BandPlan, Conflict, Line, Place, PlannedDrive};
-pub use filters::{FilterSettings, STATES, Start};
-pub use hardware::Hardware;
+pub use band_plan::{BandPlan, CombinationLine, Conflict, LinePlace, PlannedDrive, ProtectedBand};
+pub use filters::{STATES, TwoAxisFilterSettings, TwoAxisStart};
+pub use hardware::TwoAxisHardware;
 pub use rig::TwoAxesRig;
 pub use segment::{estimate, first_tones};
-pub use settings::Settings;
-pub use start::{BatchStart, StartError, line_share};
+pub use settings::TwoAxisSettings;
+pub use start::{StartError, TwoAxisBatchStart, line_share};
 pub use tones::DriveTones;

@@ -1,19 +1,19 @@
 //! What can be said of both axes before anything is recorded.
 
 use super::band_plan::{BandPlan, PlannedDrive};
-use super::hardware::Hardware;
+use super::hardware::TwoAxisHardware;
 use crate::config::Experiment;
-use crate::outlook::{Outlook, Topic};
+use crate::outlook::{Outlook, OutlookTopic};
 use crate::simulate::{SimulateError, drive_of};
 
 /// The resonances under the drive, whether each axis starts, and which lines come near which bands.
 pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = TwoAxisHardware::of(experiment)?;
     let drive = experiment.simulate.as_ref().map(|simulate| drive_of(experiment, simulate)).transpose()?;
     let planned = drive.and_then(|(drive, _)| PlannedDrive::of(&drive));
     let topic = match planned.map(|drive| BandPlan::of(&hardware.scanner, &drive, BandPlan::GUARD_HZ)) {
         Some(plan) => planned_topic(&plan),
-        None => Topic::new("Drive").with(
+        None => OutlookTopic::new("Drive").with(
             "drive",
             [],
             "The experiment states no drive of two sines, and a recorded one is not taken apart here: add the table `[simulate.drive.tones]`.",
@@ -24,7 +24,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     Ok(Outlook {
         experiment: experiment.name.to_string(),
         device: "shared_scanner with a second axis",
-        topics: vec![topic, Topic::new("What the signal tells").with("sign", [], sign)],
+        topics: vec![topic, OutlookTopic::new("What the signal tells").with("sign", [], sign)],
         response: None,
         start: None,
         frequencies: Vec::new(),
@@ -32,9 +32,9 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     })
 }
 
-fn planned_topic(plan: &BandPlan) -> Topic {
+fn planned_topic(plan: &BandPlan) -> OutlookTopic {
     let [x, y] = plan.resonance_hz.map(|hz| hz / 1e3);
-    let topic = Topic::new("Drive").with(
+    let topic = OutlookTopic::new("Drive").with(
         "resonance_hz",
         plan.resonance_hz,
         format!("Resonances at rest under both drives: x {x:.3} kHz, y {y:.3} kHz."),

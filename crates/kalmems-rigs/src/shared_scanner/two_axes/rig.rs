@@ -2,15 +2,17 @@
 
 use super::outlook::outlook;
 use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz};
-use super::settings::Settings;
+use super::settings::TwoAxisSettings;
 use super::simulation::simulation;
-use crate::config::{ConfigError, DeviceKind, Experiment, Method, Uses};
+use crate::config::{ConfigError, DeviceKind, DeviceUses, Experiment, Method};
 use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{Around, Axis, EstimateError, Parameter, Part, Past, SegmentEstimate, SignalSegment};
-use crate::evaluate::{Extent, MotionErrors, Reference, evaluate_motion};
+use crate::estimate::{
+    AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
+};
+use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress};
-use crate::recording::{Finding, Layout, Recording};
+use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
@@ -65,21 +67,22 @@ impl Rig for TwoAxesRig {
         Ok(experiment.device::<SharedScanner>()?.second_axis.is_some())
     }
 
-    fn uses(&self, _: &Experiment) -> Uses {
-        Uses { no_methods: &NO_METHODS, ..Uses::default() }
+    fn uses(&self, _: &Experiment) -> DeviceUses {
+        DeviceUses { no_methods: &NO_METHODS, ..DeviceUses::default() }
     }
 
-    fn parameters(&self, _: &Experiment) -> &'static [Parameter] {
+    fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &super::filters::PARAMETERS
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        Settings::of(experiment)?;
+        TwoAxisSettings::of(experiment)?;
         wanted(experiment)
     }
 
-    fn layout(&self, experiment: &Experiment, index: usize) -> Result<Layout, ConfigError> {
-        let slowest_hz = resonances_hz(&Settings::of(experiment)?).into_iter().fold(f64::INFINITY, f64::min);
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
+        let slowest_hz =
+            resonances_hz(&TwoAxisSettings::of(experiment)?).into_iter().fold(f64::INFINITY, f64::min);
         experiment.layout_to_estimate(index, &columns(experiment, index)?, 1.0 / slowest_hz)
     }
 
@@ -97,7 +100,7 @@ impl Rig for TwoAxesRig {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        let settings = Settings::of(experiment)?;
+        let settings = TwoAxisSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
         Ok(Box::new(TwoAxesEstimator { settings, columns, past: Past::default(), progress }))
     }
@@ -106,12 +109,12 @@ impl Rig for TwoAxesRig {
         &self,
         experiment: &Experiment,
         index: usize,
-        recording: &Recording,
+        recording: &SampledRecording,
     ) -> Result<Vec<f64>, EstimateError> {
-        let settings = Settings::of(experiment)?;
+        let settings = TwoAxisSettings::of(experiment)?;
         let Some(first) = recording.segments().first() else { return Ok(Vec::new()) };
         let ([drive, signal], mut past) = (columns(experiment, index)?, Past::default());
-        let part = Part::whole(recording, first);
+        let part = SegmentPart::whole(recording, first);
         let segment = SignalSegment::of(&part, (signal, &kind::VOLTAGE), settings.skip_s, &mut past)?;
         let data = DrivenSegment::of(&segment, drive, &mut past)?;
         let tones = first_tones(&settings, &data, &mut past, &segment.place)?.tones;
@@ -129,7 +132,7 @@ impl Rig for TwoAxesRig {
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
-        references: &[Reference],
+        references: &[ReferenceMotion],
         stop: &Interruption,
     ) -> Vec<Option<MotionErrors>> {
         let from_s = estimate.from_s();
@@ -139,7 +142,7 @@ impl Rig for TwoAxesRig {
         let errors = |trajectory| {
             let mut found = axes.iter().filter_map(|(angle, motion, drive)| {
                 let reference = references.iter().find(|reference| reference.states[0] == *angle)?;
-                let extent = Extent { from_s, motion_hz: motion.frequency_hz, drive: *drive };
+                let extent = ComparisonExtent { from_s, motion_hz: motion.frequency_hz, drive: *drive };
                 evaluate_motion(trajectory, reference, extent, stop)
             });
             let mut first = found.next()?;
@@ -152,7 +155,7 @@ impl Rig for TwoAxesRig {
 
 /// Estimates recordings of a scanner with two axes.
 struct TwoAxesEstimator<'a> {
-    settings: Settings,
+    settings: TwoAxisSettings,
     /// Those of drive and signal.
     columns: [&'a str; 2],
     past: Past,
@@ -160,7 +163,7 @@ struct TwoAxesEstimator<'a> {
 }
 
 impl Estimator for TwoAxesEstimator<'_> {
-    fn around(&self, interval_s: f64) -> Around {
+    fn around(&self, interval_s: f64) -> RowsAround {
         let slowest_hz = resonances_hz(&self.settings).into_iter().fold(f64::INFINITY, f64::min);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         // Of the last window, a lock-in says nothing before it has ended.
@@ -174,17 +177,17 @@ impl Estimator for TwoAxesEstimator<'_> {
         &mut self.past
     }
 
-    fn take(&mut self, part: &Part) -> Result<SegmentEstimate, EstimateError> {
+    fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
-        segment.require_sound(&[signal_column])?;
+        segment.require_usable_signals(&[signal_column])?;
         let data = &DrivenSegment::of(&segment, drive_column, past)?;
         let drive = first_tones(settings, data, past, &segment.place)?;
         let [x, y] = drive.motions();
         segment.require_cycles(x.1.frequency_hz.min(y.1.frequency_hz))?;
         let trajectories = estimate(settings, (&segment.place, &drive), data, past, self.progress)?;
-        let axis = |axis: usize, (angle, motion)| Axis { angle, motion, drive: Some(drive.tones[axis]) };
+        let axis = |axis: usize, (angle, motion)| AngleAxis { angle, motion, drive: Some(drive.tones[axis]) };
         let calibrated = settings.first_peak_positive.iter().any(Option::is_some);
         let remarks = sign_after_restart(part, calibrated);
         let axes = (axis(0, x), vec![axis(1, y)]);
@@ -196,6 +199,6 @@ impl Estimator for TwoAxesEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        EstimateError::of_unsound(diagnosis, (place, &[self.columns[1]]), |_| true)
+        EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns[1]]), |_| true)
     }
 }

@@ -1,22 +1,22 @@
 //! The estimates of one segment.
 
-use super::filters::{FilterSettings, STATES, Start};
+use super::filters::{STATES, TwoAxisFilterSettings, TwoAxisStart};
 use super::plant::{both, both_models, both_with};
-use super::settings::Settings;
-use super::start::{BatchStart, StartError, separating_s, swings};
+use super::settings::TwoAxisSettings;
+use super::start::{StartError, TwoAxisBatchStart, separating_s, swings};
 use super::tones::DriveTones;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, EstimateError, FilterPast, GainOf, Known, Past, Swing, Trajectory, lock_in,
+    AnyFilter, EstimateError, FilterPast, GainOf, MeanAndCovariance, Past, Swing, Trajectory, lock_in,
 };
 use crate::progress::Progress;
-use crate::shared_scanner::segment::{Follower, Said};
+use crate::shared_scanner::segment::{FilterSideOutputs, ScannerFilterRun};
 use std::f64::consts::TAU;
 
 /// The drives of x and y as the samples that were there first show them.
 pub fn first_tones(
-    settings: &Settings,
+    settings: &TwoAxisSettings,
     data: &DrivenSegment,
     past: &mut Past,
     place: &str,
@@ -37,7 +37,7 @@ pub fn first_tones(
 ///
 /// Trajectories have the states `angle_x`, `rate_x`, `angle_y` and `rate_y`.
 pub fn estimate(
-    settings: &Settings,
+    settings: &TwoAxisSettings,
     (place, drive): (&str, &DriveTones),
     data: &DrivenSegment,
     past: &mut Past,
@@ -48,7 +48,7 @@ pub fn estimate(
     let mut trajectories = Vec::new();
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let mut found = Task { settings, filter, data, drive, place, progress }.one(past)?;
+        let mut found = TwoAxisFilterTask { settings, filter, data, drive, place, progress }.one(past)?;
         for (answer, trajectory) in found.iter_mut().enumerate() {
             let past = past.answer(answer);
             for (axis, positive) in settings.first_peak_positive.iter().enumerate() {
@@ -64,7 +64,7 @@ pub fn estimate(
 }
 
 /// The free resonances of x and y.
-pub fn resonances_hz(settings: &Settings) -> [f64; 2] {
+pub fn resonances_hz(settings: &TwoAxisSettings) -> [f64; 2] {
     let scanner = &settings.hardware.scanner;
     [scanner.x, scanner.y].map(|axis| axis.resonator.natural_rate() / TAU)
 }
@@ -73,16 +73,16 @@ pub fn resonances_hz(settings: &Settings) -> [f64; 2] {
 pub const WINDOW_S: f64 = 2e-3;
 
 /// One filter over one segment.
-struct Task<'a> {
-    settings: &'a Settings,
-    filter: &'a FilterSettings,
+struct TwoAxisFilterTask<'a> {
+    settings: &'a TwoAxisSettings,
+    filter: &'a TwoAxisFilterSettings,
     data: &'a DrivenSegment<'a>,
     drive: &'a DriveTones,
     place: &'a str,
     progress: &'a dyn Progress,
 }
 
-impl Task<'_> {
+impl TwoAxisFilterTask<'_> {
     /// Chooses the model: once per segment, so that the loops inside know their types.
     fn one(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (hardware, filter) = (&self.settings.hardware, self.filter);
@@ -106,7 +106,7 @@ impl Task<'_> {
     fn turning(&self, gain: GainOf, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (basics, hardware) = (&self.filter.basics, &self.settings.hardware);
         let plant = both(hardware, self.filter);
-        let begin = |left: Option<Known>| {
+        let begin = |left: Option<MeanAndCovariance>| {
             let mean = left.map_or_else(|| self.start(), Ok)?.gaussian().mean;
             let ((time_s, signal), drive) = (self.window(), self.window_tones()?);
             let drives_hz = drive.tones.map(|tone| tone.frequency_hz);
@@ -150,24 +150,24 @@ impl Task<'_> {
         self.follower().run(plant, &self.filter.basics.states(&STATES), past, || self.start())
     }
 
-    fn follower(&self) -> Follower<'_> {
+    fn follower(&self) -> ScannerFilterRun<'_> {
         let filter = &self.filter.basics;
         let noise_variance = self.settings.hardware.noise_variance;
-        Follower {
+        ScannerFilterRun {
             filter,
             data: self.data,
             noise_variance,
-            said: Said::default(),
+            side_outputs: FilterSideOutputs::default(),
             progress: self.progress,
             starts: Vec::new(),
         }
     }
 
     /// What is known at the first sample.
-    fn start(&self) -> Result<Known, EstimateError> {
+    fn start(&self) -> Result<MeanAndCovariance, EstimateError> {
         let motion = match self.filter.start {
-            Start::Given { mean, covariance } => (mean, covariance),
-            Start::Signal => {
+            TwoAxisStart::Given { mean, covariance } => (mean, covariance),
+            TwoAxisStart::Signal => {
                 let found = self.batch_start().map_err(|why| EstimateError::NoStart {
                     place: self.place.to_owned(),
                     filter: self.filter.basics.name.clone(),
@@ -176,7 +176,8 @@ impl Task<'_> {
                 (found.mean, found.covariance)
             }
         };
-        Ok(Known::from(motion).with(self.filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
+        Ok(MeanAndCovariance::from(motion)
+            .with(self.filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
     }
 
     /// The samples that a start takes in.
@@ -194,9 +195,9 @@ impl Task<'_> {
         found.ok_or_else(|| EstimateError::NotTwoSines { place: self.place.to_owned() })
     }
 
-    fn batch_start(&self) -> Result<BatchStart, StartError> {
+    fn batch_start(&self) -> Result<TwoAxisBatchStart, StartError> {
         let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
         let (time_s, signal) = self.window();
-        BatchStart::of(&self.settings.hardware.readout, time_s, signal, drives_hz)
+        TwoAxisBatchStart::of(&self.settings.hardware.readout, time_s, signal, drives_hz)
     }
 }

@@ -1,32 +1,32 @@
 //! What the rig takes from an experiment file, in SI.
 
-use super::filters::{FilterSettings, STATES, four};
-use super::hardware::Hardware;
-use crate::config::{ConfigError, Experiment, Fault, Peak, Sign, Values};
+use super::filters::{STATES, TwoAxisFilterSettings, four};
+use super::hardware::TwoAxisHardware;
+use crate::config::{ConfigError, ConfigFault, Experiment, ExtremeSign, Sign, Values};
 use crate::shared_scanner::settings::estimate_table;
 
 /// Device, noise and filter settings.
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub struct TwoAxisSettings {
     /// The device.
-    pub hardware: Hardware,
+    pub hardware: TwoAxisHardware,
     /// How long a filter has to settle before it is scored, in s.
     pub skip_s: f64,
     /// For x and y, whether the first angle extreme after the settling time and the peak of the axis's own drive that
     /// follows it is a maximum; `None` leaves the sign as the filter started.
     pub first_peak_positive: [Option<bool>; 2],
     /// The filters, in the order of the file.
-    pub filters: Vec<FilterSettings>,
+    pub filters: Vec<TwoAxisFilterSettings>,
 }
 
-impl Settings {
+impl TwoAxisSettings {
     /// Reads and checks what the rig needs.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let hardware = Hardware::of(experiment)?;
+        let hardware = TwoAxisHardware::of(experiment)?;
         let estimate = estimate_table(experiment)?;
-        let positive = |peak: &Option<Peak>| peak.as_ref().map(|peak| *peak == Peak::Positive);
-        let filters =
-            (0..estimate.filters.len()).map(|i| FilterSettings::of(experiment, estimate, &hardware, i));
+        let positive = |peak: &Option<ExtremeSign>| peak.as_ref().map(|peak| *peak == ExtremeSign::Positive);
+        let filters = (0..estimate.filters.len())
+            .map(|i| TwoAxisFilterSettings::of(experiment, estimate, &hardware, i));
         Ok(Self {
             filters: filters.collect::<Result<_, _>>()?,
             hardware,
@@ -45,7 +45,7 @@ pub fn state_at(experiment: &Experiment, key: &str, values: &Values) -> Result<[
             "all of it is exactly 0, where neither axis would ever move; start from a small angle, such as \
              `{angle} = \"1e-6 rad\"`"
         );
-        return Err(experiment.error(key, Fault::Value { why }));
+        return Err(experiment.error(key, ConfigFault::Value { why }));
     }
     Ok(state)
 }

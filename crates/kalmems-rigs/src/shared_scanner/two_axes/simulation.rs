@@ -1,19 +1,20 @@
 //! A recording of the scanner with two axes that is computed.
 
 use super::band_plan::{BandPlan, PlannedDrive};
-use super::hardware::Hardware;
+use super::hardware::TwoAxisHardware;
 use super::settings::state_at;
-use crate::config::{ConfigError, DriveSource, Experiment, Fault, Simulate, Values};
+use crate::config::{ConfigError, ConfigFault, DriveSource, Experiment, Simulate, Values};
 use crate::shared_scanner::device::SharedScanner;
-use crate::shared_scanner::simulation::{Readout, ScannerSimulation};
-use crate::simulate::{Channel, Drive, SimulateError, Simulation};
+use crate::shared_scanner::simulation::{NoisyReadout, ScannerSimulation};
+use crate::simulate::{Drive, SimulateError, SimulatedColumn, Simulation};
 
 /// The simulation of both axes: the truth is angle and rate of each.
 pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
     refuse_what_is_for_one_axis(experiment)?;
-    let Hardware { scanner, readout, noise_variance } = Hardware::of(experiment)?;
-    let sensor = |simulate: &Simulate, _: &Drive| Ok(Readout::new(readout, 0.0, noise_variance, simulate));
-    let outlook = |_: &Readout<_>, drive: &Drive, _: [f64; 4]| {
+    let TwoAxisHardware { scanner, readout, noise_variance } = TwoAxisHardware::of(experiment)?;
+    let sensor =
+        |simulate: &Simulate, _: &Drive| Ok(NoisyReadout::new(readout, 0.0, noise_variance, simulate));
+    let outlook = |_: &NoisyReadout<_>, drive: &Drive, _: [f64; 4]| {
         let drive = PlannedDrive::of(drive)?;
         Some(BandPlan::of(&scanner, &drive, BandPlan::GUARD_HZ).to_string())
     };
@@ -24,10 +25,10 @@ pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, Simula
         sensor,
         start,
         &[
-            Channel { meaning: "angle_x", column: "angle_x_rad" },
-            Channel { meaning: "rate_x", column: "rate_x_rad_per_s" },
-            Channel { meaning: "angle_y", column: "angle_y_rad" },
-            Channel { meaning: "rate_y", column: "rate_y_rad_per_s" },
+            SimulatedColumn { meaning: "angle_x", column: "angle_x_rad" },
+            SimulatedColumn { meaning: "rate_x", column: "rate_x_rad_per_s" },
+            SimulatedColumn { meaning: "angle_y", column: "angle_y_rad" },
+            SimulatedColumn { meaning: "rate_y", column: "rate_y_rad_per_s" },
         ],
         outlook,
     )?;
@@ -48,5 +49,5 @@ fn refuse_what_is_for_one_axis(experiment: &Experiment) -> Result<(), ConfigErro
     } else {
         return Ok(());
     };
-    Err(experiment.error(key, Fault::Value { why: why.to_owned() }))
+    Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }))
 }

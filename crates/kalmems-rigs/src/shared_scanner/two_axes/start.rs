@@ -1,7 +1,7 @@
 //! Where both axes are, from the first milliseconds of the signal alone.
 
 use crate::estimate::Swing;
-use crate::fit::{ByDual, FitError, FitSettings, Law, fit};
+use crate::fit::{ByDual, FitError, FitSettings, ResidualLaw, fit};
 use crate::signal::least_squares;
 use kalmems_core::Portable;
 use kalmems_core::{Covariance, Dual, Mat, Over};
@@ -15,7 +15,7 @@ use std::f64::consts::{PI, TAU};
 /// from the middle of the window. The signal is even in each angle, so that φ and φ + π are one answer: which of them
 /// is the motion is known from elsewhere.
 #[derive(Clone, Debug)]
-pub struct BatchStart {
+pub struct TwoAxisBatchStart {
     /// A of x and y at the middle of the window, in rad. Positive.
     pub amplitude_rad: [f64; 2],
     /// φ of x and y, in rad, up to π.
@@ -110,7 +110,7 @@ const COLUMNS: usize = 13;
 /// How many times the width of a line, which is one over the window's length, the lines of a lock-in are apart at least.
 const LINE_WIDTHS: f64 = 4.0;
 
-impl BatchStart {
+impl TwoAxisBatchStart {
     /// From a window of the signal, given the frequencies of the two drives.
     ///
     /// A lock-in at both drives and their harmonics, all at once so that no axis leaks into the other, gives the line
@@ -122,7 +122,7 @@ impl BatchStart {
         signal: &[f64],
         drives_hz: [f64; 2],
     ) -> Result<Self, StartError> {
-        let (window, span) = Window::of(readout, time_s, signal, drives_hz);
+        let (window, span) = StartWindow::of(readout, time_s, signal, drives_hz);
         let samples = window.samples();
         let cycles = 0.5 * span * drives_hz[0].min(drives_hz[1]);
         if samples < 100 || cycles < 6.0 {
@@ -149,7 +149,7 @@ pub fn swings(
     drives_hz: [f64; 2],
     before: &[Swing],
 ) -> Option<Vec<Swing>> {
-    let (window, _) = Window::of(readout, time_s, signal, drives_hz);
+    let (window, _) = StartWindow::of(readout, time_s, signal, drives_hz);
     let unknowns = window.lock_in(window.samples()).ok()?;
     let swing = |axis: usize| {
         let [amplitude, phase] = [0, 1].map(|i| unknowns[PER_AXIS * axis + i]);
@@ -208,7 +208,7 @@ fn amplitude_of(share: f64) -> Option<f64> {
     Some(0.5 * (low + high))
 }
 
-struct Window<'a> {
+struct StartWindow<'a> {
     readout: &'a TwoAxisComb<f64>,
     time_s: &'a [f64],
     signal: &'a [f64],
@@ -219,7 +219,7 @@ struct Window<'a> {
     drives_hz: [f64; 2],
 }
 
-impl<'a> Window<'a> {
+impl<'a> StartWindow<'a> {
     /// All of these samples, and how long they last in s.
     fn of(
         readout: &'a TwoAxisComb<f64>,
@@ -311,7 +311,7 @@ impl<'a> Window<'a> {
         unknowns: &[f64; UNKNOWNS],
         covariance: &Covariance<f64, UNKNOWNS>,
         residual_rms_v: f64,
-    ) -> BatchStart {
+    ) -> TwoAxisBatchStart {
         let mut canonical = *unknowns;
         for axis in 0..2 {
             let at = PER_AXIS * axis;
@@ -337,7 +337,7 @@ impl<'a> Window<'a> {
             sum + if i == j { (LEFT_OUT * size).powi(2) } else { 0.0 }
         });
         let sd = |k: usize| covariance.get(k, k).max(0.0).sqrt();
-        BatchStart {
+        TwoAxisBatchStart {
             amplitude_rad: [canonical[0], canonical[PER_AXIS]],
             phase_rad: [canonical[1], canonical[PER_AXIS + 1]],
             amplitude_sd_rad: [sd(0), sd(PER_AXIS)],
@@ -361,7 +361,7 @@ fn mean_share(amplitude_over_width: f64) -> f64 {
     (-z).portable_exp() * sum
 }
 
-impl Law<UNKNOWNS> for &Window<'_> {
+impl ResidualLaw<UNKNOWNS> for &StartWindow<'_> {
     fn residuals<S: Over<f64>>(&self, unknowns: &[S; UNKNOWNS], each: &mut impl FnMut(S)) {
         for (time, y) in self.time_s.iter().zip(self.signal).filter(|(_, y)| y.is_finite()) {
             let time = time - self.origin;

@@ -1,7 +1,7 @@
 //! The two sines of a recorded drive.
 
 use super::filters::STATES;
-use crate::estimate::Motion;
+use crate::estimate::MotionRate;
 use crate::signal::{Sine, fit_sine, fit_sine_at};
 use kalmems_core::Portable;
 
@@ -22,10 +22,10 @@ const TURNS: usize = 6;
 
 impl DriveTones {
     /// The name of each axis's angle, and how fast it goes: at half the frequency of its drive.
-    pub fn motions(&self) -> [(&'static str, Motion); 2] {
+    pub fn motions(&self) -> [(&'static str, MotionRate); 2] {
         [0, 1].map(|axis| {
             let frequency_hz = 0.5 * self.tones[axis].frequency_hz;
-            (STATES[2 * axis].0, Motion { frequency_hz, is_driven: true })
+            (STATES[2 * axis].0, MotionRate { frequency_hz, is_driven: true })
         })
     }
 

@@ -38,7 +38,7 @@ pub fn fit_curve(
 ) -> Result<Vec<CurvePoint>, FitError> {
     let largest = motion.iter().map(|[angle, _]| angle.abs()).fold(0.0, f64::max);
     let splines = Splines { low: -largest, width: 2.0 * largest / (SPLINES - 3) as f64 };
-    let found = fit(&Curve { signal, motion, splines }, &FitSettings::from_start([0.0; UNKNOWNS]))?;
+    let found = fit(&CombCurveData { signal, motion, splines }, &FitSettings::from_start([0.0; UNKNOWNS]))?;
     let at_threshold = splines.integral(threshold);
     Ok((0..=POINTS)
         .map(|i| {
@@ -118,13 +118,13 @@ impl Splines {
     }
 }
 
-struct Curve<'a> {
+struct CombCurveData<'a> {
     signal: &'a [f64],
     motion: &'a [[f64; 2]],
     splines: Splines,
 }
 
-impl Curve<'_> {
+impl CombCurveData<'_> {
     fn rows(&self, mut each: impl FnMut(f64, [f64; UNKNOWNS])) {
         for (y, [angle, rate]) in self.signal.iter().zip(self.motion).filter(|(y, _)| y.is_finite()) {
             let mut row = self.splines.at(*angle).map(|value| value * rate);
@@ -134,7 +134,7 @@ impl Curve<'_> {
     }
 }
 
-impl Regression<UNKNOWNS> for Curve<'_> {
+impl Regression<UNKNOWNS> for CombCurveData<'_> {
     fn residuals(&self, p: &[f64; UNKNOWNS], each: &mut impl FnMut(f64)) {
         self.rows(|y, row| each(row.iter().zip(p).map(|(a, p)| a * p).sum::<f64>() - y));
     }

@@ -1,6 +1,6 @@
 //! Mechanics, comb and delay from a free decay that both channels saw.
 
-use crate::fit::{Bounds, ByDual, Fit, FitError, FitSettings, Law, fit, outliers_beside};
+use crate::fit::{ByDual, Fit, FitError, FitSettings, ParameterBounds, ResidualLaw, fit, outliers_of_stated};
 use crate::identify::{Whiteness, fit_free_decay};
 use kalmems_core::Portable;
 use kalmems_core::{Over, Scalar};
@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 /// A free decay: the comb's signal and the reference, sampled together.
 #[derive(Clone, Copy, Debug)]
-pub struct Decay<'a> {
+pub struct DecayRecord<'a> {
     /// The interval between samples in s.
     pub interval_s: f64,
     /// The comb's signal in V; not a number where it is missing.
@@ -125,7 +125,7 @@ const LEAST_EXPLAINED: f64 = 0.1;
 /// of the reference is left out, since a late one shows there what was before the decay.
 ///
 /// Samples that are more than 5.33 standard deviations off, by the median of what is left, are left out, and the fit is done anew.
-pub fn fit_decay(record: &Decay) -> Result<DecayFit, DecayError> {
+pub fn fit_decay(record: &DecayRecord) -> Result<DecayFit, DecayError> {
     let mut found = fit_samples(record)?;
     for _ in 0..ROUNDS {
         let Some((channels, left_out)) = record.without_outliers(&found) else { break };
@@ -133,13 +133,13 @@ pub fn fit_decay(record: &Decay) -> Result<DecayFit, DecayError> {
             break;
         }
         let [signal, angle] = &channels;
-        found = DecayFit { left_out, ..fit_samples(&Decay { signal, angle, ..*record })? };
+        found = DecayFit { left_out, ..fit_samples(&DecayRecord { signal, angle, ..*record })? };
     }
     Ok(found)
 }
 
 /// The fit of all samples.
-fn fit_samples(record: &Decay) -> Result<DecayFit, DecayError> {
+fn fit_samples(record: &DecayRecord) -> Result<DecayFit, DecayError> {
     let count = record.signal.len().min(record.angle.len());
     for (channel, values) in [("signal", record.signal), ("reference", record.angle)] {
         let mut finite = values.iter().filter(|value| value.is_finite());
@@ -149,13 +149,13 @@ fn fit_samples(record: &Decay) -> Result<DecayFit, DecayError> {
         }
     }
     let (start, quarter) = record.start(count)?;
-    let mut law = Motion { record, tangents: record.tangents(count), quarter, deviations: [1.0; 2] };
+    let mut law = DecayResiduals { record, tangents: record.tangents(count), quarter, deviations: [1.0; 2] };
     let mut settings = FitSettings::from_start(start);
     settings.bounds[NATURAL_RATE] = around(start[NATURAL_RATE], 1.1);
-    settings.bounds[DAMPING_RATIO] = Bounds { low: 0.0, high: 0.5 };
+    settings.bounds[DAMPING_RATIO] = ParameterBounds { low: 0.0, high: 0.5 };
     settings.bounds[STEEPNESS] = around(start[STEEPNESS], 30.0);
     let half = TAU / start[NATURAL_RATE] / 2.0;
-    settings.bounds[DELAY] = Bounds { low: -half, high: half };
+    settings.bounds[DELAY] = ParameterBounds { low: -half, high: half };
     settings.tolerance = 1e-12;
     // An exact record leaves nothing, and nothing cannot weigh.
     let least = law.sizes().map(|size| 1e-6 * size);
@@ -176,8 +176,8 @@ fn fit_samples(record: &Decay) -> Result<DecayFit, DecayError> {
     Ok(law.outcome(found))
 }
 
-fn around(value: f64, factor: f64) -> Bounds {
-    Bounds { low: value / factor, high: value * factor }
+fn around(value: f64, factor: f64) -> ParameterBounds {
+    ParameterBounds { low: value / factor, high: value * factor }
 }
 
 /// Angle and rate of the decay t after the first sample.
@@ -200,7 +200,7 @@ fn tangent<S: Scalar>(angle: S) -> S {
     angle.sin() / angle.cos()
 }
 
-impl Decay<'_> {
+impl DecayRecord<'_> {
     /// Both channels without what a fit leaves far more of than of the rest, and how many samples these are; `None` where they are many.
     fn without_outliers(&self, found: &DecayFit) -> Option<([Vec<f64>; 2], [usize; 2])> {
         // A late reference shows there what was before the decay.
@@ -210,7 +210,7 @@ impl Decay<'_> {
                 let is_used = channel == 0 || k as f64 * self.interval_s >= quarter_s;
                 if is_used { value - fitted[channel] } else { f64::NAN }
             });
-            let is_out = outliers_beside(&left.collect::<Vec<f64>>(), 0.0)?;
+            let is_out = outliers_of_stated(&left.collect::<Vec<f64>>(), 0.0)?;
             let count = is_out.iter().filter(|is_out| **is_out).count();
             let kept =
                 values.iter().zip(is_out).map(|(value, is_out)| if is_out { f64::NAN } else { *value });
@@ -301,15 +301,15 @@ const STEEPNESSES: i32 = 16;
 const SEARCH: usize = 2048;
 
 /// The residuals of both channels.
-struct Motion<'a> {
-    record: &'a Decay<'a>,
+struct DecayResiduals<'a> {
+    record: &'a DecayRecord<'a>,
     tangents: Vec<f64>,
     /// Samples of the reference that are left out.
     quarter: usize,
     deviations: [f64; 2],
 }
 
-impl Motion<'_> {
+impl DecayResiduals<'_> {
     /// The signal at a sample, in V.
     fn signal_at<S: Over<f64>>(&self, p: &[S; COUNT], k: usize) -> S {
         let [angle, rate] = swing(p, S::of(k as f64 * self.record.interval_s));
@@ -378,9 +378,9 @@ impl Motion<'_> {
     }
 }
 
-impl Law<COUNT> for &Motion<'_> {
+impl ResidualLaw<COUNT> for &DecayResiduals<'_> {
     fn residuals<S: Over<f64>>(&self, p: &[S; COUNT], each: &mut impl FnMut(S)) {
-        let Motion { record, tangents, quarter, deviations } = self;
+        let DecayResiduals { record, tangents, quarter, deviations } = self;
         for (k, (y, seen)) in record.signal.iter().zip(tangents).enumerate() {
             if y.is_finite() {
                 each((self.signal_at(p, k) - *y) * deviations[0].recip());

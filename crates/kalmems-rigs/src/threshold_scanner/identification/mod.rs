@@ -7,41 +7,41 @@
 mod curve;
 mod decay;
 mod figures;
-mod words;
+mod messages;
 
 pub use curve::{CurvePoint, fit_curve};
-pub use decay::{Decay, DecayError, DecayFit, fit_decay, unknown};
+pub use decay::{DecayError, DecayFit, DecayRecord, fit_decay, unknown};
 
-use super::hardware::Hardware;
+use super::hardware::ThresholdHardware;
 use super::{MEANINGS, POSITION};
-use crate::config::{Experiment, Fault, Quantity, Reference, Role};
+use crate::config::{ConfigFault, Experiment, Quantity, RecordingRole, Reference};
 use crate::evaluate::ReferenceChannels;
-use crate::fit::Derived;
+use crate::fit::DerivedNumber;
 use crate::identify::{Entries, Identification, IdentifyError, Material, exact};
 use crate::progress::Progress;
-use crate::recording::Recording;
+use crate::recording::SampledRecording;
 use crate::threshold_scanner::device::ThresholdScanner;
 use crate::threshold_scanner::instruments;
 use crate::units::kind;
 use std::f64::consts::TAU;
 
 /// What a free decay gave.
-struct Found {
+struct DecayResult {
     decay: DecayFit,
     curve: Vec<CurvePoint>,
     /// How much later than the motion the reference shows it, in s: what is stated and what was found beyond.
-    delay: Derived,
+    delay: DerivedNumber,
     /// tan(m·θ) of one volt of the reference's detector, where there is one.
     per_volt: Option<f64>,
 }
 
 /// Identifies the device from the experiment's free decay.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
-    let hardware = Hardware::of(experiment)?;
+    let hardware = ThresholdHardware::of(experiment)?;
     let [drive, signal] = MEANINGS;
     let material = Material::of_role(
         experiment,
-        Role::RingDown,
+        RecordingRole::RingDown,
         (signal, &kind::VOLTAGE),
         &[drive, POSITION],
         &ReferenceChannels::one_angle(instruments(experiment)?),
@@ -50,7 +50,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     .ok_or_else(|| {
         let why =
             "no recording has the role `ring_down`; parameters are identified from a free decay".to_owned();
-        experiment.error("recording", Fault::Value { why })
+        experiment.error("recording", ConfigFault::Value { why })
     })?;
     if material.angle.is_empty() {
         let why = "it has no reference; the signal alone does not know the scale of the angle: name the column of \
@@ -59,7 +59,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     }
     drive_is_off(experiment, &material, progress)?;
     let beam = instruments(experiment)?.beam;
-    let record = Decay {
+    let record = DecayRecord {
         interval_s: material.interval_s,
         signal: &material.signal,
         angle: &material.angle,
@@ -79,14 +79,14 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     let threshold = decay.fit.parameters[unknown::THRESHOLD];
     let curve = fit_curve(&material.signal, &decay.motion, threshold, transimpedance)
         .map_err(|source| IdentifyError::Fit { recording: material.name.clone(), source })?;
-    let place = experiment.recordings.iter().position(|recording| recording.role == Role::RingDown);
+    let place = experiment.recordings.iter().position(|recording| recording.role == RecordingRole::RingDown);
     let stated = match place {
         Some(index) => experiment.recording(index)?.reference.as_ref().map_or(0.0, Reference::delay_s),
         None => 0.0,
     };
     let late = decay.fit.parameter(unknown::DELAY);
-    let found = Found {
-        delay: Derived { value: stated + late.value, ..late },
+    let found = DecayResult {
+        delay: DerivedNumber { value: stated + late.value, ..late },
         per_volt: beam.map(|beam| beam.gain / beam.distance),
         decay,
         curve,
@@ -103,7 +103,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         experiment: experiment.clone(),
         materials: Vec::new(),
     };
-    words::of(&mut identification, &material, &found);
+    messages::of(&mut identification, &material, &found);
     let entries = apply(experiment, &mut device, &found)?;
     identification.experiment.set_device(device);
     entries.write(&mut identification.experiment);
@@ -126,12 +126,13 @@ fn drive_is_off(
     material: &Material,
     progress: &dyn Progress,
 ) -> Result<(), IdentifyError> {
-    let place = experiment.recordings.iter().position(|recording| recording.role == Role::RingDown);
+    let place = experiment.recordings.iter().position(|recording| recording.role == RecordingRole::RingDown);
     let Some(described) = place.map(|index| experiment.recording(index)).transpose()? else { return Ok(()) };
     let Some(column) = described.channels.column(MEANINGS[0]) else { return Ok(()) };
     let path = experiment.resolve(&described.file);
-    let recording =
-        Recording::read_with(&path, &described.layout(&[column]), &mut |done, _| progress.reached(done))?;
+    let recording = SampledRecording::read_with(&path, &described.layout(&[column]), &mut |done, _| {
+        progress.reached(done)
+    })?;
     let drive = recording.column_of(column, &kind::VOLTAGE)?;
     for segment in recording.segments() {
         let volts = drive.of(segment);
@@ -150,7 +151,7 @@ fn drive_is_off(
 }
 
 fn value_error(experiment: &Experiment, why: String) -> IdentifyError {
-    experiment.error("device.threshold_scanner", Fault::Value { why }).into()
+    experiment.error("device.threshold_scanner", ConfigFault::Value { why }).into()
 }
 
 /// A parameter known worse than this, relative to itself, is not put into the experiment.
@@ -167,12 +168,14 @@ fn is_known(decay: &DecayFit, index: usize) -> bool {
 fn apply(
     experiment: &Experiment,
     device: &mut ThresholdScanner,
-    found: &Found,
+    found: &DecayResult,
 ) -> Result<Entries, IdentifyError> {
     let decay = &found.decay;
     let of = |index: usize| decay.fit.parameter(index);
-    let scaled =
-        |found: Derived, by: f64| Derived { value: by * found.value, deviation: by * found.deviation };
+    let scaled = |found: DerivedNumber, by: f64| DerivedNumber {
+        value: by * found.value,
+        deviation: by * found.deviation,
+    };
     let mut entries = Entries::default();
     if is_known(decay, unknown::NATURAL_RATE) {
         let place = (NATURAL_FREQUENCY, &mut device.resonator.natural_frequency);

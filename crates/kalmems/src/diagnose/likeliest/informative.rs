@@ -1,8 +1,8 @@
 //! The recording that would tell numbers which these do not.
 
-use super::sought::{DETERMINED, Sought};
+use super::likelihood_search::{DETERMINED, LikelihoodSearch};
 use crate::config::Experiment;
-use crate::diagnose::distinguish::{Elsewhere, variations};
+use crate::diagnose::distinguish::{SimulatedRecordings, variations};
 use crate::diagnose::search::MostLikelySizes;
 use crate::diagnose::suspect::Suspect;
 use crate::progress::{Progress, map_on_threads, processors};
@@ -24,13 +24,13 @@ const BETTER: f64 = 0.7;
 /// The recording by which the worst known of these numbers is known best, with all numbers sought in it together; `None` where none of those
 /// that were tried tells more, or none can be simulated.
 pub(super) fn informative(
-    sought: &Sought,
+    sought: &LikelihoodSearch,
     experiment: &Experiment,
     (suspects, found): (&[Suspect], &MostLikelySizes),
     untold: &[usize],
     progress: &dyn Progress,
 ) -> Option<Informative> {
-    let there = Elsewhere { workbench: sought.workbench, experiment, bench: sought.bench };
+    let there = SimulatedRecordings { workbench: sought.workbench, experiment, bench: sought.bench };
     let usual = there.usual(sought.base)?;
     let mut tried = vec![("as long as this one, made once more".to_owned(), usual.clone())];
     tried.extend(variations(&usual));

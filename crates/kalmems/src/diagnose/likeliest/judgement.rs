@@ -1,11 +1,11 @@
 //! Which of the likeliest numbers are put into the experiment.
 
-use super::sought::{DETERMINED, Sought};
+use super::likelihood_search::{DETERMINED, LikelihoodSearch};
 use crate::diagnose::answer::AnswerChange;
 use crate::diagnose::search::MostLikelySizes;
 use crate::diagnose::suspect::Suspect;
-use crate::diagnose::trial::Blocks;
-use crate::identify::{CONNECTED, Likeliest, Standing, TWO_SIDED, standings_beside};
+use crate::diagnose::trial::TrialBlocks;
+use crate::identify::{CONNECTED, LikelihoodSolution, NumberStatus, TWO_SIDED, joint_number_statuses};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// With this probability a recording of the device as it is stated does not speak against it.
@@ -18,7 +18,7 @@ const ADDS: f64 = 0.3;
 /// What becomes of each number, and why.
 ///
 /// The numbers whose errors hang together by more than 0.3 are one group. A group is written where all of it is determined to 30 %, by
-/// [`standings_beside`], and where writing it cannot make the estimate worse than it was:
+/// [`joint_number_statuses`], and where writing it cannot make the estimate worse than it was:
 ///
 /// - with the numbers of one half of the recordings the innovations of the other half are not less likely than chance allows
 ///   (cross-validation), and
@@ -26,9 +26,9 @@ const ADDS: f64 = 0.3;
 ///   by less than 0.3 of the error that the filter claims.
 ///
 /// Else the experiment keeps what it says. A filter that is told the truth is not made worse by a recording that hardly tells it.
-pub(super) struct Judgement {
+pub(super) struct NumberJudgement {
     /// Of each number.
-    pub(super) verdicts: Vec<Verdict>,
+    pub(super) verdicts: Vec<NumberVerdict>,
     /// By how much the answer moves from the stated numbers to those that are found.
     pub(super) moves: Option<AnswerChange>,
     /// By how much one standard deviation of what remains unknown of all numbers that are written moves it, root mean square in SI.
@@ -37,7 +37,7 @@ pub(super) struct Judgement {
 
 /// What becomes of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Verdict {
+pub(super) enum NumberVerdict {
     /// It is written.
     Written,
     /// The recordings do not tell it.
@@ -50,32 +50,32 @@ pub(super) enum Verdict {
     NotConfirmed,
 }
 
-impl Judgement {
+impl NumberJudgement {
     /// `None` where the filter cannot be run with what was found.
     pub(super) fn of(
-        sought: &Sought,
+        sought: &LikelihoodSearch,
         suspects: &[Suspect],
         found: &MostLikelySizes,
         ends: &[[f64; 2]],
     ) -> Option<Self> {
         let spread = |i: usize| 0.5 * (ends[i][0] + ends[i][1]) / TWO_SIDED;
         let correlation = |i: usize, j: usize| found.correlation[i][j];
-        let likeliest = Likeliest {
+        let likeliest = LikelihoodSolution {
             at: &found.at,
             spread: &spread,
             is_told: &|i| spread(i) < DETERMINED,
             correlation: &correlation,
         };
-        let standings = standings_beside(&likeliest, |kept| {
+        let standings = joint_number_statuses(&likeliest, |kept| {
             let start: Vec<f64> =
                 (0..suspects.len()).map(|i| if kept[i] { 0.0 } else { found.at[i] }).collect();
             let free: Vec<bool> = kept.iter().map(|kept| !kept).collect();
-            sought.beside(suspects, &start, &free, Blocks::All).map(|there| there.at).ok_or(())
+            sought.refit_blocks(suspects, &start, &free, TrialBlocks::All).map(|there| there.at).ok_or(())
         });
-        let mut verdicts: Vec<Verdict> = match standings {
-            Ok(standings) => standings.into_iter().map(Verdict::from).collect(),
+        let mut verdicts: Vec<NumberVerdict> = match standings {
+            Ok(standings) => standings.into_iter().map(NumberVerdict::from).collect(),
             // Beside what is kept there is no filter: nothing is known of the others without it.
-            Err(()) => vec![Verdict::Untold; suspects.len()],
+            Err(()) => vec![NumberVerdict::Untold; suspects.len()],
         };
         for group in groups(&verdicts, &correlation) {
             if let Some(verdict) = refused(sought, suspects, found, &group) {
@@ -93,18 +93,18 @@ impl Judgement {
     }
 }
 
-impl From<Standing> for Verdict {
-    fn from(standing: Standing) -> Self {
+impl From<NumberStatus> for NumberVerdict {
+    fn from(standing: NumberStatus) -> Self {
         match standing {
-            Standing::Told => Self::Written,
-            Standing::Untold => Self::Untold,
-            Standing::HangsOn(other) => Self::HangsOn(other),
+            NumberStatus::Determined => Self::Written,
+            NumberStatus::Undetermined => Self::Untold,
+            NumberStatus::DependsOn(other) => Self::HangsOn(other),
         }
     }
 }
 
-fn written(verdicts: &[Verdict]) -> Vec<usize> {
-    (0..verdicts.len()).filter(|place| verdicts[*place] == Verdict::Written).collect()
+fn written(verdicts: &[NumberVerdict]) -> Vec<usize> {
+    (0..verdicts.len()).filter(|place| verdicts[*place] == NumberVerdict::Written).collect()
 }
 
 /// The sizes of these places, and 0 elsewhere.
@@ -113,7 +113,7 @@ fn with(count: usize, found: &MostLikelySizes, places: &[usize]) -> Vec<f64> {
 }
 
 /// Those that are to be written, by groups whose errors hang together.
-fn groups(verdicts: &[Verdict], correlation: &dyn Fn(usize, usize) -> f64) -> Vec<Vec<usize>> {
+fn groups(verdicts: &[NumberVerdict], correlation: &dyn Fn(usize, usize) -> f64) -> Vec<Vec<usize>> {
     let mut left = written(verdicts);
     let mut groups = Vec::new();
     while let Some(first) = left.pop() {
@@ -133,27 +133,29 @@ fn groups(verdicts: &[Verdict], correlation: &dyn Fn(usize, usize) -> f64) -> Ve
 
 /// Why a group is not to be written.
 fn refused(
-    sought: &Sought,
+    sought: &LikelihoodSearch,
     suspects: &[Suspect],
     found: &MostLikelySizes,
     group: &[usize],
-) -> Option<Verdict> {
+) -> Option<NumberVerdict> {
     let free: Vec<bool> = (0..suspects.len()).map(|place| group.contains(&place)).collect();
     let count = group.len() as f64;
     let stated = vec![0.0; suspects.len()];
     let likelihood =
         |sizes: &[f64], blocks| sought.run(suspects, sizes).map(|trial| trial.log_likelihood(blocks));
     // By every second block, judged on the others.
-    if let Some(half) = sought.beside(suspects, &with(suspects.len(), found, group), &free, Blocks::Fitted) {
-        let before = sought.base.log_likelihood(Blocks::HeldOut);
-        let after = likelihood(&half.at, Blocks::HeldOut).unwrap_or(f64::NEG_INFINITY);
+    if let Some(half) =
+        sought.refit_blocks(suspects, &with(suspects.len(), found, group), &free, TrialBlocks::Fitted)
+    {
+        let before = sought.base.log_likelihood(TrialBlocks::HeldOut);
+        let after = likelihood(&half.at, TrialBlocks::HeldOut).unwrap_or(f64::NEG_INFINITY);
         // Of numbers that are as stated ln p falls by half of a number on the average, and by more than this once in a few hundred times.
         if after < before - count - 3.0 * count.sqrt() {
-            return Some(Verdict::NotConfirmed);
+            return Some(NumberVerdict::NotConfirmed);
         }
     }
     let moved = with(suspects.len(), found, group);
-    let gain = likelihood(&moved, Blocks::All)? - likelihood(&stated, Blocks::All)?;
+    let gain = likelihood(&moved, TrialBlocks::All)? - likelihood(&stated, TrialBlocks::All)?;
     let limit = ChiSquared::new(count).map_or(f64::INFINITY, |law| 0.5 * law.inverse_cdf(SPEAKS));
     // Where the filter does not follow the motion with what is stated, anything that follows it is better.
     if gain > limit || !sought.base.follows() {
@@ -161,12 +163,12 @@ fn refused(
     }
     let claimed = AnswerChange::between(sought.base, sought.base)?.claimed;
     let unknown = unknown(sought, suspects, found, (group, &moved)).unwrap_or(f64::INFINITY);
-    (unknown > ADDS * claimed).then_some(Verdict::Agrees)
+    (unknown > ADDS * claimed).then_some(NumberVerdict::Agrees)
 }
 
 /// By how much what is not known of these numbers moves the answer, root mean square in SI: along the independent directions of their errors.
 fn unknown(
-    sought: &Sought,
+    sought: &LikelihoodSearch,
     suspects: &[Suspect],
     found: &MostLikelySizes,
     (places, at): (&[usize], &[f64]),

@@ -2,27 +2,27 @@
 
 mod informative;
 mod judgement;
+mod likelihood_search;
 mod outcome;
 mod prior;
-mod sought;
 
-use super::bench::{Bench, Extent};
+use super::bench::{TestedRows, TrialBench};
 use super::search::MOST_SIZES;
-use super::suspect::{Number, Suspect, What};
+use super::suspect::{NumberRole, Suspect, WrittenNumber};
 use super::{DiagnoseError, begin};
 use crate::config::get;
-use crate::config::{ConfigError, Experiment, Fault, Key, Role};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, RecordingRole};
 use crate::identify::{Identification, IdentifyError};
 use crate::progress::Progress;
 use crate::rigs::Workbench;
-use judgement::Judgement;
-use outcome::Outcome;
-use prior::Prior;
-use sought::Sought;
+use judgement::NumberJudgement;
+use likelihood_search::LikelihoodSearch;
+use outcome::LikelihoodOutcome;
+use prior::FactorPrior;
 use toml::{Table, Value};
 
 /// Rows after the settling times that are looked at, in all.
-const ROWS: Extent = Extent(200_000);
+const ROWS: TestedRows = TestedRows(200_000);
 
 /// The logarithm of a factor by which a number may be off, a third of how far a search may go.
 const FARTHEST: f64 = 3.0;
@@ -52,14 +52,14 @@ pub fn likeliest(
     progress: &dyn Progress,
 ) -> Result<Identification, IdentifyError> {
     let (prepared, filter) = prepared(workbench, experiment)?;
-    let bench = Bench::of(workbench, &prepared, Some(&filter)).map_err(refused)?;
+    let bench = TrialBench::of(workbench, &prepared, Some(&filter)).map_err(refused)?;
     let bench = bench.with_files(ROWS, progress).map_err(refused)?;
     let progress = &bench.stop.watching(progress);
     let (base, all) = begin(workbench, &bench).map_err(refused)?;
     let suspects = chosen(experiment, &bench, &all)?;
     progress.begin("likelihood", 0);
-    let prior = Prior::of(experiment, &suspects)?;
-    let sought = Sought { workbench, bench: &bench, base: &base, prior: &prior };
+    let prior = FactorPrior::of(experiment, &suspects)?;
+    let sought = LikelihoodSearch { workbench, bench: &bench, base: &base, prior: &prior };
     let nowhere = || IdentifyError::Unfit { recording: bench.filter_name.clone(), why: NOWHERE.to_owned() };
     let stopped = || progress.reached(0).is_break().then_some(IdentifyError::Interrupted);
     let found = sought.with_signs(&suspects);
@@ -69,12 +69,12 @@ pub fn likeliest(
     let (suspects, found) = found.ok_or_else(nowhere)?;
     progress.begin("profiles of the likelihood", 0);
     let ends = sought.intervals(&suspects, &found);
-    let judgement = Judgement::of(&sought, &suspects, &found, &ends);
+    let judgement = NumberJudgement::of(&sought, &suspects, &found, &ends);
     let judgement = match stopped() {
         Some(stopped) => return Err(stopped),
         None => judgement.ok_or_else(nowhere)?,
     };
-    let outcome = Outcome { sought: &sought, suspects: &suspects, found, ends, judgement };
+    let outcome = LikelihoodOutcome { sought: &sought, suspects: &suspects, found, ends, judgement };
     outcome.told(workbench, experiment, progress)
 }
 
@@ -108,26 +108,28 @@ fn refused(error: DiagnoseError) -> IdentifyError {
 }
 
 /// Roles of recordings in which a device moves as its equations say.
-const MOVES: [Role; 4] = [Role::Test, Role::SteadyState, Role::RingDown, Role::Sweep];
+const MOVES: [RecordingRole; 4] =
+    [RecordingRole::Test, RecordingRole::SteadyState, RecordingRole::RingDown, RecordingRole::Sweep];
 
 /// The experiment with the recordings that count as such to be estimated, and its first filter that is judged, none of whose states is
 /// a parameter; and the name of that filter.
 fn prepared(workbench: &Workbench, experiment: &Experiment) -> Result<(Experiment, String), IdentifyError> {
-    let unwritten = |why: String| experiment.error(Key::default(), Fault::Value { why });
+    let unwritten = |why: String| experiment.error(Key::default(), ConfigFault::Value { why });
     let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
     let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
-    let trains = experiment.recordings.iter().any(|recording| recording.role == Role::Training);
-    let counts = |role: Role| if trains { role == Role::Training } else { MOVES.contains(&role) };
+    let trains = experiment.recordings.iter().any(|recording| recording.role == RecordingRole::Training);
+    let counts =
+        |role: RecordingRole| if trains { role == RecordingRole::Training } else { MOVES.contains(&role) };
     let mut roles = experiment.recordings.iter().map(|recording| recording.role);
     if let Some(Value::Array(recordings)) = document.get_mut("recording") {
         recordings.retain(|_| roles.next().is_some_and(counts));
         for recording in recordings.iter_mut().filter_map(Value::as_table_mut) {
-            recording.insert("role".to_owned(), Value::String(Role::Test.key().to_owned()));
+            recording.insert("role".to_owned(), Value::String(RecordingRole::Test.key().to_owned()));
         }
         if recordings.is_empty() {
             let why = "no recording has the role `training`, `test`, `steady_state`, `ring_down` or `sweep`; parameters are identified \
                        from those";
-            return Err(experiment.error("recording", Fault::Value { why: why.to_owned() }).into());
+            return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
         }
     }
     let mut chosen = String::new();
@@ -142,32 +144,33 @@ fn prepared(workbench: &Workbench, experiment: &Experiment) -> Result<(Experimen
     if chosen.is_empty() {
         let why =
             "no filter has innovations that are white when it is right; add one with `method = \"ekf\"`";
-        return Err(experiment.error("estimate.filter", Fault::Value { why: why.to_owned() }).into());
+        return Err(experiment.error("estimate.filter", ConfigFault::Value { why: why.to_owned() }).into());
     }
     let text = toml::to_string(&document).map_err(|e| unwritten(e.to_string()))?;
     Ok((workbench.parse(&text, experiment.path())?, chosen))
 }
 
 /// The numbers that the experiment names, among all that may be wrong.
-fn chosen(experiment: &Experiment, bench: &Bench, all: &[Suspect]) -> Result<Vec<Suspect>, ConfigError> {
+fn chosen(experiment: &Experiment, bench: &TrialBench, all: &[Suspect]) -> Result<Vec<Suspect>, ConfigError> {
     let named = experiment.identify.iter().flat_map(|identify| &identify.parameters);
     let named: Vec<&String> = named.collect();
     let at = || Key::from("identify").child("parameters");
     if named.len() > MOST_SIZES {
         let why = format!("these are {} numbers; at most {MOST_SIZES} are identified together", named.len());
-        return Err(experiment.error(at(), Fault::Value { why }));
+        return Err(experiment.error(at(), ConfigFault::Value { why }));
     }
     let device = Key::from("device").child(experiment.device_name());
-    let single = |suspect: &&Suspect| matches!(&suspect.what, What::Factor(numbers) if numbers.len() == 1);
+    let single =
+        |suspect: &&Suspect| matches!(&suspect.what, NumberRole::Factor(numbers) if numbers.len() == 1);
     let key_of = |suspect: &Suspect| match &suspect.what {
-        What::Factor(numbers) => numbers.first().map(|number| number.key.clone()),
+        NumberRole::Factor(numbers) => numbers.first().map(|number| number.key.clone()),
         _ => None,
     };
     let mut suspects: Vec<Suspect> = Vec::new();
     for name in named {
         if let Some(density) = name.strip_prefix(PROCESS_NOISE) {
-            let found =
-                process_noise(density, bench).map_err(|why| experiment.error(at(), Fault::Value { why }))?;
+            let found = process_noise(density, bench)
+                .map_err(|why| experiment.error(at(), ConfigFault::Value { why }))?;
             suspects.push(found);
             continue;
         }
@@ -180,14 +183,16 @@ fn chosen(experiment: &Experiment, bench: &Bench, all: &[Suspect]) -> Result<Vec
                 let why = format!(
                     "`{name}` is 0 or no number with a unit; expected a number of the device's table that is not 0: its logarithm is sought"
                 );
-                return Err(experiment.error(at(), Fault::Value { why }));
+                return Err(experiment.error(at(), ConfigFault::Value { why }));
             }
             let known: Vec<String> = all.iter().filter(single).map(Suspect::name).collect();
-            return Err(experiment.error(at(), Fault::unknown_word(name, known.iter().map(String::as_str))));
+            return Err(
+                experiment.error(at(), ConfigFault::unknown_word(name, known.iter().map(String::as_str)))
+            );
         };
         if suspects.iter().any(|other| key_of(other) == key_of(found)) {
             let why = format!("`{name}` is named twice; a number is sought once");
-            return Err(experiment.error(at(), Fault::Value { why }));
+            return Err(experiment.error(at(), ConfigFault::Value { why }));
         }
         // Here a number may be wrong by more than is tried in a diagnosis: a noise is often known by its power of ten alone.
         let sizes = found.sizes.iter().copied().chain([FARTHEST, -FARTHEST]).collect();
@@ -200,7 +205,7 @@ fn chosen(experiment: &Experiment, bench: &Bench, all: &[Suspect]) -> Result<Vec
 const PROCESS_NOISE: &str = "process_noise.";
 
 /// A density of the table `estimate.process_noise`, which all filters share.
-fn process_noise(density: &str, bench: &Bench) -> Result<Suspect, String> {
+fn process_noise(density: &str, bench: &TrialBench) -> Result<Suspect, String> {
     let shared = Key::from("estimate").child("process_noise");
     let own = Key::from("estimate").child("filter").index(0).child("process_noise").child(density);
     if get(&bench.document, &own).is_some() {
@@ -210,10 +215,10 @@ fn process_noise(density: &str, bench: &Bench) -> Result<Suspect, String> {
         ));
     }
     let key = shared.child(density);
-    let number = get(&bench.document, &key).and_then(|value| Number::of(&key, value));
+    let number = get(&bench.document, &key).and_then(|value| WrittenNumber::of(&key, value));
     let number = number.ok_or_else(|| {
         format!("`{PROCESS_NOISE}{density}` is no density above 0 of the table `[estimate.process_noise]`; expected one that is stated there")
     })?;
     let sizes = [0.7, -0.7, FARTHEST, -FARTHEST].to_vec();
-    Ok(Suspect { what: What::Factor(vec![number]), sizes })
+    Ok(Suspect { what: NumberRole::Factor(vec![number]), sizes })
 }

@@ -1,14 +1,14 @@
 //! What is said of the likeliest numbers, and the experiment with them.
 
 use super::informative::informative;
-use super::judgement::{Judgement, Verdict};
-use super::sought::{DETERMINED, Sought};
-use crate::config::{Experiment, Step};
+use super::judgement::{NumberJudgement, NumberVerdict};
+use super::likelihood_search::{DETERMINED, LikelihoodSearch};
+use crate::config::{Experiment, KeyStep};
 use crate::diagnose::paste::changed;
 use crate::diagnose::report::{Edit, digits, rounded};
 use crate::diagnose::search::MostLikelySizes;
-use crate::diagnose::suspect::{Suspect, What};
-use crate::diagnose::trial::{Blocks, Trial};
+use crate::diagnose::suspect::{NumberRole, Suspect};
+use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
 use crate::identify::{Correlated, Identification, Identified, IdentifyError, TWO_SIDED, Undetermined};
 use crate::progress::Progress;
 use crate::rigs::Workbench;
@@ -28,16 +28,16 @@ fn with_uncertainty(value: Value, sd: f64) -> Value {
 }
 
 /// What was found.
-pub(super) struct Outcome<'a> {
-    pub(super) sought: &'a Sought<'a>,
+pub(super) struct LikelihoodOutcome<'a> {
+    pub(super) sought: &'a LikelihoodSearch<'a>,
     pub(super) suspects: &'a [Suspect],
     pub(super) found: MostLikelySizes,
     /// How far each size may be from its likeliest value to either side.
     pub(super) ends: Vec<[f64; 2]>,
-    pub(super) judgement: Judgement,
+    pub(super) judgement: NumberJudgement,
 }
 
-impl Outcome<'_> {
+impl LikelihoodOutcome<'_> {
     /// The standard error of which the interval is one of 95 %.
     fn spread(&self, place: usize) -> f64 {
         0.5 * (self.ends[place][0] + self.ends[place][1]) / TWO_SIDED
@@ -50,23 +50,23 @@ impl Outcome<'_> {
     /// Why a number keeps what the experiment says; none of one that is written.
     fn why_not(&self, place: usize) -> Option<String> {
         Some(match self.judgement.verdicts[place] {
-            Verdict::Written => return None,
-            Verdict::Untold if self.spread(place).is_finite() => format!(
+            NumberVerdict::Written => return None,
+            NumberVerdict::Untold if self.spread(place).is_finite() => format!(
                 "the recordings tell it to {} % only, and {} % is the worst that is put into an experiment",
                 digits(100.0 * self.spread(place), 2),
                 digits(100.0 * DETERMINED, 2)
             ),
-            Verdict::Untold => "the recordings do not tell it: its likelihood has no end on one side".to_owned(),
-            Verdict::HangsOn(other) => format!(
+            NumberVerdict::Untold => "the recordings do not tell it: its likelihood has no end on one side".to_owned(),
+            NumberVerdict::HangsOn(other) => format!(
                 "what the recordings tell of it hangs on `{}`, which they do not determine: beside what the experiment says of that it would be \
                  another",
                 self.name(other)
             ),
-            Verdict::Agrees => format!(
+            NumberVerdict::Agrees => format!(
                 "the recordings agree with what the experiment says, and know it themselves to {} % only: the answer would not become better",
                 digits(100.0 * self.spread(place), 2)
             ),
-            Verdict::NotConfirmed => {
+            NumberVerdict::NotConfirmed => {
                 "with what one half of the recordings says of it the other half is less likely than before: the device has more to it than its \
                  numbers, and `kalmems diagnose` looks for what"
                     .to_owned()
@@ -98,7 +98,7 @@ impl Outcome<'_> {
         };
         let (mut text, mut written) = (experiment.text().to_owned(), Vec::new());
         for (index, suspect) in self.suspects.iter().enumerate() {
-            let What::Factor(numbers) = &suspect.what else { continue };
+            let NumberRole::Factor(numbers) = &suspect.what else { continue };
             let (Some(number), Some(size)) = (numbers.first(), self.found.at.get(index)) else { continue };
             let (sd, [below, above]) = (self.spread(index), self.ends[index]);
             let unit = units::Unit::parse(if number.unit.is_empty() { "1" } else { &number.unit });
@@ -125,7 +125,7 @@ impl Outcome<'_> {
                 .key
                 .steps()
                 .iter()
-                .any(|step| matches!(step, Step::Name(name) if name.starts_with("noise") || name == "process_noise"));
+                .any(|step| matches!(step, KeyStep::Name(name) if name.starts_with("noise") || name == "process_noise"));
             let to = if is_noise { value } else { with_uncertainty(value, sd) }.to_string();
             if !is_noise {
                 written.push(index);
@@ -161,7 +161,7 @@ impl Outcome<'_> {
 
     fn say(&self, found: &mut Identification, place: &str) {
         let (rows, long_s) = self.sought.bench.extent();
-        let gained = self.found.log_likelihood - self.sought.base.log_likelihood(Blocks::All);
+        let gained = self.found.log_likelihood - self.sought.base.log_likelihood(TrialBlocks::All);
         found.notes.push(format!(
             "{place}: ln p of the innovations of `{}` rose by {gained:.1} over {rows} rows, {long_s:.4} s",
             self.sought.bench.filter_name
@@ -188,8 +188,11 @@ impl Outcome<'_> {
             ));
         }
         let trial = self.trial();
-        let failing: Vec<String> =
-            trial.iter().flat_map(Trial::failing).map(crate::evaluate::TestResult::in_short).collect();
+        let failing: Vec<String> = trial
+            .iter()
+            .flat_map(DiagnosisTrial::failing)
+            .map(crate::evaluate::TestResult::in_short)
+            .collect();
         if !failing.is_empty() {
             found.warnings.push(format!(
                 "{place}: with these numbers the innovations still show what a filter that is right does not ({}): the device has more to \
@@ -204,14 +207,15 @@ impl Outcome<'_> {
     }
 
     /// The run with all that was found, be it written or not.
-    fn trial(&self) -> Option<Trial> {
+    fn trial(&self) -> Option<DiagnosisTrial> {
         self.sought.run(self.suspects, &self.found.at)
     }
 
     /// Adds the recording that would tell what these do not.
     fn propose(&self, found: &mut Identification, experiment: &Experiment, progress: &dyn Progress) {
         let verdicts = self.judgement.verdicts.iter().enumerate();
-        let untold = verdicts.filter(|(_, verdict)| matches!(verdict, Verdict::Untold | Verdict::Agrees));
+        let untold =
+            verdicts.filter(|(_, verdict)| matches!(verdict, NumberVerdict::Untold | NumberVerdict::Agrees));
         let untold: Vec<usize> = untold.map(|(place, _)| place).collect();
         if untold.is_empty() {
             return;

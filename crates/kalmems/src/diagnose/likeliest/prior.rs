@@ -1,25 +1,25 @@
 //! What an experiment states of the numbers that are sought.
 
 use crate::config::{ConfigError, Experiment, cholesky};
-use crate::diagnose::suspect::{Suspect, What};
+use crate::diagnose::suspect::{NumberRole, Suspect};
 use crate::fit::Innovations;
 
 /// The distribution of the logarithms of factors before any recording: normal about 0, by the uncertainties and correlations that the file
 /// states of its numbers.
 #[derive(Clone, Debug)]
-pub(super) struct Prior {
+pub(super) struct FactorPrior {
     /// Places among the suspects, with the relative standard uncertainty of each.
     stated: Vec<(usize, f64)>,
     /// The lower Cholesky factor of their correlations.
     root: Vec<Vec<f64>>,
 }
 
-impl Prior {
+impl FactorPrior {
     /// What the experiment states of these.
     pub(super) fn of(experiment: &Experiment, suspects: &[Suspect]) -> Result<Self, ConfigError> {
         let uncertain = experiment.uncertain()?;
         let number = |suspect: &Suspect| {
-            let What::Factor(numbers) = &suspect.what else { return None };
+            let NumberRole::Factor(numbers) = &suspect.what else { return None };
             let key = &numbers.first()?.key;
             uncertain.iter().find(|number| number.key == *key)
         };

@@ -1,6 +1,6 @@
 //! What all runs say together of one claim.
 
-use super::judged::{APART, Claimed, LEVELS};
+use super::judged::{APART, LEVELS, NormalizedErrors};
 use super::{Share, Uniformity};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
@@ -16,7 +16,7 @@ pub struct ClaimCalibration {
     /// How many independent ones they are worth for the share within one standard deviation.
     pub independent: f64,
     /// The share of them within one, two and three standard deviations.
-    pub coverage: [Level; LEVELS.len()],
+    pub coverage: [CoverageLevel; LEVELS.len()],
     /// How many errors that have nothing to do with each other the ranks are of.
     pub ranked: usize,
     /// The mean of (truth − estimate)/sd of these; 0 of a claim that holds.
@@ -26,12 +26,12 @@ pub struct ClaimCalibration {
     /// Whether the ranks Φ((truth − estimate)/sd) are uniform; `None` of too few.
     pub ranks: Option<Uniformity>,
     /// What that comes to.
-    pub finding: Finding,
+    pub finding: ClaimFinding,
 }
 
 /// A level of coverage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Level {
+pub struct CoverageLevel {
     /// What a normal distribution has within so many standard deviations.
     pub claimed: f64,
     /// What was found.
@@ -42,7 +42,7 @@ pub struct Level {
 /// What the errors of a claim come to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Finding {
+pub enum ClaimFinding {
     /// Nothing speaks against it, as far as so many can tell.
     Holds,
     /// The errors are smaller than claimed.
@@ -60,7 +60,7 @@ pub enum Finding {
 /// The probability from which on a claim counts as one that holds, after a correction for four looks: each table has many rows.
 const HOLDS: f64 = 1e-3;
 
-impl Finding {
+impl ClaimFinding {
     /// In a word or two.
     pub const fn words(self) -> &'static str {
         match self {
@@ -97,7 +97,7 @@ impl Finding {
     }
 }
 
-impl fmt::Display for Finding {
+impl fmt::Display for ClaimFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.words())
     }
@@ -111,13 +111,13 @@ const MANY: usize = 10;
 /// The claims say so themselves; where the shares within a level vary more from run to run than that allows, an error lasts longer than
 /// the filter's propagation of errors has it, and the runs, which have nothing to do with each other, tell: the variance of a share p of n
 /// independent errors is p(1 − p)/n.
-fn independent(runs: &[Claimed], level: usize, share: f64) -> f64 {
+fn independent(runs: &[NormalizedErrors], level: usize, share: f64) -> f64 {
     let claimed: f64 = runs.iter().map(|run| run.independent).sum();
     if runs.len() < MANY {
         return claimed;
     }
     let count = runs.len() as f64;
-    let of_run = |run: &Claimed| run.within[level] as f64 / run.errors as f64 - share;
+    let of_run = |run: &NormalizedErrors| run.within[level] as f64 / run.errors as f64 - share;
     let squares: f64 = runs.iter().map(|run| of_run(run).powi(2)).sum();
     let shown = share * (1.0 - share) / (squares / (count - 1.0) / count);
     // Where no run differs from another there is nothing to tell by; a run holds one error at least.
@@ -132,13 +132,13 @@ fn thinned(deviates: &[f64], most: usize) -> impl Iterator<Item = f64> {
 
 impl ClaimCalibration {
     /// Of one quantity in all runs.
-    pub(super) fn of(quantity: String, runs: &[Claimed]) -> Self {
+    pub(super) fn of(quantity: String, runs: &[NormalizedErrors]) -> Self {
         let normal = Normal::standard();
         let errors: u64 = runs.iter().map(|run| run.errors).sum();
-        let coverage: [Level; LEVELS.len()] = std::array::from_fn(|level| {
+        let coverage: [CoverageLevel; LEVELS.len()] = std::array::from_fn(|level| {
             let within: u64 = runs.iter().map(|run| run.within[level]).sum();
             let share = within as f64 / errors as f64;
-            Level {
+            CoverageLevel {
                 claimed: 1.0 - 2.0 * normal.sf(LEVELS[level]),
                 found: Share::new(share, independent(runs, level, share)),
             }
@@ -152,7 +152,7 @@ impl ClaimCalibration {
         let square = deviates.iter().map(|z| z * z).sum::<f64>() / n;
         let ranks = Uniformity::of(&deviates);
         Self {
-            finding: Finding::of(ranks.as_ref(), (mean, square), deviates.len()),
+            finding: ClaimFinding::of(ranks.as_ref(), (mean, square), deviates.len()),
             quantity,
             errors,
             independent,
@@ -170,30 +170,33 @@ mod tests {
     use super::*;
     use crate::simulate::WhiteNoise;
 
-    fn finding(count: usize, error: impl Fn(f64, usize) -> f64) -> Finding {
+    fn finding(count: usize, error: impl Fn(f64, usize) -> f64) -> ClaimFinding {
         let mut noise = WhiteNoise::new(7, 2);
-        let run = |k| Claimed {
+        let run = |k| NormalizedErrors {
             quantity: String::new(),
             errors: 1,
             independent: 1.0,
             within: [1; 3],
             deviates: vec![error(noise.sample(), k)],
         };
-        let runs: Vec<Claimed> = (0..count).map(run).collect();
+        let runs: Vec<NormalizedErrors> = (0..count).map(run).collect();
         ClaimCalibration::of(String::new(), &runs).finding
     }
 
     #[test]
     fn what_is_wrong_with_a_claim_is_named() {
-        assert_eq!(finding(19, |z, _| 10.0 * z), Finding::TooFew);
-        assert_eq!(finding(1000, |z, _| z), Finding::Holds);
-        assert_eq!(finding(1000, |z, _| 0.8 * z), Finding::Careful);
-        assert_eq!(finding(1000, |z, _| 1.2 * z), Finding::Overconfident);
-        assert_eq!(finding(1000, |z, _| z + 0.2), Finding::Biased);
+        assert_eq!(finding(19, |z, _| 10.0 * z), ClaimFinding::TooFew);
+        assert_eq!(finding(1000, |z, _| z), ClaimFinding::Holds);
+        assert_eq!(finding(1000, |z, _| 0.8 * z), ClaimFinding::Careful);
+        assert_eq!(finding(1000, |z, _| 1.2 * z), ClaimFinding::Overconfident);
+        assert_eq!(finding(1000, |z, _| z + 0.2), ClaimFinding::Biased);
         // Of the same mean and spread, on two sides.
-        assert_eq!(finding(1000, |z, k| 0.1 * z + if k % 2 == 0 { 1.0 } else { -1.0 }), Finding::NotNormal);
+        assert_eq!(
+            finding(1000, |z, k| 0.1 * z + if k % 2 == 0 { 1.0 } else { -1.0 }),
+            ClaimFinding::NotNormal
+        );
         // Few that are far off are in no bin of a histogram, and in the spread.
-        assert_eq!(finding(100, |z, k| if k < 3 { 15.0 } else { z }), Finding::Overconfident);
+        assert_eq!(finding(100, |z, k| if k < 3 { 15.0 } else { z }), ClaimFinding::Overconfident);
     }
 
     /// Each run has one error that lasts through all of it, of which the claim says that it is a thousand independent ones.
@@ -207,17 +210,23 @@ mod tests {
                     (0..errors).map(|_| if lasts { all } else { noise.sample() }).collect();
                 let within = LEVELS.map(|level| of_each.iter().filter(|z| z.abs() <= level).count() as u64);
                 let deviates = of_each.into_iter().take(16).collect();
-                Claimed { quantity: String::new(), errors, independent: errors as f64, within, deviates }
+                NormalizedErrors {
+                    quantity: String::new(),
+                    errors,
+                    independent: errors as f64,
+                    within,
+                    deviates,
+                }
             };
-            let runs: Vec<Claimed> = (0..200).map(of_run).collect();
+            let runs: Vec<NormalizedErrors> = (0..200).map(of_run).collect();
             ClaimCalibration::of(String::new(), &runs)
         };
         let own = lasting(1000, true);
         assert!((own.independent - 200.0).abs() < 10.0 && own.ranked == 200, "{own:?}");
         // Of 200 errors: a share that is further off is one of a thousand.
-        let Level { claimed, found } = own.coverage[0];
+        let CoverageLevel { claimed, found } = own.coverage[0];
         let sd = (claimed * (1.0 - claimed) / 200.0).sqrt();
-        assert!((found.share - claimed).abs() < 3.3 * sd && own.finding == Finding::Holds, "{own:?}");
+        assert!((found.share - claimed).abs() < 3.3 * sd && own.finding == ClaimFinding::Holds, "{own:?}");
         // Of 200 shares the variance is known to 10 %.
         let own = lasting(1000, false);
         assert!(own.independent > 120_000.0 && own.ranked == 3200, "{own:?}");

@@ -1,7 +1,7 @@
 //! A truth that is drawn from what the device's table states as uncertain.
 
 use super::super::seed::Draw;
-use super::prior::{Drawn, Refused};
+use super::prior::{DrawnDeviation, PriorRefusal};
 use crate::config::{Direction, Key, UncertainNumber, exactly, put, written};
 use toml::Table;
 
@@ -12,7 +12,7 @@ pub(super) fn draw(
     directions: &[Direction],
     tracked: &[Key],
     (seed, run): (u64, u64),
-) -> Result<Vec<Drawn>, Refused> {
+) -> Result<Vec<DrawnDeviation>, PriorRefusal> {
     exactly(truth);
     let mut moved: Vec<(&UncertainNumber, f64)> = Vec::new();
     for (place, direction) in directions.iter().enumerate() {
@@ -30,7 +30,7 @@ pub(super) fn draw(
         let (_, unit) = of.value.parts();
         let value = written((of.value.si() + deviation) / of.value.unit().factor(), unit);
         put(truth, &of.key, value).map_err(|fault| (of.key.clone(), fault))?;
-        drawn.push(Drawn { name: of.name.clone().into(), deviation });
+        drawn.push(DrawnDeviation { name: of.name.clone().into(), deviation });
     }
     Ok(drawn)
 }

@@ -1,6 +1,6 @@
 //! What one run says of each filter's claims.
 
-use super::prior::Drawn;
+use super::prior::DrawnDeviation;
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::{Claim, ErrorSeries, MotionErrors, ParameterAnswer};
 use crate::results::{EstimatorMetrics, Metrics};
@@ -12,7 +12,7 @@ pub(super) const LEVELS: [f64; 3] = [1.0, 2.0, 3.0];
 
 /// One filter, or its smoother, in one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(in super::super) struct Judged {
+pub(in super::super) struct RunClaims {
     pub(super) recording: String,
     pub(super) segment: String,
     pub(super) estimator: String,
@@ -21,12 +21,12 @@ pub(in super::super) struct Judged {
     pub(super) grade: Option<String>,
     /// What was tested, and whether the test fails.
     pub(super) tests: Vec<(String, bool)>,
-    pub(super) claims: Vec<Claimed>,
+    pub(super) claims: Vec<NormalizedErrors>,
 }
 
 /// Errors of one quantity in one run, over the standard deviation that is claimed of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(in super::super) struct Claimed {
+pub(in super::super) struct NormalizedErrors {
     pub(super) quantity: String,
     /// How many errors were compared.
     pub(super) errors: u64,
@@ -49,14 +49,18 @@ pub(super) const APART: f64 = 4.0;
 const MOST: f64 = 1e6;
 
 /// What a run says of the claims of all of its filters, with the parameters that were drawn for it.
-pub(in super::super) fn judged(outcome: &Outcome, metrics: &Metrics, drawn: &[Drawn]) -> Vec<Judged> {
+pub(in super::super) fn judged(
+    outcome: &Outcome,
+    metrics: &Metrics,
+    drawn: &[DrawnDeviation],
+) -> Vec<RunClaims> {
     let mut all = Vec::new();
     for (recording, of_recording) in outcome.recordings.iter().zip(&metrics.recordings) {
         for (segment, of_segment) in recording.segments.iter().zip(&of_recording.segments) {
             let estimators = segment.estimate.trajectories.iter().zip(&of_segment.estimators);
             for (place, (trajectory, estimator)) in estimators.enumerate() {
                 if trajectory.claims() {
-                    all.push(Judged {
+                    all.push(RunClaims {
                         recording: of_recording.name.clone(),
                         segment: of_segment.label.clone(),
                         estimator: estimator.key.clone(),
@@ -97,25 +101,25 @@ fn claims(
     (segment, place): (&SegmentOutcome, usize),
     trajectory: &Trajectory,
     estimator: &EstimatorMetrics,
-    drawn: &[Drawn],
-) -> Vec<Claimed> {
+    drawn: &[DrawnDeviation],
+) -> Vec<NormalizedErrors> {
     let angles = segment.errors.get(place).into_iter().flatten().flat_map(MotionErrors::each);
     let angles = angles.map(|errors| (errors.of, &errors.error, errors.angle.claim));
     let values = segment.values.get(place).into_iter().flatten();
     let values = values.map(|(name, errors)| (*name, &errors.error, errors.claim));
-    let mut claims: Vec<Claimed> = angles
+    let mut claims: Vec<NormalizedErrors> = angles
         .chain(values)
-        .filter_map(|(name, series, claim)| Some(Claimed::of(name, series, claim?)))
+        .filter_map(|(name, series, claim)| Some(NormalizedErrors::of(name, series, claim?)))
         .collect();
     // A smoother has the parameters of its filter.
     if trajectory.kind == TrajectoryKind::Filtered {
         let answers = estimator.parameters.iter();
-        claims.extend(answers.filter_map(|answer| Claimed::of_parameter(answer, drawn)));
+        claims.extend(answers.filter_map(|answer| NormalizedErrors::of_parameter(answer, drawn)));
     }
     claims
 }
 
-impl Claimed {
+impl NormalizedErrors {
     /// Of errors over time.
     fn of(quantity: &str, series: &ErrorSeries, claim: Claim) -> Self {
         let mut within = [0; LEVELS.len()];
@@ -141,7 +145,7 @@ impl Claimed {
     }
 
     /// Of a parameter at the end; `None` of one that was not drawn.
-    fn of_parameter(answer: &ParameterAnswer, drawn: &[Drawn]) -> Option<Self> {
+    fn of_parameter(answer: &ParameterAnswer, drawn: &[DrawnDeviation]) -> Option<Self> {
         let truth = drawn.iter().find(|drawn| drawn.name == answer.name)?;
         let deviate = ((truth.deviation - answer.end) / answer.end_sd).clamp(-MOST, MOST);
         let within = LEVELS.map(|level| u64::from(deviate.abs() <= level));

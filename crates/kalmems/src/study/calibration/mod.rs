@@ -21,13 +21,13 @@ mod summary;
 mod tables;
 mod uniformity;
 
-pub use claim::{ClaimCalibration, Finding, Level};
-pub(super) use judged::{Judged, judged};
+pub use claim::{ClaimCalibration, ClaimFinding, CoverageLevel};
+pub(super) use judged::{RunClaims, judged};
 pub(super) use pictures::figures;
 pub(super) use plan::Groups;
-pub(super) use prior::Drawn;
+pub(super) use prior::DrawnDeviation;
 pub use share::Share;
 pub(super) use sign::state_signs;
-pub use summary::{CalibrationSummary, FilterCalibration, GradeCount, TestCount};
+pub use summary::{FilterCalibration, GradeCount, StudyCalibrationSummary, TestCount};
 pub(super) use tables::{long_table, page_tables};
 pub use uniformity::Uniformity;

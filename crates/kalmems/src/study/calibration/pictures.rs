@@ -1,10 +1,10 @@
 //! Histograms of ranks.
 
-use super::{CalibrationSummary, ClaimCalibration, Uniformity};
-use kalmems_figures::{Axis, Figure, Panel, Role, Series};
+use super::{ClaimCalibration, StudyCalibrationSummary, Uniformity};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 
 /// A figure for each filter, with a panel for each quantity whose ranks are enough for a histogram.
-pub(in super::super) fn figures(summary: &CalibrationSummary) -> Vec<Figure> {
+pub(in super::super) fn figures(summary: &StudyCalibrationSummary) -> Vec<Figure> {
     let mut figures = Vec::new();
     for (place, filter) in summary.filters.iter().enumerate() {
         let panels: Vec<Panel> = filter.claims.iter().filter_map(panel).collect();
@@ -36,11 +36,11 @@ fn panel(claim: &ClaimCalibration) -> Option<Panel> {
         Panel::new(x, y)
             .with(Series::band(
                 "99 % band of uniform ranks",
-                Role::Bound,
+                SeriesRole::Bound,
                 [(0.0, lower, upper), (1.0, lower, upper)],
             ))
-            .with(Series::line("counted", Role::Estimate, outline(counts)))
-            .with(Series::level("expected", Role::Bound, expected)),
+            .with(Series::line("counted", SeriesRole::Estimate, outline(counts)))
+            .with(Series::level("expected", SeriesRole::Bound, expected)),
     )
 }
 

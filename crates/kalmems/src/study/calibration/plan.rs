@@ -1,14 +1,14 @@
 //! Which runs a calibration has, and what their truth is.
 
-use super::super::axis::{Axis, Setting};
-use super::super::description::{AppliesTo, Description};
+use super::super::axis::{AxisValue, StudyAxis};
+use super::super::description::{AppliesTo, StudyDescription};
 use super::super::error::RunError;
-use super::super::plan::{Ready, Run};
-use super::super::{Plan, StudyError};
+use super::super::plan::{RunStart, StudyRun};
+use super::super::{StudyError, StudyPlan};
 use super::device;
-use super::prior::{self, Drawn};
-use crate::config::{ConfigError, Fault, Key, Source, read_source};
-use crate::estimate::Parameter;
+use super::prior::{self, DrawnDeviation};
+use crate::config::{ConfigError, ConfigFault, Key, Source, read_source};
+use crate::estimate::DeviceParameter;
 use crate::rigs::Workbench;
 use std::num::NonZero;
 use std::path::Path;
@@ -20,11 +20,11 @@ const RUNS: u64 = 200;
 /// The filters of a calibration, by their places in groups that hold the same as uncertain.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Groups {
-    parameters: &'static [Parameter],
+    parameters: &'static [DeviceParameter],
     filters: Vec<Vec<usize>>,
 }
 
-impl Plan {
+impl StudyPlan {
     /// Reads a study file, or an experiment file by itself, for a calibration: the truth of each run is drawn from what the
     /// filters hold as uncertain, and from what the study draws. So many runs at each point, or as many as the study has `repeats`;
     /// 200 of an experiment by itself.
@@ -44,7 +44,7 @@ impl Plan {
             return Self::of(workbench, source, file, Some(runs.unwrap_or(RUNS)));
         }
         let experiment = Self::experiment_of(&file, path)?;
-        let repeats = read_source::<Description>(&file)?.repeats;
+        let repeats = read_source::<StudyDescription>(&file)?.repeats;
         Self::of(workbench, file, experiment, Some(runs.unwrap_or(repeats)))
     }
 
@@ -69,11 +69,11 @@ impl Plan {
             let why = "a calibration simulates each of its runs; add the table `[simulate]`, such as `kalmems schema` describes";
             return Err(self
                 .experiment
-                .error_at(Key::from("simulate"), Fault::MissingKey { remedy: why.to_owned() })
+                .error_at(Key::from("simulate"), ConfigFault::MissingKey { remedy: why.to_owned() })
                 .into());
         }
         let first = self.run(0);
-        let settings: Vec<Option<&Setting>> = first.settings.iter().map(Some).collect();
+        let settings: Vec<Option<&AxisValue>> = first.settings.iter().map(Some).collect();
         let told = self.patched(&[], &settings, AppliesTo::Told, None)?;
         let read = self.read(&told)?;
         let parameters = self.workbench.rig(&read)?.parameters(&read);
@@ -100,7 +100,7 @@ impl Plan {
 
     /// A key whose truth follows from a filter's prior may not be set by the study as well.
     fn refuse_twice(&self, key: &Key) -> Result<(), ConfigError> {
-        let why = || Fault::Value {
+        let why = || ConfigFault::Value {
             why: format!(
                 "the truth of `{key}` is drawn, from its uncertainty in the device's table or from the `start_sd` of the state that a filter \
                  has for it; leave it out here, or there"
@@ -109,7 +109,7 @@ impl Plan {
         if self.truth.iter().any(|(own, _)| own == key) {
             return Err(self.refuse(Key::from("truth").child(&key.to_string()), why()));
         }
-        let varied = |axis: &Axis| axis.applies_to == AppliesTo::Truth && axis.key == *key;
+        let varied = |axis: &StudyAxis| axis.applies_to == AppliesTo::Truth && axis.key == *key;
         match self.axes.iter().position(varied) {
             Some(place) => Err(self.refuse(Key::from("vary").index(place).child("key"), why())),
             None => Ok(()),
@@ -120,9 +120,9 @@ impl Plan {
     pub(in super::super) fn ready_drawn(
         &self,
         groups: &Groups,
-        run: &Run,
-        settings: &[Option<&Setting>],
-    ) -> Result<(Ready, Vec<Drawn>), RunError> {
+        run: &StudyRun,
+        settings: &[Option<&AxisValue>],
+    ) -> Result<(RunStart, Vec<DrawnDeviation>), RunError> {
         let mut told = self.patched(&[], settings, AppliesTo::Told, None)?;
         let mut truth = self.patched(&self.truth, settings, AppliesTo::Truth, Some(run.seed))?;
         let refused = |(key, fault)| self.experiment.error_at(key, fault);
@@ -135,7 +135,7 @@ impl Plan {
                 let why = "what the study varies of this filter makes it hold something else as uncertain than the filters that it was drawn \
                            with; vary it of all of them";
                 let key = Key::from("estimate.filter").index(*filter).child("states");
-                return Err(self.experiment.error_at(key, Fault::Value { why: why.to_owned() }).into());
+                return Err(self.experiment.error_at(key, ConfigFault::Value { why: why.to_owned() }).into());
             }
             priors = own;
         }

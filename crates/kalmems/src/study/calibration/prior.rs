@@ -1,22 +1,22 @@
 //! What a filter holds as uncertain of its device, and a truth that is drawn from it.
 
 use super::super::seed::Draw;
-use crate::config::{CORRELATION, Fault, Key, Step, get, put};
-use crate::estimate::Parameter;
+use crate::config::{CORRELATION, ConfigFault, Key, KeyStep, get, put};
+use crate::estimate::DeviceParameter;
 use crate::units::Value;
 use std::borrow::Cow;
 use toml::{Table, Value as Toml};
 
 /// A parameter with its prior: normal about what the device's table says.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Prior {
+pub(super) struct ParameterPrior {
     parameter: usize,
     sd: f64,
 }
 
 /// A deviation that was drawn: of a parameter that is a factor relative to what the filter is told, else in SI.
 #[derive(Clone, Debug, PartialEq)]
-pub(in super::super) struct Drawn {
+pub(in super::super) struct DrawnDeviation {
     /// The parameter, or the number by its key below the device's table.
     pub(in super::super) name: Cow<'static, str>,
     /// By how much the truth deviates from what the filter is told.
@@ -24,7 +24,7 @@ pub(in super::super) struct Drawn {
 }
 
 /// What cannot be drawn: the key in the experiment, and why.
-pub(super) type Refused = (Key, Fault);
+pub(super) type PriorRefusal = (Key, ConfigFault);
 
 fn filters(document: &Table) -> &[Toml] {
     let filters = document.get("estimate").and_then(|estimate| estimate.get("filter"));
@@ -34,9 +34,9 @@ fn filters(document: &Table) -> &[Toml] {
 /// The priors of the filter at this place, in the order of the rig's parameters.
 pub(super) fn priors(
     document: &Table,
-    parameters: &[Parameter],
+    parameters: &[DeviceParameter],
     filter: usize,
-) -> Result<Vec<Prior>, Refused> {
+) -> Result<Vec<ParameterPrior>, PriorRefusal> {
     let states = filters(document).get(filter).and_then(|filter| filter.get("states"));
     let Some(states) = states.and_then(Toml::as_table) else { return Ok(Vec::new()) };
     let at = |name: &str| Key::from("estimate.filter").index(filter).child("states").child(name);
@@ -49,19 +49,22 @@ pub(super) fn priors(
                 "the device says of no key of its table that it stands for `{name}`, so that no other {name} can be simulated; \
                  leave the state out, or calibrate another filter"
             );
-            return Err((at(name), Fault::Value { why }));
+            return Err((at(name), ConfigFault::Value { why }));
         };
         // The reader of experiments has found a value there.
         let sd = state.get("start_sd").and_then(number_of).unwrap_or(0.0);
-        priors.push(Prior { parameter: place, sd });
+        priors.push(ParameterPrior { parameter: place, sd });
     }
     priors.sort_by_key(|prior| prior.parameter);
     Ok(priors)
 }
 
 /// The filters, by their places, in groups of the same priors.
-pub(super) fn groups(document: &Table, parameters: &[Parameter]) -> Result<Vec<Vec<usize>>, Refused> {
-    let mut groups: Vec<(Vec<Prior>, Vec<usize>)> = Vec::new();
+pub(super) fn groups(
+    document: &Table,
+    parameters: &[DeviceParameter],
+) -> Result<Vec<Vec<usize>>, PriorRefusal> {
+    let mut groups: Vec<(Vec<ParameterPrior>, Vec<usize>)> = Vec::new();
     for filter in 0..filters(document).len() {
         let priors = priors(document, parameters, filter)?;
         match groups.iter_mut().find(|(of, _)| *of == priors) {
@@ -81,9 +84,9 @@ pub(super) fn only(document: &mut Table, places: &[usize]) {
     }
 }
 
-impl Prior {
+impl ParameterPrior {
     /// The keys of the device's table that stand for the parameter.
-    pub(super) fn keys(self, document: &Table, parameters: &[Parameter]) -> Vec<Key> {
+    pub(super) fn keys(self, document: &Table, parameters: &[DeviceParameter]) -> Vec<Key> {
         let written = parameters.get(self.parameter).map_or(&[][..], |parameter| parameter.written);
         written.iter().flat_map(|(key, _)| expanded(document, key)).collect()
     }
@@ -92,9 +95,9 @@ impl Prior {
     pub(super) fn draw(
         self,
         (truth, told): (&mut Table, &Table),
-        parameters: &[Parameter],
+        parameters: &[DeviceParameter],
         (seed, run): (u64, u64),
-    ) -> Result<Option<Drawn>, Refused> {
+    ) -> Result<Option<DrawnDeviation>, PriorRefusal> {
         let Some(parameter) = parameters.get(self.parameter) else { return Ok(None) };
         let deviation = self.sd * Draw::of_prior(seed, run, self.parameter).normal();
         for (place, (written, power)) in parameter.written.iter().enumerate() {
@@ -111,12 +114,12 @@ impl Prior {
                     let why = format!(
                         "the filter's state `{name}` is drawn as a part of this, and the device's table has no number here; write it out"
                     );
-                    return Err((key.clone(), Fault::Value { why }));
+                    return Err((key.clone(), ConfigFault::Value { why }));
                 };
                 put(truth, key, value).map_err(|fault| (key.clone(), fault))?;
             }
         }
-        Ok(Some(Drawn { name: parameter.name.into(), deviation }))
+        Ok(Some(DrawnDeviation { name: parameter.name.into(), deviation }))
     }
 }
 
@@ -131,14 +134,14 @@ fn expanded(document: &Table, written: &str) -> Vec<Key> {
             .into_iter()
             .flat_map(|(key, value)| -> Vec<(Key, Option<&Toml>)> {
                 match step {
-                    Step::Name(name) if name == "*" => value
+                    KeyStep::Name(name) if name == "*" => value
                         .and_then(Toml::as_table)
                         .into_iter()
                         .flatten()
                         .map(|(name, value)| (key.clone().child(name), Some(value)))
                         .collect(),
-                    Step::Name(name) => vec![(key.child(name), value.and_then(|v| v.get(name.as_str())))],
-                    Step::Index(index) => vec![(key.index(*index), value.and_then(|v| v.get(*index)))],
+                    KeyStep::Name(name) => vec![(key.child(name), value.and_then(|v| v.get(name.as_str())))],
+                    KeyStep::Index(index) => vec![(key.index(*index), value.and_then(|v| v.get(*index)))],
                 }
             })
             .collect();
@@ -185,11 +188,12 @@ fn added(value: Option<&Toml>, more: f64, unit: &str) -> Option<Toml> {
 mod tests {
     use super::*;
 
-    static PARAMETERS: [Parameter; 4] = [
-        Parameter::factor("stiffness").written(&[("resonator.stiffness", 1)]),
-        Parameter::volts("offset").written(&[("readout.offset", 1)]),
-        Parameter::factor("gap").written(&[("electrodes.*.gap", 1)]),
-        Parameter::factor("drive_gain").written(&[("resonator.stiffness", -2), ("carrier.amplitude", -1)]),
+    static PARAMETERS: [DeviceParameter; 4] = [
+        DeviceParameter::factor("stiffness").written(&[("resonator.stiffness", 1)]),
+        DeviceParameter::volts("offset").written(&[("readout.offset", 1)]),
+        DeviceParameter::factor("gap").written(&[("electrodes.*.gap", 1)]),
+        DeviceParameter::factor("drive_gain")
+            .written(&[("resonator.stiffness", -2), ("carrier.amplitude", -1)]),
     ];
 
     fn document(states: &[&str]) -> Table {

@@ -1,10 +1,10 @@
 //! The sign of the motion of each run, for devices whose signal does not tell it.
 
-use crate::config::{Estimate, Experiment, Peak};
-use crate::evaluate::{Reference, ReferenceRecording};
+use crate::config::{Estimate, Experiment, ExtremeSign};
+use crate::evaluate::{ReferenceMotion, ReferenceRecording};
 use crate::rigs::Workbench;
 use crate::signal::extremes_of_rate;
-use crate::simulate::Unwritten;
+use crate::simulate::ComputedRecording;
 use crate::workflow::WorkflowError;
 
 /// Gives the signs that an experiment states (`estimate.first_peak`, `estimate.first_peak_y`) those of the simulated motion.
@@ -16,7 +16,7 @@ use crate::workflow::WorkflowError;
 pub(in super::super) fn state_signs(
     workbench: &Workbench,
     told: &mut Experiment,
-    simulated: &Unwritten,
+    simulated: &ComputedRecording,
 ) -> Result<(), WorkflowError> {
     let states_a_sign = |own: &Estimate| own.first_peak.is_some() || own.first_peak_y.is_some();
     if !told.estimate.as_ref().is_some_and(states_a_sign) {
@@ -47,9 +47,9 @@ pub(in super::super) fn state_signs(
 }
 
 /// The sign of the first turning point of a motion from a time in s on.
-fn first_peak(motion: &Reference, from_s: f64) -> Option<Peak> {
+fn first_peak(motion: &ReferenceMotion, from_s: f64) -> Option<ExtremeSign> {
     let from = motion.time_s.partition_point(|t| *t < from_s);
     let (time_s, rate) = (motion.time_s.get(from..)?, motion.rate.as_deref()?.get(from..)?);
     let first = extremes_of_rate(time_s, rate).first().map(|extreme| extreme.maximum)?;
-    Some(if first { Peak::Positive } else { Peak::Negative })
+    Some(if first { ExtremeSign::Positive } else { ExtremeSign::Negative })
 }

@@ -1,12 +1,12 @@
 //! What all runs of a calibration say together.
 
-use super::judged::{Claimed, Judged};
+use super::judged::{NormalizedErrors, RunClaims};
 use super::{ClaimCalibration, Share};
 use serde::Serialize;
 
 /// What a calibration came to.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct CalibrationSummary {
+pub struct StudyCalibrationSummary {
     /// One for each point, segment and filter.
     pub filters: Vec<FilterCalibration>,
 }
@@ -61,18 +61,18 @@ pub struct TestCount {
 /// The sums of one filter.
 struct Sums {
     point: String,
-    first: Judged,
+    first: RunClaims,
     runs: u64,
     doubted: u64,
     grades: Vec<GradeCount>,
     tests: Vec<(String, u64, u64)>,
     /// Those of each quantity, one for each run.
-    claims: Vec<(String, Vec<Claimed>)>,
+    claims: Vec<(String, Vec<NormalizedErrors>)>,
 }
 
-impl CalibrationSummary {
+impl StudyCalibrationSummary {
     /// Of all runs in their order: what each says of its filters, and the settings of its point.
-    pub(in super::super) fn of<'a>(runs: impl Iterator<Item = (String, &'a [Judged])>) -> Self {
+    pub(in super::super) fn of<'a>(runs: impl Iterator<Item = (String, &'a [RunClaims])>) -> Self {
         let mut all: Vec<Sums> = Vec::new();
         for (point, judged) in runs {
             for one in judged {
@@ -131,20 +131,20 @@ impl From<(String, u64, u64)> for TestCount {
 }
 
 impl Sums {
-    fn begin(point: String, first: &Judged) -> Self {
-        let first = Judged { tests: Vec::new(), claims: Vec::new(), ..first.clone() };
+    fn begin(point: String, first: &RunClaims) -> Self {
+        let first = RunClaims { tests: Vec::new(), claims: Vec::new(), ..first.clone() };
         let (grades, tests, claims) = (Vec::new(), Vec::new(), Vec::new());
         Self { point, first, runs: 0, doubted: 0, grades, tests, claims }
     }
 
-    fn is_of(&self, point: &str, other: &Judged) -> bool {
-        let key = |judged: &Judged| {
+    fn is_of(&self, point: &str, other: &RunClaims) -> bool {
+        let key = |judged: &RunClaims| {
             [&judged.recording, &judged.segment, &judged.estimator, &judged.name].map(String::clone)
         };
         self.point == point && key(&self.first) == key(other)
     }
 
-    fn take(&mut self, judged: &Judged) {
+    fn take(&mut self, judged: &RunClaims) {
         self.runs += 1;
         if let Some(grade) = &judged.grade {
             self.doubted += u64::from(!grade.starts_with("passes"));
@@ -165,7 +165,7 @@ impl Sums {
     }
 
     fn finish(self) -> FilterCalibration {
-        let Judged { recording, segment, estimator, name, .. } = self.first;
+        let RunClaims { recording, segment, estimator, name, .. } = self.first;
         FilterCalibration {
             point: self.point,
             recording,
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn runs_are_counted_by_filter_and_grade() {
-        let judged = |estimator: &str, grade: &str, fails: bool| Judged {
+        let judged = |estimator: &str, grade: &str, fails: bool| RunClaims {
             recording: "r".to_owned(),
             segment: String::new(),
             estimator: estimator.to_owned(),
@@ -200,7 +200,7 @@ mod tests {
             vec![judged("a", "passes", false), judged("b", "doubtful", true)],
             vec![judged("a", "passes with remarks", false), judged("b", "passes", false)],
         ];
-        let summary = CalibrationSummary::of(runs.iter().map(|run| (String::new(), run.as_slice())));
+        let summary = StudyCalibrationSummary::of(runs.iter().map(|run| (String::new(), run.as_slice())));
         let [a, b] = &summary.filters[..] else { panic!("{summary:?}") };
         assert_eq!((a.runs, a.doubted.share, b.doubted.share), (2, 0.0, 0.5));
         assert_eq!(b.grades[0], GradeCount { grade: "doubtful".to_owned(), runs: 1 });

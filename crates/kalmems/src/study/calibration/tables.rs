@@ -1,8 +1,8 @@
 //! A calibration as tables: three for people, and one with all of it for programs.
 
-use super::{CalibrationSummary, ClaimCalibration, FilterCalibration, Share, TestCount};
-use crate::table::{Line, Table};
-use kalmems_figures::{self as figures, Column};
+use super::{ClaimCalibration, FilterCalibration, Share, StudyCalibrationSummary, TestCount};
+use crate::table::{TidyRow, TidyTable};
+use kalmems_figures::{self as figures, ColumnHead};
 
 /// The grades, from the best to the worst, with what stands above their columns.
 const GRADES: [(&str, &str); 5] = [
@@ -31,15 +31,15 @@ fn probability(p: f64) -> String {
 }
 
 /// Verdicts, tests and claims.
-pub(in super::super) fn page_tables(summary: &CalibrationSummary) -> Vec<figures::Table> {
+pub(in super::super) fn page_tables(summary: &StudyCalibrationSummary) -> Vec<figures::TextTable> {
     vec![verdicts(summary), tests(summary), claims(summary)]
 }
 
-fn verdicts(summary: &CalibrationSummary) -> figures::Table {
-    let grades = GRADES.iter().map(|(_, head)| Column::number(*head, ""));
-    let columns = [Column::text("filter"), Column::number("runs", "")].into_iter().chain(grades);
-    let columns = columns.chain([Column::text("doubtful or worse, % (95 % interval)")]);
-    let mut table = figures::Table::new("Verdicts", columns);
+fn verdicts(summary: &StudyCalibrationSummary) -> figures::TextTable {
+    let grades = GRADES.iter().map(|(_, head)| ColumnHead::number(*head, ""));
+    let columns = [ColumnHead::text("filter"), ColumnHead::number("runs", "")].into_iter().chain(grades);
+    let columns = columns.chain([ColumnHead::text("doubtful or worse, % (95 % interval)")]);
+    let mut table = figures::TextTable::new("Verdicts", columns);
     for filter in &summary.filters {
         let given =
             |grade: &str| filter.grades.iter().find(|count| count.grade == grade).map_or(0, |c| c.runs);
@@ -51,35 +51,35 @@ fn verdicts(summary: &CalibrationSummary) -> figures::Table {
     table
 }
 
-fn tests(summary: &CalibrationSummary) -> figures::Table {
+fn tests(summary: &StudyCalibrationSummary) -> figures::TextTable {
     let columns = [
-        Column::text("test"),
-        Column::number("made", ""),
-        Column::number("fails", ""),
-        Column::text("fails, % (95 % interval)"),
+        ColumnHead::text("test"),
+        ColumnHead::number("made", ""),
+        ColumnHead::number("fails", ""),
+        ColumnHead::text("fails, % (95 % interval)"),
     ];
-    let mut table = figures::Table::new("Tests of the verdict, over all filters", columns);
+    let mut table = figures::TextTable::new("Tests of the verdict, over all filters", columns);
     for TestCount { test, failed, rate } in summary.tests() {
         table.push([test, format!("{:.0}", rate.of), failed.to_string(), percent(&rate)]);
     }
     table
 }
 
-fn claims(summary: &CalibrationSummary) -> figures::Table {
+fn claims(summary: &StudyCalibrationSummary) -> figures::TextTable {
     let columns = [
-        Column::text("filter"),
-        Column::text("quantity"),
-        Column::number("independent errors", ""),
-        Column::text("within 1 sd, % (68.3)"),
-        Column::text("within 2 sd, % (95.4)"),
-        Column::text("within 3 sd, % (99.7)"),
-        Column::number("ranks", ""),
-        Column::number("mean", "sd"),
-        Column::number("rms", "sd"),
-        Column::number("p of uniform ranks", ""),
-        Column::text("finding"),
+        ColumnHead::text("filter"),
+        ColumnHead::text("quantity"),
+        ColumnHead::number("independent errors", ""),
+        ColumnHead::text("within 1 sd, % (68.3)"),
+        ColumnHead::text("within 2 sd, % (95.4)"),
+        ColumnHead::text("within 3 sd, % (99.7)"),
+        ColumnHead::number("ranks", ""),
+        ColumnHead::number("mean", "sd"),
+        ColumnHead::number("rms", "sd"),
+        ColumnHead::number("p of uniform ranks", ""),
+        ColumnHead::text("finding"),
     ];
-    let mut table = figures::Table::new("Claims, with 95 % intervals", columns);
+    let mut table = figures::TextTable::new("Claims, with 95 % intervals", columns);
     for filter in &summary.filters {
         for claim in &filter.claims {
             let ClaimCalibration {
@@ -116,13 +116,13 @@ const COLUMNS: [&str; 14] = [
 
 /// All numbers, one to a row: how often each grade was given and each test failed, the coverage at each level, and the bins of
 /// each histogram of ranks with the band that all of them lie in where the ranks are uniform.
-pub(in super::super) fn long_table(summary: &CalibrationSummary) -> Table {
+pub(in super::super) fn long_table(summary: &StudyCalibrationSummary) -> TidyTable {
     let mut rows = Vec::new();
     for filter in &summary.filters {
         let mut add = |cells: [String; 10]| {
             let FilterCalibration { point, recording, segment, estimator, .. } = filter;
             let start = [point, recording, segment, estimator].map(Clone::clone);
-            rows.push(Line { run: 0, cells: start.into_iter().chain(cells).collect() });
+            rows.push(TidyRow { run: 0, cells: start.into_iter().chain(cells).collect() });
         };
         let empty = String::new;
         let text = |x: f64| format!("{x:?}");
@@ -170,5 +170,5 @@ pub(in super::super) fn long_table(summary: &CalibrationSummary) -> Table {
             }
         }
     }
-    Table { columns: COLUMNS.map(str::to_owned).to_vec(), words: Vec::new(), rows, before: 4 }
+    TidyTable { columns: COLUMNS.map(str::to_owned).to_vec(), words: Vec::new(), rows, before: 4 }
 }

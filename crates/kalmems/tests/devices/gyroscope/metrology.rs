@@ -2,7 +2,7 @@
 
 use super::{Bench, TRIAD, UNIT, about};
 use kalmems::applications::calibration::{
-    Calibrated, Certificate, GyroscopeCalibration, Vibration, certificate_page,
+    CalibratedGyroscope, Certificate, GyroscopeCalibration, Vibration, certificate_page,
 };
 use kalmems::applications::metrology::Distribution;
 use kalmems::simulate::WhiteNoise;
@@ -15,7 +15,7 @@ fn one_axis(seed: u64) -> Bench {
     Bench::new(&UNIT, &vibrations, [true, false, false], seed)
 }
 
-fn calibrated(mut bench: Bench, uncertainty: &str, more: &str) -> (Bench, Calibrated) {
+fn calibrated(mut bench: Bench, uncertainty: &str, more: &str) -> (Bench, CalibratedGyroscope) {
     bench.toml += &format!("uncertainty = {{ {uncertainty} }}\n{more}");
     let result = bench.calibrate().unwrap().results.remove(0);
     (bench, result)

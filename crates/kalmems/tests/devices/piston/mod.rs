@@ -7,7 +7,7 @@ use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
+use kalmems::simulate::ComputedRecording;
 use kalmems::workflow::{self, Outcome};
 use std::path::Path;
 
@@ -91,8 +91,8 @@ skip = "{skip}"
     pub fn run(&self, skip: &str, filters: &str) -> (Outcome, Metrics) {
         let experiment = self.experiment(skip, filters);
         let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-        let unwritten = Unwritten::of(&*simulation, &Silent).unwrap();
-        let outcome = workflow::estimate_unwritten(published(), &experiment, &unwritten, &Silent).unwrap();
+        let unwritten = ComputedRecording::of(&*simulation, &Silent).unwrap();
+        let outcome = workflow::estimate_computed(published(), &experiment, &unwritten, &Silent).unwrap();
         let metrics = Metrics::of(&outcome);
         (outcome, metrics)
     }

@@ -4,9 +4,9 @@
 
 use kalmems::estimate::SegmentEstimate;
 use kalmems::estimate::Trajectory;
-use kalmems::evaluate::{Accuracy, Extent, MotionErrors, Reference, evaluate_motion};
+use kalmems::evaluate::{Accuracy, ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use kalmems::progress::{Interruption, Silent};
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_core::{Dynamics, Measurement};
@@ -74,7 +74,7 @@ pub fn swept_down(count: u32) -> Vec<Steady> {
 pub struct Simulated {
     pub drive_v: Vec<f64>,
     pub signal: Vec<f64>,
-    pub reference: Reference,
+    pub reference: ReferenceMotion,
     pub motion_hz: f64,
 }
 
@@ -119,7 +119,7 @@ where
     H: Measurement<f64, N, 1>,
 {
     let mut simulator = Simulator::new(dynamics, drive(steady.drive_hz), RATE_HZ * STEPS as f64, start);
-    let mut reference = Reference {
+    let mut reference = ReferenceMotion {
         states: ["angle", "rate"],
         time_s: Vec::new(),
         angle: Vec::new(),
@@ -212,15 +212,17 @@ pub fn estimate(simulated: &Simulated, told: &Told, toml: &str) -> SegmentEstima
     let experiment = published().parse(toml, &path).unwrap_or_else(|e| panic!("{e}"));
     let rig = published().rig(&experiment).unwrap();
     let index = rig.wanted(&experiment).unwrap()[0];
-    let recording =
-        Recording::read(&folder.path().join("recording.csv"), &rig.layout(&experiment, index).unwrap())
-            .unwrap();
+    let recording = SampledRecording::read(
+        &folder.path().join("recording.csv"),
+        &rig.layout(&experiment, index).unwrap(),
+    )
+    .unwrap();
     rig.estimate(&experiment, index, &recording, &Silent).unwrap_or_else(|e| panic!("{e}")).remove(0)
 }
 
 /// The errors of a trajectory; the sign of the motion is taken as known.
 pub fn errors(simulated: &Simulated, trajectory: &Trajectory, skip_s: f64) -> MotionErrors {
-    let extent = Extent { from_s: skip_s, motion_hz: simulated.motion_hz, drive: None };
+    let extent = ComparisonExtent { from_s: skip_s, motion_hz: simulated.motion_hz, drive: None };
     let direct = evaluate_motion(trajectory, &simulated.reference, extent, &Interruption::never()).unwrap();
     if !direct.sign_disagrees {
         return direct;

@@ -2,7 +2,7 @@
 
 use super::example;
 use kalmems::rigs::published;
-use kalmems::stream::{Connection, Outputs, StreamSummary, stream};
+use kalmems::stream::{Connection, StreamOutputs, StreamSummary, stream};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 use std::collections::{BTreeMap, VecDeque};
@@ -371,7 +371,7 @@ fn with_faults(samples: u64, faults: u64) -> (StreamSummary, Judged) {
     let truth = Arc::new(reference.lines().skip(1).map(angle).collect::<Vec<f64>>());
     let judged = Arc::new(Mutex::new(Judged::default()));
     let judge = Judge { judged: judged.clone(), log: log.clone(), truth };
-    let outputs = Outputs { lines: Some(Box::new(judge)), ..Outputs::default() };
+    let outputs = StreamOutputs { lines: Some(Box::new(judge)), ..StreamOutputs::default() };
     let summary = stream(published(), &experiment, Box::new(Wire(script.clone())), outputs, None, &|| false);
     let summary = summary.unwrap_or_else(|e| panic!("{e}"));
     let script = script.lock().unwrap();

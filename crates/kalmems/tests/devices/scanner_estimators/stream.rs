@@ -5,7 +5,7 @@ use crate::parts::{
     Killing, Pieces, Streamed, goes_on_after_a_kill, killed, same_bits_in_a_stream, streamed,
 };
 use kalmems::config::Experiment;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::stream::StreamSummary;
 use rand_pcg::Pcg64;
@@ -30,7 +30,7 @@ fn a_stream_says_what_an_estimate_says_sample_by_sample() {
     let experiment = experiment(&[("every = 10", "every = 1")]);
     let rig = published().rig(&experiment).unwrap();
     let path = example("recording.csv");
-    let recording = Recording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     for longest in [60, 100_000] {
         let (events, summary) = same_bits_in_a_stream(&experiment, &recording, (&bytes, longest));
@@ -155,7 +155,7 @@ fn another_experiment_does_not_go_on() {
 }
 
 /// The example with zero phases told that long before.
-fn foretelling(ahead: &str, more: &str, changes: &[(&str, &str)]) -> Experiment {
+fn prediction(ahead: &str, more: &str, changes: &[(&str, &str)]) -> Experiment {
     let table = format!("ahead = \"{ahead}\"\n{more}");
     let mut all = vec![("ahead = \"10 us\"", table.as_str())];
     all.extend_from_slice(changes);
@@ -248,7 +248,7 @@ fn zero_phases_are_told_before_they_happen_each_once() {
     let passages = passages(&truth());
     // A sixth of a cycle, and more than four.
     for (text, ahead_s) in [("10 us", 10e-6), ("270 us", 270e-6)] {
-        let experiment = foretelling(text, "", &[]);
+        let experiment = prediction(text, "", &[]);
         let mut whole = None;
         for longest in [60, 1000, 100_000] {
             let (events, summary) = run(&experiment, Pieces::of(bytes.clone(), longest));
@@ -283,7 +283,7 @@ fn one_direction_of_a_mirrored_filter_is_told_as_the_stated_sign_has_it() {
     let one = [("start = { angle = \"0.05 rad\"", "start = { angle = \"-0.05 rad\"")];
     let passages: Vec<(f64, bool)> = passages(&truth()).into_iter().filter(|(_, rising)| !rising).collect();
     let both = |changes: &[(&str, &str)], more| {
-        let experiment = foretelling("10 us", more, changes);
+        let experiment = prediction("10 us", more, changes);
         ahead(&run(&experiment, Pieces::of(bytes.clone(), 5000)).0)
     };
     let told = both(&one, "direction = \"falling\"");
@@ -327,7 +327,7 @@ fn the_phase_stands_behind_the_states_with_its_deviation() {
 #[test]
 fn what_was_told_is_not_told_again_by_a_run_that_goes_on() {
     // Four cycles ahead, so that several wait when the run is killed.
-    let experiment = foretelling("270 us", "", &[]);
+    let experiment = prediction("270 us", "", &[]);
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let state = folder.path().join("state.json");
@@ -356,10 +356,10 @@ fn what_was_told_is_not_told_again_by_a_run_that_goes_on() {
 }
 
 #[test]
-fn what_cannot_be_foretold_is_refused_or_counted() {
+fn what_cannot_be_predicted_is_refused_or_counted() {
     let said = |more: &str, changes: &[(&str, &str)], words: &[&str]| {
         let input = Pieces::of(Vec::new(), 10);
-        let error = streamed(&foretelling("10 us", more, changes), input, None).ended;
+        let error = streamed(&prediction("10 us", more, changes), input, None).ended;
         let error = error.unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     };
@@ -388,7 +388,7 @@ fn what_cannot_be_foretold_is_refused_or_counted() {
             format!("{},{volts:.4},{}", cells[0], cells[2])
         })
         .collect();
-    let experiment = foretelling("10 us", "", &[]);
+    let experiment = prediction("10 us", "", &[]);
     let input = Pieces::of((changed.join("\n") + "\n").into_bytes(), 5000);
     let (events, summary) = run(&experiment, input);
     let counts = summary.ahead.unwrap().counts;
@@ -465,7 +465,7 @@ fn slow_the_times_ahead_are_as_uncertain_as_they_say() {
     ];
     for (name, changes) in [("exact", &exact[..]), ("example", &[])] {
         for text in ["10 us", "270 us", "2 ms"] {
-            let [within, nees, of_nees] = judged(&foretelling(text, "", changes), 40);
+            let [within, nees, of_nees] = judged(&prediction(text, "", changes), 40);
             println!("{name}, {text}: {within:.4} within 3 sd, NEES {nees:.3} ± {of_nees:.3}");
             assert!(within >= 0.99, "{name} {text} {within}");
             if name == "exact" {

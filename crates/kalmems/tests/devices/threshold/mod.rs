@@ -4,8 +4,8 @@ use kalmems::config::Experiment;
 use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
-use kalmems::workflow::{estimate, estimate_unwritten};
+use kalmems::simulate::ComputedRecording;
+use kalmems::workflow::{estimate, estimate_computed};
 use std::path::{Path, PathBuf};
 
 pub const USUAL_CROSSINGS: &str = "{ width = \"30 us\", separation = \"300 us\", threshold = 4 }";
@@ -159,14 +159,14 @@ pub fn text(feedthrough: &'static str) -> String {
     )
 }
 
-fn run(text: &str) -> Unwritten {
+fn run(text: &str) -> ComputedRecording {
     let experiment = published().parse(text, Path::new("simulation.toml")).unwrap_or_else(|e| panic!("{e}"));
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-    Unwritten::of(&*simulation, &Silent).unwrap()
+    ComputedRecording::of(&*simulation, &Silent).unwrap()
 }
 
 /// A free decay as that of the reference recording; `more` are keys of `[simulate]`, or `still` for no motion.
-pub fn simulated(seed: u64, more: &str) -> Unwritten {
+pub fn simulated(seed: u64, more: &str) -> ComputedRecording {
     let mut text = text("").replace("seed = 1", &format!("seed = {seed}"));
     if more == "still" {
         text = text.replace("\"-0.105 rad\", rate = \"420 rad/s\"", "\"0 rad\", rate = \"0 rad/s\"");
@@ -177,12 +177,12 @@ pub fn simulated(seed: u64, more: &str) -> Unwritten {
 }
 
 /// 80 ms of steady motion under a raised cosine of 60 V, with a feedthrough of 0.2 pF.
-pub fn driven(seed: u64) -> Unwritten {
+pub fn driven(seed: u64) -> ComputedRecording {
     driven_with(seed, "")
 }
 
 /// The same with more keys of `[simulate.drive.capture]`.
-pub fn driven_with(seed: u64, more: &str) -> Unwritten {
+pub fn driven_with(seed: u64, more: &str) -> ComputedRecording {
     let text = text("0.2 pF").replace("seed = 1", &format!("seed = {seed}"));
     let drive = "\n[simulate.drive.capture]\nvoltage = \"60 V\"\nfrom = \"1600 Hz\"\nto = \"1266 Hz\"\nsweep = \"2 s\"\n\
                  hold = \"0.3 s\"\n";
@@ -191,16 +191,16 @@ pub fn driven_with(seed: u64, more: &str) -> Unwritten {
         + more))
 }
 
-pub fn metrics_of(case: &Case, recording: &Unwritten) -> Metrics {
+pub fn metrics_of(case: &Case, recording: &ComputedRecording) -> Metrics {
     let named = "file = \"reference.csv\"\nchannels = { angle = \"angle_rad\", rate = \"rate_rad_per_s\" }\n";
     let late = if case.reference.starts_with("delay") { case.reference } else { "" };
     let reference = Box::leak((named.to_owned() + late).into_boxed_str());
     let experiment = Case { reference, ..case.clone() }.experiment();
-    Metrics::of(&estimate_unwritten(published(), &experiment, recording, &Silent).unwrap())
+    Metrics::of(&estimate_computed(published(), &experiment, recording, &Silent).unwrap())
 }
 
 /// The error of the first filter's angle over the whole recording, in rad.
-pub fn rmse_rad(case: &Case, recording: &Unwritten) -> f64 {
+pub fn rmse_rad(case: &Case, recording: &ComputedRecording) -> f64 {
     let metrics = metrics_of(case, recording);
     let estimator = metrics.estimators().next().unwrap();
     assert!(estimator.failure.is_none(), "{:?}", estimator.failure);
@@ -208,6 +208,6 @@ pub fn rmse_rad(case: &Case, recording: &Unwritten) -> f64 {
 }
 
 /// The crossings that the first filter was told of.
-pub fn crossings_at(case: &Case, recording: &Unwritten) -> usize {
+pub fn crossings_at(case: &Case, recording: &ComputedRecording) -> usize {
     metrics_of(case, recording).estimators().next().unwrap().counts.crossings
 }

@@ -4,11 +4,11 @@ use crate::parts::{Pieces, in_parts};
 use crate::parts::{Streamed, goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts, streamed};
 use crate::threshold::text;
 use kalmems::config::Experiment;
-use kalmems::estimate::Crossing;
+use kalmems::estimate::RecordedPassing;
 use kalmems::progress::Silent;
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
-use kalmems::stream::{Opened, Outputs, stream};
+use kalmems::stream::{OpenedConnection, StreamOutputs, stream};
 use kalmems::workflow::{PartsError, estimate_in_parts};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -39,12 +39,12 @@ fn experiment(folder: &Path, changes: &[(&str, &str)], filters: &str) -> Experim
     published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn read(experiment: &Experiment, folder: &Path) -> Recording {
+fn read(experiment: &Experiment, folder: &Path) -> SampledRecording {
     let layout = published().rig(experiment).unwrap().layout(experiment, 0).unwrap();
-    Recording::read(&folder.join("recording.csv"), &layout).unwrap()
+    SampledRecording::read(&folder.join("recording.csv"), &layout).unwrap()
 }
 
-fn whole_crossings(experiment: &Experiment, recording: &Recording) -> Vec<Crossing> {
+fn whole_crossings(experiment: &Experiment, recording: &SampledRecording) -> Vec<RecordedPassing> {
     let rig = published().rig(experiment).unwrap();
     rig.estimate(experiment, 0, recording, &Silent).unwrap().swap_remove(0).crossings
 }
@@ -350,9 +350,11 @@ fn a_killed_stream_goes_on_where_columns_have_a_factor_and_an_offset() {
 fn what_cannot_be_streamed_is_refused_by_name() {
     let folder = example("");
     let said = |changes: &[(&str, &str)], bytes: &[u8], words: &[&str]| {
-        let (experiment, input) =
-            (experiment(&folder, changes, ""), Box::new(Opened::new(Pieces::of(bytes.to_vec(), 1000))));
-        let error = stream(published(), &experiment, input, Outputs::default(), None, &|| false)
+        let (experiment, input) = (
+            experiment(&folder, changes, ""),
+            Box::new(OpenedConnection::new(Pieces::of(bytes.to_vec(), 1000))),
+        );
+        let error = stream(published(), &experiment, input, StreamOutputs::default(), None, &|| false)
             .unwrap_err()
             .to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
@@ -412,7 +414,7 @@ fn a_long_recording_is_estimated_in_parts_and_refused_by_all_of_it() {
             assert!(bits(&mut states().flat_map(|s| &s.sd)) == bits(&mut state.sd.iter()), "{}", state.name);
         }
     }
-    let crossings: Vec<Crossing> = parts.iter().flat_map(|part| part.crossings.clone()).collect();
+    let crossings: Vec<RecordedPassing> = parts.iter().flat_map(|part| part.crossings.clone()).collect();
     assert!(crossings == whole.crossings && crossings.len() > 300);
 
     // Clipped somewhere.

@@ -1,14 +1,15 @@
 //! What later samples add to both axes.
 
 use super::{Recorded, changed, errors, record, run};
-use kalmems::rigs::shared_scanner::two_axes::Settings;
+use kalmems::rigs::shared_scanner::two_axes::TwoAxisSettings;
 
 /// The example's EKF, smoothed over all of the recording and by 300 µs, its stiffness of x 0.3 % wrong and a state.
-fn smoothed(skip_s: f64) -> Settings {
+fn smoothed(skip_s: f64) -> TwoAxisSettings {
     let lines = "start = \"from_signal\"\nsmooth = true\nsmooth_lag = \"300 us\"\n\
                  states = { stiffness_x = { start_sd = \"1 %\", drift = \"1e-7 1/s\" } }\n\n[[estimate.filter]]\n";
     let mut settings =
-        Settings::of(&changed(&[("start = \"from_signal\"\n\n[[estimate.filter]]\n", lines)])).unwrap();
+        TwoAxisSettings::of(&changed(&[("start = \"from_signal\"\n\n[[estimate.filter]]\n", lines)]))
+            .unwrap();
     settings.filters.truncate(1);
     settings.hardware.scanner.x.resonator.stiffness *= 1.003;
     settings.skip_s = skip_s;

@@ -5,10 +5,10 @@
 use super::{DRIVES_HZ, Recorded, STEPS, hardware, path, recorded, uniforms};
 use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{Past, Trajectory};
-use kalmems::evaluate::{Accuracy, Extent, Reference, evaluate_motion};
+use kalmems::evaluate::{Accuracy, ComparisonExtent, ReferenceMotion, evaluate_motion};
 use kalmems::progress::{Interruption, Silent};
 use kalmems::rigs::published;
-use kalmems::rigs::shared_scanner::two_axes::{Settings, estimate, first_tones};
+use kalmems::rigs::shared_scanner::two_axes::{TwoAxisSettings, estimate, first_tones};
 use kalmems::simulate::{Drive, Simulator, Tone};
 use kalmems_core::augmentation::{AddedState, Augmented, AugmentedMeasurement, Drift};
 use kalmems_core::bound::CramerRao;
@@ -83,7 +83,7 @@ fn simulated(seed: u64) -> (Drive, Recorded) {
 }
 
 /// The filters of a case.
-fn settings(case: &Case) -> Settings {
+fn settings(case: &Case) -> TwoAxisSettings {
     let mut states = String::new();
     for (name, .., sd, drift) in &case.tracked {
         let comma = if states.is_empty() { "" } else { ", " };
@@ -99,7 +99,7 @@ fn settings(case: &Case) -> Settings {
     let text = std::fs::read_to_string(path()).unwrap();
     let before = &text[..text.find("[[estimate.filter]]").unwrap()];
     let mut settings =
-        Settings::of(&published().parse(&format!("{before}{filters}"), &path()).unwrap()).unwrap();
+        TwoAxisSettings::of(&published().parse(&format!("{before}{filters}"), &path()).unwrap()).unwrap();
     let hardware = &mut settings.hardware;
     hardware.scanner.x.resonator.stiffness *= case.told.stiffness[0];
     hardware.scanner.y.resonator.stiffness *= case.told.stiffness[1];
@@ -114,15 +114,18 @@ fn reached(trajectory: &Trajectory, recorded: &Recorded) -> [Reached; 2] {
         let mean = &trajectory.states[2 * axis].mean;
         let product: f64 = mean.iter().zip(&recorded.states).skip(10_000).map(|(m, s)| m * s[2 * axis]).sum();
         let of = |state: usize| recorded.states.iter().map(|s| s[state] * product.signum()).collect();
-        let reference = Reference {
+        let reference = ReferenceMotion {
             states: [["angle_x", "rate_x"], ["angle_y", "rate_y"]][axis],
             time_s: recorded.time_s.clone(),
             angle: of(2 * axis),
             rate: Some(of(2 * axis + 1)),
             accuracy: Accuracy::default(),
         };
-        let extent =
-            Extent { from_s: recorded.time_s[0] + SKIP_S, motion_hz: 0.5 * DRIVES_HZ[axis], drive: None };
+        let extent = ComparisonExtent {
+            from_s: recorded.time_s[0] + SKIP_S,
+            motion_hz: 0.5 * DRIVES_HZ[axis],
+            drive: None,
+        };
         let errors = evaluate_motion(trajectory, &reference, extent, &Interruption::never()).unwrap();
         Reached { angle: errors.angle.rmse_deg, phase: errors.peak_phase_rmse_deg.unwrap_or(f64::INFINITY) }
     })

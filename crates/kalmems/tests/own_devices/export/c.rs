@@ -2,7 +2,7 @@
 
 use super::*;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, described};
+use kalmems::simulate::{ComputedRecording, described};
 use kalmems_core::Scalar;
 use std::ops::ControlFlow;
 use std::process::Command;
@@ -53,7 +53,9 @@ fn the_c_source_compiles_without_a_warning_and_agrees() {
     for (filter, arguments) in
         [("Euler EKF", "DRIVE_V[k - 1]"), ("EKF", "DRIVE_V[k - 1], MIDDLE_V[k], DRIVE_V[k]")]
     {
-        let exported = export(&experiment, &Request { samples: 1000, ..request(Target::C, filter) }).unwrap();
+        let exported =
+            export(&experiment, &ExportRequest { samples: 1000, ..request(SourceLanguage::C, filter) })
+                .unwrap();
         let main = format!(
             "#include \"samples.h\"\nint main(void)\n{{\n    scanner_filter_t filter;\n    unsigned k;\n    \
              float used = MIDDLE_V[0] + 1e-9F * ANGLE_RAD[0];\n    scanner_filter_start(&filter);\n    \
@@ -82,7 +84,8 @@ fn the_c_source_compiles_without_a_warning_and_agrees() {
 fn a_table_that_is_taken_one_sample_off_differs_from_the_expected_angles() {
     let Some(folder) = compiler_and_folder() else { return };
     let exported =
-        export(&example(SCANNER), &Request { samples: 1000, ..request(Target::C, "EKF") }).unwrap();
+        export(&example(SCANNER), &ExportRequest { samples: 1000, ..request(SourceLanguage::C, "EKF") })
+            .unwrap();
     let worst = |middle: &str| {
         let main = format!(
             "#include \"samples.h\"\nint main(void)\n{{\n    scanner_filter_t filter;\n    unsigned k;\n    \
@@ -164,7 +167,7 @@ fn the_c_source_of_the_threshold_chain_agrees_with_the_library() {
     let (recording, _) = estimated(&experiment);
     let mut signal = recording.column("cap_V").unwrap().of(&recording.segments()[0]).to_vec();
     signal[4000..4050].fill(f64::NAN);
-    let exported = export(&experiment, &request(Target::C, "Hybrid")).unwrap();
+    let exported = export(&experiment, &request(SourceLanguage::C, "Hybrid")).unwrap();
     let theirs = threshold_said(&folder.path().join("source"), &exported, &signal);
     for (name, ours) in [("f32", threshold_run::<f32>(&signal)), ("f64", threshold_run::<f64>(&signal))] {
         assert_eq!(theirs.len(), ours.len());
@@ -232,10 +235,10 @@ start_sd = {{ angle = "5 mrad", rate = "20 rad/s" }}
         let rig = published().rig(&written).unwrap();
         let simulation = rig.simulate(&written).unwrap();
         let experiment = described(&written, simulation.as_ref());
-        let simulated = Unwritten::of(simulation.as_ref(), &Silent).unwrap();
+        let simulated = ComputedRecording::of(simulation.as_ref(), &Silent).unwrap();
         let recording = simulated.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap();
         let estimate = rig.estimate(&experiment, 0, &recording, &Silent).unwrap().remove(0);
-        let request = Request { interval_s: Some(2e-6), ..request(Target::C, "Hybrid") };
+        let request = ExportRequest { interval_s: Some(2e-6), ..request(SourceLanguage::C, "Hybrid") };
         let exported = export(&experiment, &request).unwrap();
         let signal = recording.column("cap_V").unwrap().of(&recording.segments()[0]);
         let folder = folder.path().join(format!("{shape}{gain}"));

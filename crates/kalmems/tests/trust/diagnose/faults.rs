@@ -5,11 +5,11 @@ use kalmems::config::Experiment;
 use kalmems::diagnose::{Diagnosis, diagnose_recording};
 use kalmems::evaluate::{SegmentJudge, TestResult};
 use kalmems::progress::{Interruption, Silent};
-use kalmems::recording::Recording;
+use kalmems::recording::SampledRecording;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, WhiteNoise};
-use kalmems::workflow::estimate_unwritten;
+use kalmems::simulate::{ComputedRecording, WhiteNoise};
+use kalmems::workflow::estimate_computed;
 
 /// What a fault of a size does.
 #[derive(Clone, Copy)]
@@ -37,8 +37,8 @@ pub struct Fault {
 /// Both sides of a fault: a recording that shows it, and filters that do not know of it.
 pub struct Faulty {
     pub told: Experiment,
-    pub simulated: Unwritten,
-    pub recording: Recording,
+    pub simulated: ComputedRecording,
+    pub recording: SampledRecording,
 }
 
 impl Fault {
@@ -136,8 +136,8 @@ impl Faulty {
 }
 
 /// The error of the first filter's answer, in whatever unit it has.
-fn error(told: &Experiment, simulated: &Unwritten) -> Option<f64> {
-    let outcome = estimate_unwritten(published(), told, simulated, &Silent).ok()?;
+fn error(told: &Experiment, simulated: &ComputedRecording) -> Option<f64> {
+    let outcome = estimate_computed(published(), told, simulated, &Silent).ok()?;
     let metrics = Metrics::of(&outcome);
     let estimator = metrics.estimators().next()?;
     let angle = estimator.errors.as_ref().map(|errors| errors.angle.rmse_deg);

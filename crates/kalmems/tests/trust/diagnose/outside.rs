@@ -2,7 +2,7 @@
 
 use super::faults::{Does, Fault, compressed, drifting, noisier, stepping, stuck, wandering};
 use crate::devices::DEVICES;
-use kalmems::diagnose::Finding;
+use kalmems::diagnose::DiagnosisFinding;
 
 /// What is wrong, by a name, the function that does it, and the sizes from the first to the largest.
 type Unknown = (&'static str, fn(&mut [f64], &[f64], f64, u64), [f64; 2]);
@@ -39,7 +39,7 @@ fn slow_faults_that_are_not_known_get_no_wrong_name() {
                     found.finding,
                     names.join(", ")
                 );
-                honest += u32::from(found.finding == Finding::NoneOfThese);
+                honest += u32::from(found.finding == DiagnosisFinding::NoneOfThese);
                 all += 1;
             }
         }

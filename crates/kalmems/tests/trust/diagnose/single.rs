@@ -2,7 +2,7 @@
 
 use super::faults::{Does, Fault, hum, late, scaled, spikes};
 use crate::devices::DEVICES;
-use kalmems::diagnose::Finding;
+use kalmems::diagnose::DiagnosisFinding;
 
 const SHARED: &str = "shared scanner";
 const AXES: &str = "two axes";
@@ -210,7 +210,7 @@ fn a_stiffness_is_named_with_the_inertia_that_the_recording_cannot_tell_from_it(
     let faulty = FAULTS[0].of_size(0.003, 31);
     let found = faulty.diagnosis();
     let names: Vec<&str> = found.causes.iter().map(|cause| cause.name.as_str()).collect();
-    assert!(found.finding == Finding::Explained && names.len() == 2, "{names:?}");
+    assert!(found.finding == DiagnosisFinding::Explained && names.len() == 2, "{names:?}");
     assert!(names.contains(&"resonator.stiffness") && names.contains(&"resonator.inertia"), "{names:?}");
     let right = FAULTS[0].right_error(0.003, 31).unwrap();
     assert!(faulty.error_with(&found, "resonator.stiffness").unwrap() < 1.3 * right);
@@ -245,7 +245,7 @@ fn of_filters_that_are_right_nothing_is_changed() {
             right
         };
         let found = right.of_size(31.0, 31).diagnosis();
-        assert_eq!(found.finding, Finding::NothingToChange, "{}: {:?}", device.name, found.tests);
+        assert_eq!(found.finding, DiagnosisFinding::NothingToChange, "{}: {:?}", device.name, found.tests);
         assert!(found.causes.is_empty() && found.closest.is_empty());
     }
 }
@@ -261,7 +261,7 @@ fn slow_of_filters_that_are_right_nothing_is_changed() {
         let mut findings = std::collections::BTreeMap::new();
         for seed in 7001_u32..7041 {
             let found = right.of_size(f64::from(seed), u64::from(seed)).diagnosis();
-            changed += u32::from(found.finding != Finding::NothingToChange);
+            changed += u32::from(found.finding != DiagnosisFinding::NothingToChange);
             let listed: Vec<&str> = found.causes.iter().map(|cause| cause.name.as_str()).collect();
             *findings.entry(format!("{:?} {}", found.finding, listed.join(", "))).or_insert(0) += 1;
             all += 1;

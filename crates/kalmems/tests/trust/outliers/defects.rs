@@ -5,13 +5,13 @@ use kalmems::config::Experiment;
 use kalmems::estimate::TrajectoryKind;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
-use kalmems::simulate::Unwritten;
-use kalmems::workflow::estimate_unwritten;
+use kalmems::simulate::ComputedRecording;
+use kalmems::workflow::estimate_computed;
 
 const ACCELEROMETER: Of = Of::Published("accelerometer");
 
 /// The experiment's answer with and without so much more in some samples of its signal.
-fn spoilt((experiment, simulated): &(Experiment, Unwritten), more: &[(usize, f64)]) -> [Outcome; 2] {
+fn spoilt((experiment, simulated): &(Experiment, ComputedRecording), more: &[(usize, f64)]) -> [Outcome; 2] {
     let mut spoilt = simulated.clone();
     let add = |values: &mut [f64], _: &[f64]| more.iter().for_each(|(k, volts)| values[*k] += volts);
     assert!(spoilt.change_recorded("signal", add));
@@ -100,7 +100,7 @@ fn smoothers_and_filters_reject_the_same_samples() {
     ];
     let (experiment, mut simulated) = Of::Published("shared scanner").recorded(&settings, 615);
     super::signals::Impairment::Share(0.01).change(&mut simulated, "signal", (8e-3, 615));
-    let outcome = estimate_unwritten(published(), &experiment, &simulated, &Silent).unwrap();
+    let outcome = estimate_computed(published(), &experiment, &simulated, &Silent).unwrap();
     let trajectories = &outcome.recordings[0].segments[0].estimate.trajectories;
     let filtered = trajectories.iter().find(|t| t.kind == TrajectoryKind::Filtered).unwrap();
     assert!(filtered.rejected.len() > 30);

@@ -5,8 +5,8 @@ use kalmems::config::Experiment;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics};
 use kalmems::rigs::published;
-use kalmems::simulate::{Unwritten, WhiteNoise, described};
-use kalmems::workflow::estimate_unwritten;
+use kalmems::simulate::{ComputedRecording, WhiteNoise, described};
+use kalmems::workflow::estimate_computed;
 use std::path::Path;
 
 /// What happens to a signal.
@@ -31,7 +31,7 @@ impl Impairment {
     }
 
     /// Changes those of a signal of a recording, after its settling time in s.
-    pub fn change(self, simulated: &mut Unwritten, signal: &str, by: (f64, u64)) {
+    pub fn change(self, simulated: &mut ComputedRecording, signal: &str, by: (f64, u64)) {
         assert!(simulated.change_recorded(signal, |values, times| self.spoil(values, times, by)));
     }
 
@@ -92,7 +92,7 @@ impl Of {
     }
 
     /// A recording, and the experiment of its filters.
-    pub fn recorded(self, settings: &[Setting], seed: u64) -> (Experiment, Unwritten) {
+    pub fn recorded(self, settings: &[Setting], seed: u64) -> (Experiment, ComputedRecording) {
         match self {
             Self::Published(name) => Device::named(name).recorded(settings, settings, seed),
             Self::Equations(file) => {
@@ -105,7 +105,7 @@ impl Of {
                 }
                 let experiment = published().parse(&toml::to_string(&document).unwrap(), &path).unwrap();
                 let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-                let simulated = Unwritten::of(&*simulation, &Silent).unwrap();
+                let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
                 (described(&experiment, &*simulation), simulated)
             }
         }
@@ -120,8 +120,8 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    pub fn of(experiment: &Experiment, simulated: &Unwritten) -> Self {
-        match estimate_unwritten(published(), experiment, simulated, &Silent) {
+    pub fn of(experiment: &Experiment, simulated: &ComputedRecording) -> Self {
+        match estimate_computed(published(), experiment, simulated, &Silent) {
             Ok(outcome) => Self { metrics: Some(Metrics::of(&outcome)), refused: String::new() },
             Err(why) => Self { metrics: None, refused: why.to_string() },
         }

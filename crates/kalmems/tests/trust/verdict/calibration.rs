@@ -4,7 +4,7 @@ use crate::devices::{Device, Setting};
 use kalmems::progress::Silent;
 use kalmems::results::Output;
 use kalmems::rigs::published;
-use kalmems::study::{CalibrationSummary, Finding, Options, Plan, Shard, Summary};
+use kalmems::study::{ClaimFinding, Shard, StudyCalibrationSummary, StudyOptions, StudyPlan, Summary};
 use std::num::NonZero;
 
 /// A device, what of it is set, and how often it is drawn.
@@ -114,9 +114,9 @@ pub fn calibrated(device: &str, settings: &[Setting], runs: u64) -> Summary {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("experiment.toml");
     std::fs::write(&file, Device::named(device).text(settings)).unwrap();
-    let plan = Plan::calibration(published(), &file, NonZero::new(runs)).unwrap();
+    let plan = StudyPlan::calibration(published(), &file, NonZero::new(runs)).unwrap();
     let out = folder.path().join("out");
-    let options = Options { shard: Shard::WHOLE, threads: None, force: false };
+    let options = StudyOptions { shard: Shard::WHOLE, threads: None, force: false };
     let progressed = plan.run_all(&out, options, &Silent).unwrap();
     let output = Output::begin(&out, &plan.work()).unwrap();
     let summary = plan.write_results(&[progressed.journal], &output).unwrap();
@@ -125,7 +125,7 @@ pub fn calibrated(device: &str, settings: &[Setting], runs: u64) -> Summary {
 }
 
 /// The rows of the book.
-fn print(words: &str, CalibrationSummary { filters }: &CalibrationSummary) {
+fn print(words: &str, StudyCalibrationSummary { filters }: &StudyCalibrationSummary) {
     for filter in filters {
         for claim in &filter.claims {
             let coverage = claim.coverage.map(|level| {
@@ -157,7 +157,7 @@ fn claims_of_an_accelerometer_hold_over_devices_as_it_is_told() {
         assert_eq!((filter.runs, filter.doubted.share), (40, 0.0), "{filter:?}");
         assert_eq!(filter.claims.len(), 3);
         for claim in &filter.claims {
-            assert_eq!(claim.finding, Finding::Holds, "{claim:?}");
+            assert_eq!(claim.finding, ClaimFinding::Holds, "{claim:?}");
             // So many errors show that a standard deviation is claimed a hundredth too large, which is no fault.
             let [one, ..] = claim.coverage;
             assert!((one.found.share - one.claimed).abs() < 0.01, "{claim:?}");

@@ -1,6 +1,8 @@
 //! A report with made-up data that resembles a real one.
 
-use kalmems::figures::{Axis, Column, Figure, Page, Panel, Role, Section, Series, Severity, Table};
+use kalmems::figures::{
+    Axis, ColumnHead, Figure, NoticeSeverity, Page, PageSection, Panel, Series, SeriesRole, TextTable,
+};
 use std::f64::consts::TAU;
 
 /// Normal numbers, good enough for a picture: sums of twelve uniform ones.
@@ -19,7 +21,7 @@ impl Noise {
 const RATE: f64 = 1e6;
 const RESONANCE: f64 = 15_700.0;
 
-fn line(label: &str, role: Role, t: &[f64], f: impl Fn(usize) -> f64 + Clone) -> Series {
+fn line(label: &str, role: SeriesRole, t: &[f64], f: impl Fn(usize) -> f64 + Clone) -> Series {
     Series::line(label, role, t.iter().enumerate().map(move |(i, t)| (*t, f(i))))
 }
 
@@ -39,21 +41,26 @@ pub fn signals() -> Figure {
         "The drive voltage, the capacitive signal as measured and as the filter predicts it, and the angle \
          that the filter says against the reference, over some cycles of the test recording.",
     )
-    .with(Panel::new(time(), Axis::new("drive voltage", "V")).with(line("drive", Role::Input, &t, drive)))
+    .with(Panel::new(time(), Axis::new("drive voltage", "V")).with(line(
+        "drive",
+        SeriesRole::Input,
+        &t,
+        drive,
+    )))
     .with(
         Panel::new(time(), Axis::new("signal", "V"))
             .sharing_x()
-            .with(line("measured", Role::Measured, &t, |i| measured[i]))
-            .with(line("predicted", Role::Model, &t, |i| signal[i])),
+            .with(line("measured", SeriesRole::Measured, &t, |i| measured[i]))
+            .with(line("predicted", SeriesRole::Model, &t, |i| signal[i])),
     )
     .with(
         Panel::new(time(), Axis::new("angle", "deg"))
             .sharing_x()
-            .with(line("reference", Role::Reference, &t, |i| angle[i]))
-            .with(line("estimate", Role::Estimate, &t, |i| estimate[i]))
+            .with(line("reference", SeriesRole::Reference, &t, |i| angle[i]))
+            .with(line("estimate", SeriesRole::Estimate, &t, |i| estimate[i]))
             .with(Series::band(
                 "±3σ",
-                Role::Estimate,
+                SeriesRole::Estimate,
                 t.iter().zip(&estimate).map(|(t, e)| (*t, e - 0.6, e + 0.6)),
             )),
     )
@@ -73,8 +80,8 @@ pub fn error() -> Figure {
     Figure::new("error", "Error of the angle", "Estimate minus reference, and three standard deviations.")
         .with(
             Panel::new(Axis::new("time", "s"), Axis::new("angle error", "deg"))
-                .with(line("estimate − reference", Role::Estimate, &t, |i| error[i]))
-                .with(Series::band("±3σ", Role::Estimate, band)),
+                .with(line("estimate − reference", SeriesRole::Estimate, &t, |i| error[i]))
+                .with(Series::band("±3σ", SeriesRole::Estimate, band)),
         )
 }
 
@@ -97,9 +104,13 @@ pub fn consistency() -> Figure {
     )
     .with(
         Panel::new(Axis::new("time", "s"), Axis::new("NIS", "1").log().between(1e-4, 40.0))
-            .with(Series::points("per sample", Role::Measured, t.iter().copied().zip(nis.iter().copied())))
-            .with(Series::line("mean over 0.5 ms", Role::Estimate, mean))
-            .with(Series::band("95 % interval of the mean", Role::Bound, interval)),
+            .with(Series::points(
+                "per sample",
+                SeriesRole::Measured,
+                t.iter().copied().zip(nis.iter().copied()),
+            ))
+            .with(Series::line("mean over 0.5 ms", SeriesRole::Estimate, mean))
+            .with(Series::band("95 % interval of the mean", SeriesRole::Bound, interval)),
     )
 }
 
@@ -114,9 +125,9 @@ pub fn phase() -> Figure {
     )
     .with(
         Panel::new(Axis::new("time", "s"), Axis::new("phase error", "s"))
-            .with(Series::points("per cycle", Role::Estimate, cycles))
-            .with(Series::level("bound, ±1σ", Role::Bound, 10e-9))
-            .with(Series::level("", Role::Bound, -10e-9)),
+            .with(Series::points("per cycle", SeriesRole::Estimate, cycles))
+            .with(Series::level("bound, ±1σ", SeriesRole::Bound, 10e-9))
+            .with(Series::level("", SeriesRole::Bound, -10e-9)),
     )
 }
 
@@ -133,16 +144,16 @@ pub fn spectrum() -> Figure {
     };
     Figure::new("spectrum", "Noise density", "Three filters and the amplifier.").with(
         Panel::new(Axis::new("frequency", "Hz").log(), Axis::new("power density", "V^2/Hz").log())
-            .with(Series::line("extended", Role::Estimate, curve(100.0)))
-            .with(Series::line("steady state", Role::Estimate, curve(30.0)))
-            .with(Series::line("unscented", Role::Estimate, curve(10.0)))
-            .with(Series::level("amplifier", Role::Bound, 3e-13)),
+            .with(Series::line("extended", SeriesRole::Estimate, curve(100.0)))
+            .with(Series::line("steady state", SeriesRole::Estimate, curve(30.0)))
+            .with(Series::line("unscented", SeriesRole::Estimate, curve(10.0)))
+            .with(Series::level("amplifier", SeriesRole::Bound, 3e-13)),
     )
 }
 
 pub fn odd() -> Figure {
     let panel = |x: Axis, y: Axis, label: &str, data: Vec<(f64, f64)>| {
-        Panel::new(x, y).with(Series::line(label, Role::Other, data))
+        Panel::new(x, y).with(Series::line(label, SeriesRole::Other, data))
     };
     let of = |f: fn(f64) -> (f64, f64)| (0..50).map(|i| f(f64::from(i))).collect::<Vec<_>>();
     let sample = || Axis::new("sample", "");
@@ -169,34 +180,34 @@ pub fn all() -> [Figure; 6] {
 
 pub fn demo() -> Page {
     let columns = [
-        Column::text("filter"),
-        Column::number("rms error", "deg"),
-        Column::number("phase error", "ns"),
-        Column::text("consistent"),
+        ColumnHead::text("filter"),
+        ColumnHead::number("rms error", "deg"),
+        ColumnHead::number("phase error", "ns"),
+        ColumnHead::text("consistent"),
     ];
-    let table = Table::new("Errors against the reference", columns)
+    let table = TextTable::new("Errors against the reference", columns)
         .row(["extended Kalman filter", "0.0213", "12.1", "yes"])
         .row(["steady-state gain", "0.1420", "−240.0", "no"]);
-    let result = Section::new("Result")
+    let result = PageSection::new("Result")
         .notice(
-            Severity::Warning,
+            NoticeSeverity::Warning,
             "The estimate failed its consistency test: the mean NIS is 1.42; expected 0.98 to 1.02.",
         )
         .notice(
-            Severity::Note,
+            NoticeSeverity::Note,
             "Three samples of the recording are missing; the filter predicted across them.",
         )
-        .notice(Severity::Ok, "The truth was read by the evaluation alone.")
+        .notice(NoticeSeverity::Ok, "The truth was read by the evaluation alone.")
         .paragraph("The filter started at rest and was given the drive voltage and the capacitive signal.")
         .table(table)
         .key_values([("recording", "scanner_test.csv"), ("samples", "24 000"), ("rate", "1 MHz")]);
     let [signals, error, consistency, phase, spectrum, odd] = all();
     Page::new("Shared scanner", "Test recording, 24 000 samples at 1 MHz, seed 7")
         .with(result)
-        .with(Section::new("Signals").figure(signals).figure(error).figure(consistency).figure(phase))
-        .with(Section::new("Other").figure(spectrum).figure(odd))
+        .with(PageSection::new("Signals").figure(signals).figure(error).figure(consistency).figure(phase))
+        .with(PageSection::new("Other").figure(spectrum).figure(odd))
         .with(
-            Section::new("How it was made")
+            PageSection::new("How it was made")
                 .preformatted("Resolved configuration", "seed = 7\n[device]\nname = \"<scanner>\"\n"),
         )
 }

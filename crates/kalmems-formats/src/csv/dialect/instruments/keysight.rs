@@ -1,12 +1,12 @@
 //! Keysight and Agilent: InfiniiVision in two lines, Infiniium in a preamble.
 
 use super::super::units::column_name;
-use super::{Beginning, Find, columns, distinct, number};
+use super::{DialectSearch, TextBeginning, columns, distinct, number};
 use crate::FormatError;
-use crate::csv::dialect::{Found, Origin, marks};
-use crate::unit_words::unit_ending;
+use crate::csv::dialect::{ColumnOrigin, RecognizedText, marks};
+use crate::unit_spellings::unit_ending;
 
-pub(super) fn find(text: &Beginning) -> Find {
+pub(super) fn find(text: &TextBeginning) -> DialectSearch {
     if text.cell(0) == "x-axis" {
         return infinii_vision(text).map(Ok);
     }
@@ -15,7 +15,7 @@ pub(super) fn find(text: &Beginning) -> Find {
 }
 
 /// `x-axis,1,2`, then `second,Volt,Volt`.
-fn infinii_vision(text: &Beginning) -> Option<Found> {
+fn infinii_vision(text: &TextBeginning) -> Option<RecognizedText> {
     let names: Vec<String> = text.cells.iter().map(|name| channel(name)).collect();
     let units = text.head.cells(1, text.separator);
     if units.len() != names.len() || units.iter().any(|unit| unit_ending(unit).is_none()) {
@@ -40,7 +40,7 @@ const LAST: [&str; 3] = ["Data", "Time Tags", "Min Bandwidth"];
 
 /// `Revision:`, `Points:`, `XInc:`, `XOrg:`, … each with a value for every waveform, behind the colon or in cells of their own;
 /// then pairs of time and value for each waveform, or values alone.
-fn infiniium(text: &Beginning) -> Result<Option<Found>, FormatError> {
+fn infiniium(text: &TextBeginning) -> Result<Option<RecognizedText>, FormatError> {
     let head = text.head;
     // The first line, of the names, may have other separators or none.
     let separator = if (0..4).any(|line| head.line(line).contains(&b'\t')) { b'\t' } else { b',' };
@@ -74,14 +74,14 @@ fn infiniium(text: &Beginning) -> Result<Option<Found>, FormatError> {
     let names = distinct(names);
     let unit = |units: &[String], index: usize| units.get(index).or(units.first()).cloned();
     let value = |index: usize, name: &String, cell: usize| {
-        (column_name(name, unit(&y_units, index).as_deref(), cell), Origin::Cell(cell))
+        (column_name(name, unit(&y_units, index).as_deref(), cell), ColumnOrigin::Cell(cell))
     };
     let mut columns = Vec::new();
     if cells == 2 * waveforms {
         for (index, name) in names.iter().enumerate() {
             let time = if index == 0 { "time".to_owned() } else { format!("time of {name}") };
             let unit = unit(&x_units, index).unwrap_or_else(|| "s".to_owned());
-            columns.push((column_name(&time, Some(&unit), 2 * index), Origin::Cell(2 * index)));
+            columns.push((column_name(&time, Some(&unit), 2 * index), ColumnOrigin::Cell(2 * index)));
             columns.push(value(index, name, 2 * index + 1));
         }
     } else if cells == waveforms {
@@ -91,7 +91,7 @@ fn infiniium(text: &Beginning) -> Result<Option<Found>, FormatError> {
             && same(&steps)
         {
             let unit = unit(&x_units, 0).unwrap_or_else(|| "s".to_owned());
-            columns.push((column_name("time", Some(&unit), 0), Origin::Counted { start, step }));
+            columns.push((column_name("time", Some(&unit), 0), ColumnOrigin::Counted { start, step }));
         }
         columns.extend(names.iter().enumerate().map(|(index, name)| value(index, name, index)));
     } else {

@@ -1,10 +1,10 @@
 //! Zurich Instruments' LabOne: `chunk;timestamp;x;y;…` or `timestamp;value`, with times in ticks of the device's clock.
 
-use super::{Beginning, Find, columns};
+use super::{DialectSearch, TextBeginning, columns};
 use crate::FormatError;
 
 /// What a file of samples does not say is the unit of its values, and how long a tick of its times is.
-pub(super) fn find(text: &Beginning) -> Find {
+pub(super) fn find(text: &TextBeginning) -> DialectSearch {
     let chunks = text.cell(0) == "chunk";
     if text.cell(usize::from(chunks)) != "timestamp" || !chunks && text.separator != b';' {
         return None;

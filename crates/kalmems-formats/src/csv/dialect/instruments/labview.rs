@@ -1,10 +1,10 @@
 //! LabVIEW measurement files (`.lvm`): a header on the file, and for each record one on its channels, and rows.
 
-use super::super::head::Head;
+use super::super::head::TextHead;
 use super::super::units::column_name;
-use super::{Beginning, Find, distinct};
+use super::{DialectSearch, TextBeginning, distinct};
 use crate::FormatError;
-use crate::csv::dialect::{Found, Origin, Records};
+use crate::csv::dialect::{ColumnOrigin, RecognizedText, RecordShape};
 
 /// What ends either header.
 const END: &[u8] = b"***End_of_Header***";
@@ -14,7 +14,7 @@ const LINES: usize = 64;
 
 /// The times of the channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Times {
+enum LabviewTimes {
     /// In the first cell.
     One,
     /// In a cell before each channel.
@@ -27,24 +27,24 @@ enum Times {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::csv) struct Heading {
     separator: u8,
-    times: Times,
+    times: LabviewTimes,
 }
 
 /// What a header on channels says.
-pub(in crate::csv) struct Channels {
+pub(in crate::csv) struct LabviewChannels {
     /// The line of their names in the head; the rows follow.
     names: usize,
     /// How many cells a row has, but for one of remarks at its end.
     cells: usize,
-    columns: Vec<(String, Origin)>,
+    columns: Vec<(String, ColumnOrigin)>,
 }
 
-pub(super) fn find(text: &Beginning) -> Find {
+pub(super) fn find(text: &TextBeginning) -> DialectSearch {
     text.head.line(0).starts_with(b"LabVIEW Measurement").then(|| found(text.head))
 }
 
 /// The dialect that the header on the file and the first on channels say.
-fn found(head: &Head) -> Result<Found, FormatError> {
+fn found(head: &TextHead) -> Result<RecognizedText, FormatError> {
     let ends: Vec<usize> = (0..head.len()).filter(|index| head.line(*index).starts_with(END)).collect();
     let [first, second, others @ ..] = ends.as_slice() else {
         let expected = "`***End_of_Header***` twice, once for the file and once for the channels";
@@ -60,17 +60,17 @@ fn found(head: &Head) -> Result<Found, FormatError> {
     let heading = Heading {
         separator,
         times: match value("X_Columns").as_str() {
-            "No" => Times::Counted,
-            "Multi" => Times::Each,
-            _ => Times::One,
+            "No" => LabviewTimes::Counted,
+            "Multi" => LabviewTimes::Each,
+            _ => LabviewTimes::One,
         },
     };
     let several = value("Multi_Headings") == "Yes" || !others.is_empty();
     let mut channels = heading.channels(head, *first + 1, *second)?;
     if several {
-        channels.columns.push(("segment".to_owned(), Origin::Record));
+        channels.columns.push(("segment".to_owned(), ColumnOrigin::Record));
     }
-    Ok(Found {
+    Ok(RecognizedText {
         instrument: Some("LabVIEW"),
         separator,
         // The first versions do not say it.
@@ -86,7 +86,7 @@ fn found(head: &Head) -> Result<Found, FormatError> {
         remarks: true,
         columns: channels.columns,
         units: "units in the header".to_owned(),
-        records: if several { Records::Headed(heading) } else { Records::One },
+        records: if several { RecordShape::Headed(heading) } else { RecordShape::One },
     })
 }
 
@@ -103,8 +103,8 @@ impl Heading {
         text: &[u8],
         line: u64,
         ended: bool,
-    ) -> Result<Option<Channels>, FormatError> {
-        let head = Head::new(text, line, LINES);
+    ) -> Result<Option<LabviewChannels>, FormatError> {
+        let head = TextHead::new(text, line, LINES);
         match (0..head.len()).find(|index| head.line(*index).starts_with(END)) {
             Some(end) if end + 1 < head.len() => self.channels(&head, 0, end).map(Some),
             None if head.len() < LINES && !ended => Ok(None),
@@ -117,7 +117,7 @@ impl Heading {
     }
 
     /// The channels of a header between two lines, and their names behind it.
-    fn channels(self, head: &Head, begin: usize, end: usize) -> Result<Channels, FormatError> {
+    fn channels(self, head: &TextHead, begin: usize, end: usize) -> Result<LabviewChannels, FormatError> {
         let names = head.cells(end + 1, self.separator);
         let comment = usize::from(names.last().is_some_and(|name| name == "Comment"));
         let count = names.len() - comment;
@@ -131,13 +131,13 @@ impl Heading {
         let number = |text: &String| fast_float2::parse::<f64, _>(text.replace(',', ".")).ok();
         let seconds = dimensions.get(1).is_none_or(|dimension| dimension == "Time").then_some("s");
         let channels: Vec<usize> = match self.times {
-            Times::Each => (1..count).step_by(2).collect(),
-            Times::One | Times::Counted => (1..count).collect(),
+            LabviewTimes::Each => (1..count).step_by(2).collect(),
+            LabviewTimes::One | LabviewTimes::Counted => (1..count).collect(),
         };
         let name = |index: &usize| names.get(*index).cloned().unwrap_or_default();
         let channel_names = distinct(channels.iter().map(name));
         let mut columns = Vec::new();
-        if self.times == Times::Counted {
+        if self.times == LabviewTimes::Counted {
             let value = |cells: &[String], what: &str| {
                 let mut values = channels.iter().filter_map(|index| number(cells.get(*index)?));
                 let first = values
@@ -154,31 +154,31 @@ impl Heading {
                 Ok(first)
             };
             let (start, step) = (value(&starts, "X0")?, value(&steps, "Delta_X")?);
-            columns.extend(seconds.map(|_| ("time_s".to_owned(), Origin::Counted { start, step })));
+            columns.extend(seconds.map(|_| ("time_s".to_owned(), ColumnOrigin::Counted { start, step })));
         }
         for (place, (index, name)) in channels.iter().zip(&channel_names).enumerate() {
             let time = match self.times {
-                Times::One | Times::Each if place == 0 => Some("time".to_owned()),
-                Times::Each => Some(format!("time of {name}")),
+                LabviewTimes::One | LabviewTimes::Each if place == 0 => Some("time".to_owned()),
+                LabviewTimes::Each => Some(format!("time of {name}")),
                 _ => None,
             };
-            columns.extend(time.map(|time| (column_name(&time, seconds, 0), Origin::Cell(index - 1))));
+            columns.extend(time.map(|time| (column_name(&time, seconds, 0), ColumnOrigin::Cell(index - 1))));
             columns.push((
                 column_name(name, units.get(*index).map(String::as_str), *index),
-                Origin::Cell(*index),
+                ColumnOrigin::Cell(*index),
             ));
         }
-        Ok(Channels { names: end + 1, cells: count, columns })
+        Ok(LabviewChannels { names: end + 1, cells: count, columns })
     }
 }
 
-impl Channels {
+impl LabviewChannels {
     /// Where the values come from, where the channels are those before; how many bytes and lines the header takes.
     pub(in crate::csv) fn continue_with(
         self,
         before: &[super::super::DialectColumn],
         text: &[u8],
-    ) -> Result<(Vec<Origin>, usize, u64), FormatError> {
+    ) -> Result<(Vec<ColumnOrigin>, usize, u64), FormatError> {
         let same = self.columns.iter().zip(before).all(|((name, _), column)| *name == column.column.name);
         // The last column is the number of the record.
         if !same || self.columns.len() + 1 != before.len() {

@@ -1,11 +1,11 @@
 //! LeCroy: `LECROYWR640Zi,12345,Waveform`, lines on the segments, then `Time,Ampl`.
 
-use super::{Beginning, Find, columns};
-use crate::csv::dialect::{Origin, Records};
+use super::{DialectSearch, TextBeginning, columns};
+use crate::csv::dialect::{ColumnOrigin, RecordShape};
 
 /// Rows in seconds and a unit that is not said; those of several segments follow each other, each segment of a length
 /// that the second line states.
-pub(super) fn find(text: &Beginning) -> Find {
+pub(super) fn find(text: &TextBeginning) -> DialectSearch {
     if !text.cell(0).starts_with("LECROY") {
         return None;
     }
@@ -19,11 +19,11 @@ pub(super) fn find(text: &Beginning) -> Find {
     let mut units = "times in seconds, no unit of the amplitudes".to_owned();
     let records = match size {
         Some((segments, rows)) if segments > 1 && rows > 0 => {
-            columns.push(("segment".to_owned(), Origin::Record));
+            columns.push(("segment".to_owned(), ColumnOrigin::Record));
             units = format!("{units}, segments of {rows} rows, as line 2 says");
-            Records::OfRows(rows)
+            RecordShape::OfRows(rows)
         }
-        _ => Records::One,
+        _ => RecordShape::One,
     };
     let mut found = text.found("a LeCroy oscilloscope", header, header + 1, columns, units);
     found.cells = names.len();

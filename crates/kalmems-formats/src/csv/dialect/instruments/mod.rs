@@ -11,16 +11,16 @@ mod yokogawa;
 
 pub(in crate::csv) use labview::Heading;
 
-use super::head::Head;
+use super::head::TextHead;
 use super::units::column_name;
-use super::{Found, Origin, Records, marks};
+use super::{ColumnOrigin, RecognizedText, RecordShape, marks};
 use crate::{CsvHints, FormatError};
 
 /// The dialect, where a text is an instrument's, or what is wrong with it.
-type Find = Option<Result<Found, FormatError>>;
+type DialectSearch = Option<Result<RecognizedText, FormatError>>;
 
 /// What tells a preamble from its first line, and the dialect behind it.
-const ALL: [fn(&Beginning) -> Find; 8] = [
+const ALL: [fn(&TextBeginning) -> DialectSearch; 8] = [
     labview::find,
     rigol::find,
     keysight::find,
@@ -32,13 +32,13 @@ const ALL: [fn(&Beginning) -> Find; 8] = [
 ];
 
 /// The first lines of a text, and the first of them in cells.
-struct Beginning<'a> {
-    head: &'a Head<'a>,
+struct TextBeginning<'a> {
+    head: &'a TextHead<'a>,
     separator: u8,
     cells: Vec<String>,
 }
 
-impl Beginning<'_> {
+impl TextBeginning<'_> {
     /// A cell of the first line; empty where there is none.
     fn cell(&self, index: usize) -> &str {
         self.cells.get(index).map_or("", String::as_str)
@@ -65,11 +65,11 @@ impl Beginning<'_> {
         instrument: &'static str,
         header: usize,
         first_row: usize,
-        columns: Vec<(String, Origin)>,
+        columns: Vec<(String, ColumnOrigin)>,
         units: impl Into<String>,
-    ) -> Found {
+    ) -> RecognizedText {
         let (cells, trailing) = self.filled(first_row);
-        Found {
+        RecognizedText {
             instrument: Some(instrument),
             separator: self.separator,
             point: None,
@@ -80,21 +80,21 @@ impl Beginning<'_> {
             remarks: false,
             columns,
             units: units.into(),
-            records: Records::One,
+            records: RecordShape::One,
         }
     }
 }
 
 /// How many lines a preamble has beyond the usual.
-pub(super) fn lines(head: &Head) -> usize {
+pub(super) fn lines(head: &TextHead) -> usize {
     if head.line(0).starts_with(b"LECROY") { lecroy::lines(&head.cells(1, b',')) } else { 0 }
 }
 
 /// The dialect of a text that begins as an instrument's does.
-pub(super) fn find(head: &Head, hints: &CsvHints) -> Result<Option<Found>, FormatError> {
+pub(super) fn find(head: &TextHead, hints: &CsvHints) -> Result<Option<RecognizedText>, FormatError> {
     let first = head.line(0);
     let separator = [b'\t', b';'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');
-    let beginning = Beginning { head, separator, cells: head.cells(0, separator) };
+    let beginning = TextBeginning { head, separator, cells: head.cells(0, separator) };
     for find in ALL {
         if let Some(found) = find(&beginning) {
             let mut found = found?;
@@ -112,9 +112,9 @@ fn number(cell: Option<&String>) -> Option<f64> {
 }
 
 /// Columns of cells from the first on; the units may be fewer.
-fn columns(names: &[String], units: &[String]) -> Vec<(String, Origin)> {
+fn columns(names: &[String], units: &[String]) -> Vec<(String, ColumnOrigin)> {
     let named = |(index, name): (usize, &String)| {
-        (column_name(name, units.get(index).map(String::as_str), index), Origin::Cell(index))
+        (column_name(name, units.get(index).map(String::as_str), index), ColumnOrigin::Cell(index))
     };
     names.iter().enumerate().map(named).collect()
 }

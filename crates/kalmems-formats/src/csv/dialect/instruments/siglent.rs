@@ -1,9 +1,9 @@
 //! Siglent: lines of settings, then `Second,Volt,Volt`.
 
-use super::{Beginning, Find, columns};
+use super::{DialectSearch, TextBeginning, columns};
 
 /// The channels stand in `Source,CH1,CH2` in newer ones, in `Vertical Scale,CH1: 0.05,CH2: 1.0` in older.
-pub(super) fn find(text: &Beginning) -> Find {
+pub(super) fn find(text: &TextBeginning) -> DialectSearch {
     if text.cell(0) != "Record Length" || !text.cell(1).starts_with("Analog") {
         return None;
     }

@@ -1,10 +1,10 @@
 //! Tektronix: settings above the columns, or beside the first rows.
 
 use super::super::units::column_name;
-use super::{Beginning, Find, columns, number};
-use crate::csv::dialect::{Found, Origin};
+use super::{DialectSearch, TextBeginning, columns, number};
+use crate::csv::dialect::{ColumnOrigin, RecognizedText};
 
-pub(super) fn find(text: &Beginning) -> Find {
+pub(super) fn find(text: &TextBeginning) -> DialectSearch {
     match text.cell(0) {
         "Record Length" if [3, 4].iter().all(|cell| number(text.cells.get(*cell)).is_some()) => beside(text),
         "Model" | "Record Length" => above(text),
@@ -19,7 +19,7 @@ fn seconds(unit: &str) -> &str {
 }
 
 /// Series 2 to 6 and TBS: lines of settings, then `TIME,CH1,CH2` and rows in the units that the settings state.
-fn above(text: &Beginning) -> Option<Found> {
+fn above(text: &TextBeginning) -> Option<RecognizedText> {
     let header = ["TIME", "Time"].iter().find_map(|name| text.head.find(name, text.separator))?;
     let (names, _) = text.filled(header);
     let horizontal = text.values("Horizontal Units")?;
@@ -30,12 +30,12 @@ fn above(text: &Beginning) -> Option<Found> {
 }
 
 /// TDS and TBS1000: settings in the first three cells of the first rows, times and values in the fourth and fifth of all.
-fn beside(text: &Beginning) -> Option<Found> {
+fn beside(text: &TextBeginning) -> Option<RecognizedText> {
     let value = |key: &str| text.values(key)?.into_iter().next();
     let source = value("Source").unwrap_or_else(|| "CH1".to_owned());
     let columns = vec![
-        (column_name("time", Some(seconds(&value("Horizontal Units")?)), 3), Origin::Cell(3)),
-        (column_name(&source, value("Vertical Units").as_deref(), 4), Origin::Cell(4)),
+        (column_name("time", Some(seconds(&value("Horizontal Units")?)), 3), ColumnOrigin::Cell(3)),
+        (column_name(&source, value("Vertical Units").as_deref(), 4), ColumnOrigin::Cell(4)),
     ];
     let mut found =
         text.found("a Tektronix TDS oscilloscope", 0, 0, columns, "settings beside the first rows");

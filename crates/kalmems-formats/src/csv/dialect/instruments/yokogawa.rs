@@ -1,16 +1,16 @@
 //! Yokogawa DL, DLM and ScopeCorder: `"Header Size",16` and lines of settings, a value for each waveform.
 
 use super::super::units::column_name;
-use super::{Beginning, Find, distinct, number};
+use super::{DialectSearch, TextBeginning, distinct, number};
 use crate::FormatError;
-use crate::csv::dialect::{Found, Origin};
+use crate::csv::dialect::{ColumnOrigin, RecognizedText};
 
-pub(super) fn find(text: &Beginning) -> Find {
+pub(super) fn find(text: &TextBeginning) -> DialectSearch {
     if text.cell(0) == "Header Size" { found(text).transpose() } else { None }
 }
 
 /// Rows are values alone, below the keys an empty cell; the time is `HResolution × (number − 1) + HOffset`.
-fn found(text: &Beginning) -> Result<Option<Found>, FormatError> {
+fn found(text: &TextBeginning) -> Result<Option<RecognizedText>, FormatError> {
     let values = |key: &str| text.values(key).unwrap_or_default();
     let filled = |cells: Vec<String>| cells.into_iter().filter(|cell| !cell.is_empty()).collect::<Vec<_>>();
     let names = distinct(filled(values("TraceName")));
@@ -39,7 +39,7 @@ fn found(text: &Beginning) -> Result<Option<Found>, FormatError> {
     };
     let mut columns = Vec::new();
     if beside == 1 && number(cells.first()).is_some() {
-        columns.push((time, Origin::Cell(0)));
+        columns.push((time, ColumnOrigin::Cell(0)));
     } else if let (Some(start), Some(step)) = (number(starts.first()), number(steps.first())) {
         if !same(&starts) || !same(&steps) {
             return Err(FormatError::Unsupported {
@@ -48,10 +48,10 @@ fn found(text: &Beginning) -> Result<Option<Found>, FormatError> {
                 remedy: "save those with the same times in a file of their own".to_owned(),
             });
         }
-        columns.push((time, Origin::Counted { start, step }));
+        columns.push((time, ColumnOrigin::Counted { start, step }));
     }
     let named = |(index, name): (usize, &String)| {
-        (column_name(name, units.get(index).map(String::as_str), index), Origin::Cell(index + beside))
+        (column_name(name, units.get(index).map(String::as_str), index), ColumnOrigin::Cell(index + beside))
     };
     columns.extend(names.iter().enumerate().map(named));
     let mut found = text.found("a Yokogawa oscilloscope", header, first_row, columns, "units in the header");

@@ -1,0 +1,138 @@
+//! MAT files of version 4: matrices one after the other, each behind a header of 20 bytes and its name (MathWorks,
+//! MAT-File Format, appendix on level 4).
+
+use super::array::{MatValue, MatVariable};
+use crate::element::{Element, ElementKind};
+use crate::source::SharedFile;
+use crate::stream::{Compression, FileStretch};
+use crate::{FormatError, limits};
+use std::sync::Arc;
+
+pub(super) const FORMAT: &str = "MAT 4";
+/// Bytes before a matrix' name.
+const HEADER: u64 = 20;
+
+/// What a header says.
+struct Mat4Header {
+    element: Element,
+    /// 0 numbers, 1 text, 2 sparse.
+    kind: u32,
+    rows: u64,
+    columns: u64,
+    complex: bool,
+    name_bytes: usize,
+}
+
+/// Whether bytes begin as such a file does: a header that holds what it can, and a name behind it.
+pub(crate) fn begins(beginning: &[u8]) -> bool {
+    let Some(header) = beginning.get(..20).and_then(Mat4Header::read) else { return false };
+    let name = beginning.get(20..20 + header.name_bytes).unwrap_or_default();
+    let Some((0, letters)) = name.split_last() else { return false };
+    letters.first().is_some_and(u8::is_ascii_alphabetic)
+        && letters.iter().all(|letter| letter.is_ascii_alphanumeric() || *letter == b'_')
+}
+
+impl Mat4Header {
+    /// None where it is no header.
+    fn read(bytes: &[u8]) -> Option<Self> {
+        let words = |big_endian: bool| {
+            let word = |b: &[u8]| {
+                let bytes = [b[0], b[1], b[2], b[3]];
+                if big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
+            };
+            bytes.chunks_exact(4).map(word).collect::<Vec<u32>>()
+        };
+        // The thousands say which order of bytes it is, in that order.
+        let of_order = |big_endian: bool| {
+            let words = words(big_endian);
+            let [code, rows, columns, complex, name] = words[..] else { return None };
+            let (machine, zero, number, kind) = (code / 1000, code / 100 % 10, code / 10 % 10, code % 10);
+            let (element, bytes) = match number {
+                0 => (ElementKind::Float, 8),
+                1 => (ElementKind::Float, 4),
+                2 => (ElementKind::Signed, 4),
+                3 => (ElementKind::Signed, 2),
+                4 => (ElementKind::Unsigned, 2),
+                5 => (ElementKind::Unsigned, 1),
+                _ => return None,
+            };
+            let name_bytes = name as usize;
+            let is_header = machine == u32::from(big_endian)
+                && zero == 0
+                && kind <= 2
+                && complex <= 1
+                && (2..=limits::TEXT_BYTES).contains(&name_bytes);
+            is_header.then_some(Self {
+                element: Element { kind: element, bytes, big_endian },
+                kind,
+                rows: u64::from(rows),
+                columns: u64::from(columns),
+                complex: complex == 1,
+                name_bytes,
+            })
+        };
+        of_order(false).or_else(|| of_order(true))
+    }
+}
+
+/// All matrices, and the stretch that they are in.
+pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>, FormatError> {
+    let stretch = FileStretch {
+        source: Arc::clone(source),
+        format: FORMAT,
+        name: "the file".to_owned(),
+        packing: Compression::Stored,
+        start: 0,
+        end: source.length(),
+        crc: None,
+    };
+    let mut found = Vec::new();
+    let mut at = 0;
+    let mut text_bytes = limits::HEADER_BYTES;
+    while at < source.length() {
+        limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
+        let bytes = source.bytes(FORMAT, at, 20)?;
+        let header = Mat4Header::read(&bytes).ok_or_else(|| FormatError::Damaged {
+            format: FORMAT,
+            place: format!("byte {at}"),
+            found: format!("`{}`", bytes.escape_ascii()),
+            expected: "the header of a matrix".to_owned(),
+        })?;
+        let name = source.bytes(FORMAT, at + HEADER, header.name_bytes)?;
+        let name = String::from_utf8_lossy(name.strip_suffix(&[0]).unwrap_or(&name)).into_owned();
+        let place = at + HEADER + header.name_bytes as u64;
+        // All three are of 32 bits, or a few.
+        let count = u128::from(header.rows) * u128::from(header.columns) * if header.complex { 2 } else { 1 };
+        let length = u64::try_from(count * header.element.bytes as u128).unwrap_or(u64::MAX);
+        at = source.within(FORMAT, place, length)?;
+        let (rows, columns, element) = (header.rows, header.columns, header.element);
+        let value = match header.kind {
+            _ if header.complex => MatValue::Other("complex numbers"),
+            0 => MatValue::Numbers { place, element, rows, columns },
+            1 => {
+                let taken = length.saturating_add(rows.saturating_mul(64));
+                limits::at_most(FORMAT, "the length of texts", taken, text_bytes)?;
+                text_bytes -= taken;
+                MatValue::Texts(texts(source, place, &header)?)
+            }
+            _ => MatValue::Other("a sparse matrix"),
+        };
+        found.push((stretch.clone(), MatVariable { name, value }));
+    }
+    Ok(found)
+}
+
+/// Characters by their numbers, column after column: a text a row.
+fn texts(source: &SharedFile, place: u64, header: &Mat4Header) -> Result<Vec<Vec<u8>>, FormatError> {
+    // Bounded by the length of texts.
+    let small = |length: u64| usize::try_from(length).unwrap_or(0);
+    let (rows, count) = (small(header.rows), small(header.rows * header.columns));
+    let raw = source.bytes(FORMAT, place, count * header.element.bytes)?;
+    let mut numbers = Vec::new();
+    header.element.numbers(&raw, 0, header.element.bytes, count, 0, &mut numbers);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    // what is no character becomes one that says so
+    let letter = |number: &f64| char::from_u32(*number as u32).unwrap_or(char::REPLACEMENT_CHARACTER);
+    let text = |row: usize| numbers.iter().skip(row).step_by(rows.max(1)).map(letter).collect::<String>();
+    Ok((0..rows).map(|row| text(row).trim_end().as_bytes().to_vec()).collect())
+}

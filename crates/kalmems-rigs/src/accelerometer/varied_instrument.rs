@@ -1,0 +1,72 @@
+//! The instrument with other parameters than the experiment states, in any number.
+
+use super::settings::AccelerometerHardware;
+use kalmems_core::{Covariance, Exponential, NotAScale, OperatingPoint, Parameters, Scalar, Scaled, Scales};
+use kalmems_models::dynamics::SensedAcceleration;
+use kalmems_models::readout::DifferentialReadout;
+
+/// What each parameter is multiplied by.
+#[derive(Clone, Copy, Debug)]
+pub struct Factors<T> {
+    /// k.
+    pub spring: T,
+    /// b, and with it the density of the Brownian force.
+    pub damping: T,
+    /// m.
+    pub mass: T,
+    /// The variance of a sample.
+    pub noise: T,
+    /// The root mean square of the acceleration.
+    pub acceleration: T,
+    /// The natural rate of the acceleration's spectrum, 2π times its bandwidth.
+    pub bandwidth: T,
+}
+
+/// The step of an instrument with the acceleration as a state.
+pub type VariedStep<T> = Exponential<Scaled<SensedAcceleration<T>, T, 4>, T, 4>;
+
+/// An instrument over one interval, with the acceleration as a state, in scaled states.
+#[derive(Clone, Copy, Debug)]
+pub struct VariedInstrument<T> {
+    /// How it gets from one sample to the next.
+    pub process: VariedStep<T>,
+    /// How it is read.
+    pub readout: Scaled<DifferentialReadout<T>, T, 4>,
+    /// The variance of a sample in V².
+    pub noise: Covariance<T, 1>,
+}
+
+impl<T: Scalar<Mask = bool>> VariedInstrument<T> {
+    /// The instrument of these factors, discretised exactly at rest. The states have the scales of what is stated, so that
+    /// those of different factors can be mixed.
+    pub fn of(
+        hardware: &AccelerometerHardware,
+        factors: &Factors<T>,
+        interval_s: f64,
+    ) -> Result<Self, NotAScale> {
+        let sizes: [f64; 4] = *Scales::natural(&hardware.sensed)?.sizes();
+        let scales = Scales::new(sizes.map(T::of))?;
+        let mut sensed = hardware.sensed.map(|_, value| T::of(value));
+        let mass = &mut sensed.device.mass;
+        mass.spring = mass.spring * factors.spring;
+        mass.damping = mass.damping * factors.damping;
+        mass.mass = mass.mass * factors.mass;
+        sensed.prior.rms = sensed.prior.rms * factors.acceleration;
+        sensed.prior.rate = sensed.prior.rate * factors.bandwidth;
+        // 2·k_B·T·b.
+        let force_density = factors.damping * T::of(hardware.force_density);
+        let density = scales.scale_density(&sensed.noise(force_density));
+        let rest = (&[T::of(0.0); 4], &T::of(0.0));
+        Ok(Self {
+            process: Exponential::new(Scaled::new(sensed, scales), T::of(interval_s), &density, rest),
+            readout: Scaled::new(hardware.readout.map(|_, value| T::of(value)), scales),
+            noise: Covariance::from_variances([factors.noise * T::of(hardware.noise_variance)]),
+        })
+    }
+
+    /// Linearised at rest.
+    pub fn at_rest(&self) -> OperatingPoint<T, 4, 1> {
+        let zero = T::of(0.0);
+        OperatingPoint::of(&self.process, (&self.readout, self.noise), (&[zero; 4], &zero))
+    }
+}

@@ -1,0 +1,86 @@
+//! An experiment with the numbers that an identification found, whose noises are to be found again.
+
+use super::FoundNoise;
+use crate::config::{ConfigError, ConfigFault, Experiment, FROM_RECORDING, Key, put};
+use toml::{Table, Value};
+
+/// The experiment with the numbers of `found` in the places of its own, and with these noises left to the recording again.
+///
+/// A noise that is found with wrong numbers contains a part of the motion. With the numbers that were identified it is found without that part, and
+/// the numbers can be identified with it once more. Their uncertainties are left out: the recording that told them is the one that is used again.
+///
+/// # Errors
+/// An experiment that cannot be written as a file.
+pub fn with_found_numbers(
+    experiment: &Experiment,
+    found: &Experiment,
+    noises: &[FoundNoise],
+) -> Result<Experiment, ConfigError> {
+    let unwritten = |why: String| experiment.error(Key::default(), ConfigFault::Value { why });
+    let document = |of: &Experiment| -> Result<Table, ConfigError> {
+        let text = of.to_toml().map_err(|e| unwritten(e.to_string()))?;
+        text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))
+    };
+    let (mut own, found) = (document(experiment)?, document(found)?);
+    if let (Some(own), Some(found)) = (own.get_mut("device"), found.get("device")) {
+        take(own, found);
+    }
+    for noise in noises {
+        let (key, word) = (Key::from(noise.key.as_str()), Value::String(FROM_RECORDING.to_owned()));
+        put(&mut own, &key, word).map_err(|fault| experiment.error(key.clone(), fault))?;
+    }
+    let text = toml::to_string(&own).map_err(|e| unwritten(e.to_string()))?;
+    Experiment::parse(&text, experiment.path())
+}
+
+/// Takes the values that differ, where both have one.
+fn take(own: &mut Value, found: &Value) {
+    match (own, found) {
+        (Value::Table(own), Value::Table(found)) => {
+            for (key, own) in own {
+                if let Some(found) = found.get(key) {
+                    take(own, found);
+                }
+            }
+        }
+        (Value::Array(own), Value::Array(found)) if own.len() == found.len() => {
+            own.iter_mut().zip(found).for_each(|(own, found)| take(own, found));
+        }
+        (own, Value::String(found)) => {
+            let value = Value::String(without_uncertainty(found));
+            if *own != value {
+                *own = value;
+            }
+        }
+        (own, found) => found.clone_into(own),
+    }
+}
+
+/// A value without its uncertainty: `1.1 V ± 2 %` and `1.1 ± 0.1 V` are `1.1 V`.
+fn without_uncertainty(text: &str) -> String {
+    let Some((value, sd)) = text.split_once('±') else { return text.to_owned() };
+    let (value, unit) = (value.trim(), sd.trim().split_once(' ').map_or("", |(_, unit)| unit.trim()));
+    if value.contains(' ') || unit.is_empty() || unit == "%" {
+        value.to_owned()
+    } else {
+        format!("{value} {unit}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_keeps_its_unit_without_its_uncertainty() {
+        for (text, expected) in [
+            ("1786.766 Hz ± 0.0055 %", "1786.766 Hz"),
+            ("0.004773 ± 1.4 %", "0.004773"),
+            ("23.0 ± 0.1 V", "23.0 V"),
+            ("3865.3 rad/s^2/V ± 26 rad/s^2/V", "3865.3 rad/s^2/V"),
+            ("5.71 pF", "5.71 pF"),
+        ] {
+            assert_eq!(without_uncertainty(text), expected);
+        }
+    }
+}

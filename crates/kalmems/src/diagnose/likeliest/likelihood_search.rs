@@ -1,0 +1,208 @@
+//! The sizes that make the innovations of all recordings the likeliest, and how far from there they may be.
+
+use super::prior::FactorPrior;
+use crate::config::Key;
+use crate::diagnose::bench::TrialBench;
+use crate::diagnose::cause::Cause;
+use crate::diagnose::change::TrialChange;
+use crate::diagnose::search::{CauseSearch, MostLikelySizes, most_likely_sizes};
+use crate::diagnose::suspect::{NumberRole, Suspect};
+use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
+use crate::identify::{TWO_SIDED, likelihood_half_width};
+use crate::rigs::Workbench;
+use kalmems_core::Scalar;
+use std::convert::Infallible;
+use toml::Value;
+
+/// What is sought with.
+pub(super) struct LikelihoodSearch<'a> {
+    pub(super) workbench: &'a Workbench,
+    pub(super) bench: &'a TrialBench<'a>,
+    /// The run of the experiment as it is.
+    pub(super) base: &'a DiagnosisTrial,
+    pub(super) prior: &'a FactorPrior,
+}
+
+/// A number that is known no better than to this, relative to itself, is not determined by the recordings.
+pub(super) const DETERMINED: f64 = 0.3;
+
+/// Below this standard error, relative to a number, its likelihood is Gaussian as far as an interval goes.
+const GAUSSIAN: f64 = 0.03;
+
+/// What a sign has to gain in ln p to be another than the stated one.
+const OTHER_SIGN: f64 = 5.0;
+
+/// The standard deviation, relative to a number, with which a filter has it as a state to find where a search begins.
+const AS_STATE: &str = "10 %";
+
+/// Searches of a dozen iterations each, and a gain of ln p below which there is no further one.
+const SEARCHES: usize = 8;
+const NO_GAIN: f64 = 0.01;
+
+/// How far from its likeliest value a logarithm may go in a profile.
+const ROOM: f64 = 3.0;
+
+impl LikelihoodSearch<'_> {
+    pub(super) fn search<'b>(&'b self, suspects: &'b [Suspect]) -> CauseSearch<'b> {
+        CauseSearch { bench: self.bench, suspects, base: self.base }
+    }
+
+    /// The run with these sizes.
+    pub(super) fn run(&self, suspects: &[Suspect], sizes: &[f64]) -> Option<DiagnosisTrial> {
+        self.search(suspects).run(&Cause::Numbers(sizes.iter().copied().enumerate().collect()))
+    }
+
+    /// ln p of the innovations of some blocks with these sizes, and of what is stated of the numbers.
+    fn log_likelihood(&self, suspects: &[Suspect], sizes: &[f64], blocks: TrialBlocks) -> Option<f64> {
+        let mut innovations = self.run(suspects, sizes)?.part(blocks);
+        self.prior.append(&mut innovations, sizes);
+        Some(innovations.log_likelihood()).filter(|likelihood| likelihood.is_finite())
+    }
+
+    /// The sizes that make all innovations the likeliest, and the numbers with the signs under which they do: a number that the recordings
+    /// do not determine with its stated sign is tried with the other.
+    pub(super) fn with_signs(&self, suspects: &[Suspect]) -> Option<(Vec<Suspect>, MostLikelySizes)> {
+        let (mut suspects, mut best) = (suspects.to_vec(), self.most_likely(suspects)?);
+        for place in 0..suspects.len() {
+            let is_determined = best.sd.get(place).is_some_and(|sd| *sd < DETERMINED);
+            if is_determined {
+                continue;
+            }
+            let mut other = suspects.clone();
+            if let Some(NumberRole::Factor(numbers)) = other.get_mut(place).map(|suspect| &mut suspect.what) {
+                for number in numbers {
+                    number.written = -number.written;
+                }
+            }
+            if let Some(found) = self.most_likely(&other)
+                && found.log_likelihood > best.log_likelihood + OTHER_SIGN
+            {
+                (suspects, best) = (other, found);
+            }
+        }
+        Some((suspects, best))
+    }
+
+    /// The sizes that make all innovations the likeliest, from the better of two starts.
+    fn most_likely(&self, suspects: &[Suspect]) -> Option<MostLikelySizes> {
+        let zeros = vec![0.0; suspects.len()];
+        let likelihood = |sizes: &[f64]| {
+            self.log_likelihood(suspects, sizes, TrialBlocks::All).unwrap_or(f64::NEG_INFINITY)
+        };
+        let as_states = self.as_states(suspects).filter(|sizes| likelihood(sizes) > likelihood(&zeros));
+        let start = as_states.unwrap_or(zeros);
+        let all = vec![true; suspects.len()];
+        let mut best = self.refit_blocks(suspects, &start, &all, TrialBlocks::All)?;
+        for _ in 1..SEARCHES {
+            let Some(next) = self.refit_blocks(suspects, &best.at, &all, TrialBlocks::All) else { break };
+            let gained = next.log_likelihood - best.log_likelihood;
+            best = next;
+            if gained < NO_GAIN {
+                break;
+            }
+        }
+        Some(best)
+    }
+
+    /// The same of some blocks from given sizes, of which those that are not free stay as they are, with no error of their own.
+    pub(super) fn refit_blocks(
+        &self,
+        suspects: &[Suspect],
+        start: &[f64],
+        free: &[bool],
+        blocks: TrialBlocks,
+    ) -> Option<MostLikelySizes> {
+        let search = self.search(suspects);
+        let places: Vec<usize> = (0..suspects.len()).filter(|place| free[*place]).collect();
+        let whole = |own: &[f64]| {
+            let mut sizes = start.to_vec();
+            places.iter().zip(own).for_each(|(place, size)| sizes[*place] = *size);
+            sizes
+        };
+        let innovations = |sizes: &[f64]| {
+            let cause = Cause::Numbers(sizes.iter().copied().enumerate().collect());
+            let mut found = search.innovations(&cause, sizes, blocks)?;
+            self.prior.append(&mut found, sizes);
+            Some(found)
+        };
+        if places.is_empty() {
+            let log_likelihood = innovations(start)?.log_likelihood();
+            let none = vec![0.0; start.len()];
+            let correlation = vec![none.clone(); start.len()];
+            return Some(MostLikelySizes { at: start.to_vec(), sd: none, correlation, log_likelihood });
+        }
+        let of_free: Vec<f64> = places.iter().map(|place| start[*place]).collect();
+        let steps: Vec<f64> = places.iter().map(|place| search.step(*place)).collect();
+        let found = most_likely_sizes(&of_free, &steps, &mut |own| innovations(&whole(own)))?;
+        let mut sd = vec![0.0; start.len()];
+        let mut correlation = vec![vec![0.0; start.len()]; start.len()];
+        for (i, place) in places.iter().enumerate() {
+            sd[*place] = found.sd[i];
+            for (j, other) in places.iter().enumerate() {
+                correlation[*place][*other] = found.correlation[i][j];
+            }
+        }
+        Some(MostLikelySizes { at: whole(&found.at), sd, correlation, log_likelihood: found.log_likelihood })
+    }
+
+    /// The numbers at which the filter arrives that has them as states, as logarithms of factors; `None` where one of them cannot be a
+    /// state.
+    fn as_states(&self, suspects: &[Suspect]) -> Option<Vec<f64>> {
+        let rig = self.workbench.rig(&self.bench.experiment).ok()?;
+        let known = rig.parameters(&self.bench.experiment);
+        let filter = Key::from("estimate").child("filter").index(0).child("states");
+        let mut changes = Vec::new();
+        let mut names = Vec::new();
+        for suspect in suspects {
+            let name = suspect.name();
+            let parameter = known.iter().find(|parameter| parameter.written == [(name.as_str(), 1)])?;
+            let key = filter.clone().child(parameter.name).child("start_sd");
+            changes.push(TrialChange::Key(key, Value::String(AS_STATE.to_owned())));
+            names.push(parameter.name);
+        }
+        let trial = self.bench.run(&changes)?;
+        let at_end = |name: &&str| trial.at_end.iter().find(|(own, _)| own == name).map(|(_, value)| *value);
+        let factor = |deviation: f64| (deviation > -0.9).then(|| Scalar::ln(1.0 + deviation));
+        names.iter().map(|name| at_end(name).and_then(factor)).collect()
+    }
+
+    /// How far each size may be from its likeliest value to either side, of 95 %: by its standard error where that is small, else by the
+    /// profile of the likelihood. Infinite where nothing sets an end.
+    pub(super) fn intervals(&self, suspects: &[Suspect], found: &MostLikelySizes) -> Vec<[f64; 2]> {
+        let of = |place: usize| {
+            let sd = found.sd[place];
+            if sd < GAUSSIAN || !sd.is_finite() {
+                return [TWO_SIDED * sd; 2];
+            }
+            [-1.0, 1.0].map(|side: f64| {
+                let fallen = &mut |distance: f64| {
+                    Ok::<f64, Infallible>(self.fallen(suspects, found, (place, side * distance)))
+                };
+                let Ok(end) = likelihood_half_width(sd, ROOM, fallen);
+                end
+            })
+        };
+        (0..suspects.len()).map(of).collect()
+    }
+
+    /// √(2·fall) of ln p with a size so far from its likeliest value and all others as likely as they can be; infinite where there is no
+    /// filter.
+    fn fallen(&self, suspects: &[Suspect], found: &MostLikelySizes, (place, by): (usize, f64)) -> f64 {
+        let along = |i: usize| {
+            let slope = found.correlation[i][place] * found.sd[i] / found.sd[place];
+            if i == place {
+                by
+            } else if slope.is_finite() {
+                by * slope
+            } else {
+                0.0
+            }
+        };
+        let start: Vec<f64> = (0..suspects.len()).map(|i| found.at[i] + along(i)).collect();
+        let free: Vec<bool> = (0..suspects.len()).map(|i| i != place).collect();
+        let there = self.refit_blocks(suspects, &start, &free, TrialBlocks::All);
+        there.map_or(f64::INFINITY, |there| {
+            (2.0 * (found.log_likelihood - there.log_likelihood)).max(0.0).sqrt()
+        })
+    }
+}
