@@ -6,6 +6,7 @@ use super::{BatchContent, BatchError, BatchRecording};
 use crate::results::{Notice, Output, RUN_FILE};
 use crate::rows;
 use crate::table::{TidyRow, TidyTable, number, union};
+use crate::topics::{explained, link};
 use kalmems_figures::{self as figures, ColumnHead, NoticeSeverity, Page, PagePart, PageSection};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -74,8 +75,9 @@ impl BatchSummary {
             notices.push(warn(format!("{} more could not be estimated; `summary.csv` says why", more + 1)));
         }
         if !self.doubtful.is_empty() {
-            let of = in_words(&self.doubtful);
-            notices.push(warn(format!("the answer is doubtful or worse for {of}")));
+            let names: Vec<String> = self.doubtful.iter().map(|name| format!("`{name}`")).collect();
+            let (of, to_do) = (in_words(&names), link("overconfident"));
+            notices.push(warn(format!("the verdict is doubtful or worse for {of}{to_do}")));
         }
         if !self.same_as.is_empty() {
             let each: Vec<String> =
@@ -91,8 +93,9 @@ impl BatchSummary {
 
     fn in_short(&self) -> String {
         let (all, same, failed) = (self.recordings, self.same_as.len(), self.failures.len());
+        let plural = if all == 1 { "" } else { "s" };
         format!(
-            "{all} recordings: {} estimated, {same} with the content of another, {failed} failed",
+            "{all} recording{plural}: {} estimated, {same} with the content of another, {failed} failed",
             all - same - failed
                 + self.same_as.keys().filter(|name| self.failures.contains_key(*name)).count()
         )
@@ -180,7 +183,7 @@ pub(super) fn write_results(
         doubtful: rows.iter().filter(|row| row.piece().is_some_and(|piece| piece.doubtful)).map(of).collect(),
         table: shown(&short),
     };
-    let page = page(&summary, text).to_html()?;
+    let page = explained(page(&summary, text)).to_html()?;
     output.write("report.html", |w| w.write_all(page.as_bytes()))?;
     output.write(RUN_FILE, |w| {
         let record = BatchRecord {
