@@ -9,7 +9,7 @@ use kalmems::config::Experiment;
 use kalmems::diagnose::FoundNoise;
 use kalmems::results::{
     Estimated, LongEstimate, Metrics, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table,
-    is_unexplained, notices_in_short, parameters_table, scale_notes_of, summary_table,
+    is_unexplained, notices_in_short, number_check, parameters_table, summary_table,
 };
 use kalmems::rigs::Workbench;
 use kalmems::workflow::{self, PartsError, WorkflowError};
@@ -92,9 +92,9 @@ fn in_parts(
         PartsError::Work(error) => of_work(&error),
         PartsError::Taken(error) => of_writing(error),
     })?;
-    let notes = scale_notes_of(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
+    let numbers = number_check(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
     drop(bar);
-    results.finish(&whole, (notes, noise), RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
+    results.finish(&whole, (numbers, noise), RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
 }
 
 fn of_work(error: &WorkflowError) -> CommandEnding {

@@ -29,7 +29,7 @@ pub use edge::EdgeVelocity;
 pub use grade::Grade;
 pub use innovations::{
     CycleEvidence, InnovationEvidence, InnovationHistogram, InnovationRecord, InnovationTest, SpectrumGroup,
-    TestPlace, TestResult, WRONG, nis,
+    TestPlace, TestResult, WRONG, nis, normal_tail,
 };
 pub use judge::{Judgement, SegmentJudge};
 pub use lag::ReferenceLag;

@@ -22,6 +22,22 @@ impl Innovations {
     }
 }
 
+impl Innovations {
+    /// Each in units of its standard deviation.
+    pub fn in_sd(&self) -> Vec<f64> {
+        self.value.iter().zip(&self.variance).map(|(value, variance)| value / variance.sqrt()).collect()
+    }
+
+    /// The slope of each prediction by a parameter in units of the standard deviation of its innovation, by the innovations of the same
+    /// samples with the parameter changed by a step; not finite of what is no update in one of both.
+    pub fn slopes_in_sd(&self, there: &Self, step: f64) -> Vec<f64> {
+        let own = self.value.iter().zip(&self.variance);
+        own.zip(&there.value)
+            .map(|((own, variance), there)| (own - there) / (step * variance.sqrt()))
+            .collect()
+    }
+}
+
 /// What innovations say of one parameter to first order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InnovationScore {

@@ -1,7 +1,7 @@
 //! Recordings of one segment that grow at one end and shrink at the other.
 
-use super::SampledRecording;
 use super::segment::SegmentTimes;
+use super::{RecordingColumn, SampledRecording};
 
 impl SampledRecording {
     /// What it would be if the numbers of a column were others: `change` is given times and values in SI of one segment after the
@@ -17,6 +17,27 @@ impl SampledRecording {
             }
         }
         other
+    }
+
+    /// The first rows alone, as a copy; what was found in the whole stays said.
+    #[must_use]
+    pub fn first_rows(&self, rows: usize) -> Self {
+        let rows = rows.min(self.rows);
+        let cut = |column: &RecordingColumn| RecordingColumn {
+            header: column.header.clone(),
+            values: column.values.get(..rows).unwrap_or_default().to_vec(),
+        };
+        let within = self.segments.iter().filter(|segment| segment.rows.start < rows);
+        Self {
+            source: self.source.clone(),
+            columns: self.columns.iter().map(cut).collect(),
+            segments: within
+                .map(|segment| segment.part(&(0..segment.rows.end.min(rows) - segment.rows.start)))
+                .collect(),
+            diagnosis: self.diagnosis.clone(),
+            rows,
+            origin: self.origin,
+        }
     }
 
     /// Puts the rows of a later stretch of the same segment behind.

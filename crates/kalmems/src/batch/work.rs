@@ -8,7 +8,7 @@ use crate::diagnose::{DiagnoseError, FoundNoise};
 use crate::estimate::TrajectoryKind;
 use crate::journal::{digest_of, hex};
 use crate::progress::Progress;
-use crate::results::{Metrics, PooledMetrics, SegmentMetrics, TrajectoryFile};
+use crate::results::{Metrics, PooledMetrics, SegmentMetrics, TrajectoryFile, number_check};
 use crate::rigs::Workbench;
 use crate::rows::rows;
 use crate::workflow::{self, PartOutcome, PartsError, WorkflowError};
@@ -134,7 +134,8 @@ fn estimate<W: Write + Send>(
             add(&mut file, &mut to, recording).map_err(PartsError::Taken)?;
         }
         finished(file).map_err(PartsError::Taken)?;
-        return Ok(Metrics::of(&outcome).with_noise(noise));
+        let numbers = number_check(workbench, experiment, progress)?;
+        return Ok(Metrics::of(&outcome).with_numbers(numbers).with_noise(noise));
     }
     let mut pooled = PooledMetrics::default();
     let whole = workflow::estimate_in_parts(workbench, experiment, progress, &mut |part: PartOutcome| {
@@ -143,7 +144,8 @@ fn estimate<W: Write + Send>(
     })?;
     finished(file).map_err(PartsError::Taken)?;
     let rig = workbench.rig(experiment)?;
-    Ok(pooled.finish((rig, experiment), &whole, (Vec::new(), noise)))
+    let numbers = number_check(workbench, experiment, progress)?;
+    Ok(pooled.finish((rig, experiment), &whole, (numbers, noise)))
 }
 
 /// Writes trajectories into a file, which the first of them begin.

@@ -13,7 +13,7 @@ use toml::{Table, Value};
 
 /// What trials have in common.
 pub(super) struct TrialBench<'a> {
-    workbench: &'a Workbench,
+    pub(super) workbench: &'a Workbench,
     /// What the filter is told.
     pub(super) experiment: Experiment,
     /// The same, to be changed.
@@ -24,6 +24,8 @@ pub(super) struct TrialBench<'a> {
     pub(super) filter_name: String,
     /// The channel that its first innovations are of, by its meaning.
     pub(super) signal: String,
+    /// The same in each direction of what the experiment states as uncertain of its device.
+    varied: Vec<Experiment>,
     /// Recordings with their places in the experiment.
     recordings: Vec<(usize, SampledRecording)>,
     /// Heard by each run.
@@ -67,10 +69,15 @@ impl<'a> TrialBench<'a> {
         let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
         let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
         keep_one_filter(&mut document, place);
+        let parsed = |document: &Table| -> Result<Experiment, DiagnoseError> {
+            let text = toml::to_string(document).map_err(|e| unwritten(e.to_string()))?;
+            Ok(workbench.parse(&text, experiment.path())?)
+        };
+        let uncertain = parsed(&document)?;
+        let varied = uncertain.varied()?.iter().map(|varied| varied.experiment.clone()).collect();
         // What is asked for is what of the numbers as they stand is wrong.
         exactly(&mut document);
-        let text = toml::to_string(&document).map_err(|e| unwritten(e.to_string()))?;
-        let told = workbench.parse(&text, experiment.path())?;
+        let told = parsed(&document)?;
         let filter_name = chosen.name.to_string();
         let signal = workbench.rig(&told)?.channels(&told).signals.into_iter().next().unwrap_or_default();
         let (recordings, stop) = (Vec::new(), StopFlag::default());
@@ -81,6 +88,7 @@ impl<'a> TrialBench<'a> {
             filter: place,
             filter_name,
             signal,
+            varied,
             recordings,
             stop,
         })
@@ -93,7 +101,6 @@ impl<'a> TrialBench<'a> {
         progress: &dyn Progress,
     ) -> Result<Self, DiagnoseError> {
         let rig = self.workbench.rig(&self.experiment)?;
-        let skip_s = self.experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si());
         let wanted = rig.wanted(&self.experiment)?;
         let mut left = rows;
         for index in wanted {
@@ -112,9 +119,7 @@ impl<'a> TrialBench<'a> {
                     }
                     continue;
                 };
-                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-                // saturating; a number of rows
-                let skipped = (skip_s / interval_s).ceil() as usize;
+                let skipped = self.skipped_rows(interval_s);
                 let most = skipped.saturating_add(left);
                 stretches.give(StretchSize { rows: most, first: most, before: 0, after: 0 });
                 let Some(stretch) = stretches.next(hear)? else { break };
@@ -123,6 +128,27 @@ impl<'a> TrialBench<'a> {
             }
         }
         Ok(self)
+    }
+
+    /// The same with the beginning of a recording that is there already, for the first that the rig wants: as much as has so many rows
+    /// after the settling time of its first segment.
+    pub(super) fn with_beginning(
+        self,
+        recording: &SampledRecording,
+        TestedRows(rows): TestedRows,
+    ) -> Result<Self, DiagnoseError> {
+        let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
+        let skipped = self.skipped_rows(interval_s.unwrap_or(f64::INFINITY));
+        self.with_recording(recording.first_rows(skipped.saturating_add(rows)))
+    }
+
+    /// The rows of the settling time.
+    fn skipped_rows(&self, interval_s: f64) -> usize {
+        let skip_s = self.experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si());
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturating; a number of rows
+        {
+            (skip_s / interval_s).ceil() as usize
+        }
     }
 
     /// The same with a recording that is there already, for the first that the rig wants.
@@ -150,10 +176,20 @@ impl<'a> TrialBench<'a> {
         }
         let text = toml::to_string(&document).ok()?;
         let changed = self.workbench.parse(&text, self.experiment.path()).ok()?;
-        let rig = self.workbench.rig(&changed).ok()?;
+        self.run_told(&changed, changes)
+    }
+
+    /// What the filter says in each direction of what the experiment states as uncertain, with one standard deviation more there.
+    pub(super) fn in_uncertain_directions(&self) -> impl Iterator<Item = DiagnosisTrial> {
+        self.varied.iter().filter_map(|told| self.run_told(told, &[]))
+    }
+
+    /// What it says where it is told this, of recordings with these changes.
+    fn run_told(&self, told: &Experiment, changes: &[TrialChange]) -> Option<DiagnosisTrial> {
+        let rig = self.workbench.rig(told).ok()?;
         let mut trial = DiagnosisTrial::default();
         for (index, recording) in &self.recordings {
-            let described = changed.recording(*index).ok()?;
+            let described = told.recording(*index).ok()?;
             let columns: Vec<(String, String)> = described
                 .channels
                 .iter()
@@ -164,8 +200,8 @@ impl<'a> TrialBench<'a> {
                 altered = change.alter(altered.as_ref().unwrap_or(recording), &columns).or(altered);
             }
             let recording = altered.as_ref().unwrap_or(recording);
-            for estimate in rig.estimate(&changed, *index, recording, &self.stop).ok()? {
-                trial.take((rig, &changed), &estimate)?;
+            for estimate in rig.estimate(told, *index, recording, &self.stop).ok()? {
+                trial.take((rig, told), &estimate)?;
             }
         }
         trial.ended()

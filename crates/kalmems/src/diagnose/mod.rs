@@ -20,6 +20,7 @@ mod answer;
 mod bench;
 mod cause;
 mod change;
+mod check_numbers;
 mod distinguish;
 mod error;
 mod explain;
@@ -27,14 +28,17 @@ mod identified_experiment;
 mod invisible_parameters;
 mod likeliest;
 mod noise;
+mod number_test;
 mod paste;
 mod report;
 mod search;
+mod sensitivity;
 mod stop;
 mod suspect;
 mod trial;
 
 pub use answer::AnswerChange;
+pub use check_numbers::{NumberCheck, check_numbers, check_numbers_of};
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
 pub use identified_experiment::with_found_numbers;
@@ -52,15 +56,13 @@ use crate::recording::SampledRecording;
 use crate::rigs::Workbench;
 use bench::{TestedRows, TrialBench};
 use change::TrialChange;
+use check_numbers::take_numbers;
 use explain::Explanations;
 use suspect::Suspect;
 use trial::DiagnosisTrial;
 
 /// Rows after the settling time that a diagnosis looks at.
 const ROWS: TestedRows = TestedRows(50_000);
-
-/// Those that notes of what the signal cannot tell are computed from.
-const ROWS_OF_NOTES: TestedRows = TestedRows(4_000);
 
 /// Finds what of an experiment is wrong, by the innovations of one of its filters: that with this name, or else the first whose
 /// innovations are white when it is right.
@@ -86,27 +88,10 @@ pub fn diagnose_recording(
     of_bench(workbench, experiment, &bench, &bench.stop.watching(progress))
 }
 
-/// What of an experiment's device the signal cannot tell, and by how much it changes the answer of one of its filters; nothing
-/// where the innovations say that something is wrong, as it is a question about a model that is right.
-pub fn scale_notes(
-    workbench: &Workbench,
-    experiment: &Experiment,
-    filter: Option<&str>,
-    progress: &dyn Progress,
-) -> Result<Vec<ScaleNote>, DiagnoseError> {
-    let bench = TrialBench::of(workbench, experiment, filter)?.with_files(ROWS_OF_NOTES, progress)?;
-    let (base, suspects) = begin(workbench, &bench)?;
-    if !base.passes() {
-        return Ok(Vec::new());
-    }
-    invisible_parameters::notes(&bench, &suspects, &base, &bench.stop.watching(progress))
-        .ok_or(DiagnoseError::Interrupted)
-}
-
 /// The run of the experiment as it is, and what may be wrong of it. Where the filter refuses the recording with what it is told, a run
 /// with one of the numbers changed stands in.
-fn begin(workbench: &Workbench, bench: &TrialBench) -> Result<(DiagnosisTrial, Vec<Suspect>), DiagnoseError> {
-    let rig = workbench.rig(&bench.experiment)?;
+fn begin(bench: &TrialBench) -> Result<(DiagnosisTrial, Vec<Suspect>), DiagnoseError> {
+    let rig = bench.workbench.rig(&bench.experiment)?;
     let suspects = |noise_sd| Suspect::all(rig, &bench.experiment, &bench.document, noise_sd);
     let base = bench.run(&[]).or_else(|| {
         let known = suspects(0.0);
@@ -126,16 +111,18 @@ fn of_bench(
     bench: &TrialBench,
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnoseError> {
-    let (base, suspects) = begin(workbench, bench)?;
-    // What the signal cannot tell is a question about a model that is right.
-    let (explained, notes) = if base.passes() {
-        (
-            None,
-            invisible_parameters::notes(bench, &suspects, &base, progress)
-                .ok_or(DiagnoseError::Interrupted)?,
-        )
-    } else {
-        (Some(Explanations::by(bench, &suspects, &base, progress)?), Vec::new())
+    let (mut base, suspects) = begin(bench)?;
+    let mut notes = Vec::new();
+    if base.passes() {
+        let numbers = take_numbers(bench, &suspects, &mut base, progress)?;
+        // What the signal cannot tell is a question about a model that is right.
+        if base.passes() {
+            notes = invisible_parameters::notes(&numbers, &base);
+        }
+    }
+    let explained = match base.passes() {
+        true => None,
+        false => Some(Explanations::by(bench, &suspects, &base, progress)?),
     };
     let rig = workbench.rig(&bench.experiment)?.name();
     let causes: Vec<Vec<TrialChange>> = (explained.iter().flat_map(|found| &found.causes))

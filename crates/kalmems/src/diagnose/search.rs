@@ -144,13 +144,13 @@ impl CauseSearch<'_> {
             let around = |hz: f64, by: f64| {
                 [(hz - by * resolution_hz).max(0.25 * resolution_hz), hz + by * resolution_hz]
             };
-            let range = match (found.test, found.place) {
-                (InnovationTest::Line, Some(TestPlace::Frequency { hz })) => around(hz, 1.5),
+            let range = match (found.test, &found.place) {
+                (InnovationTest::Line, Some(TestPlace::Frequency { hz })) => around(*hz, 1.5),
                 (InnovationTest::Harmonics, Some(TestPlace::Harmonic { number, of_hz })) => {
-                    around(number as f64 * of_hz, 0.5)
+                    around(*number as f64 * of_hz, 0.5)
                 }
                 (InnovationTest::Bands, Some(TestPlace::Band { from_hz, to_hz })) => {
-                    [around(from_hz, 1.0)[0], around(to_hz, 1.0)[1]]
+                    [around(*from_hz, 1.0)[0], around(*to_hz, 1.0)[1]]
                 }
                 _ => continue,
             };
@@ -303,8 +303,7 @@ impl CauseSearch<'_> {
 
     /// A first step of a number: half of the smallest size that is tried.
     pub(super) fn step(&self, place: usize) -> f64 {
-        let sizes = self.suspects.get(place).map_or(&[][..], |suspect| &suspect.sizes);
-        0.5 * sizes.iter().fold(f64::INFINITY, |least, size| least.min(size.abs()))
+        self.suspects.get(place).map_or(f64::INFINITY, Suspect::step)
     }
 }
 

@@ -5,7 +5,8 @@ use super::noise::square;
 use crate::config::{Experiment, Key, KeyStep, written};
 use crate::rigs::{OmittedNumber, RecordingChannels, Rig};
 use crate::units::Value as Quantity;
-use kalmems_core::Scalar;
+use kalmems_core::{Portable, Scalar};
+use kalmems_figures::significant;
 use toml::{Table, Value};
 
 /// Something that may be wrong by a size, 0 if it is right.
@@ -133,6 +134,25 @@ impl Suspect {
             NumberRole::InputEarly { meaning } => channel(meaning, ChannelAlteration::Later(size)),
             NumberRole::Offset { meaning, sd } => channel(meaning, ChannelAlteration::Raised(size * sd)),
         })
+    }
+
+    /// A first step: half of the smallest size that is tried.
+    pub(super) fn step(&self) -> f64 {
+        0.5 * self.sizes.iter().fold(f64::INFINITY, |least, size| least.min(size.abs()))
+    }
+
+    /// A size in words, with its unit.
+    pub(super) fn size_in_words(&self, size: f64) -> String {
+        match &self.what {
+            NumberRole::Factor(_) | NumberRole::Noise { .. } | NumberRole::InputScale { .. } => {
+                format!("{} %", significant(100.0 * size.portable_exp_m1()))
+            }
+            NumberRole::LeftOut { left_out, .. } => {
+                format!("{} {}", significant(size * left_out.step), left_out.unit).trim_end().to_owned()
+            }
+            NumberRole::InputEarly { .. } => format!("{} samples earlier", significant(size)),
+            NumberRole::Offset { sd, .. } => format!("{} V", significant(size * sd)),
+        }
     }
 
     /// What it is called: keys as the experiment has them, below the device's table.

@@ -2,7 +2,7 @@
 
 use crate::config::Experiment;
 use crate::estimate::{SegmentEstimate, Trajectory};
-use crate::evaluate::{SegmentJudge, TestResult};
+use crate::evaluate::{InnovationTest, SegmentJudge, TestResult};
 use crate::fit::Innovations;
 use crate::progress::Interruption;
 use crate::rigs::Rig;
@@ -177,6 +177,11 @@ impl DiagnosisTrial {
     /// How many innovations there were.
     pub(super) const fn updates(&self) -> usize {
         self.updates
+    }
+
+    /// Whether the innovations ask for another number, once that is tested.
+    pub(super) fn number_test(&self) -> Option<&TestResult> {
+        self.tests.iter().find(|found| found.test == InnovationTest::Numbers)
     }
 
     /// What the tests find that is not by chance.

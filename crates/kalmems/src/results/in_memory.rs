@@ -3,7 +3,7 @@
 use super::page::page;
 use super::{Metrics, Output, ResultWriteError, RunInfo, WriteOptions, write_estimate};
 use crate::config::{Experiment, Recording};
-use crate::diagnose::{FoundNoise, ScaleNote, scale_notes};
+use crate::diagnose::{DiagnoseError, FoundNoise, NumberCheck, check_numbers, check_numbers_of};
 use crate::estimate::EstimateError;
 use crate::progress::Progress;
 use crate::rigs::Workbench;
@@ -28,8 +28,8 @@ impl Estimated {
         progress: &dyn Progress,
     ) -> Result<Self, WorkflowError> {
         let outcome = workflow::estimate(workbench, experiment, progress)?;
-        let notes = notes(workbench, experiment, progress)?;
-        let metrics = Metrics::of(&outcome).with_scale_notes(notes).with_noise(noise);
+        let numbers = number_check(workbench, experiment, progress)?;
+        let metrics = Metrics::of(&outcome).with_numbers(numbers).with_noise(noise);
         Ok(Self { outcome, metrics })
     }
 
@@ -50,17 +50,32 @@ impl Estimated {
     }
 }
 
-/// What the signal cannot tell, where there is a recording that can be read again and a filter whose innovations say anything.
-pub fn notes(
+/// What the beginning of the recordings says of the numbers, where they can be read again.
+pub fn number_check(
     workbench: &Workbench,
     experiment: &Experiment,
     progress: &dyn Progress,
-) -> Result<Vec<ScaleNote>, WorkflowError> {
+) -> Result<NumberCheck, WorkflowError> {
     let can_be_read = |recording: &Recording| experiment.can_be_read(&recording.file);
     if !experiment.recordings.iter().all(can_be_read) {
-        return Ok(Vec::new());
+        return Ok(NumberCheck::default());
     }
-    match scale_notes(workbench, experiment, None, progress) {
+    or_nothing(check_numbers(workbench, experiment, progress))
+}
+
+/// The same by the first recording of an outcome.
+pub fn number_check_of(
+    workbench: &Workbench,
+    outcome: &Outcome,
+    progress: &dyn Progress,
+) -> Result<NumberCheck, WorkflowError> {
+    let Some(first) = outcome.recordings.first() else { return Ok(NumberCheck::default()) };
+    or_nothing(check_numbers_of(workbench, &outcome.experiment, &first.recording, progress))
+}
+
+/// A check says nothing of what it cannot look at, such as filters whose innovations are not white when they are right.
+fn or_nothing(check: Result<NumberCheck, DiagnoseError>) -> Result<NumberCheck, WorkflowError> {
+    match check {
         Err(e) if e.is_interruption() => Err(EstimateError::Interrupted.into()),
         found => Ok(found.unwrap_or_default()),
     }

@@ -9,7 +9,7 @@ use super::pooled::PooledMetrics;
 use super::tracks::Tracks;
 use super::{Metrics, Output, RUN_FILE, ResultFile, ResultWriteError, RunInfo, SegmentMetrics, WriteOptions};
 use crate::config::Experiment;
-use crate::diagnose::{FoundNoise, ScaleNote};
+use crate::diagnose::{FoundNoise, NumberCheck};
 use crate::recording::{RecordingSource, Segment};
 use crate::rigs::Rig;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
@@ -160,15 +160,15 @@ impl<'a> LongEstimate<'a> {
         Ok(())
     }
 
-    /// Writes what belongs to the whole, with what the signal cannot tell and what noises it told; the figures.
+    /// Writes what belongs to the whole, with what its beginning says of the numbers and what noises it told; the figures.
     pub fn finish(
         self,
         whole: &[WholeRecording],
-        (notes, noise): (Vec<ScaleNote>, Vec<FoundNoise>),
+        (numbers, noise): (NumberCheck, Vec<FoundNoise>),
         info: RunInfo,
     ) -> Result<Metrics, ResultWriteError> {
         let rig = self.rig;
-        let metrics = self.pooled.finish((rig, self.experiment), whole, (notes, noise));
+        let metrics = self.pooled.finish((rig, self.experiment), whole, (numbers, noise));
         self.output.write("metrics.json", |w| {
             serde_json::to_writer_pretty(&mut *w, &metrics)?;
             writeln!(w)

@@ -1,7 +1,7 @@
 //! The figures of an estimate.
 
 use super::Verdict;
-use crate::diagnose::{FoundNoise, ScaleNote};
+use crate::diagnose::{FoundNoise, NumberCheck, ScaleNote};
 use crate::estimate::{
     Lock, NisConsistency, ParameterCorrelation, SampleCounts, SegmentEstimate, StretchSummary, Trajectory,
     TrajectoryKind,
@@ -345,10 +345,22 @@ impl Metrics {
         }
     }
 
-    /// The same with what the signal cannot tell.
+    /// The same with what the beginning of the recordings says of the numbers that the filters are told.
     #[must_use]
-    pub fn with_scale_notes(self, scale_notes: Vec<ScaleNote>) -> Self {
-        Self { scale_notes, ..self }
+    pub fn with_numbers(mut self, numbers: NumberCheck) -> Self {
+        self.scale_notes = numbers.notes;
+        if let Some(segment) = self.recordings.iter_mut().flat_map(|r| &mut r.segments).next() {
+            for (filter, test) in numbers.tests {
+                let named =
+                    |own: &&mut EstimatorMetrics| own.name == filter && own.kind == TrajectoryKind::Filtered;
+                if let Some(own) = segment.estimators.iter_mut().find(named) {
+                    own.tests.push(test);
+                    own.judge();
+                }
+            }
+            segment.likeliest = likeliest(&segment.estimators);
+        }
+        self
     }
 
     /// The same with noises that were found from the recording.

@@ -30,7 +30,7 @@ pub(crate) use figure_files::write_figure;
 pub use figures::figures as estimate_figures;
 pub use files::{ResultWriteError, WriteOptions, write_estimate};
 pub use identification::{IdentificationSummary, identification_page, write_identification};
-pub use in_memory::{Estimated, notes as scale_notes_of};
+pub use in_memory::{Estimated, number_check, number_check_of};
 pub use inspection::{DrawError, draw_inspection, inspection_figure, inspection_page};
 pub use kalmems_store::{
     EarlierResult, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, RunTiming, Subject, Work,

@@ -3,7 +3,7 @@
 use super::metrics::{segment, texts};
 use super::{Metrics, RecordingMetrics, SegmentMetrics};
 use crate::config::Experiment;
-use crate::diagnose::{FoundNoise, ScaleNote};
+use crate::diagnose::{FoundNoise, NumberCheck};
 use crate::estimate::StretchSummary;
 use crate::rigs::Rig;
 use crate::workflow::{PartOutcome, WholeRecording};
@@ -54,12 +54,12 @@ impl PooledMetrics {
         self.recordings.get(recording)?.segments.last()
     }
 
-    /// The figures of the whole, with what the signal cannot tell and what noises it told.
+    /// The figures of the whole, with what its beginning says of the numbers and what noises it told.
     pub(crate) fn finish(
         mut self,
         (rig, experiment): (&dyn Rig, &Experiment),
         whole: &[WholeRecording],
-        (notes, noise): (Vec<ScaleNote>, Vec<FoundNoise>),
+        (numbers, noise): (NumberCheck, Vec<FoundNoise>),
     ) -> Metrics {
         for (own, whole) in self.recordings.iter_mut().zip(whole) {
             own.diagnosis = texts(&whole.diagnosis);
@@ -67,15 +67,16 @@ impl PooledMetrics {
             own.reference_diagnosis =
                 whole.reference.as_ref().map_or_else(Vec::new, |(_, found)| texts(found));
         }
-        Metrics {
+        let metrics = Metrics {
             schema_version: Metrics::SCHEMA_VERSION,
             experiment: experiment.name.to_string(),
             rig: rig.name(),
             values: rig.values(experiment),
             held_as_exact: experiment.held_as_exact(),
-            scale_notes: notes,
+            scale_notes: Vec::new(),
             noise_from_recording: noise,
             recordings: self.recordings,
-        }
+        };
+        metrics.with_numbers(numbers)
     }
 }

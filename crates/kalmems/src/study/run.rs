@@ -7,10 +7,10 @@ use super::plan::RunStart;
 use super::{Shard, StudyError, StudyPlan};
 use crate::journal::Journal;
 use crate::progress::{Progress, each_on_threads, processors};
-use crate::results::Metrics;
+use crate::results::{Metrics, number_check_of};
 use crate::rows::{ResultRow, rows};
 use crate::simulate::ComputedRecording;
-use crate::workflow;
+use crate::workflow::{self, Outcome};
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
@@ -114,6 +114,15 @@ impl StudyPlan {
         }
     }
 
+    /// The figures of a run; of a calibration, which is about the verdict, with all that one rests on.
+    fn judged_metrics(&self, outcome: &Outcome, progress: &dyn Progress) -> Result<Metrics, RunError> {
+        let metrics = Metrics::of(outcome);
+        if self.calibration.is_none() {
+            return Ok(metrics);
+        }
+        Ok(metrics.with_numbers(number_check_of(&self.workbench, outcome, progress)?))
+    }
+
     /// The rows of a run, and in a calibration what it says of the claims of its filters.
     fn outcome(
         &self,
@@ -133,7 +142,7 @@ impl StudyPlan {
             }
             RunStart::Recorded(told) => workflow::estimate(&self.workbench, &told, progress)?,
         };
-        let metrics = Metrics::of(&outcome);
+        let metrics = self.judged_metrics(&outcome, progress)?;
         let mut rows = rows(&metrics);
         if self.calibration.is_none() {
             return Ok((rows, Vec::new()));

@@ -2,7 +2,7 @@
 
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
-use kalmems::results::Metrics;
+use kalmems::results::{Metrics, number_check_of};
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
 use kalmems::workflow::estimate_computed;
@@ -164,25 +164,26 @@ impl Device {
         (told, simulated)
     }
 
-    /// What those filters make of it; `None` where the recording is refused.
+    /// What those filters make of it, with all that their verdict rests on; `None` where the recording is refused.
     pub fn judged(&self, real: &[Setting], told: &[Setting], seed: u64) -> Option<Metrics> {
         let (told, simulated) = self.recorded(real, told, seed);
-        judged(&told, &simulated)
+        let outcome = estimate_computed(published(), &told, &simulated, &Silent).ok()?;
+        let numbers = number_check_of(published(), &outcome, &Silent).unwrap();
+        Some(Metrics::of(&outcome).with_numbers(numbers))
     }
 
-    /// The same of several filters that are told different things, on one recording.
-    pub fn judged_by<const N: usize>(
+    /// The figures of several filters that are told different things, on one recording; without a check of their numbers.
+    pub fn estimated_by<const N: usize>(
         &self,
         real: &[Setting],
         told: [&[Setting]; N],
         seed: u64,
     ) -> [Option<Metrics>; N] {
         let (told, simulated) = self.recorded_by(real, told, seed);
-        told.map(|told| judged(&told, &simulated))
+        told.map(|told| {
+            estimate_computed(published(), &told, &simulated, &Silent)
+                .ok()
+                .map(|outcome| Metrics::of(&outcome))
+        })
     }
-}
-
-fn judged(told: &Experiment, simulated: &ComputedRecording) -> Option<Metrics> {
-    let outcome = estimate_computed(published(), told, simulated, &Silent);
-    outcome.ok().map(|outcome| Metrics::of(&outcome))
 }

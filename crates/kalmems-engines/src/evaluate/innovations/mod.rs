@@ -115,7 +115,7 @@ impl InnovationRecord {
 }
 
 /// The probability that a standard normal number is above this one.
-pub(super) fn normal_tail(x: f64) -> f64 {
+pub fn normal_tail(x: f64) -> f64 {
     0.5 * erfc(x / SQRT_2)
 }
 

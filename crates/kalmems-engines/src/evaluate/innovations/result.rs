@@ -30,10 +30,12 @@ pub enum InnovationTest {
     Shape,
     /// Their mean square is larger than claimed.
     MeanNis,
+    /// They follow what another number of the device would change in the predictions.
+    Numbers,
 }
 
 /// Where a test found what it found.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TestPlace {
     /// At a time.
@@ -79,6 +81,13 @@ pub enum TestPlace {
         /// In updates.
         updates: usize,
     },
+    /// Along a number of the device or of the recording.
+    Number {
+        /// Its key below the device's table, or its description.
+        name: String,
+        /// By how much the innovations ask for another value, with its unit.
+        by: String,
+    },
 }
 
 /// What a test of innovations found.
@@ -111,7 +120,7 @@ impl TestResult {
 impl TestResult {
     /// What was found, in a word or two with its place.
     pub fn in_short(&self) -> String {
-        let at = self.place.map_or_else(String::new, |place| format!(" {place}"));
+        let at = self.place.as_ref().map_or_else(String::new, |place| format!(" {place}"));
         let of = self.signal.as_ref().map_or_else(String::new, |of| format!(" of {of}"));
         let found = match self.test {
             InnovationTest::MeanNis => format!("a mean NIS of {}", nis(self.size)),
@@ -124,6 +133,7 @@ impl TestResult {
             InnovationTest::Shape => "a distribution that is not normal".to_owned(),
             InnovationTest::Outlier => format!("an outlier{at}"),
             InnovationTest::Whiteness => "correlation".to_owned(),
+            InnovationTest::Numbers => format!("another value{at}"),
         };
         found + &of
     }
@@ -133,7 +143,7 @@ impl std::fmt::Display for TestResult {
     /// What was found, how probable it is for a filter that is right, and what it usually means.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { test, size, place, .. } = self;
-        let at = place.map_or_else(String::new, |place| place.to_string());
+        let at = place.as_ref().map_or_else(String::new, ToString::to_string);
         if let Some(of) = &self.signal {
             write!(f, "of {of} ")?;
         }
@@ -175,6 +185,10 @@ impl std::fmt::Display for TestResult {
                 write!(f, "the innovation {at} is {size:.1} standard deviations of the others")
             }
             InnovationTest::Whiteness => write!(f, "innovations {at} have a correlation of {size:.3}"),
+            InnovationTest::Numbers => write!(
+                f,
+                "the innovations ask for another value {at}, by {size:.1} standard deviations of what they tell of it"
+            ),
         }?;
         let chance = self.p_value.max(1e-300);
         let about = if self.p_value < 1e-300 { "below 1e-300".to_owned() } else { format!("{chance:.0e}") };
@@ -200,6 +214,7 @@ impl InnovationTest {
             Self::Shape => "normal distribution",
             Self::Outlier => "largest innovation",
             Self::Whiteness => "correlation",
+            Self::Numbers => "numbers of the device",
         }
     }
 
@@ -220,27 +235,29 @@ impl InnovationTest {
             Self::Shape => "outliers, clipping, or coarse digits",
             Self::Outlier => "a disturbance of a single sample",
             Self::Whiteness => "the process noise, a pole or a delay is wrong",
+            Self::Numbers => "this number is wrong, or one that has the same effect on the signal",
         }
     }
 }
 
 impl std::fmt::Display for TestPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match *self {
-            Self::Time { at_s } => write!(f, "at {}", quantity(at_s, "s")),
+        match self {
+            Self::Number { name, by } => write!(f, "of {name} ({by})"),
+            Self::Time { at_s } => write!(f, "at {}", quantity(*at_s, "s")),
             Self::Span { from_s, to_s } => {
-                write!(f, "from {} to {}", quantity(from_s, "s"), quantity(to_s, "s"))
+                write!(f, "from {} to {}", quantity(*from_s, "s"), quantity(*to_s, "s"))
             }
-            Self::Frequency { hz } => write!(f, "at {}", quantity(hz, "Hz")),
+            Self::Frequency { hz } => write!(f, "at {}", quantity(*hz, "Hz")),
             Self::Band { from_hz, to_hz } => {
-                write!(f, "from {} to {}", quantity(from_hz, "Hz"), quantity(to_hz, "Hz"))
+                write!(f, "from {} to {}", quantity(*from_hz, "Hz"), quantity(*to_hz, "Hz"))
             }
-            Self::Harmonic { number: 1, of_hz } => write!(f, "at its frequency, {}", quantity(of_hz, "Hz")),
+            Self::Harmonic { number: 1, of_hz } => write!(f, "at its frequency, {}", quantity(*of_hz, "Hz")),
             Self::Harmonic { number, of_hz } => {
-                write!(f, "at harmonic {number} of {}", quantity(of_hz, "Hz"))
+                write!(f, "at harmonic {number} of {}", quantity(*of_hz, "Hz"))
             }
             Self::Phase { degrees, of_hz } => {
-                write!(f, "around {degrees:.0}° of its cycle at {}", quantity(of_hz, "Hz"))
+                write!(f, "around {degrees:.0}° of its cycle at {}", quantity(*of_hz, "Hz"))
             }
             Self::Lag { updates: 1 } => write!(f, "that follow each other"),
             Self::Lag { updates } => write!(f, "{updates} updates apart"),

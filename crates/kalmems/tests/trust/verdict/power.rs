@@ -68,15 +68,15 @@ impl Kind {
         self.key.starts_with("device.")
     }
 
-    /// What the filter that is told the truth, and the one that is not, make of one recording.
+    /// The figures of the filter that is told the truth, and of the one that is not, of one recording.
     fn both(&self, size: f64, seed: u64) -> [Option<Metrics>; 2] {
         let setting: [Setting; 1] = [self.setting(size)];
         let none: &[Setting] = &[];
         let device = Device::named(self.device);
         match (self.of_truth, self.can_be_told()) {
-            (false, _) => device.judged_by(none, [none, &setting], seed),
-            (true, true) => device.judged_by(&setting, [&setting, none], seed),
-            (true, false) => device.judged_by(&setting, [none, none], seed),
+            (false, _) => device.estimated_by(none, [none, &setting], seed),
+            (true, true) => device.estimated_by(&setting, [&setting, none], seed),
+            (true, false) => device.estimated_by(&setting, [none, none], seed),
         }
     }
 
@@ -122,7 +122,7 @@ impl Kind {
     fn point(&self, size: f64) -> Point {
         let (mut failed, mut error, mut estimates) = (0, 0.0, 0);
         for seed in JUDGING {
-            let [_, wrong] = self.both(size, seed);
+            let wrong = self.judged(size, seed);
             failed += usize::from(fails_by_itself(wrong.as_ref()));
             if let Some(estimator) = first(wrong.as_ref()) {
                 error += claims(estimator).map(|claim| claim.mean_square.sqrt()).fold(0.0, f64::max);
@@ -216,7 +216,8 @@ fn what_innovations_hold_fails_without_a_reference() {
     for place in [0, 7] {
         let kind = &KINDS[place];
         let held = kind.smallest_held().unwrap();
-        let [right, wrong] = kind.both(8.0 * held, 211);
+        let right = Device::named(kind.device).judged(&[], &[], 211);
+        let wrong = kind.judged(8.0 * held, 211);
         assert!(
             !fails_by_itself(right.as_ref()) && fails_by_itself(wrong.as_ref()),
             "{} by {held}",

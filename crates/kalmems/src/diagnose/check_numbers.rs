@@ -1,0 +1,87 @@
+//! A check of what filters are told by the beginning of their recordings.
+
+use super::bench::{TestedRows, TrialBench, is_judged};
+use super::number_test::{is_tested, number_test, uncertain_directions};
+use super::sensitivity::NumberSensitivity;
+use super::suspect::Suspect;
+use super::trial::DiagnosisTrial;
+use super::{DiagnoseError, ScaleNote, begin, invisible_parameters};
+use crate::config::Experiment;
+use crate::evaluate::TestResult;
+use crate::progress::Progress;
+use crate::recording::SampledRecording;
+use crate::rigs::Workbench;
+
+/// Rows after the settling time that are looked at.
+const ROWS: TestedRows = TestedRows(4_000);
+
+/// What the innovations say of the numbers that filters are told.
+#[derive(Clone, Debug, Default)]
+pub struct NumberCheck {
+    /// What the signal cannot tell of the first filter's device, and by how much that changes its answer; nothing where the innovations say
+    /// that something is wrong, as it is a question about a model that is right.
+    pub notes: Vec<ScaleNote>,
+    /// For each filter, by its name, whether its innovations ask for another number; without those in which another test finds something.
+    pub tests: Vec<(String, TestResult)>,
+}
+
+/// Checks the numbers that the filters of an experiment are told by the beginning of its recordings.
+pub fn check_numbers(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    progress: &dyn Progress,
+) -> Result<NumberCheck, DiagnoseError> {
+    check(experiment, progress, &|name| {
+        TrialBench::of(workbench, experiment, Some(name))?.with_files(ROWS, progress)
+    })
+}
+
+/// The same by a recording that is held in memory, in the place of the first that the rig wants.
+pub fn check_numbers_of(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    recording: &SampledRecording,
+    progress: &dyn Progress,
+) -> Result<NumberCheck, DiagnoseError> {
+    check(experiment, progress, &|name| {
+        TrialBench::of(workbench, experiment, Some(name))?.with_beginning(recording, ROWS)
+    })
+}
+
+fn check<'a>(
+    experiment: &Experiment,
+    progress: &dyn Progress,
+    bench: &dyn Fn(&str) -> Result<TrialBench<'a>, DiagnoseError>,
+) -> Result<NumberCheck, DiagnoseError> {
+    let filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+    let mut found = NumberCheck::default();
+    for (place, filter) in filters.filter(|filter| is_judged(filter.method)).enumerate() {
+        let bench = bench(filter.name.as_str())?;
+        // A filter that stops says nothing.
+        let Ok((mut base, suspects)) = begin(&bench) else { continue };
+        if !base.passes() {
+            continue;
+        }
+        let numbers = take_numbers(&bench, &suspects, &mut base, progress)?;
+        if place == 0 {
+            found.notes = invisible_parameters::notes(&numbers, &base);
+        }
+        found.tests.extend(base.number_test().map(|test| (bench.filter_name.clone(), test.clone())));
+    }
+    Ok(found)
+}
+
+/// The sensitivities of the numbers that may be wrong, and into the run the test of them.
+pub(super) fn take_numbers<'s>(
+    bench: &TrialBench,
+    suspects: &'s [Suspect],
+    base: &mut DiagnosisTrial,
+    progress: &dyn Progress,
+) -> Result<Vec<NumberSensitivity<'s>>, DiagnoseError> {
+    let tested: Vec<&Suspect> = suspects.iter().filter(|suspect| is_tested(suspect)).collect();
+    let progress = &bench.stop.watching(progress);
+    let numbers = NumberSensitivity::all(bench, &tested, base, progress).ok_or(DiagnoseError::Interrupted)?;
+    let uncertain = uncertain_directions(bench, base);
+    base.tests.extend(number_test(base, &numbers, &uncertain));
+    Ok(numbers)
+}
