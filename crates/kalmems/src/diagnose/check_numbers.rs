@@ -1,7 +1,7 @@
 //! A check of what filters are told by the beginning of their recordings.
 
 use super::bench::{TestedRows, TrialBench, is_judged};
-use super::number_test::{is_tested, number_test, uncertain_directions};
+use super::number_test::{has_slope, number_test, uncertain_directions};
 use super::sensitivity::NumberSensitivity;
 use super::suspect::Suspect;
 use super::trial::DiagnosisTrial;
@@ -13,7 +13,7 @@ use crate::recording::SampledRecording;
 use crate::rigs::Workbench;
 
 /// Rows after the settling time that are looked at.
-const ROWS: TestedRows = TestedRows(4_000);
+const ROWS: TestedRows = TestedRows(25_000);
 
 /// What the innovations say of the numbers that filters are told.
 #[derive(Clone, Debug, Default)]
@@ -78,9 +78,10 @@ pub(super) fn take_numbers<'s>(
     base: &mut DiagnosisTrial,
     progress: &dyn Progress,
 ) -> Result<Vec<NumberSensitivity<'s>>, DiagnoseError> {
-    let tested: Vec<&Suspect> = suspects.iter().filter(|suspect| is_tested(suspect)).collect();
+    let with_slopes: Vec<&Suspect> = suspects.iter().filter(|suspect| has_slope(suspect)).collect();
     let progress = &bench.stop.watching(progress);
-    let numbers = NumberSensitivity::all(bench, &tested, base, progress).ok_or(DiagnoseError::Interrupted)?;
+    let numbers =
+        NumberSensitivity::all(bench, &with_slopes, base, progress).ok_or(DiagnoseError::Interrupted)?;
     let uncertain = uncertain_directions(bench, base);
     base.tests.extend(number_test(base, &numbers, &uncertain));
     Ok(numbers)

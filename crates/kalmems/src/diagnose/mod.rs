@@ -120,10 +120,8 @@ fn of_bench(
             notes = invisible_parameters::notes(&numbers, &base);
         }
     }
-    let explained = match base.passes() {
-        true => None,
-        false => Some(Explanations::by(bench, &suspects, &base, progress)?),
-    };
+    let explained =
+        if base.passes() { None } else { Some(Explanations::by(bench, &suspects, &base, progress)?) };
     let rig = workbench.rig(&bench.experiment)?.name();
     let causes: Vec<Vec<TrialChange>> = (explained.iter().flat_map(|found| &found.causes))
         .filter_map(|found| found.cause.changes(&suspects))

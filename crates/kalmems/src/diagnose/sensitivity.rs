@@ -58,10 +58,11 @@ impl<'s> NumberSensitivity<'s> {
                 change: AnswerChange::between(base, &changed),
             });
             let largest = LARGEST / information.sqrt();
-            if !(step > 2.0 * largest) {
+            if step > 2.0 * largest {
+                step = largest;
+            } else {
                 break;
             }
-            step = largest;
         }
         found.filter(|found| found.information > 0.0)
     }

@@ -96,9 +96,11 @@ impl Suspect {
             || left_out.iter().any(|left| left.key.ends_with("offset"));
         let each = siblings.into_iter().chain(numbers.into_iter().map(|number| vec![number]));
         suspects.extend(each.map(|numbers| {
-            let is_noise = numbers[0].key.last().starts_with("noise");
-            let sizes = if is_noise { sides(&NOISE_FACTORS, true) } else { sides(&FACTORS, true) };
-            Self { what: NumberRole::Factor(numbers), sizes }
+            let mut suspect = Self { what: NumberRole::Factor(numbers), sizes: sides(&FACTORS, true) };
+            if suspect.is_noise() {
+                suspect.sizes = sides(&NOISE_FACTORS, true);
+            }
+            suspect
         }));
         suspects.extend(of_channels(&rig.channels(experiment), noise_sd, has_offset));
         suspects
@@ -134,6 +136,17 @@ impl Suspect {
             NumberRole::InputEarly { meaning } => channel(meaning, ChannelAlteration::Later(size)),
             NumberRole::Offset { meaning, sd } => channel(meaning, ChannelAlteration::Raised(size * sd)),
         })
+    }
+
+    /// Whether it is the noise of a measurement: what changes the gain of the filter and no prediction of a motion that is known.
+    pub(super) fn is_noise(&self) -> bool {
+        match &self.what {
+            NumberRole::Noise { .. } => true,
+            NumberRole::Factor(numbers) => {
+                numbers.iter().all(|number| number.key.last().starts_with("noise"))
+            }
+            _ => false,
+        }
     }
 
     /// A first step: half of the smallest size that is tried.

@@ -55,7 +55,7 @@ pub fn likeliest(
     let bench = TrialBench::of(workbench, &prepared, Some(&filter)).map_err(refused)?;
     let bench = bench.with_files(ROWS, progress).map_err(refused)?;
     let progress = &bench.stop.watching(progress);
-    let (base, all) = begin(workbench, &bench).map_err(refused)?;
+    let (base, all) = begin(&bench).map_err(refused)?;
     let suspects = chosen(experiment, &bench, &all)?;
     progress.begin("likelihood", 0);
     let prior = FactorPrior::of(experiment, &suspects)?;
