@@ -32,6 +32,13 @@ pub(super) struct TrialBench<'a> {
     pub(super) stop: StopFlag,
 }
 
+/// Whether a run's innovations are tested.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Judged {
+    Yes,
+    No,
+}
+
 /// Rows after the settling time that are looked at.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TestedRows(pub(super) usize);
@@ -170,22 +177,31 @@ impl<'a> TrialBench<'a> {
 
     /// What the filter says with these changes; `None` where it cannot be run.
     pub(super) fn run(&self, changes: &[TrialChange]) -> Option<DiagnosisTrial> {
+        self.run_with(changes, Judged::Yes)
+    }
+
+    /// The same without the tests of its innovations, for what asks for differences alone.
+    pub(super) fn run_unjudged(&self, changes: &[TrialChange]) -> Option<DiagnosisTrial> {
+        self.run_with(changes, Judged::No)
+    }
+
+    fn run_with(&self, changes: &[TrialChange], judged: Judged) -> Option<DiagnosisTrial> {
         let mut document = self.document.clone();
         for change in changes {
             change.write(&mut document).ok()?;
         }
         let text = toml::to_string(&document).ok()?;
         let changed = self.workbench.parse(&text, self.experiment.path()).ok()?;
-        self.run_told(&changed, changes)
+        self.run_told(&changed, changes, judged)
     }
 
     /// What the filter says in each direction of what the experiment states as uncertain, with one standard deviation more there.
     pub(super) fn in_uncertain_directions(&self) -> impl Iterator<Item = DiagnosisTrial> {
-        self.varied.iter().filter_map(|told| self.run_told(told, &[]))
+        self.varied.iter().filter_map(|told| self.run_told(told, &[], Judged::No))
     }
 
     /// What it says where it is told this, of recordings with these changes.
-    fn run_told(&self, told: &Experiment, changes: &[TrialChange]) -> Option<DiagnosisTrial> {
+    fn run_told(&self, told: &Experiment, changes: &[TrialChange], judged: Judged) -> Option<DiagnosisTrial> {
         let rig = self.workbench.rig(told).ok()?;
         let mut trial = DiagnosisTrial::default();
         for (index, recording) in &self.recordings {
@@ -201,7 +217,7 @@ impl<'a> TrialBench<'a> {
             }
             let recording = altered.as_ref().unwrap_or(recording);
             for estimate in rig.estimate(told, *index, recording, &self.stop).ok()? {
-                trial.take((rig, told), &estimate)?;
+                trial.take((rig, told), &estimate, judged)?;
             }
         }
         trial.ended()

@@ -40,7 +40,9 @@ pub(super) fn number_test(
     };
     let (noises, numbers): (Vec<_>, Vec<_>) = numbers.iter().partition(|number| number.suspect.is_noise());
     let mut scores = Scores { z: of_kept(&z), gains: Vec::new(), uncertain: Vec::new() };
-    noises.iter().for_each(|noise| scores.take_noise(of_kept(&noise.slopes)));
+    for noise in noises {
+        scores.take_noise(of_kept(&noise.slopes));
+    }
     scores.uncertain = uncertain.iter().map(|direction| of_kept(direction)).collect();
     let deviations =
         (numbers.iter()).filter_map(|number| Some((number, scores.deviation(&of_kept(&number.slopes))?)));
@@ -87,7 +89,9 @@ impl Scores {
         }
         let length = dot(&slopes, &slopes).sqrt();
         if length > 0.0 {
-            slopes.iter_mut().for_each(|slope| *slope /= length);
+            for slope in &mut slopes {
+                *slope /= length;
+            }
             let asked = dot(&self.z, &slopes);
             self.gains.push((slopes, asked));
         }

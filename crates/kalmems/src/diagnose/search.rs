@@ -59,7 +59,15 @@ const SECONDS: usize = 4;
 impl CauseSearch<'_> {
     /// One run; `None` where it cannot be compared with the experiment as it is.
     pub(super) fn run(&self, cause: &Cause) -> Option<DiagnosisTrial> {
-        let trial = self.bench.run(&cause.changes(self.suspects)?)?;
+        self.comparable(cause, self.bench.run(&cause.changes(self.suspects)?)?)
+    }
+
+    /// The same without the tests of its innovations.
+    pub(super) fn run_unjudged(&self, cause: &Cause) -> Option<DiagnosisTrial> {
+        self.comparable(cause, self.bench.run_unjudged(&cause.changes(self.suspects)?)?)
+    }
+
+    fn comparable(&self, cause: &Cause, trial: DiagnosisTrial) -> Option<DiagnosisTrial> {
         // A filter that takes fewer samples in has more likely ones for that reason alone.
         let fewer = self.base.updates().saturating_sub(trial.updates());
         let allowed = match cause {
@@ -89,7 +97,7 @@ impl CauseSearch<'_> {
                 continue;
             }
             in_vain[side] += 1;
-            let Some(trial) = self.run(&Cause::Numbers(vec![(place, *size)])) else { continue };
+            let Some(trial) = self.run_unjudged(&Cause::Numbers(vec![(place, *size)])) else { continue };
             let found = trial.log_likelihood(TrialBlocks::Fitted);
             if found > own {
                 in_vain[side] = 0;
@@ -105,7 +113,7 @@ impl CauseSearch<'_> {
     pub(super) fn pairs(&self, first: &FittedCause) -> Vec<FittedCause> {
         let Cause::Numbers(numbers) = &first.cause else { return Vec::new() };
         let Some(&(place, size)) = numbers.first() else { return Vec::new() };
-        let Some(alone) = self.run(&first.cause) else { return Vec::new() };
+        let Some(alone) = self.run_unjudged(&first.cause) else { return Vec::new() };
         let mut seconds: Vec<(f64, usize)> = (0..self.suspects.len())
             .filter(|second| *second != place)
             .filter_map(|second| Some((self.promise(&[(place, size)], second, &alone)?, second)))
@@ -115,7 +123,7 @@ impl CauseSearch<'_> {
             let sizes = self.suspects[second].sizes.iter().copied().chain([0.0]);
             let tried = sizes.filter_map(|other| {
                 let cause = Cause::Numbers(vec![(place, size), (second, other)]);
-                Some((self.run(&cause)?.log_likelihood(TrialBlocks::Fitted), cause))
+                Some((self.run_unjudged(&cause)?.log_likelihood(TrialBlocks::Fitted), cause))
             });
             let (_, cause) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
             self.refined(&cause)
@@ -131,7 +139,7 @@ impl CauseSearch<'_> {
         alone: &DiagnosisTrial,
     ) -> Option<f64> {
         let step = self.step(place);
-        let beside = self.run(&Cause::Numbers([others, &[(place, step)]].concat()))?;
+        let beside = self.run_unjudged(&Cause::Numbers([others, &[(place, step)]].concat()))?;
         let score = alone.part(TrialBlocks::Fitted).score(&beside.part(TrialBlocks::Fitted), step);
         (score.information > 0.0).then(|| 0.5 * score.gradient * score.gradient / score.information)
     }
@@ -168,7 +176,7 @@ impl CauseSearch<'_> {
         let fitted = |frequency_hz: f64| {
             let cause = Cause::Line { signal: self.bench.signal.clone(), frequency_hz, amplitude: [0.0; 2] };
             let cause = cause.resized(&self.fit(&cause, TrialBlocks::Fitted)?.0);
-            let trial = self.run(&cause)?;
+            let trial = self.run_unjudged(&cause)?;
             Some((trial.log_likelihood(TrialBlocks::Fitted), frequency_hz, cause))
         };
         let mut best = fitted(frequency_hz)?;
@@ -220,8 +228,11 @@ impl CauseSearch<'_> {
         let mut times: Vec<f64> = Vec::new();
         let mut lost = 0.0;
         for _ in 0..ROUNDS {
-            let trial =
-                if times.is_empty() { self.base.clone() } else { self.run(&self.outliers_at(&times))? };
+            let trial = if times.is_empty() {
+                self.base.clone()
+            } else {
+                self.run_unjudged(&self.outliers_at(&times))?
+            };
             let found = outlying(&trial);
             if found.is_empty() {
                 break;
@@ -237,7 +248,7 @@ impl CauseSearch<'_> {
             return None;
         }
         let cause = self.outliers_at(&times);
-        let trial = self.run(&cause)?;
+        let trial = self.run_unjudged(&cause)?;
         let held_out = trial.log_likelihood(TrialBlocks::HeldOut) + lost
             - self.base.log_likelihood(TrialBlocks::HeldOut);
         Some(FittedCause { cause, held_out })
@@ -258,7 +269,7 @@ impl CauseSearch<'_> {
     fn refined(&self, cause: &Cause) -> Option<FittedCause> {
         let found = self.fit(cause, TrialBlocks::Fitted)?;
         let cause = cause.resized(&found.0);
-        let trial = self.run(&cause)?;
+        let trial = self.run_unjudged(&cause)?;
         let held_out =
             trial.log_likelihood(TrialBlocks::HeldOut) - self.base.log_likelihood(TrialBlocks::HeldOut);
         held_out.is_finite().then_some(FittedCause { cause, held_out })
@@ -297,7 +308,7 @@ impl CauseSearch<'_> {
                 return None;
             }
         }
-        let trial = self.run(&cause.resized(sizes))?;
+        let trial = self.run_unjudged(&cause.resized(sizes))?;
         Some(trial.part(blocks))
     }
 

@@ -45,7 +45,7 @@ impl<'s> NumberSensitivity<'s> {
     fn of(bench: &TrialBench, suspect: &'s Suspect, base: &DiagnosisTrial) -> Option<Self> {
         let (mut step, mut found) = (suspect.step(), None);
         for _ in 0..ATTEMPTS {
-            let Some(changed) = suspect.changes(step).and_then(|changes| bench.run(&changes)) else {
+            let Some(changed) = suspect.changes(step).and_then(|changes| bench.run_unjudged(&changes)) else {
                 step *= 0.1;
                 continue;
             };

@@ -1,5 +1,6 @@
 //! What a filter says of the recordings of a bench.
 
+use super::bench::Judged;
 use crate::config::Experiment;
 use crate::estimate::{SegmentEstimate, Trajectory};
 use crate::evaluate::{InnovationTest, SegmentJudge, TestResult};
@@ -69,6 +70,7 @@ impl DiagnosisTrial {
         &mut self,
         (rig, experiment): (&dyn Rig, &Experiment),
         estimate: &SegmentEstimate,
+        judged: Judged,
     ) -> Option<()> {
         let trajectory = estimate.trajectories.first()?;
         if trajectory.failure.is_some() {
@@ -114,11 +116,14 @@ impl DiagnosisTrial {
         self.at_end = (trajectory.parameters.iter())
             .filter_map(|prior| Some((prior.name, *trajectory.state(prior.name)?.mean.last()?)))
             .collect();
+        self.loses_lock |= !trajectory.lock.held();
+        if judged == Judged::No {
+            return Some(());
+        }
         let mut judge = SegmentJudge::default();
         judge.take(estimate, &Interruption::never());
         let judgement = judge.of(&trajectory.key).unwrap_or_default();
         self.has_fault |= judgement.parameters.iter().any(|parameter| parameter.fault.is_some());
-        self.loses_lock |= !trajectory.lock.held();
         self.tests.extend(judgement.tests);
         Some(())
     }

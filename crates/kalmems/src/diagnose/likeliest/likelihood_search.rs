@@ -54,7 +54,8 @@ impl LikelihoodSearch<'_> {
 
     /// ln p of the innovations of some blocks with these sizes, and of what is stated of the numbers.
     fn log_likelihood(&self, suspects: &[Suspect], sizes: &[f64], blocks: TrialBlocks) -> Option<f64> {
-        let mut innovations = self.run(suspects, sizes)?.part(blocks);
+        let cause = Cause::Numbers(sizes.iter().copied().enumerate().collect());
+        let mut innovations = self.search(suspects).run_unjudged(&cause)?.part(blocks);
         self.prior.append(&mut innovations, sizes);
         Some(innovations.log_likelihood()).filter(|likelihood| likelihood.is_finite())
     }
@@ -160,7 +161,7 @@ impl LikelihoodSearch<'_> {
             changes.push(TrialChange::Key(key, Value::String(AS_STATE.to_owned())));
             names.push(parameter.name);
         }
-        let trial = self.bench.run(&changes)?;
+        let trial = self.bench.run_unjudged(&changes)?;
         let at_end = |name: &&str| trial.at_end.iter().find(|(own, _)| own == name).map(|(_, value)| *value);
         let factor = |deviation: f64| (deviation > -0.9).then(|| Scalar::ln(1.0 + deviation));
         names.iter().map(|name| at_end(name).and_then(factor)).collect()
