@@ -9,6 +9,7 @@ use super::tone::AXES;
 use crate::metrology::Input;
 use crate::recording::RecordingSource;
 use kalmems_core::Portable;
+use kalmems_engines::topics::link;
 use kalmems_figures::{ColumnHead, Figure, NoticeSeverity, Page, PageSection, TextTable};
 use serde::Serialize;
 
@@ -319,7 +320,7 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         for check in failed {
             what = what.notice(
                 NoticeSeverity::Failure,
-                format!("Not to be issued. Not so: {}: {}", check.what, check.found),
+                format!("Not to be issued. Not so: {}: {}{}", check.what, check.found, link("applications")),
             );
         }
     }
@@ -359,7 +360,8 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
     for check in &certificate.validity {
         let (severity, word) =
             if check.passes { (NoticeSeverity::Ok, "") } else { (NoticeSeverity::Failure, "not so: ") };
-        valid = valid.notice(severity, format!("{word}{}: {}", check.what, check.found));
+        let explained = if check.passes { String::new() } else { link("applications") };
+        valid = valid.notice(severity, format!("{word}{}: {}{explained}", check.what, check.found));
     }
     for result in &found.results {
         for line in &result.not_observed {

@@ -537,7 +537,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
         serde_json::to_writer_pretty(&mut *w, &certificate)?;
         writeln!(w)
     })?;
-    let html = certificate_page(&certificate, found, &figures).to_html()?;
+    let html = explained(certificate_page(&certificate, found, &figures)).to_html()?;
     output.write("certificate.html", |w| w.write_all(html.as_bytes()))?;
     for figure in &figures {
         figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;

@@ -204,7 +204,7 @@ fn references_that_contradict_each_other_are_a_finding_and_no_certificate() {
     let certificate = Certificate::of(&found);
     assert!(!certificate.valid);
     let html = certificate_page(&certificate, &found, &[]).to_html().unwrap();
-    assert!(html.contains("Not to be issued"), "{html}");
+    assert!(html.contains("Not to be issued") && html.contains("kalmems help applications"), "{html}");
 
     let found = of(1.0005, "vibrometer = \"400 ppm\"");
     assert!(!found.comparisons[0].contradict && found.comparisons[0].normalised_error.abs() > 0.4);
