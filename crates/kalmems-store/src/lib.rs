@@ -76,6 +76,16 @@ pub struct RunTiming {
     pub took_s: f64,
 }
 
+/// The record of a run: what every command says, and what one says beside it.
+#[derive(Serialize)]
+struct RunRecord<'a, T> {
+    version: &'static str,
+    command: &'static str,
+    input_id: &'a str,
+    #[serde(flatten)]
+    rest: T,
+}
+
 /// A result being written: beside its target, under another name, until it is complete.
 #[derive(Debug)]
 pub struct Output {
@@ -135,6 +145,19 @@ impl Output {
         let mut file = self.create(name)?;
         content(&mut file).map_err(|source| self.error(name, source))?;
         self.seal(file)
+    }
+
+    /// Writes the record of the run ([`RUN_FILE`]): what computed it, of which input, and behind that what else the command says of it.
+    pub fn write_run<T: Serialize>(
+        &self,
+        input_id: &str,
+        rest: impl FnOnce() -> io::Result<T>,
+    ) -> Result<(), OutputError> {
+        self.write(RUN_FILE, |w| {
+            let (version, rest) = (env!("CARGO_PKG_VERSION"), rest()?);
+            let record = RunRecord { version, command: self.command, input_id, rest };
+            w.write_all(toml::to_string(&record).map_err(io::Error::other)?.as_bytes())
+        })
     }
 
     /// Begins one file of the result that is written bit by bit; [`Output::seal`] completes it.

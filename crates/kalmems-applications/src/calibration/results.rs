@@ -12,7 +12,7 @@ use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
     TextTable,
 };
-use kalmems_store::{Output, RUN_FILE, RunInfo, RunTiming};
+use kalmems_store::{Output, RunInfo, RunTiming};
 use serde::Serialize;
 use std::io::{self, Write};
 
@@ -542,16 +542,12 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
     for figure in &figures {
         figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
     }
-    output.write(RUN_FILE, |w| {
-        let run = CalibrationRecord {
-            version: env!("CARGO_PKG_VERSION"),
-            command: "calibrate gyro",
-            input_id,
+    output.write_run(&input_id, || {
+        Ok(CalibrationRecord {
             timing: info.timing(),
             input: &found.sources,
             calibration: toml::Value::try_from(&found.file).map_err(io::Error::other)?,
-        };
-        w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+        })
     })?;
     Ok(())
 }
@@ -696,9 +692,6 @@ fn input_id(found: &Calibration) -> String {
 
 #[derive(Serialize)]
 struct CalibrationRecord<'a> {
-    version: &'static str,
-    command: &'static str,
-    input_id: String,
     timing: RunTiming,
     input: &'a [RecordingSource],
     calibration: toml::Value,

@@ -12,7 +12,7 @@ use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{
     ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
 };
-use kalmems_store::{Output, RUN_FILE, RunInfo, RunTiming};
+use kalmems_store::{Output, RunInfo, RunTiming};
 use serde::Serialize;
 use std::io;
 use std::path::Path;
@@ -262,16 +262,12 @@ pub fn write_image(
         serde_json::to_writer_pretty(&mut *w, metrics)?;
         writeln!(w)
     })?;
-    output.write(RUN_FILE, |w| {
-        let run = ImageRecord {
-            version: env!("CARGO_PKG_VERSION"),
-            command: "image",
-            input_id,
+    output.write_run(&input_id, || {
+        Ok(ImageRecord {
             timing: info.timing(),
             input: &outcome.sources,
             image: toml::Value::try_from(&outcome.image).map_err(io::Error::other)?,
-        };
-        w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+        })
     })?;
     Ok(())
 }
@@ -427,9 +423,6 @@ fn input_id(outcome: &ImageOutcome) -> String {
 
 #[derive(Serialize)]
 struct ImageRecord<'a> {
-    version: &'static str,
-    command: &'static str,
-    input_id: String,
     timing: RunTiming,
     input: &'a [RecordingSource],
     image: toml::Value,

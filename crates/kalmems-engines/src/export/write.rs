@@ -6,7 +6,7 @@ use crate::config::{ConfigError, ConfigFault, Experiment, Update};
 use crate::recording::{ReadError, RecordingLayout, SampledRecording};
 use crate::signal::cubic_between;
 use crate::units::kind;
-use kalmems_store::{Output, RUN_FILE};
+use kalmems_store::Output;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -160,23 +160,13 @@ pub fn write_export(exported: &Exported, output: &Output) -> Result<(), ExportEr
     for (name, content) in &exported.files {
         output.write(name, |w| w.write_all(content.as_bytes()))?;
     }
-    let run = ExportManifest {
-        version: env!("CARGO_PKG_VERSION"),
-        command: "export",
-        input_id: &exported.input_id,
-        filter: &exported.filter,
-        interval_s: exported.interval_s,
-    };
-    let run = toml::to_string(&run).map_err(io::Error::other);
-    Ok(output.write(RUN_FILE, |w| w.write_all(run?.as_bytes()))?)
+    let manifest = ExportManifest { filter: &exported.filter, interval_s: exported.interval_s };
+    Ok(output.write_run(&exported.input_id, || Ok(manifest))?)
 }
 
 /// What the folder says of itself: nothing that changes from run to run.
 #[derive(Serialize)]
 struct ExportManifest<'a> {
-    version: &'static str,
-    command: &'static str,
-    input_id: &'a str,
     filter: &'a str,
     interval_s: f64,
 }

@@ -4,10 +4,9 @@ use super::page::page;
 use super::{Check, Effort, ItemHead, ItemVerdict, Paper, ReproduceError, Reproduction};
 use crate::simulate::WhiteNoise;
 use kalmems_figures::TextTable;
-use kalmems_store::{Output, RUN_FILE, RunInfo};
+use kalmems_store::{Output, RunInfo, RunTiming};
 use serde::Serialize;
 use std::io::{self, Write};
-use std::time::UNIX_EPOCH;
 
 /// Writes report, pictures, tables and record of the run into a result.
 ///
@@ -41,7 +40,7 @@ pub fn write_reproduction(
         serde_json::to_writer_pretty(&mut *w, &Json::from(reproduction))?;
         writeln!(w)
     })?;
-    Ok(output.write(RUN_FILE, |w| w.write_all(run_file(reproduction, info)?.as_bytes()))?)
+    Ok(output.write_run(&input_id(reproduction), || Ok(run_record(reproduction, info)))?)
 }
 
 impl Serialize for Reproduction {
@@ -151,9 +150,6 @@ impl<'a> From<&'a Reproduction> for Json<'a> {
 
 #[derive(Serialize)]
 struct ReproductionRecord {
-    version: &'static str,
-    command: &'static str,
-    input_id: String,
     effort: Effort,
     only: Option<String>,
     noise: SeedRecord,
@@ -168,25 +164,17 @@ struct SeedRecord {
 
 #[derive(Serialize)]
 struct ReproductionTiming {
-    started_unix_s: u64,
-    took_s: f64,
+    #[serde(flatten)]
+    run: RunTiming,
     threads: usize,
 }
 
-fn run_file(reproduction: &Reproduction, info: RunInfo) -> io::Result<String> {
+fn run_record(reproduction: &Reproduction, info: RunInfo) -> ReproductionRecord {
     let settings = &reproduction.settings;
-    let run = ReproductionRecord {
-        version: env!("CARGO_PKG_VERSION"),
-        command: "reproduce",
-        input_id: input_id(reproduction),
+    ReproductionRecord {
         effort: settings.effort,
         only: settings.only.clone(),
         noise: SeedRecord { generator: WhiteNoise::NAME, first_seed: settings.seed },
-        timing: ReproductionTiming {
-            started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-            took_s: info.took.as_secs_f64(),
-            threads: settings.threads,
-        },
-    };
-    toml::to_string(&run).map_err(io::Error::other)
+        timing: ReproductionTiming { run: info.timing(), threads: settings.threads },
+    }
 }

@@ -3,7 +3,7 @@
 use super::input::{distinct, file_name};
 use super::journal::BatchPiece;
 use super::{BatchContent, BatchError, BatchRecording};
-use crate::results::{Notice, Output, RUN_FILE};
+use crate::results::{Notice, Output};
 use crate::rows;
 use crate::table::{TidyRow, TidyTable, number, union};
 use crate::topics::{explained, link};
@@ -185,16 +185,12 @@ pub(super) fn write_results(
     };
     let page = explained(page(&summary, text)).to_html()?;
     output.write("report.html", |w| w.write_all(page.as_bytes()))?;
-    output.write(RUN_FILE, |w| {
-        let record = BatchRecord {
-            version: env!("CARGO_PKG_VERSION"),
-            command: "batch",
-            input_id: format!("{experiment}: {} recordings", rows.len()),
+    output.write_run(&format!("{experiment}: {} recordings", rows.len()), || {
+        Ok(BatchRecord {
             recordings: rows.len(),
             failed: summary.failures.len(),
             input: rows.iter().map(|row| (row.recording.name.as_str(), row.sha256)).collect(),
-        };
-        w.write_all(toml::to_string(&record).map_err(io::Error::other)?.as_bytes())
+        })
     })?;
     Ok(summary)
 }
@@ -352,9 +348,6 @@ fn page(summary: &BatchSummary, text: &str) -> Page {
 
 #[derive(Serialize)]
 struct BatchRecord<'a> {
-    version: &'a str,
-    command: &'static str,
-    input_id: String,
     recordings: usize,
     failed: usize,
     /// SHA-256 of each recording, by its name.

@@ -3,7 +3,7 @@
 use super::figure_files::write_figure;
 use super::names::prefix;
 use super::page::page;
-use super::{Metrics, Output, OutputError, RUN_FILE, RunInfo};
+use super::{Metrics, Output, OutputError, RunInfo, RunTiming};
 use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
 use crate::progress::Pace;
@@ -13,7 +13,6 @@ use kalmems_figures::ReportError;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::io::{self, Write};
-use std::time::UNIX_EPOCH;
 
 /// How results are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,7 +89,8 @@ pub fn write_estimate(
             return Err(ResultWriteError::Interrupted);
         }
     }
-    Ok(output.write(RUN_FILE, |w| w.write_all(run_file(outcome, metrics, info)?.as_bytes()))?)
+    Ok(output
+        .write_run(&input_id(outcome), || run_record(&outcome.experiment, metrics, sources(outcome), info))?)
 }
 
 /// What tells one input from another: the experiment's name and the bytes of its recordings.
@@ -176,10 +176,7 @@ pub(super) fn signal_unit(recording: &RecordingOutcome, segment: &SegmentOutcome
 
 /// The record of a run.
 #[derive(Serialize)]
-struct EstimateRecord<'a> {
-    version: &'static str,
-    command: &'static str,
-    input_id: String,
+pub(super) struct EstimateRecord<'a> {
     timing: EstimateTiming,
     input: Vec<&'a RecordingSource>,
     experiment: toml::Table,
@@ -187,43 +184,36 @@ struct EstimateRecord<'a> {
 
 #[derive(Serialize)]
 struct EstimateTiming {
-    started_unix_s: u64,
-    took_s: f64,
+    #[serde(flatten)]
+    run: RunTiming,
     nanoseconds_per_step: toml::Table,
 }
 
-fn run_file(outcome: &Outcome, metrics: &Metrics, info: RunInfo) -> io::Result<String> {
-    let sources = outcome.recordings.iter().flat_map(|recording| {
+/// The files that an outcome is of.
+fn sources(outcome: &Outcome) -> Vec<&RecordingSource> {
+    let of = |recording: &'_ RecordingOutcome| {
         let reference = recording.reference.as_ref().map(|r| r.recording().source());
         [Some(recording.recording.source()), reference].into_iter().flatten()
-    });
-    record_of_run(&outcome.experiment, metrics, (input_id(outcome), sources.collect()), info)
+    };
+    outcome.recordings.iter().flat_map(of).collect()
 }
 
 /// The record of a run on these inputs.
-pub(super) fn record_of_run(
+pub(super) fn run_record<'a>(
     experiment: &Experiment,
     metrics: &Metrics,
-    (input_id, input): (String, Vec<&RecordingSource>),
+    input: Vec<&'a RecordingSource>,
     info: RunInfo,
-) -> io::Result<String> {
+) -> io::Result<EstimateRecord<'a>> {
     let mut steps = toml::Table::new();
     for estimator in metrics.estimators() {
         // Tenths of a nanosecond are noise.
         let nanoseconds = (estimator.seconds_per_step * 1e10).round() / 10.0;
         steps.entry(estimator.key.clone()).or_insert(toml::Value::Float(nanoseconds));
     }
-    let run = EstimateRecord {
-        version: env!("CARGO_PKG_VERSION"),
-        command: "estimate",
-        input_id,
-        timing: EstimateTiming {
-            started_unix_s: info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-            took_s: info.took.as_secs_f64(),
-            nanoseconds_per_step: steps,
-        },
+    Ok(EstimateRecord {
+        timing: EstimateTiming { run: info.timing(), nanoseconds_per_step: steps },
         input,
         experiment: experiment.to_table().map_err(io::Error::other)?,
-    };
-    toml::to_string(&run).map_err(io::Error::other)
+    })
 }

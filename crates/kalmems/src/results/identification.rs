@@ -1,7 +1,7 @@
 //! The files of an identification.
 
 use super::figure_files::write_figure;
-use super::{Output, RUN_FILE, ResultWriteError, way_from};
+use super::{Output, ResultWriteError, way_from};
 use super::{RunInfo, RunTiming};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::inspect::{fitting_unit, quantity};
@@ -207,16 +207,12 @@ pub fn write_identification(
             return Err(ResultWriteError::Interrupted);
         }
     }
-    output.write(RUN_FILE, |w| {
-        let run = IdentificationRunRecord {
-            version: env!("CARGO_PKG_VERSION"),
-            command: "identify",
-            input_id,
+    output.write_run(&input_id, || {
+        Ok(IdentificationRunRecord {
             timing: info.timing(),
             input: found.materials.iter().flat_map(|material| &material.sources).collect(),
             experiment: found.experiment.to_table().map_err(io::Error::other)?,
-        };
-        w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+        })
     })?;
     Ok(())
 }
@@ -253,9 +249,6 @@ fn input_id(found: &Identification) -> String {
 
 #[derive(Serialize)]
 struct IdentificationRunRecord<'a> {
-    version: &'static str,
-    command: &'static str,
-    input_id: String,
     timing: RunTiming,
     input: Vec<&'a RecordingSource>,
     experiment: toml::Table,

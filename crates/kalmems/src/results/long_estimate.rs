@@ -2,12 +2,12 @@
 
 use super::figure_files::write_figure;
 use super::figures::{SegmentFigures, course};
-use super::files::{columns, record_of_run, signal_unit, write_header, write_rows};
+use super::files::{columns, run_record, signal_unit, write_header, write_rows};
 use super::names::of_parts;
 use super::page::page_with;
 use super::pooled::PooledMetrics;
 use super::tracks::Tracks;
-use super::{Metrics, Output, RUN_FILE, ResultFile, ResultWriteError, RunInfo, SegmentMetrics, WriteOptions};
+use super::{Metrics, Output, ResultFile, ResultWriteError, RunInfo, SegmentMetrics, WriteOptions};
 use crate::config::Experiment;
 use crate::diagnose::{FoundNoise, NumberCheck};
 use crate::recording::{RecordingSource, Segment};
@@ -179,10 +179,7 @@ impl<'a> LongEstimate<'a> {
         let sources = whole.iter().map(|whole| Some(&whole.source)).zip(references);
         let sources: Vec<&RecordingSource> =
             sources.flat_map(|(own, reference)| [own, reference]).flatten().collect();
-        let input = (self.input_id.clone(), sources);
-        self.output.write(RUN_FILE, |w| {
-            w.write_all(record_of_run(self.experiment, &metrics, input, info)?.as_bytes())
-        })?;
+        self.output.write_run(&self.input_id, || run_record(self.experiment, &metrics, sources, info))?;
         Ok(metrics)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::figure_files::write_figure;
 use super::inspection::write_png;
-use super::{DrawError, Output, RUN_FILE, ResultWriteError, RunInfo};
+use super::{DrawError, Output, ResultWriteError, RunInfo, RunTiming};
 use crate::config::Experiment;
 use crate::outlook::{AmplitudeDeviations, AmplitudeResponse, AtFrequency, Outlook, SmallMotionGrowth};
 use crate::simulate::{SteadyMotion, SweepPoint};
@@ -14,7 +14,6 @@ use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
-use std::time::UNIX_EPOCH;
 
 /// Amplitude over frequency, the map of stability, and what the signal tells; those of them for which there are data.
 pub fn outlook_figures(outlook: &Outlook) -> Vec<Figure> {
@@ -238,18 +237,16 @@ pub fn write_outlook(
     for figure in outlook_figures(outlook) {
         write_figure::<ResultWriteError>(output, &figure)?;
     }
-    let mut run = toml::Table::new();
-    run.insert("version".to_owned(), env!("CARGO_PKG_VERSION").into());
-    run.insert("command".to_owned(), "inspect".into());
-    run.insert("input_id".to_owned(), input_id.into());
-    let started = info.started.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    let mut timing = toml::Table::new();
-    timing.insert("started_unix_s".to_owned(), i64::try_from(started).unwrap_or(i64::MAX).into());
-    timing.insert("took_s".to_owned(), info.took.as_secs_f64().into());
-    run.insert("timing".to_owned(), timing.into());
-    let described = experiment.to_table().map_err(|e| failed(output.target(), io::Error::other(e)))?;
-    run.insert("experiment".to_owned(), described.into());
-    Ok(output.write(RUN_FILE, |w| w.write_all(run.to_string().as_bytes()))?)
+    Ok(output.write_run(&input_id, || {
+        let experiment = experiment.to_table().map_err(io::Error::other)?;
+        Ok(OutlookRecord { timing: info.timing(), experiment })
+    })?)
+}
+
+#[derive(Serialize)]
+struct OutlookRecord {
+    timing: RunTiming,
+    experiment: toml::Table,
 }
 
 fn failed(path: &Path, source: io::Error) -> super::OutputError {

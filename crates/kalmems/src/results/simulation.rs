@@ -1,6 +1,6 @@
 //! The files of a simulation.
 
-use super::{Output, OutputError, RUN_FILE, RunInfo, RunTiming};
+use super::{Output, OutputError, RunInfo, RunTiming};
 use crate::config::Experiment;
 use crate::progress::Progress;
 use crate::recording::RecordingSource;
@@ -89,18 +89,13 @@ pub fn write_simulation(
     let toml = described(experiment, simulation).to_toml().map_err(io::Error::other);
     output.write("experiment.toml", |w| w.write_all(toml?.as_bytes()))?;
     let seed = experiment.simulate.as_ref().map_or(0, |simulate| simulate.seed);
-    output.write(RUN_FILE, |w| {
-        let info = info();
-        let run = SimulationRecord {
-            version: env!("CARGO_PKG_VERSION"),
-            command: "simulate",
-            input_id,
+    output.write_run(&input_id, || {
+        Ok(SimulationRecord {
             noise: NoiseSeedRecord { generator: WhiteNoise::NAME, seed, stream: 0 },
-            timing: info.timing(),
+            timing: info().timing(),
             input: simulation.sources(),
             experiment: experiment.to_table().map_err(io::Error::other)?,
-        };
-        w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+        })
     })?;
     let papers = simulation.papers();
     for paper in &papers.files {
@@ -216,9 +211,6 @@ fn input_id(experiment: &Experiment, simulation: &dyn Simulation) -> String {
 
 #[derive(Serialize)]
 struct SimulationRecord<'a> {
-    version: &'static str,
-    command: &'static str,
-    input_id: String,
     noise: NoiseSeedRecord,
     timing: RunTiming,
     input: &'a [RecordingSource],

@@ -7,7 +7,7 @@ use super::table::table;
 use super::{Shard, StudyError, StudyPlan, spread};
 use crate::journal::{self, JournalError};
 use crate::results::write_figure;
-use crate::results::{Notice, Output, RUN_FILE};
+use crate::results::{Notice, Output};
 use crate::rigs::Workbench;
 use kalmems_figures::{Figure, NoticeSeverity, Page, PagePart, PageSection};
 use serde::Serialize;
@@ -146,18 +146,14 @@ impl StudyPlan {
         };
         let page = self.page(&summary, &header, figures).to_html()?;
         output.write("report.html", |w| w.write_all(page.as_bytes()))?;
-        output.write(RUN_FILE, |w| {
-            let run = StudyRecord {
-                version: &header.version,
-                command: self.command(),
-                input_id: &input_id,
+        output.write_run(&input_id, || {
+            Ok(StudyRecord {
                 digest: &header.digest,
                 points: summary.points,
                 runs: summary.runs,
                 failed: summary.failed(),
                 seed: self.description.seed,
-            };
-            w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+            })
         })?;
         Ok(summary)
     }
@@ -196,9 +192,6 @@ impl StudyPlan {
 
 #[derive(Serialize)]
 struct StudyRecord<'a> {
-    version: &'a str,
-    command: &'static str,
-    input_id: &'a str,
     digest: &'a str,
     points: u64,
     runs: u64,

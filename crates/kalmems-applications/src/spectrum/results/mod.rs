@@ -15,7 +15,7 @@ pub use page::spectrum_page;
 use crate::WriteError;
 use crate::recording::RecordingSource;
 use crate::spectrum::SpectrumOutcome;
-use kalmems_store::{Output, RUN_FILE, RunInfo, RunTiming};
+use kalmems_store::{Output, RunInfo, RunTiming};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -62,16 +62,12 @@ pub fn write_spectrum(
             Ok(())
         })?;
     }
-    output.write(RUN_FILE, |w| {
-        let run = SpectrumRunRecord {
-            version: env!("CARGO_PKG_VERSION"),
-            command: "spectrum",
-            input_id,
+    output.write_run(&input_id, || {
+        Ok(SpectrumRunRecord {
             timing: info.timing(),
             input: &outcome.sources,
             spectrum: toml::Value::try_from(&outcome.file).map_err(io::Error::other)?,
-        };
-        w.write_all(toml::to_string(&run).map_err(io::Error::other)?.as_bytes())
+        })
     })?;
     Ok(())
 }
@@ -121,9 +117,6 @@ fn input_id(outcome: &SpectrumOutcome) -> String {
 
 #[derive(Serialize)]
 struct SpectrumRunRecord<'a> {
-    version: &'static str,
-    command: &'static str,
-    input_id: String,
     timing: RunTiming,
     input: &'a [RecordingSource],
     spectrum: toml::Value,
