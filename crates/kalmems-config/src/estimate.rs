@@ -33,6 +33,10 @@ pub struct Estimate {
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "parts")]
     #[schemars(range(min = 2, max = 100))]
     pub parts: Option<u32>,
+    /// Whether the verdict asks of each number of the device whether the beginning of the recordings wants another value of it: one run of
+    /// a filter over 25 000 samples for each number.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub check_numbers: bool,
     /// How the crossings of a threshold are found, for a device that has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub crossings: Option<Crossings>,
@@ -44,6 +48,15 @@ pub struct Estimate {
     #[serde(rename = "filter", default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(min = 1))]
     pub filters: Vec<FilterTable>,
+}
+
+const fn yes() -> bool {
+    true
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+const fn is_yes(value: &bool) -> bool {
+    *value
 }
 
 /// A detector of crossings: a derivative of a Gaussian over the signal, of whose response the tops count.

@@ -21,11 +21,13 @@ pub struct NumberCheck {
     /// What the signal cannot tell of the first filter's device, and by how much that changes its answer; nothing where the innovations say
     /// that something is wrong, as it is a question about a model that is right.
     pub notes: Vec<ScaleNote>,
-    /// For each filter, by its name, whether its innovations ask for another number; without those in which another test finds something.
+    /// For each filter, by its name, whether its innovations ask for another number; without those in which another test finds something, and
+    /// without those that estimate the same parameters as one before for which nothing was found.
     pub tests: Vec<(String, TestResult)>,
 }
 
-/// Checks the numbers that the filters of an experiment are told by the beginning of its recordings.
+/// Checks the numbers that the filters of an experiment are told by the beginning of its recordings; nothing where the experiment does
+/// without (`check_numbers = false`).
 pub fn check_numbers(
     workbench: &Workbench,
     experiment: &Experiment,
@@ -53,9 +55,14 @@ fn check<'a>(
     progress: &dyn Progress,
     bench: &dyn Fn(&str) -> Result<TrialBench<'a>, DiagnoseError>,
 ) -> Result<NumberCheck, DiagnoseError> {
-    let filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
-    let mut found = NumberCheck::default();
+    let wanted = experiment.estimate.iter().filter(|estimate| estimate.check_numbers);
+    let filters = wanted.flat_map(|estimate| &estimate.filters);
+    let (mut found, mut sound) = (NumberCheck::default(), Vec::new());
     for (place, filter) in filters.filter(|filter| is_judged(filter.method)).enumerate() {
+        let parameters = (&filter.states, &filter.readout);
+        if sound.contains(&parameters) {
+            continue;
+        }
         let bench = bench(filter.name.as_str())?;
         // A filter that stops says nothing.
         let Ok((mut base, suspects)) = begin(&bench) else { continue };
@@ -65,6 +72,9 @@ fn check<'a>(
         let numbers = take_numbers(&bench, &suspects, &mut base, progress)?;
         if place == 0 {
             found.notes = invisible_parameters::notes(&numbers, &base);
+        }
+        if base.passes() {
+            sound.push(parameters);
         }
         found.tests.extend(base.number_test().map(|test| (bench.filter_name.clone(), test.clone())));
     }

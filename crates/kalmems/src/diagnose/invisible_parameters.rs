@@ -2,7 +2,6 @@
 
 use super::answer::AnswerChange;
 use super::sensitivity::NumberSensitivity;
-use super::suspect::NumberRole;
 use super::trial::DiagnosisTrial;
 use serde::Serialize;
 
@@ -42,9 +41,6 @@ pub(super) fn notes(numbers: &[NumberSensitivity], base: &DiagnosisTrial) -> Vec
 }
 
 fn note(number: &NumberSensitivity, base: &DiagnosisTrial) -> Option<ScaleNote> {
-    if !matches!(number.suspect.what, NumberRole::Factor(_) | NumberRole::InputScale { .. }) {
-        return None;
-    }
     let change = number.change.filter(|change| change.rms != 0.0)?;
     let hidden = (SHOWN / number.information.sqrt()).min(1.0);
     let matters = change.rms / number.step * hidden.min(LIKELY) > MATTERS * change.claimed;

@@ -6,6 +6,9 @@ use super::suspect::Suspect;
 use super::trial::DiagnosisTrial;
 use crate::progress::{Progress, map_on_threads, processors};
 
+/// The first step, of what a search for the number begins with: small enough for most numbers to be linear, and large against rounding.
+const FIRST: f64 = 0.2;
+
 /// The largest step in standard errors of the number, by what the innovations tell of it; a larger step is not linear.
 const LARGEST: f64 = 0.3;
 
@@ -22,7 +25,7 @@ pub(super) struct NumberSensitivity<'s> {
     pub(super) slopes: Vec<f64>,
     /// What the innovations tell of the number, by their values and their variances.
     pub(super) information: f64,
-    /// What the step changes in the answer; `None` where the answers cannot be compared.
+    /// What the step changes in the answer, of a number that is wrong by a factor; `None` where the answers cannot be compared.
     pub(super) change: Option<AnswerChange>,
 }
 
@@ -43,7 +46,7 @@ impl<'s> NumberSensitivity<'s> {
     }
 
     fn of(bench: &TrialBench, suspect: &'s Suspect, base: &DiagnosisTrial) -> Option<Self> {
-        let (mut step, mut found) = (suspect.step(), None);
+        let (mut step, mut found) = (FIRST * suspect.step(), None);
         for _ in 0..ATTEMPTS {
             let Some(changed) = suspect.changes(step).and_then(|changes| bench.run_unjudged(&changes)) else {
                 step *= 0.1;
@@ -55,7 +58,7 @@ impl<'s> NumberSensitivity<'s> {
                 step,
                 slopes: base.innovations.slopes_in_sd(&changed.innovations, step),
                 information,
-                change: AnswerChange::between(base, &changed),
+                change: suspect.is_factor().then(|| AnswerChange::between(base, &changed)).flatten(),
             });
             let largest = LARGEST / information.sqrt();
             if step > 2.0 * largest {

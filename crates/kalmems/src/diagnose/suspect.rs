@@ -138,6 +138,11 @@ impl Suspect {
         })
     }
 
+    /// Whether it is wrong by a factor.
+    pub(super) const fn is_factor(&self) -> bool {
+        matches!(self.what, NumberRole::Factor(_) | NumberRole::InputScale { .. })
+    }
+
     /// Whether it is the noise of a measurement: what changes the gain of the filter and no prediction of a motion that is known.
     pub(super) fn is_noise(&self) -> bool {
         match &self.what {
