@@ -6,6 +6,7 @@ import logging
 import os
 import pickle
 import signal
+from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -20,7 +21,7 @@ from kalmems._kalmems import run_command
 STIFFNESS = "device.shared_scanner.resonator.stiffness"
 
 
-def made(repeats: int = 2) -> kalmems.Study:
+def made(repeats: int = 2, figures: Sequence[dict[str, str]] = ()) -> kalmems.Study:
     experiment = kalmems.Experiment.load(EXAMPLES / "shared_scanner/simulation.toml").replace(
         {
             "simulate.duration": "4 ms",
@@ -35,6 +36,7 @@ def made(repeats: int = 2) -> kalmems.Study:
         seed=1,
         truth={STIFFNESS: "1.10e-4 N m"},
         name="small",
+        figures=figures,
     )
 
 
@@ -57,6 +59,19 @@ def test_parts_in_any_order_and_twice_give_the_bytes_of_the_command(tmp_path: Pa
     (tmp_path / "study.toml").write_text(text)
     assert run_command(["kalmems", "study", str(tmp_path / "study.toml"), "--out", str(tmp_path / "command")]) == 0
     assert results(tmp_path / "command") == results(whole.folder)
+
+
+def test_the_figures_of_a_study_are_drawn(tmp_path: Path) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    figures = [{"metric": "errors.angle.rmse_deg", "against": "stiffness", "label": "angle RMSE"}]
+    result = made(figures=figures).run(tmp_path / "run")
+    (name,) = result.figure_names
+    (ax,) = result.plot()
+    assert ax is not None and len(ax.get_legend_handles_labels()[0]) >= 1
+    assert (result.folder / f"figures/{name}.svg").exists()
+    with pytest.raises(KeyError, match="it has none"):
+        made().run(tmp_path / "without").plot()
 
 
 def test_a_missing_part_is_named(tmp_path: Path) -> None:

@@ -46,6 +46,17 @@ class Image(_Told):
     values: Numbers
     """Intensities, row after row from the top."""
 
+    def plot(self, *, ax: Any = None) -> Any:
+        """Draws it (needs matplotlib); the axes."""
+        import matplotlib.pyplot as plt
+
+        if ax is None:
+            _, ax = plt.subplots(layout="constrained")
+        ax.imshow(self.values, cmap="gray", interpolation="nearest")
+        ax.set_xlabel("column")
+        ax.set_ylabel("row")
+        return ax
+
 
 @dataclass(frozen=True, eq=False)
 class Spectrum(_Told):
@@ -56,6 +67,19 @@ class Spectrum(_Told):
     values: Numbers
     sd: Numbers | None
     """The standard error by the differences of the scans, where there are several."""
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Draws it, with its standard error where that is known (needs matplotlib); the axes."""
+        import matplotlib.pyplot as plt
+
+        if ax is None:
+            _, ax = plt.subplots(figsize=(8, 3.2), layout="constrained")
+        ax.plot(self.wavenumber, self.values, linewidth=1)
+        if self.sd is not None:
+            ax.fill_between(self.wavenumber, self.values - self.sd, self.values + self.sd, alpha=0.25, linewidth=0)
+        ax.set_xlabel("wavenumber (1/m)")
+        ax.set_ylabel("spectrum")
+        return ax
 
 
 def calibrate(path: str | os.PathLike[str], *, progress: Progress = None) -> Calibration:
