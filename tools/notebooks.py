@@ -14,6 +14,7 @@ import base64
 import json
 import re
 import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -78,8 +79,12 @@ def rendered(notebook: Path) -> str:
     for old in (BOOK / "figures").glob(f"notebook_{notebook.stem}_*.png"):
         old.unlink()
     parts, pictures = [], 0
+    subject = ""
     for cell in document.cells:
         parts.append(source(cell))
+        if cell["cell_type"] == "markdown":
+            # What a picture below shows: the first sentence above it.
+            subject = re.split(r"(?<=[.:])\s", parts[-1].lstrip("# ").replace("`", "").replace("\n", " "))[0].rstrip(":")
         if len(parts) == 1:
             parts.append(f"This page is the notebook `python/notebooks/{notebook.name}` with its output.")
         for output in cell.get("outputs", ()):
@@ -88,7 +93,7 @@ def rendered(notebook: Path) -> str:
                 pictures += 1
                 name = f"notebook_{notebook.stem}_{pictures}.png"
                 (BOOK / "figures" / name).write_bytes(base64.b64decode(data["image/png"]))
-                parts.append(f"![What this code draws](figures/{name})")
+                parts.append(f"![{subject}](figures/{name})")
             elif text := printed(output):
                 parts.append(text)
     return "\n\n".join(parts) + "\n"
@@ -98,7 +103,10 @@ def printed(output: Any) -> str:
     """What a cell prints, as Markdown."""
     if output["output_type"] == "stream":
         told = "".join(output["text"])
-        return block(WARNING.sub(r"\1\n", told) if output["name"] == "stderr" else told)
+        if output["name"] == "stderr":
+            lines = WARNING.sub(r"\1\n", told).splitlines()
+            told = "\n".join(textwrap.fill(line, 100, subsequent_indent="  ") for line in lines)
+        return block(told)
     data = output.get("data", {})
     page = "".join(data.get("text/html", ""))
     # Tables of other libraries bring styles of their own; their text says the same.

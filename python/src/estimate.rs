@@ -62,16 +62,18 @@ pub fn estimate(
     references: Recordings,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Outcome> {
-    let (started, clock) = (SystemTime::now(), Instant::now());
+    let started = SystemTime::now();
     let found = done(py, progress, move |watch| {
+        let clock = Instant::now();
         let PreparedExperiment { workbench, experiment, noise } =
             ready(&text, &path, (&recordings, &references), has_lines, watch)
                 .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)?;
-        Estimated::of(&workbench, &experiment, noise, watch)
-            .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)
+        let estimated = Estimated::of(&workbench, &experiment, noise, watch)
+            .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)?;
+        Ok::<_, Box<dyn Raise + Send>>((Arc::new(estimated), clock.elapsed()))
     })?;
-    let estimated = Arc::new(found.map_err(|error| error.raise(py))?);
-    Ok(Outcome { estimated, info: RunInfo { started, took: clock.elapsed() } })
+    let (estimated, took) = found.map_err(|error| error.raise(py))?;
+    Ok(Outcome { estimated, info: RunInfo { started, took } })
 }
 
 /// What came of an experiment; its arrays are views of what is held here.
@@ -105,7 +107,7 @@ impl Outcome {
         let severity = |severity| format!("{severity:?}").to_lowercase();
         notices(&self.estimated.metrics)
             .into_iter()
-            .map(|notice| (severity(notice.severity), notice.text))
+            .map(|notice| (severity(notice.severity), notice.sentence()))
             .collect()
     }
 

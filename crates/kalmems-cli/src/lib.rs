@@ -51,17 +51,14 @@ pub fn run(workbench: &Workbench) -> ExitCode {
 /// where an interruption is not followed soon. The exit code.
 pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     tell_of_unexpected_panics_alone();
-    run_arguments(workbench, arguments, || {
-        #[cfg(not(target_family = "wasm"))]
-        interrupt::listen();
-    })
+    run_arguments(workbench, arguments.into_iter().collect(), true)
 }
 
 /// The same in a process that handles interruptions itself and goes on afterwards: no handler of signals is set, and
 /// [`interrupt_command`] asks the command to end. One command at a time.
 pub fn run_within(workbench: &Workbench, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     interrupt::forget();
-    run_arguments(workbench, arguments, || {})
+    run_arguments(workbench, arguments.into_iter().collect(), false)
 }
 
 /// Asks the command that [`run_within`] runs on another thread to end; it returns soon after.
@@ -69,12 +66,8 @@ pub fn interrupt_command() {
     interrupt::request();
 }
 
-/// Does what the arguments say; `listen` is called once they are understood.
-fn run_arguments(
-    workbench: &Workbench,
-    arguments: impl IntoIterator<Item = OsString>,
-    listen: impl FnOnce(),
-) -> u8 {
+/// Does what the arguments say, in a process that is the command's alone or not.
+fn run_arguments(workbench: &Workbench, arguments: Vec<OsString>, owns_process: bool) -> u8 {
     let arguments = match CommandLine::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(told) => {
@@ -84,7 +77,10 @@ fn run_arguments(
         }
     };
     tell::set_quiet(arguments.quiet);
-    listen();
+    #[cfg(not(target_family = "wasm"))]
+    if owns_process {
+        interrupt::listen();
+    }
     let ending = match &arguments.command {
         #[cfg(feature = "parquet-results")]
         Command::Batch(arguments) => commands::batch::run(workbench, arguments),
