@@ -6,6 +6,7 @@ import logging
 import os
 import pickle
 import signal
+import threading
 from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -114,6 +115,30 @@ def test_parts_of_workers_that_die_or_hang_are_given_out_again(tmp_path: Path) -
     assert results(run.folder) == results(study.run(tmp_path / "here").folder)
     assert {part for part, number in executor.given if number > 1} >= {1, 2}
     assert told[-1] == ("studying", 4, 4)
+
+
+class Lost(Future[bytes]):
+    """Done, on a worker that hangs since then."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.set_result(b"")
+
+    def result(self, timeout: float | None = None) -> bytes:
+        threading.Event().wait()
+        return b""
+
+
+def test_a_part_whose_result_lies_on_a_worker_that_hangs_is_given_out_again(tmp_path: Path) -> None:
+    class Forgetful(Unreliable):
+        def submit(self, function: Any, part: Any, number: int) -> Future[bytes]:
+            self.given.append((part.part, number))
+            return Lost() if (part.part, number) == (2, 1) else self.pool.submit(function, part, number)
+
+    study, executor = made(), Forgetful()
+    run = study.run(tmp_path / "run", executor=executor, parts=3, deadline=0.5)
+    assert results(run.folder) == results(study.run(tmp_path / "here").folder)
+    assert (2, 2) in executor.given
 
 
 def test_a_part_that_fails_each_time_is_told(tmp_path: Path) -> None:
