@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import base64
+import html
 import json
 import re
 import sys
@@ -87,7 +88,7 @@ def rendered(notebook: Path) -> str:
             subject = re.split(r"(?<=[.:])\s", parts[-1].lstrip("# ").replace("`", "").replace("\n", " "))[0].rstrip(":")
         if len(parts) == 1:
             parts.append(f"This page is the notebook `python/notebooks/{notebook.name}` with its output.")
-        for output in cell.get("outputs", ()):
+        for output in joined(cell.get("outputs", ())):
             data = output.get("data", {})
             if "image/png" in data:
                 pictures += 1
@@ -97,6 +98,18 @@ def rendered(notebook: Path) -> str:
             elif text := printed(output):
                 parts.append(text)
     return "\n\n".join(parts) + "\n"
+
+
+def joined(outputs: Any) -> list[Any]:
+    """The outputs of a cell, those that were printed one after the other as one."""
+    found: list[Any] = []
+    for output in outputs:
+        before = found[-1] if found else {}
+        if output["output_type"] == "stream" == before.get("output_type") and output["name"] == before["name"]:
+            before["text"] = "".join(before["text"]) + "".join(output["text"])
+        else:
+            found.append(output)
+    return found
 
 
 def printed(output: Any) -> str:
@@ -109,8 +122,10 @@ def printed(output: Any) -> str:
         return block(told)
     data = output.get("data", {})
     page = "".join(data.get("text/html", ""))
+    if page.startswith("<pre>"):
+        return block(html.unescape(page.removeprefix("<pre>").removesuffix("</pre>")))
     # Tables of other libraries bring styles of their own; their text says the same.
-    if page and "<style" not in page and not page.startswith("<pre>"):
+    if page and "<style" not in page:
         return '<div style="overflow-x: auto">\n' + re.sub(r"\n\s*\n", "\n", page) + "\n</div>"
     return block("".join(data.get("text/plain", "")))
 

@@ -30,6 +30,9 @@ def study(runs: int) -> kalmems.Study:
             "simulate.integration_rate": "1 MHz",
             "simulate.start.angle": "0.1 rad",
             "estimate.skip": "0.2 ms",
+            "estimate.first_peak": None,
+            "estimate.filter[0].start.angle": "0.1 rad",
+            "estimate.filter[0].start_sd": {"angle": "0.01 rad", "rate": "1e3 rad/s"},
         }
     )
     vary = [{"key": STIFFNESS, "name": "stiffness", "applies_to": "told", "values": ["1.098e-4 N m", "1.102e-4 N m"]}]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -334,7 +335,8 @@ class Result:
         colours = {"failure": "#b00020", "warning": "#9a5b00", "note": "#555555", "ok": "#1b6e3c"}
         for notice in self.notices:
             colour = colours.get(notice.severity, "#555555")
-            parts.append(f'<p style="color:{colour};margin:2px 0">{html.escape(notice.text)}</p>')
+            text = re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(notice.text))
+            parts.append(f'<p style="color:{colour};margin:2px 0">{text}</p>')
         for heads, rows in self._tables:
             head = "".join(f"<th>{html.escape(text)}</th>" for text in heads)
             body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)

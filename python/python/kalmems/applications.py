@@ -21,14 +21,14 @@ Numbers = NDArray[np.float64]
 Progress: TypeAlias = "Callable[[str, int, int], object] | None"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Told:
     metrics: dict[str, Any] = field(repr=False)
     """The figures, as the command writes them."""
     text: str = field(repr=False)
     """The figures as text."""
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         return self.text
 
     def _repr_html_(self) -> str:
@@ -39,7 +39,7 @@ class Calibration(_Told):
     """The calibration of a gyroscope, with its budget of uncertainty."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Image(_Told):
     """An image that was put together along a trajectory."""
 
@@ -58,7 +58,7 @@ class Image(_Told):
         return ax
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Spectrum(_Told):
     """A spectrum along estimated positions."""
 
