@@ -10,6 +10,7 @@ workers take to start counts in neither. Times are reported and gate nothing.
 from __future__ import annotations
 
 import argparse
+import importlib
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -39,8 +40,9 @@ def study(runs: int) -> kalmems.Study:
     return experiment.study(vary, repeats=runs // 2, truth={STIFFNESS: "1.10e-4 N m"}, name="scheduler")
 
 
-def warm(_: int) -> None:
-    """Has a worker import the package."""
+def warm(_: int = 0) -> None:
+    """Has a worker import the package, and what a first part needs."""
+    importlib.import_module("kalmems")
     time.sleep(0.2)
 
 
@@ -70,7 +72,7 @@ def main() -> None:
         merged = whole.merge([journal for journal, _ in shares], f"{folder}/alone")
         options = {"n_workers": told.workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
         with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
-            client.gather(client.map(warm, range(told.workers)))
+            client.run(warm)
             before, here = sum(client.run(time.process_time).values()), time.process_time()
             begun = time.perf_counter()
             # As `Study.run` does, but for the results in a folder, which are written in both cases.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ._study import Part
 
-LOOK_S = 0.02
+LOOK_S = 0.05
 """How often futures are asked whether they are done."""
 LEAST_S = 60.0
 """How long no part may be finished, at least, before those that are missing are given out again."""
