@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import pickle
+import sys
 from pathlib import Path
 from shutil import copy
 from typing import Any
@@ -13,6 +15,7 @@ import pytest
 from conftest import EXAMPLES
 
 import kalmems
+from kalmems import _arrow
 
 
 @pytest.fixture(scope="module")
@@ -153,6 +156,41 @@ def test_trajectories_become_tables(result: kalmems.Result, tmp_path: Path) -> N
             assert pyarrow.parquet.read_table(tmp_path / "ekf.parquet").equals(table)
     if not done:
         pytest.skip("no library of tables is installed")
+
+
+def test_other_libraries_take_a_trajectory_without_a_copy(scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]) -> None:
+    result = scanner.replace({"recording[0].reference": None}).estimate(kalmems.Recording(recorded))
+    ekf, done = result["EKF"], 0
+    angle, columns, held = ekf.angle.copy(), list(ekf.columns()), len(_arrow._held)
+    # A stream that nobody takes is released with its capsule.
+    capsule = ekf.__arrow_c_stream__()
+    assert len(_arrow._held) > held
+    del capsule
+    assert len(_arrow._held) == held
+    for name in ("pyarrow", "polars", "duckdb"):
+        try:
+            module = __import__(name)
+        except ImportError:
+            continue
+        done += 1
+        if name == "pyarrow":
+            table = module.table(ekf)
+            assert table.equals(ekf.to_arrow())
+            assert table["angle_rad"].chunk(0).buffers()[1].address == ekf.angle.ctypes.data
+        elif name == "polars":
+            frame = module.DataFrame(ekf)
+            assert frame.columns == columns and np.array_equal(frame["angle_rad"].to_numpy(), angle)
+        else:
+            ((count, mean),) = module.sql("select count(*), avg(angle_rad) from ekf").fetchall()
+            assert count == len(angle) and mean == pytest.approx(angle.mean(), rel=1e-9)
+    if not done:
+        pytest.skip("no library of tables is installed")
+    # What a library has taken of it outlives the result, and is released with what it was made into.
+    if "pyarrow" in sys.modules:
+        alone = table["angle_rad"]
+        del table, ekf, result
+        gc.collect()
+        assert np.array_equal(alone.to_numpy(), angle)
 
 
 def test_a_result_is_drawn(result: kalmems.Result) -> None:

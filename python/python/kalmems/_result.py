@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _kalmems
+from . import _arrow, _kalmems
 from ._errors import KalmemsError
 from ._recording import Recording
 
@@ -166,7 +166,7 @@ class Trajectory:
         scipy.io.savemat(path, dict(self.columns()))
 
     def __arrow_c_stream__(self, requested_schema: Any = None) -> Any:
-        return self.to_arrow().__arrow_c_stream__(requested_schema)
+        return _arrow.stream(self.columns())
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__
