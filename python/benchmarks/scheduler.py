@@ -58,7 +58,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser()
     arguments.add_argument("--runs", type=int, default=10_000)
     arguments.add_argument("--workers", type=int, default=2)
-    arguments.add_argument("--parts", type=int, default=64)
+    arguments.add_argument("--parts", type=int, default=32)
     told = arguments.parse_args()
     whole = study(told.runs)
     parts = told.parts

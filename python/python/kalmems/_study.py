@@ -17,7 +17,7 @@ from ._executor import finished
 if TYPE_CHECKING:
     from ._experiment import Experiment
 
-PARTS = 64
+PARTS = 32
 """Parts of a study on an executor where their number is left out: so many that no worker waits long for the last part of another, and so few
 that the fixed cost of a part does not matter."""
 
@@ -54,10 +54,10 @@ class Study:
         """Runs the study and writes its results into a folder; what is finished stays in a journal beside it, and the same call goes on from there.
 
         With an `executor` that has `submit`, such as one of `concurrent.futures` or a client of Dask distributed, its workers run as many `parts`,
-        each on one thread: 64 where that is left out; about 30 for each worker are a good number. The results are those of a run here to the last
-        byte. Where no part is finished for `deadline` s, those that are missing are given out again, since a worker may hang; whichever comes
-        first counts, and both say the same. Left out, that is ten times the longest that one was waited for, and at least a minute. `progress`
-        hears how many parts are finished.
+        each on one thread: 32 where that is left out; 16 or more for each worker keep all of them busy to the end. The results are those of a run
+        here to the last byte. Where no part is finished for `deadline` s, those that are missing are given out again, since a worker may hang;
+        whichever comes first counts, and both say the same. Left out, that is ten times the longest that one was waited for, and at least a minute.
+        `progress` hears how many parts are finished.
         """
         folder = Path(folder)
         if executor is None:
