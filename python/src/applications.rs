@@ -1,7 +1,7 @@
 //! What an estimated motion is for: images, spectra, and the calibration of a gyroscope, each as its file describes it.
 
 use crate::errors::{Raise, failed};
-use crate::watch::Watch;
+use crate::watch::done;
 use kalmems::applications::calibration::{CalibrationSummary, GyroscopeCalibration, calibrate as calibrated};
 use kalmems::applications::image::{DevelopedImage, Image, ImageMetrics, reconstruct};
 use kalmems::applications::spectrum::{SpectrumFile, SpectrumMetrics, measure};
@@ -15,18 +15,13 @@ fn json(py: Python<'_>, value: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| failed(py, &error))
 }
 
-/// What Python raised, or what went wrong in words.
-fn stopped(py: Python<'_>, watch: &Watch, error: &dyn std::fmt::Display) -> PyErr {
-    watch.error().unwrap_or_else(|| failed(py, error))
-}
-
 /// Calibrates a gyroscope: the figures as JSON, and as text.
 #[pyfunction]
 #[pyo3(signature = (path, progress=None))]
 pub fn calibrate(py: Python<'_>, path: PathBuf, progress: Option<Py<PyAny>>) -> PyResult<(String, String)> {
     let file = GyroscopeCalibration::load(&path).map_err(|error| error.raise(py))?;
-    let watch = Watch::new(progress);
-    let found = py.detach(|| calibrated(&file, &watch)).map_err(|error| stopped(py, &watch, &error))?;
+    let found =
+        done(py, progress, move |watch| calibrated(&file, watch))?.map_err(|error| failed(py, &error))?;
     let summary = CalibrationSummary::of(&found);
     Ok((json(py, &summary)?, summary.to_text()))
 }
@@ -43,8 +38,8 @@ pub fn image<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, String, Grey<'py>)> {
     let file = Image::load(&path).map_err(|error| error.raise(py))?;
-    let watch = Watch::new(progress);
-    let outcome = py.detach(|| reconstruct(&file, &watch)).map_err(|error| stopped(py, &watch, &error))?;
+    let outcome =
+        done(py, progress, move |watch| reconstruct(&file, watch))?.map_err(|error| failed(py, &error))?;
     let developed = DevelopedImage::of(&outcome);
     let metrics = ImageMetrics::of(&outcome, &developed, None).map_err(|error| failed(py, &error))?;
     let [columns, rows] = developed.picture.size();
@@ -65,9 +60,8 @@ pub fn spectrum<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, String, Numbers<'py>, Numbers<'py>, Option<Numbers<'py>>)> {
     let file = SpectrumFile::load(&path).map_err(|error| error.raise(py))?;
-    let watch = Watch::new(progress);
-    let outcome =
-        py.detach(|| measure(published(), &file, &watch)).map_err(|error| stopped(py, &watch, &error))?;
+    let outcome = done(py, progress, move |watch| measure(published(), &file, watch))?
+        .map_err(|error| failed(py, &error))?;
     let metrics = SpectrumMetrics::of(&outcome);
     let grid = outcome.processed.scans.grid;
     let wavenumbers: Vec<f64> =

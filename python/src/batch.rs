@@ -3,7 +3,7 @@
 use crate::document::without_lines;
 use crate::errors::{Raise, failed};
 use crate::recording::Columns;
-use crate::watch::Watch;
+use crate::watch::done;
 use kalmems::batch::{Batch, BatchContent, BatchError, BatchOptions, BatchRecording};
 use kalmems::rigs::published;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
@@ -14,10 +14,7 @@ use std::path::PathBuf;
 /// A recording: its name, and its file or its columns.
 type Given = (String, Option<PathBuf>, Option<Py<Columns>>);
 
-fn raised(py: Python<'_>, error: BatchError, has_lines: bool, watch: Option<&Watch>) -> PyErr {
-    if let Some(error) = watch.and_then(Watch::error) {
-        return error;
-    }
+fn raised(py: Python<'_>, error: BatchError, has_lines: bool) -> PyErr {
     match error {
         BatchError::Config(error) => without_lines(error, has_lines).raise(py),
         BatchError::Interrupted { .. } => PyKeyboardInterrupt::new_err(error.to_string()),
@@ -32,7 +29,7 @@ fn raised(py: Python<'_>, error: BatchError, has_lines: bool, watch: Option<&Wat
 #[pyfunction]
 pub fn batch_files(py: Python<'_>, patterns: Vec<String>) -> PyResult<Vec<(String, PathBuf)>> {
     let found = BatchRecording::of_files(patterns.iter().map(String::as_str));
-    let found = found.map_err(|error| raised(py, error, true, None))?;
+    let found = found.map_err(|error| raised(py, error, true))?;
     let file = |one: BatchRecording| match one.content {
         BatchContent::File(file) => Some((one.name, file)),
         BatchContent::Arrays(_) => None,
@@ -59,7 +56,7 @@ pub fn estimate_many(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, String, usize, usize, bool)> {
     let batch = Batch::parse(published(), &text, &path, of.as_deref());
-    let batch = batch.map_err(|error| raised(py, error, has_lines, None))?;
+    let batch = batch.map_err(|error| raised(py, error, has_lines))?;
     let batch = match reference {
         Some(files) => batch.with_references(&files),
         None => batch,
@@ -73,11 +70,10 @@ pub fn estimate_many(
         content.map(|content| BatchRecording { name, content })
     };
     let recordings = recordings.into_iter().map(one).collect::<PyResult<Vec<BatchRecording>>>()?;
-    let watch = Watch::new(progress);
     let options = BatchOptions { threads: threads.and_then(NonZero::new), force };
-    let outcome = py.detach(|| batch.run(&recordings, &folder, options, &watch));
-    let outcome = outcome.map_err(|error| raised(py, error, has_lines, Some(&watch)))?;
+    let without = batch.leaves_reference_out();
+    let outcome = done(py, progress, move |watch| batch.run(&recordings, &folder, options, watch))?;
+    let outcome = outcome.map_err(|error| raised(py, error, has_lines))?;
     let json = serde_json::to_string(&outcome.summary).map_err(|error| failed(py, &error))?;
-    let (text, without) = (outcome.summary.to_string(), batch.leaves_reference_out());
-    Ok((json, text, outcome.estimated, outcome.before, without))
+    Ok((json, outcome.summary.to_string(), outcome.estimated, outcome.before, without))
 }

@@ -113,7 +113,7 @@ fn table(document: &Bound<'_, PyDict>, place: &str) -> PyResult<Table> {
     Ok(table)
 }
 
-/// A value of Python's own types, or one that is such a number (NumPy's), or a path.
+/// A value of Python's own types, or one that is such a number (NumPy's), a quantity of pint, or a path.
 fn value(entry: &Bound<'_, PyAny>, place: &str) -> PyResult<Value> {
     if entry.is_instance_of::<PyBool>() {
         return Ok(Value::Boolean(entry.extract()?));
@@ -129,6 +129,10 @@ fn value(entry: &Bound<'_, PyAny>, place: &str) -> PyResult<Value> {
     }
     if let Ok(document) = entry.cast::<PyDict>() {
         return Ok(Value::Table(table(document, place)?));
+    }
+    let units = entry.py().import("kalmems._units")?;
+    if units.call_method1("is_quantity", (entry,))?.extract()? {
+        return Ok(Value::String(units.call_method1("text", (entry,))?.extract()?));
     }
     if let Ok(path) = entry.getattr("__fspath__") {
         return Ok(Value::String(path.call0()?.extract()?));

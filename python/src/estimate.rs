@@ -2,12 +2,14 @@
 
 use crate::document::without_lines;
 use crate::errors::{Raise, failed};
+use crate::figures::as_json;
 use crate::recording::Columns;
-use crate::watch::Watch;
+use crate::watch::{Watch, done};
 use kalmems::array_experiment::{ArrayExperiment, PreparedExperiment};
 use kalmems::config::Experiment;
 use kalmems::diagnose::DiagnoseError;
 use kalmems::estimate::{Trajectory, TrajectoryKind};
+use kalmems::figures::Figure;
 use kalmems::recording::RecordingSource;
 use kalmems::results::{
     Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table, notices,
@@ -17,10 +19,10 @@ use kalmems::rigs::published;
 use kalmems::workflow::{RecordingOutcome, SegmentOutcome};
 use numpy::PyArray1;
 use numpy::ndarray::ArrayView1;
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
 /// Recordings by their name or role; none where it is clear which is meant.
@@ -60,25 +62,24 @@ pub fn estimate(
     references: Recordings,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Outcome> {
-    let (started, clock, watch) = (SystemTime::now(), Instant::now(), Watch::new(progress));
-    let found = py.detach(|| {
+    let started = SystemTime::now();
+    let found = done(py, progress, move |watch| {
+        let clock = Instant::now();
         let PreparedExperiment { workbench, experiment, noise } =
-            ready(&text, &path, (&recordings, &references), has_lines, &watch)
+            ready(&text, &path, (&recordings, &references), has_lines, watch)
                 .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)?;
-        Estimated::of(&workbench, &experiment, noise, &watch)
-            .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)
-    });
-    if let Some(error) = watch.error() {
-        return Err(error);
-    }
-    let estimated = found.map_err(|error| error.raise(py))?;
-    Ok(Outcome { estimated, info: RunInfo { started, took: clock.elapsed() } })
+        let estimated = Estimated::of(&workbench, &experiment, noise, watch)
+            .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)?;
+        Ok::<_, Box<dyn Raise + Send>>((Arc::new(estimated), clock.elapsed()))
+    })?;
+    let (estimated, took) = found.map_err(|error| error.raise(py))?;
+    Ok(Outcome { estimated, info: RunInfo { started, took } })
 }
 
 /// What came of an experiment; its arrays are views of what is held here.
 #[pyclass(frozen, module = "kalmems._kalmems")]
 pub struct Outcome {
-    estimated: Estimated,
+    estimated: Arc<Estimated>,
     info: RunInfo,
 }
 
@@ -87,12 +88,10 @@ impl Outcome {
         &self.estimated.outcome.experiment
     }
 
-    fn stopped(error: ResultWriteError, watch: &Watch, py: Python<'_>) -> PyErr {
-        match (watch.error(), error) {
-            (Some(error), _) => error,
-            (None, ResultWriteError::Interrupted) => PyKeyboardInterrupt::new_err(()),
-            (None, error) => failed(py, &error),
-        }
+    /// The report and its pictures.
+    fn drawn(&self, py: Python<'_>) -> PyResult<(String, Vec<Figure>)> {
+        let estimated = Arc::clone(&self.estimated);
+        done(py, None, move |_| estimated.report())?.map_err(|error| failed(py, &error))
     }
 }
 
@@ -108,7 +107,7 @@ impl Outcome {
         let severity = |severity| format!("{severity:?}").to_lowercase();
         notices(&self.estimated.metrics)
             .into_iter()
-            .map(|notice| (severity(notice.severity), notice.text))
+            .map(|notice| (severity(notice.severity), notice.sentence()))
             .collect()
     }
 
@@ -168,13 +167,13 @@ impl Outcome {
 
     /// The report as a page of HTML.
     fn report_html(&self, py: Python<'_>) -> PyResult<String> {
-        py.detach(|| self.estimated.report()).map(|(html, _)| html).map_err(|error| failed(py, &error))
+        self.drawn(py).map(|(html, _)| html)
     }
 
     /// The pictures of the report by their names, as SVG and as PNG.
     fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let files = PyDict::new(py);
-        let (_, figures) = py.detach(|| self.estimated.report()).map_err(|error| failed(py, &error))?;
+        let (_, figures) = self.drawn(py)?;
         for figure in figures {
             let mut made: Vec<(String, Vec<u8>)> = Vec::new();
             let keep = |name: &str, content: &[u8]| {
@@ -189,20 +188,28 @@ impl Outcome {
         Ok(files)
     }
 
+    /// The pictures of the report as data, which another program can draw.
+    fn figure_data(&self, py: Python<'_>) -> PyResult<String> {
+        self.drawn(py).map(|(_, figures)| as_json(&figures))
+    }
+
     /// Writes all of it into a folder, as `kalmems estimate` does; where that is.
     fn write(&self, py: Python<'_>, folder: PathBuf, trajectories: bool, force: bool) -> PyResult<PathBuf> {
-        let watch = Watch::new(None);
-        let written = py.detach(|| {
-            let experiment = self.experiment();
+        let (estimated, info) = (Arc::clone(&self.estimated), self.info);
+        let written = done(py, None, move |watch| {
+            let experiment = &estimated.outcome.experiment;
             let work = Work::of_file("estimate", experiment.path(), experiment.files()).forced(force);
             let output = Output::begin(&folder, &work)?;
-            let stop = || watch.stops(None);
-            self.estimated.write(&output, WriteOptions { trajectories }, self.info, &stop)?;
+            let stop = || watch.is_stopped();
+            estimated.write(&output, WriteOptions { trajectories }, info, &stop)?;
+            if stop() {
+                return Err(ResultWriteError::Interrupted);
+            }
             let target = output.target().to_owned();
             output.commit()?;
             Ok::<PathBuf, ResultWriteError>(target)
-        });
-        written.map_err(|error| Self::stopped(error, &watch, py))
+        })?;
+        written.map_err(|error| failed(py, &error))
     }
 }
 

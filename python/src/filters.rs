@@ -1,6 +1,6 @@
 //! Filters over arrays, for models of one's own.
 
-use crate::watch::Watch;
+use crate::watch::Signals;
 use kalmems_core::smooth::{Backward, Smoothed};
 use kalmems_core::{
     Covariance, Ekf, Filter, Gaussian, Mat, NumericMeasurement, NumericProcess, ProcessNoise, SigmaPoints,
@@ -445,8 +445,13 @@ impl Given {
     }
 
     /// The answer as arrays.
-    fn answer<'py>(&self, py: Python<'py>, run: Option<Run>, watch: &Watch) -> PyResult<Bound<'py, PyDict>> {
-        if let Some(error) = watch.error() {
+    fn answer<'py>(
+        &self,
+        py: Python<'py>,
+        run: Option<Run>,
+        signals: &Signals,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        if let Some(error) = signals.error() {
             return Err(error);
         }
         let run = run.ok_or_else(|| PyValueError::new_err("no filter is compiled for this size"))?;
@@ -489,16 +494,16 @@ pub fn kalman<'py>(
     let given = Given::of(&z, u.as_ref(), &q, &r, &x0, &p0)?;
     let (f, h) = (shaped("F", &f, &[given.n, given.n])?, shaped("H", &h, &[given.m, given.n])?);
     let b = b.map_or(Ok(Vec::new()), |b| shaped("B", &b, &[given.n, given.width]))?;
-    let watch = Watch::new(None);
+    let signals = Signals::new();
     let run = py.detach(|| {
         let (motion, sensor) = (Linear { matrix: &f, input: &b }, Linear { matrix: &h, input: &[] });
         let (slope, seen) = (Constant(&f), Constant(&h));
-        let stop = || watch.stops(None);
+        let stop = || signals.stop();
         let motion = Model { value: &motion, derivative: Some(&slope), scales: &given.scales };
         let sensor = Model { value: &sensor, derivative: Some(&seen), scales: &given.scales };
         sized(&given.job(motion, sensor, (None, smooth), &stop), given.n, given.m)
     });
-    given.answer(py, run, &watch)
+    given.answer(py, run, &signals)
 }
 
 /// Functions of a model: f, ∂f/∂x, h, ∂h/∂x, each as the address of a function of C, a function of Python, or none.
@@ -521,7 +526,7 @@ pub fn nonlinear<'py>(
     smooth: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given = Given::of(&z, u.as_ref(), &q, &r, &x0, &p0)?;
-    let watch = Watch::new(None);
+    let signals = Signals::new();
     let is_compiled = functions.iter().flatten().all(|(address, _)| address.is_some());
     if is_compiled {
         let address =
@@ -533,7 +538,7 @@ pub fn nonlinear<'py>(
             return Err(PyValueError::new_err("`f` and `h` are needed"));
         };
         let run = py.detach(|| {
-            let stop = || watch.stops(None);
+            let stop = || signals.stop();
             let motion = Model {
                 value: &f,
                 derivative: fx.as_ref().map(|of| of as &dyn Function),
@@ -546,7 +551,7 @@ pub fn nonlinear<'py>(
             };
             sized(&given.job(motion, sensor, (points, smooth), &stop), given.n, given.m)
         });
-        return given.answer(py, run, &watch);
+        return given.answer(py, run, &signals);
     }
     let called = functions.map(|function| {
         let function = function.and_then(|(_, function)| function);
@@ -559,7 +564,7 @@ pub fn nonlinear<'py>(
     };
     let stop = || {
         let failed = called.iter().flatten().any(|function| function.error.borrow().is_some());
-        failed || watch.stops(None)
+        failed || signals.stop()
     };
     let motion =
         Model { value: f, derivative: fx.as_ref().map(|of| of as &dyn Function), scales: &given.scales };
@@ -569,5 +574,5 @@ pub fn nonlinear<'py>(
     if let Some(error) = called.iter().flatten().find_map(|function| function.error.borrow_mut().take()) {
         return Err(error);
     }
-    given.answer(py, run, &watch)
+    given.answer(py, run, &signals)
 }

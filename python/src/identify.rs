@@ -2,7 +2,7 @@
 
 use crate::errors::{Raise, failed};
 use crate::estimate::{Recordings, ready};
-use crate::watch::Watch;
+use crate::watch::done;
 use kalmems::diagnose::{DiagnoseError, diagnose as diagnosed, identify as identified, pasted};
 use kalmems::results::IdentificationSummary;
 use pyo3::prelude::*;
@@ -20,16 +20,12 @@ pub fn identify(
     references: Recordings,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, String, String)> {
-    let watch = Watch::new(progress);
-    let found = py.detach(|| {
-        let ready = ready(&text, &path, (&recordings, &references), has_lines, &watch)
+    let found = done(py, progress, move |watch| {
+        let ready = ready(&text, &path, (&recordings, &references), has_lines, watch)
             .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)?;
-        identified(&ready.workbench, &ready.experiment, &watch)
+        identified(&ready.workbench, &ready.experiment, watch)
             .map_err(|error| Box::new(error) as Box<dyn Raise + Send>)
-    });
-    if let Some(error) = watch.error() {
-        return Err(error);
-    }
+    })?;
     let found = found.map_err(|error| error.raise(py))?;
     let summary = IdentificationSummary::of(&found);
     let json = serde_json::to_string(&summary).map_err(|error| failed(py, &error))?;
@@ -49,15 +45,11 @@ pub fn diagnose(
     filter: Option<String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, String, Option<String>)> {
-    let watch = Watch::new(progress);
-    let found = py.detach(|| {
-        let ready = ready(&text, &path, (&recordings, &Vec::new()), has_lines, &watch)?;
-        let found = diagnosed(&ready.workbench, &ready.experiment, filter.as_deref(), &watch)?;
+    let found = done(py, progress, move |watch| {
+        let ready = ready(&text, &path, (&recordings, &Vec::new()), has_lines, watch)?;
+        let found = diagnosed(&ready.workbench, &ready.experiment, filter.as_deref(), watch)?;
         Ok::<_, DiagnoseError>((ready.experiment, found))
-    });
-    if let Some(error) = watch.error() {
-        return Err(error);
-    }
+    })?;
     let (experiment, found) = found.map_err(|error| error.raise(py))?;
     let json = serde_json::to_string(&found).map_err(|error| failed(py, &error))?;
     let first = found.causes.first().filter(|cause| !cause.edits.is_empty());

@@ -9,6 +9,7 @@ mod command;
 mod document;
 mod errors;
 mod estimate;
+mod figures;
 mod filters;
 mod identify;
 mod recording;

@@ -2,7 +2,7 @@
 
 use crate::document::without_lines;
 use crate::errors::{Raise, failed};
-use crate::watch::Watch;
+use crate::watch::done;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, SimulateError, described};
 use numpy::PyArray1;
@@ -23,18 +23,14 @@ pub fn simulate<'py>(
     has_lines: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Simulated<'py>> {
-    let watch = Watch::new(progress);
-    let found = py.detach(|| {
+    let found = done(py, progress, move |watch| {
         let experiment = published()
             .parse(&text, &path)
             .map_err(|error| SimulateError::from(without_lines(error, has_lines)))?;
         let simulation = published().rig(&experiment)?.simulate(&experiment)?;
-        let samples = ComputedRecording::of(simulation.as_ref(), &watch)?;
+        let samples = ComputedRecording::of(simulation.as_ref(), watch)?;
         Ok::<_, SimulateError>((samples, described(&experiment, simulation.as_ref())))
-    });
-    if let Some(error) = watch.error() {
-        return Err(error);
-    }
+    })?;
     let (samples, experiment) = found.map_err(|error| error.raise(py))?;
     let columns = |columns: Vec<(&'static str, Vec<f64>)>| {
         let all = PyDict::new(py);

@@ -1,7 +1,8 @@
 //! Studies: an experiment again and again, in parts that run anywhere.
 
 use crate::errors::{Raise, failed};
-use crate::watch::Watch;
+use crate::figures::as_json;
+use crate::watch::done;
 use kalmems::results::Output;
 use kalmems::rigs::published;
 use kalmems::study::{Shard, StudyError, StudyOptions, StudyPlan};
@@ -15,13 +16,10 @@ type Texts = (String, String, PathBuf);
 
 fn plan(py: Python<'_>, (study, experiment, path): &Texts) -> PyResult<StudyPlan> {
     StudyPlan::of_texts(published(), (study, Path::new("study.toml")), (experiment, path))
-        .map_err(|error| raised(py, error, None))
+        .map_err(|error| raised(py, error))
 }
 
-fn raised(py: Python<'_>, error: StudyError, watch: Option<&Watch>) -> PyErr {
-    if let Some(error) = watch.and_then(Watch::error) {
-        return error;
-    }
+fn raised(py: Python<'_>, error: StudyError) -> PyErr {
     match error {
         StudyError::Config(error) => error.raise(py),
         StudyError::Interrupted { .. } => PyKeyboardInterrupt::new_err(error.to_string()),
@@ -52,13 +50,12 @@ pub fn study_run(
     let Some(shard) = Shard::new(part, of) else {
         return Err(PyValueError::new_err(format!("there is no part {part} of {of}")));
     };
-    let watch = Watch::new(progress);
     let options = StudyOptions { shard, threads: threads.and_then(NonZero::new), force: false };
-    let progressed = py.detach(|| plan.run_all(&folder, options, &watch));
-    progressed.map(|progressed| progressed.journal).map_err(|error| raised(py, error, Some(&watch)))
+    let progressed = done(py, progress, move |watch| plan.run_all(&folder, options, watch))?;
+    progressed.map(|progressed| progressed.journal).map_err(|error| raised(py, error))
 }
 
-/// Joins journals and writes the results into a folder: the summary as JSON, as text, and the folder.
+/// Joins journals and writes the results into a folder: the summary as JSON, as text, the pictures of the report as data, and the folder.
 #[pyfunction]
 pub fn study_merge(
     py: Python<'_>,
@@ -66,16 +63,18 @@ pub fn study_merge(
     journals: Vec<PathBuf>,
     folder: PathBuf,
     force: bool,
-) -> PyResult<(String, String, PathBuf)> {
+) -> PyResult<(String, String, String, PathBuf)> {
     let plan = plan(py, &texts)?;
-    let merged = py.detach(|| {
+    let merged = done(py, None, move |watch| {
         let output = Output::begin(&folder, &plan.work().forced(force))?;
         let summary = plan.write_results(&journals, &output)?;
         let target = output.target().to_owned();
-        output.commit()?;
+        if !watch.is_stopped() {
+            output.commit()?;
+        }
         Ok((summary, target))
-    });
-    let (summary, target) = merged.map_err(|error| raised(py, error, None))?;
+    })?;
+    let (summary, target) = merged.map_err(|error| raised(py, error))?;
     let json = serde_json::to_string(&summary).map_err(|error| failed(py, &error))?;
-    Ok((json, summary.to_string(), target))
+    Ok((json, summary.to_string(), as_json(&summary.figures), target))
 }

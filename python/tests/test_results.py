@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import pickle
+import sys
 from pathlib import Path
 from shutil import copy
 from typing import Any
@@ -13,6 +15,7 @@ import pytest
 from conftest import EXAMPLES
 
 import kalmems
+from kalmems import _arrow
 
 
 @pytest.fixture(scope="module")
@@ -155,11 +158,113 @@ def test_trajectories_become_tables(result: kalmems.Result, tmp_path: Path) -> N
         pytest.skip("no library of tables is installed")
 
 
+def test_other_libraries_take_a_trajectory_without_a_copy(scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]) -> None:
+    result = scanner.replace({"recording[0].reference": None}).estimate(kalmems.Recording(recorded))
+    ekf, done = result["EKF"], 0
+    angle, columns, held = ekf.angle.copy(), list(ekf.columns()), len(_arrow._held)
+    # A stream that nobody takes is released with its capsule.
+    capsule = ekf.__arrow_c_stream__()
+    assert len(_arrow._held) > held
+    del capsule
+    assert len(_arrow._held) == held
+    for name in ("pyarrow", "polars", "duckdb"):
+        try:
+            module = __import__(name)
+        except ImportError:
+            continue
+        done += 1
+        if name == "pyarrow":
+            table = module.table(ekf)
+            assert table.equals(ekf.to_arrow())
+            assert table["angle_rad"].chunk(0).buffers()[1].address == ekf.angle.ctypes.data
+        elif name == "polars":
+            frame = module.DataFrame(ekf)
+            assert frame.columns == columns and np.array_equal(frame["angle_rad"].to_numpy(), angle)
+        else:
+            ((count, mean),) = module.sql("select count(*), avg(angle_rad) from ekf").fetchall()
+            assert count == len(angle) and mean == pytest.approx(angle.mean(), rel=1e-9)
+    if not done:
+        pytest.skip("no library of tables is installed")
+    # What a library has taken of it outlives the result, and is released with what it was made into.
+    if "pyarrow" in sys.modules:
+        alone = table["angle_rad"]
+        del table, ekf, result
+        gc.collect()
+        assert np.array_equal(alone.to_numpy(), angle)
+
+
 def test_a_result_is_drawn(result: kalmems.Result) -> None:
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
     axes = result.plot()
     assert axes.get_ylabel() == "angle (rad)" and len(axes.lines) == 3
+
+
+def test_the_figures_of_the_report_are_drawn(result: kalmems.Result) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    assert {"motion", "nis", "angle_error"} <= set(result.figure_names)
+    for name in result.figure_names:
+        axes = result.plot(figure=name)
+        (figure,) = [one for one in result._figures() if one["id"] == name]
+        assert len(axes) == len(figure["panels"])
+        for ax, panel in zip(axes, figure["panels"], strict=True):
+            kinds = [series["kind"] for series in panel["series"]]
+            lines = sum(len(series["data"]) for series in panel["series"] if series["kind"] == "line")
+            assert len(ax.lines) == lines + kinds.count("level") + kinds.count("points")
+            assert ax.get_legend_handles_labels()[1] == [series["label"] for series in panel["series"] if series["label"]]
+        matplotlib.pyplot.close("all")
+    # A line of the motion lies on the trajectory that it is drawn from.
+    (motion,) = [one for one in result._figures() if one["id"] == "motion"]
+    angle = next(panel for panel in motion["panels"] if panel["y"]["label"] == "angle")
+    drawn = next(series for series in angle["series"] if series["label"] == "EKF")
+    unit = {"rad": 1.0, "deg": np.degrees(1.0)}[angle["y"]["unit"]]
+    for time, value in drawn["data"][0][::50]:
+        sample = int(np.argmin(np.abs(result["EKF"].time - time)))
+        assert value == pytest.approx(unit * result["EKF"].angle[sample], abs=1e-9 * unit)
+    with pytest.raises(KeyError, match="'nis'"):
+        result.plot(figure="nothing")
+    with pytest.raises(ValueError, match="axes of its own"):
+        result.plot("angle", figure="nis")
+    assert pickle.loads(pickle.dumps(result)).figure_names == result.figure_names
+
+
+def test_what_is_simulated_and_what_it_is_for_is_drawn() -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    simulation = kalmems.Experiment.load(EXAMPLES / "shared_scanner/simulation.toml").replace({"simulate.duration": "2 ms"}).simulate()
+    axes = simulation.plot()
+    assert [ax.get_ylabel() for ax in axes][:2] == ["drive (V)", "cap (V)"]
+    assert "samples of time_s" in simulation._repr_html_() and "samples of time_s" in simulation.recording()._repr_html_()
+    image = kalmems.image(EXAMPLES / "shared_scanner/image.toml")
+    assert image.plot().images[0].get_array().shape == image.values.shape
+
+
+@pytest.mark.filterwarnings("ignore::kalmems.VerdictWarning")
+def test_quantities_of_pint_are_numbers_with_their_units(scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]) -> None:
+    pint = pytest.importorskip("pint")
+    of = pint.UnitRegistry()
+    plain = scanner.estimate(kalmems.Recording(recorded))
+    quantities = {
+        "time_s": of.Quantity(1e6 * recorded["time_s"], "us"),
+        "drive_V": of.Quantity(recorded["drive_V"], "V"),
+        "cap_V": of.Quantity(1e3 * recorded["cap_V"], "mV"),
+    }
+    other = scanner.estimate(kalmems.Recording(quantities))
+    assert np.allclose(other["EKF"].angle, plain["EKF"].angle, atol=1e-9)
+    changed = scanner.replace(
+        {
+            "estimate.skip": of.Quantity(8.5, "ms"),
+            "device.shared_scanner.resonator.stiffness": of.Quantity(1.1e-4, "N*m/rad"),
+            "device.shared_scanner.resonator.damping": of.Quantity(np.float64(5.95e-12), "N*m*s/rad"),
+        }
+    )
+    document = changed.to_dict()
+    assert document["estimate"]["skip"] == "8.5 ms"
+    assert document["device"]["shared_scanner"]["resonator"]["stiffness"] in ("0.00011 N m/rad", "0.00011 m N/rad")
+    with pytest.raises(kalmems.ExperimentError) as error:
+        scanner.replace({"estimate.skip": of.Quantity(8, "mm")})
+    assert error.value.key == "estimate.skip"
 
 
 def test_a_wrong_stiffness_is_diagnosed_and_corrected(scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import resource
-import signal
 import subprocess
 import sys
 import threading
@@ -30,58 +29,6 @@ def long_recording(recorded: dict[str, np.ndarray], times: int) -> kalmems.Recor
             "cap_V": np.tile(recorded["cap_V"], times),
         }
     )
-
-
-@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no timers of signals")
-def test_an_interruption_ends_the_work_soon(scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]) -> None:
-    recording = long_recording(recorded, 40)
-    for after_s in (0.05, 0.4):
-        came = []
-
-        def interrupt(*_: object) -> None:
-            came.append(time.monotonic())
-            raise KeyboardInterrupt
-
-        before = signal.signal(signal.SIGALRM, interrupt)
-        signal.setitimer(signal.ITIMER_REAL, after_s)
-        try:
-            with pytest.raises(KeyboardInterrupt):
-                scanner.estimate(recording)
-            ended = time.monotonic()
-        finally:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, before)
-        # Whoever else runs on this machine takes time too.
-        assert came and ended - came[0] < 2.0
-
-
-def test_an_interruption_ends_the_evaluation(
-    scanner: kalmems.Experiment, recorded: dict[str, np.ndarray], truth: dict[str, np.ndarray]
-) -> None:
-    times = 20
-    rows = len(truth["time_s"])
-    reference = kalmems.Recording(
-        {
-            "time_s": np.round(np.arange(rows * times) * 1e-6, 9),
-            **{name: np.tile(values, times) for name, values in truth.items() if name != "time_s"},
-        }
-    )
-    stages: list[str] = []
-    sent: list[float] = []
-    # The command, which other tests run in this process, takes the signal for itself.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    def heard(what: str, done: int, total: int) -> None:
-        stages.append(what)
-        if what == "evaluating" and not sent:
-            assert done < total
-            sent.append(time.monotonic())
-            os.kill(os.getpid(), signal.SIGINT)
-
-    with pytest.raises(KeyboardInterrupt):
-        scanner.estimate(long_recording(recorded, times), reference=reference, progress=heard)
-    ended = time.monotonic()
-    assert stages[-1] == "evaluating" and ended - sent[0] < 1.0
 
 
 def test_progress_is_told_and_may_raise(scanner: kalmems.Experiment, recorded: dict[str, np.ndarray]) -> None:

@@ -6,6 +6,8 @@ import logging
 import os
 import pickle
 import signal
+import threading
+from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -20,7 +22,7 @@ from kalmems._kalmems import run_command
 STIFFNESS = "device.shared_scanner.resonator.stiffness"
 
 
-def made(repeats: int = 2) -> kalmems.Study:
+def made(repeats: int = 2, figures: Sequence[dict[str, str]] = ()) -> kalmems.Study:
     experiment = kalmems.Experiment.load(EXAMPLES / "shared_scanner/simulation.toml").replace(
         {
             "simulate.duration": "4 ms",
@@ -35,6 +37,7 @@ def made(repeats: int = 2) -> kalmems.Study:
         seed=1,
         truth={STIFFNESS: "1.10e-4 N m"},
         name="small",
+        figures=figures,
     )
 
 
@@ -57,6 +60,19 @@ def test_parts_in_any_order_and_twice_give_the_bytes_of_the_command(tmp_path: Pa
     (tmp_path / "study.toml").write_text(text)
     assert run_command(["kalmems", "study", str(tmp_path / "study.toml"), "--out", str(tmp_path / "command")]) == 0
     assert results(tmp_path / "command") == results(whole.folder)
+
+
+def test_the_figures_of_a_study_are_drawn(tmp_path: Path) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    figures = [{"metric": "errors.angle.rmse_deg", "against": "stiffness", "label": "angle RMSE"}]
+    result = made(figures=figures).run(tmp_path / "run")
+    (name,) = result.figure_names
+    (ax,) = result.plot()
+    assert ax is not None and len(ax.get_legend_handles_labels()[0]) >= 1
+    assert (result.folder / f"figures/{name}.svg").exists()
+    with pytest.raises(KeyError, match="it has none"):
+        made().run(tmp_path / "without").plot()
 
 
 def test_a_missing_part_is_named(tmp_path: Path) -> None:
@@ -99,6 +115,30 @@ def test_parts_of_workers_that_die_or_hang_are_given_out_again(tmp_path: Path) -
     assert results(run.folder) == results(study.run(tmp_path / "here").folder)
     assert {part for part, number in executor.given if number > 1} >= {1, 2}
     assert told[-1] == ("studying", 4, 4)
+
+
+class Lost(Future[bytes]):
+    """Done, on a worker that hangs since then."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.set_result(b"")
+
+    def result(self, timeout: float | None = None) -> bytes:
+        threading.Event().wait()
+        return b""
+
+
+def test_a_part_whose_result_lies_on_a_worker_that_hangs_is_given_out_again(tmp_path: Path) -> None:
+    class Forgetful(Unreliable):
+        def submit(self, function: Any, part: Any, number: int) -> Future[bytes]:
+            self.given.append((part.part, number))
+            return Lost() if (part.part, number) == (2, 1) else self.pool.submit(function, part, number)
+
+    study, executor = made(), Forgetful()
+    run = study.run(tmp_path / "run", executor=executor, parts=3, deadline=0.5)
+    assert results(run.folder) == results(study.run(tmp_path / "here").folder)
+    assert (2, 2) in executor.given
 
 
 def test_a_part_that_fails_each_time_is_told(tmp_path: Path) -> None:

@@ -17,3 +17,13 @@ pub const EXIT_CODE: u8 = 130;
 pub fn requested() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
 }
+
+/// Asks the command that runs to end, as an interruption by the system does.
+pub fn request() {
+    INTERRUPTED.store(true, Ordering::Relaxed);
+}
+
+/// Forgets that an earlier command was asked to end, where a process runs one after the other.
+pub fn forget() {
+    INTERRUPTED.store(false, Ordering::Relaxed);
+}

@@ -47,9 +47,27 @@ pub fn run(workbench: &Workbench) -> ExitCode {
     ExitCode::from(run_with(workbench, std::env::args_os()))
 }
 
-/// The same with these arguments, of which the first is the name of the program, in a program that is no other's; the exit code.
+/// The same with these arguments, of which the first is the name of the program, in a process that is the command's alone: it ends the process
+/// where an interruption is not followed soon. The exit code.
 pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     tell_of_unexpected_panics_alone();
+    run_arguments(workbench, arguments.into_iter().collect(), true)
+}
+
+/// The same in a process that handles interruptions itself and goes on afterwards: no handler of signals is set, and
+/// [`interrupt_command`] asks the command to end. One command at a time.
+pub fn run_within(workbench: &Workbench, arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    interrupt::forget();
+    run_arguments(workbench, arguments.into_iter().collect(), false)
+}
+
+/// Asks the command that [`run_within`] runs on another thread to end; it returns soon after.
+pub fn interrupt_command() {
+    interrupt::request();
+}
+
+/// Does what the arguments say, in a process that is the command's alone or not.
+fn run_arguments(workbench: &Workbench, arguments: Vec<OsString>, owns_process: bool) -> u8 {
     let arguments = match CommandLine::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(told) => {
@@ -60,7 +78,9 @@ pub fn run_with(workbench: &Workbench, arguments: impl IntoIterator<Item = OsStr
     };
     tell::set_quiet(arguments.quiet);
     #[cfg(not(target_family = "wasm"))]
-    interrupt::listen();
+    if owns_process {
+        interrupt::listen();
+    }
     let ending = match &arguments.command {
         #[cfg(feature = "parquet-results")]
         Command::Batch(arguments) => commands::batch::run(workbench, arguments),

@@ -49,5 +49,6 @@ pub use figure::{Axis, AxisScale, Figure, MapGrid, Panel, Series, SeriesRole, Sh
 pub use page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection};
 pub use record::Track;
 pub use significant::{number, significant, with_short_numbers};
+pub use style::SeriesStyle;
 pub use table::{ColumnHead, TextTable};
 pub use text::unit_sign;

@@ -1,7 +1,32 @@
 //! Colours and line widths. The colours are those of Okabe and Ito, which the colour-blind can tell apart.
 
-use crate::figure::{Series, SeriesRole, Shape};
+use crate::figure::{Panel, Series, SeriesRole, Shape};
 use crate::scene::{Colour, Stroke};
+
+/// How the pictures of this crate draw a series, for a program that draws it itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeriesStyle {
+    /// As in HTML, such as `#0072b2`.
+    pub colour: String,
+    /// The width of a line, in pixels of a picture that is 800 pixels wide.
+    pub width: f64,
+    /// Whether a line is dashed.
+    pub is_dashed: bool,
+    /// What has a lower number is drawn first.
+    pub layer: u8,
+}
+
+impl Panel {
+    /// How each series is drawn, in their order.
+    pub fn styles(&self) -> Vec<SeriesStyle> {
+        let of = |(series, colour): (&Series, Colour)| {
+            let Stroke { colour: Colour(red, green, blue), width, dashed } = stroke(series.role(), colour);
+            let colour = format!("#{red:02x}{green:02x}{blue:02x}");
+            SeriesStyle { colour, width, is_dashed: dashed, layer: layer(series) }
+        };
+        self.series.iter().zip(colours(&self.series)).map(of).collect()
+    }
+}
 
 pub(crate) const INK: Colour = Colour(0x22, 0x22, 0x22);
 pub(crate) const FAINT_INK: Colour = Colour(0x66, 0x66, 0x66);
@@ -150,6 +175,16 @@ mod tests {
 
     fn band(role: SeriesRole) -> Series {
         Series::band("band", role, [(0.0, 0.0, 1.0)])
+    }
+
+    #[test]
+    fn another_program_draws_a_panel_with_these_colours_and_widths() {
+        let axis = || crate::Axis::new("time", "s");
+        let panel = Panel::new(axis(), axis()).with(line(SeriesRole::Measured)).with(line(SeriesRole::Bound));
+        let styles = panel.styles();
+        assert_eq!((styles[0].colour.as_str(), styles[0].is_dashed), ("#999999", false));
+        assert_eq!((styles[1].colour.as_str(), styles[1].is_dashed), ("#cc79a7", true));
+        assert!(styles[0].layer < styles[1].layer && styles[0].width > styles[1].width);
     }
 
     #[test]

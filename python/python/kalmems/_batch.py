@@ -107,7 +107,7 @@ def _given(recordings: Many, scratch: Path) -> list[tuple[str, Path | None, _kal
     """Each recording by its name: its file, here, or its columns."""
     if isinstance(recordings, Mapping):
         return [
-            (name, None, one._native) if isinstance(one, Recording) else (name, _places.fetched(one, scratch), None)
+            (str(name), None, one._native) if isinstance(one, Recording) else (str(name), _places.fetched(one, scratch), None)
             for name, one in recordings.items()
         ]
     files = [recordings] if isinstance(recordings, (str, os.PathLike)) else list(recordings)

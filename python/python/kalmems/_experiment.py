@@ -203,7 +203,7 @@ class Experiment:
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        return f"<Experiment {self.name!r} of a {self.device}>"
+        return f"<Experiment {self.name!r}, device {self.device}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (Experiment._of, (self._text, self._path, self._has_lines))

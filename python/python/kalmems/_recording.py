@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _kalmems
+from ._units import is_quantity, spelled
 
 _POWERS = {"s": 0, "ms": -3, "us": -6, "ns": -9, "ps": -12, "fs": -15, "as": -18}
 
@@ -51,9 +53,8 @@ class Recording:
         self._native = self._handed_over()
 
     def _add(self, name: str, values: Any) -> None:
-        unit = getattr(values, "units", None)
-        if hasattr(values, "magnitude") and unit is not None:
-            self._units.setdefault(name, f"{unit:~}".replace(" ", ""))
+        if is_quantity(values):
+            self._units.setdefault(name, spelled(values.units) or "1")
             values = values.magnitude
         self._columns[name] = _plain(name, values)
 
@@ -92,6 +93,9 @@ class Recording:
             return view
         return np.ma.MaskedArray(values, missing)
 
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(repr(self)[1:-1])}</p>"
+
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
         return f"<Recording{name}: {len(self)} samples of {', '.join(self.columns)}>"
@@ -112,25 +116,31 @@ def _named(columns: Any) -> Iterator[tuple[str, Any]]:
     elif isinstance(columns, np.ndarray) and columns.dtype.names:
         for name in columns.dtype.names:
             yield name, columns[name]
-    elif hasattr(columns, "data_vars"):
+    else:
+        yield from _named_by_table(columns)
+
+
+def _named_by_table(table: Any) -> Iterator[tuple[str, Any]]:
+    """The columns of a table of another library."""
+    if hasattr(table, "data_vars"):
         # An xarray.Dataset, with its coordinates.
-        for name in (*columns.coords, *columns.data_vars):
-            yield str(name), columns[name].values
-    elif hasattr(columns, "column_names"):
+        for name in (*table.coords, *table.data_vars):
+            yield str(name), table[name].values
+    elif hasattr(table, "column_names"):
         # A pyarrow.Table.
-        for name in columns.column_names:
-            yield name, columns[name]
-    elif hasattr(columns, "columns"):
+        for name in table.column_names:
+            yield name, table[name]
+    elif hasattr(table, "columns"):
         # pandas or polars.
-        for name in columns.columns:
-            yield str(name), columns[name]
-    elif hasattr(columns, "__arrow_c_stream__"):
+        for name in table.columns:
+            yield str(name), table[name]
+    elif hasattr(table, "__arrow_c_stream__"):
         import pyarrow
 
-        yield from _named(pyarrow.table(columns))
+        yield from _named(pyarrow.table(table))
     else:
         raise TypeError(
-            f"columns of the type {type(columns).__name__}; expected a mapping of names to arrays, such as "
+            f"columns of the type {type(table).__name__}; expected a mapping of names to arrays, such as "
             '{"time_s": t, "cap_V": y}, or a table of pandas, polars, xarray or Arrow'
         )
 
@@ -144,8 +154,9 @@ def _plain(name: str, values: Any) -> tuple[Any, NDArray[np.bool_] | None]:
     elif hasattr(values, "is_null") and hasattr(values, "null_count"):
         # polars and Arrow.
         nulls = values.is_null()
-        count = values.null_count
-        if (count() if callable(count) else count) > 0:
+        count: Any = values.null_count
+        count = count() if callable(count) else count
+        if int(count) > 0:
             missing = np.asarray(nulls)
             values = values.fill_null(0)
     elif hasattr(values, "isna") and hasattr(values.dtype, "na_value"):

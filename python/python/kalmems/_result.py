@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _kalmems
+from . import _arrow, _kalmems
 from ._errors import KalmemsError
 from ._recording import Recording
 
@@ -165,7 +166,7 @@ class Trajectory:
         scipy.io.savemat(path, dict(self.columns()))
 
     def __arrow_c_stream__(self, requested_schema: Any = None) -> Any:
-        return self.to_arrow().__arrow_c_stream__(requested_schema)
+        return _arrow.stream(self.columns())
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__
@@ -217,6 +218,7 @@ class Result:
     def __init__(self, state: dict[str, Any]) -> None:
         self._outcome: _kalmems.Outcome | None = None
         self._report: str | None = None
+        self._drawn: list[dict[str, Any]] | None = None
         self.metrics: dict[str, Any] = state["metrics"]
         """The figures, as `metrics.json` has them."""
         self.notices: list[Notice] = state["notices"]
@@ -300,11 +302,30 @@ class Result:
         there is put aside."""
         return Path(self._native().write(Path(folder), trajectories, force))
 
-    def plot(self, state: str | None = None, *, ax: Any = None, band: float = 2.0) -> Any:
-        """Draws a state of all filters over time, each with its claim of `band` standard deviations (needs matplotlib); the axes."""
-        from ._plot import plot
+    def _figures(self) -> list[dict[str, Any]]:
+        """The figures of the report as data."""
+        drawn = self._drawn
+        if drawn is None:
+            drawn = self._drawn = list(json.loads(self._native().figure_data()))
+        return drawn
 
-        return plot(self, state, ax, band)
+    @property
+    def figure_names(self) -> list[str]:
+        """The figures of the report, for `plot(figure=…)`."""
+        return [str(figure["id"]) for figure in self._figures()]
+
+    def plot(
+        self, state: str | None = None, *, figure: str | None = None, ax: Any = None, band: float = 2.0
+    ) -> Any:
+        """Draws a state of all filters over time, each with its claim of `band` standard deviations, or a `figure` of the report by its name,
+        such as `"nis"` (needs matplotlib). Returns the axes: of a figure an array of them, from top to bottom."""
+        from . import _plot
+
+        if figure is None:
+            return _plot.plot(self, state, ax, band)
+        if state is not None or ax is not None:
+            raise ValueError("a figure of the report has states and axes of its own; leave `state` and `ax` out")
+        return _plot.draw(_plot.chosen(self._figures(), figure))
 
     def __repr__(self) -> str:
         return f"<Result of {self.metrics['experiment']!r}>\n{self._summary}"
@@ -314,7 +335,8 @@ class Result:
         colours = {"failure": "#b00020", "warning": "#9a5b00", "note": "#555555", "ok": "#1b6e3c"}
         for notice in self.notices:
             colour = colours.get(notice.severity, "#555555")
-            parts.append(f'<p style="color:{colour};margin:2px 0">{html.escape(notice.text)}</p>')
+            text = re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(notice.text))
+            parts.append(f'<p style="color:{colour};margin:2px 0">{text}</p>')
         for heads, rows in self._tables:
             head = "".join(f"<th>{html.escape(text)}</th>" for text in heads)
             body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
@@ -430,6 +452,15 @@ class Simulation:
         """Estimates it, and compares with the truth; options as in `Experiment.estimate`."""
         return self.experiment.estimate(self.recording(), reference=self.reference(), **options)
 
+    def plot(self) -> Any:
+        """Draws each column over time, with what is recorded above and the true motion below (needs matplotlib); the axes."""
+        from ._plot import columns
+
+        return columns(self.recorded, self.truth)
+
     def __repr__(self) -> str:
         columns = ", ".join((*self.recorded, *self.truth))
         return f"<Simulation: {len(next(iter(self.recorded.values())))} samples of {columns}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(repr(self)[1:-1])}</p>"

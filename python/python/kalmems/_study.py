@@ -17,6 +17,10 @@ from ._executor import finished
 if TYPE_CHECKING:
     from ._experiment import Experiment
 
+PARTS = 32
+"""Parts of a study on an executor where their number is left out: so many that no worker waits long for the last part of another, and so few
+that the fixed cost of a part does not matter."""
+
 Progress: TypeAlias = "Callable[[str, int, int], object] | None"
 
 
@@ -50,15 +54,16 @@ class Study:
         """Runs the study and writes its results into a folder; what is finished stays in a journal beside it, and the same call goes on from there.
 
         With an `executor` that has `submit`, such as one of `concurrent.futures` or a client of Dask distributed, its workers run as many `parts`,
-        each on one thread, and the results are those of a run here to the last byte. Where no part is finished for `deadline` s, those that are
-        missing are given out again, since a worker may hang; whichever comes first counts, and both say the same. Left out, that is ten times
-        the longest that one was waited for, and at least a minute. `progress` hears how many parts are finished.
+        each on one thread: 32 where that is left out; 16 or more for each worker keep all of them busy to the end. The results are those of a run
+        here to the last byte. Where no part is finished for `deadline` s, those that are missing are given out again, since a worker may hang;
+        whichever comes first counts, and both say the same. Left out, that is ten times the longest that one was waited for, and at least a minute.
+        `progress` hears how many parts are finished.
         """
         folder = Path(folder)
         if executor is None:
             journal = _kalmems.study_run(self._texts, folder, 1, 1, threads, progress)
             return self._merged([journal], folder, force)
-        count = min(parts if parts is not None else 32, self.runs)
+        count = min(parts if parts is not None else PARTS, self.runs)
         return self.merge(finished(executor, self.parts(count), deadline, progress), folder, force=force)
 
     def merge(
@@ -77,8 +82,8 @@ class Study:
             return self._merged(journals, Path(folder), force)
 
     def _merged(self, journals: Sequence[Path], folder: Path, force: bool) -> StudyResult:
-        told, text, target = _kalmems.study_merge(self._texts, list(journals), folder, force)
-        return StudyResult(Path(target), json.loads(told), text)
+        told, text, figures, target = _kalmems.study_merge(self._texts, list(journals), folder, force)
+        return StudyResult(Path(target), json.loads(told), text, json.loads(figures))
 
     def __repr__(self) -> str:
         return f"<Study {self.name!r}: {self.runs} runs of {self.points} points>"
@@ -108,7 +113,8 @@ class Part:
 class StudyResult:
     """What came of a study, in a folder."""
 
-    def __init__(self, folder: Path, summary: dict[str, Any], text: str) -> None:
+    def __init__(self, folder: Path, summary: dict[str, Any], text: str, figures: list[dict[str, Any]]) -> None:
+        self._figures = figures
         self.folder = folder
         """`results.csv` has all figures of all runs, `report.html` shows them."""
         self.summary = summary
@@ -130,6 +136,17 @@ class StudyResult:
         import polars
 
         return polars.read_csv(self.folder / "results.csv", infer_schema_length=None)
+
+    @property
+    def figure_names(self) -> list[str]:
+        """The figures of the report, which `figures=` of the study asked for."""
+        return [str(figure["id"]) for figure in self._figures]
+
+    def plot(self, figure: str | None = None) -> Any:
+        """Draws a figure of the report, the first where no name is given (needs matplotlib); its axes, from top to bottom."""
+        from . import _plot
+
+        return _plot.draw(_plot.chosen(self._figures, figure if figure is not None else next(iter(self.figure_names), "")))
 
     def __repr__(self) -> str:
         return f"{self._text}\nin {self.folder}"

@@ -21,14 +21,14 @@ Numbers = NDArray[np.float64]
 Progress: TypeAlias = "Callable[[str, int, int], object] | None"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Told:
     metrics: dict[str, Any] = field(repr=False)
     """The figures, as the command writes them."""
     text: str = field(repr=False)
     """The figures as text."""
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         return self.text
 
     def _repr_html_(self) -> str:
@@ -39,15 +39,26 @@ class Calibration(_Told):
     """The calibration of a gyroscope, with its budget of uncertainty."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Image(_Told):
     """An image that was put together along a trajectory."""
 
     values: Numbers
     """Intensities, row after row from the top."""
 
+    def plot(self, *, ax: Any = None) -> Any:
+        """Draws it (needs matplotlib); the axes."""
+        import matplotlib.pyplot as plt
 
-@dataclass(frozen=True, eq=False)
+        if ax is None:
+            _, ax = plt.subplots(layout="constrained")
+        ax.imshow(self.values, cmap="gray", interpolation="nearest")
+        ax.set_xlabel("column")
+        ax.set_ylabel("row")
+        return ax
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Spectrum(_Told):
     """A spectrum along estimated positions."""
 
@@ -56,6 +67,19 @@ class Spectrum(_Told):
     values: Numbers
     sd: Numbers | None
     """The standard error by the differences of the scans, where there are several."""
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Draws it, with its standard error where that is known (needs matplotlib); the axes."""
+        import matplotlib.pyplot as plt
+
+        if ax is None:
+            _, ax = plt.subplots(figsize=(8, 3.2), layout="constrained")
+        ax.plot(self.wavenumber, self.values, linewidth=1)
+        if self.sd is not None:
+            ax.fill_between(self.wavenumber, self.values - self.sd, self.values + self.sd, alpha=0.25, linewidth=0)
+        ax.set_xlabel("wavenumber (1/m)")
+        ax.set_ylabel("spectrum")
+        return ax
 
 
 def calibrate(path: str | os.PathLike[str], *, progress: Progress = None) -> Calibration:

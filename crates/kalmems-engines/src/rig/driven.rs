@@ -317,7 +317,7 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
         segment.require_usable_signals(&[signal_column])?;
-        let data = DrivenSegment::of(&segment, drive_column, past)?;
+        let data = DrivenSegment::of(&segment, drive_column, past, self.progress)?;
         let drive = data.drive.first_sine().copied();
         let motion = match &drive {
             Some(sine) => MotionRate { frequency_hz: sine.frequency_hz, is_driven: true },

@@ -20,4 +20,4 @@ pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};
 pub use interval::{GAP, usual_interval};
 pub(crate) use sine::largest_line;
 pub use sine::least_squares;
-pub use sine::{Sine, fit_sine, fit_sine_at, fit_sine_near};
+pub use sine::{Sine, fit_sine, fit_sine_at, fit_sine_near, fit_sine_until};

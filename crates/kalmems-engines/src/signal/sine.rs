@@ -2,6 +2,7 @@
 //!
 //! Sines and arcs are those of `kalmems_core`, since those of platforms differ in the last digit.
 
+use crate::progress::Interruption;
 use kalmems_core::{Covariance, Ldl, Mat, Portable, Scalar};
 use realfft::RealFftPlanner;
 use std::borrow::Cow;
@@ -34,6 +35,16 @@ impl Sine {
         (cycles.ceil() - self.phase_rad / TAU) / self.frequency_hz
     }
 
+    /// The same with the root mean square of what it leaves of a signal.
+    fn with_residual(self, time_s: &[f64], y: &[f64]) -> Self {
+        let (mut sum, mut count) = (0.0, 0_usize);
+        for (t, v) in time_s.iter().zip(y).filter(|(_, v)| v.is_finite()) {
+            sum += (v - self.at(*t)).powi(2);
+            count += 1;
+        }
+        Self { residual_rms: (sum / count.max(1) as f64).sqrt(), ..self }
+    }
+
     /// Whether the sine explains the signal: less than 2 % of its amplitude is left.
     pub fn is_steady(&self) -> bool {
         self.residual_rms < 0.02 * self.amplitude
@@ -43,13 +54,7 @@ impl Sine {
 /// The sine of known frequency that fits best; samples that are not finite are passed over. `None` where fewer
 /// than three samples, or samples at too few phases, do not determine it.
 pub fn fit_sine_at(time_s: &[f64], y: &[f64], frequency_hz: f64) -> Option<Sine> {
-    // Times are taken from the middle, so that the phase is not multiplied by a large number.
-    let middle = middle(time_s)?;
-    let [offset, c, s] = least_squares(time_s, y, |t| {
-        let phase = TAU * frequency_hz * (t - middle);
-        [1.0, Scalar::cos(phase), Scalar::sin(phase)]
-    })?;
-    Some(finish(time_s, y, [offset, c, s], frequency_hz, middle))
+    fit_at(time_s, y, frequency_hz, &Interruption::never()).map(|sine| sine.with_residual(time_s, y))
 }
 
 /// The sine that fits a uniformly sampled signal best, its frequency included.
@@ -58,6 +63,11 @@ pub fn fit_sine_at(time_s: &[f64], y: &[f64], frequency_hz: f64) -> Option<Sine>
 /// steps over windows that grow fourfold, so that the phase stays known to a fraction of a cycle over any
 /// length. `None` where there is no line to start from or a fit does not settle.
 pub fn fit_sine(time_s: &[f64], y: &[f64], interval_s: f64) -> Option<Sine> {
+    fit_sine_until(time_s, y, interval_s, &Interruption::never())
+}
+
+/// The same, which gives nothing where it is stopped.
+pub fn fit_sine_until(time_s: &[f64], y: &[f64], interval_s: f64, stop: &Interruption) -> Option<Sine> {
     let n = time_s.len().min(y.len());
     let mut window = n.min(4096);
     // The last digits of a transform are the platform's, and would be those of the fit.
@@ -66,9 +76,9 @@ pub fn fit_sine(time_s: &[f64], y: &[f64], interval_s: f64) -> Option<Sine> {
     let mut frequency = f64::from(line) / interval_s;
     loop {
         let (t, v) = (&time_s[..window], &y[..window]);
-        frequency = refine(t, v, frequency)?;
+        frequency = refine(t, v, frequency, stop)?;
         if window == n {
-            return fit_sine_at(t, v, frequency);
+            return fit_at(t, v, frequency, stop).map(|sine| sine.with_residual(t, v));
         }
         window = (window * 4).min(n);
     }
@@ -77,18 +87,36 @@ pub fn fit_sine(time_s: &[f64], y: &[f64], interval_s: f64) -> Option<Sine> {
 /// The sine near a frequency that fits best, its frequency included; samples may be missing. `None` where the fit does not
 /// settle.
 pub fn fit_sine_near(time_s: &[f64], y: &[f64], frequency_hz: f64) -> Option<Sine> {
-    fit_sine_at(time_s, y, refine(time_s, y, frequency_hz)?)
+    fit_sine_at(time_s, y, refine(time_s, y, frequency_hz, &Interruption::never())?)
+}
+
+/// The sine of known frequency that fits best, without what it leaves.
+fn fit_at(time_s: &[f64], y: &[f64], frequency_hz: f64, stop: &Interruption) -> Option<Sine> {
+    // Times are taken from the middle, so that the phase is not multiplied by a large number.
+    let middle = middle(time_s)?;
+    let [offset, c, s] = least_squares_until(time_s, y, stop, |t| {
+        let phase = TAU * frequency_hz * (t - middle);
+        [1.0, Scalar::cos(phase), Scalar::sin(phase)]
+    })?;
+    let phase = (-s).portable_atan2(c) - TAU * frequency_hz * middle;
+    Some(Sine {
+        offset,
+        amplitude: c.portable_hypot(s),
+        frequency_hz,
+        phase_rad: phase - TAU * (phase / TAU).round(),
+        residual_rms: 0.0,
+    })
 }
 
 /// Gauss–Newton on the frequency, linear least squares on the rest (IEEE Std 1057).
-fn refine(time_s: &[f64], y: &[f64], start: f64) -> Option<f64> {
+fn refine(time_s: &[f64], y: &[f64], start: f64, stop: &Interruption) -> Option<f64> {
     let middle = middle(time_s)?;
     let span = time_s.last()? - time_s.first()?;
     let mut frequency = start;
     for _ in 0..30 {
-        let fit = fit_sine_at(time_s, y, frequency)?;
+        let fit = fit_at(time_s, y, frequency, stop)?;
         let phase = fit.phase_rad + TAU * frequency * middle;
-        let [_, _, _, change] = least_squares(time_s, y, |t| {
+        let [_, _, _, change] = least_squares_until(time_s, y, stop, |t| {
             let turn = TAU * frequency * (t - middle);
             let slope = -fit.amplitude * TAU * (t - middle) * Scalar::sin(turn + phase);
             [1.0, Scalar::cos(turn), Scalar::sin(turn), slope]
@@ -109,33 +137,31 @@ fn middle(time_s: &[f64]) -> Option<f64> {
     Some(time_s.first()?.midpoint(*time_s.last()?))
 }
 
-fn finish(time_s: &[f64], y: &[f64], [offset, c, s]: [f64; 3], frequency_hz: f64, middle: f64) -> Sine {
-    let phase = (-s).portable_atan2(c) - TAU * frequency_hz * middle;
-    let mut sine = Sine {
-        offset,
-        amplitude: c.portable_hypot(s),
-        frequency_hz,
-        phase_rad: phase - TAU * (phase / TAU).round(),
-        residual_rms: 0.0,
-    };
-    let (mut sum, mut count) = (0.0, 0_usize);
-    for (t, v) in time_s.iter().zip(y).filter(|(_, v)| v.is_finite()) {
-        sum += (v - sine.at(*t)).powi(2);
-        count += 1;
-    }
-    sine.residual_rms = (sum / count.max(1) as f64).sqrt();
-    sine
-}
-
 /// Linear least squares over the finite samples.
 pub fn least_squares<const P: usize>(
     time_s: &[f64],
     y: &[f64],
     basis: impl Fn(f64) -> [f64; P],
 ) -> Option<[f64; P]> {
+    least_squares_until(time_s, y, &Interruption::never(), basis)
+}
+
+/// The same, which gives nothing where it is stopped.
+fn least_squares_until<const P: usize>(
+    time_s: &[f64],
+    y: &[f64],
+    stop: &Interruption,
+    basis: impl Fn(f64) -> [f64; P],
+) -> Option<[f64; P]> {
     let mut normal = Mat::<f64, P, P>::zero();
     let mut right = [0.0; P];
-    for (t, v) in time_s.iter().zip(y).filter(|(_, v)| v.is_finite()) {
+    for (k, (t, v)) in time_s.iter().zip(y).enumerate() {
+        if stop.is_requested_at(k) {
+            return None;
+        }
+        if !v.is_finite() {
+            continue;
+        }
         let b = basis(*t);
         for i in 0..P {
             for j in 0..=i {

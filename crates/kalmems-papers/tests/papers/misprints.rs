@@ -38,7 +38,7 @@ fn with_own<F: Filter<f64, 2> + Clone + Send + 'static>(
     let recording = &outcome.recordings[0].recording;
     let (part, mut past) = (SegmentPart::whole(recording, &recording.segments()[0]), Past::default());
     let samples = SignalSegment::of(&part, ("cap_V", &kind::VOLTAGE), settings.skip_s, &mut past)?;
-    let data = DrivenSegment::of(&samples, "drive_V", &mut past)?;
+    let data = DrivenSegment::of(&samples, "drive_V", &mut past, &Silent)?;
     let (filter, past) = (&settings.filters[0], &mut FilterPast::default());
     let make = |mean, covariance| own(mean, covariance, filter.basics.points);
     estimate_segment_with(&settings, filter, &data, past, &samples.place, &Silent, make)

@@ -197,6 +197,7 @@ mod tests {
     use super::*;
     use crate::estimate::SampleSelection;
     use crate::estimate::driven::DrivePast;
+    use crate::progress::Interruption;
     use std::f64::consts::TAU;
 
     /// Largest errors of the middle of each interval, away from the ends, of this many samples per cycle.
@@ -206,8 +207,8 @@ mod tests {
         let values: Vec<f64> = (0..9000).map(|k| wave(f64::from(k))).collect();
         let mut past = DrivePast::default();
         past.foresees = true;
-        let input =
-            SegmentDrive::of(&time_s, &values, &SampleSelection::whole(time_s.len(), 1e-6), &mut past);
+        let samples = SampleSelection::whole(time_s.len(), 1e-6);
+        let input = SegmentDrive::of(&time_s, &values, &samples, &mut past, &Interruption::never());
         let ways =
             [Interpolation::Linear, Interpolation::Cubic, Interpolation::Sine, Interpolation::BandLimited];
         ways.map(|way| {

@@ -17,7 +17,7 @@ use crate::estimate::{
     RowsAround, SegmentEstimate, SegmentPart, Sensor, SignalSegment, StartedCourse, Trajectory, Transition,
     answers_of_bank, follow,
 };
-use crate::progress::Progress;
+use crate::progress::{Interruption, Progress};
 use kalmems_core::Nodes;
 use kalmems_equations::EquationError;
 
@@ -76,7 +76,11 @@ impl Estimator for EquationEstimator<'_> {
             let of = column_of.of(segment.segment);
             let kept = past.input(index);
             kept.foresees |= settings.own.between[index].needs_sine();
-            let drive = SegmentDrive::of(&segment.time_s, of, &samples, kept);
+            let stop = Interruption::by(self.progress);
+            let drive = SegmentDrive::of(&segment.time_s, of, &samples, kept, &stop);
+            if stop.is_requested() {
+                return Err(EstimateError::Interrupted);
+            }
             if let Some((first_s, count)) = drive.unknown() {
                 let (place, column) = (segment.place.clone(), (*column).to_owned());
                 return Err(EstimateError::DriveUnknown { place, column, count, first_s });

@@ -34,7 +34,7 @@ use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_
 use crate::export::{ExportError, ExportableFilter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress};
+use crate::progress::{Interruption, Progress, Silent};
 use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{SimulateError, Simulation};
@@ -161,7 +161,7 @@ impl Rig for SharedScannerRig {
         let ([drive, signal], mut past) = (columns(experiment, index)?, Past::default());
         let part = SegmentPart::whole(recording, first);
         let segment = SignalSegment::of(&part, (signal, &kind::VOLTAGE), skip_s, &mut past)?;
-        Ok(vec![DrivenSegment::of(&segment, drive, &mut past)?.first_drive_peak(skip_s)])
+        Ok(vec![DrivenSegment::of(&segment, drive, &mut past, &Silent)?.first_drive_peak(skip_s)])
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -240,7 +240,7 @@ impl Estimator for ScannerEstimator<'_> {
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
         segment.require_usable_signals(&[signal_column])?;
         past.drive.foresees = self.side_outputs.prediction.is_some();
-        let data = &DrivenSegment::of(&segment, drive_column, past)?;
+        let data = &DrivenSegment::of(&segment, drive_column, past, self.progress)?;
         let motion = data.motion(settings.hardware.natural_hz());
         segment.require_cycles(motion.frequency_hz)?;
         let (side_outputs, place) = (&self.side_outputs, &segment.place);

@@ -81,7 +81,7 @@ pub fn estimate(
 ///
 /// let (part, mut past) = (SegmentPart::whole(&recording, &recording.segments()[0]), Past::default());
 /// let samples = SignalSegment::of(&part, ("cap_V", &kind::VOLTAGE), settings.skip_s, &mut past)?;
-/// let data = DrivenSegment::of(&samples, "drive_V", &mut past)?;
+/// let data = DrivenSegment::of(&samples, "drive_V", &mut past, &Silent)?;
 /// let ekf = settings.filters.iter().find(|filter| filter.basics.key == "ekf").ok_or("no EKF")?;
 /// let past = &mut FilterPast::default();
 /// let found = estimate_segment_with(&settings, ekf, &data, past, "the example", &Silent, SquareRootEkf::new)?;

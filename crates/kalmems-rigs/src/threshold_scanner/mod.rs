@@ -235,7 +235,7 @@ impl Estimator for ThresholdEstimator<'_> {
         let (place, is_whole) = ((segment.place.as_str(), signal_column), segment.begins && segment.ends);
         // The flanks that tell of a crossing are the first to be clipped.
         segment.require_usable_signals(&[signal_column])?;
-        let data = DrivenSegment::of(&segment, drive_column, past)?;
+        let data = DrivenSegment::of(&segment, drive_column, past, self.progress)?;
         let drive_slope = slope(&data, &settings.hardware);
         let mut kept = kept(settings, &segment, past)?;
         let first = kept.first(&segment);

@@ -34,6 +34,9 @@ pub struct Summary {
     /// Of a calibration, what its runs say of the verdict and of the claims.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<StudyCalibrationSummary>,
+    /// The pictures of the report.
+    #[serde(skip)]
+    pub figures: Vec<Figure>,
 }
 
 /// Runs that failed for the same reason.
@@ -143,8 +146,9 @@ impl StudyPlan {
             failures,
             notes,
             calibration,
+            figures,
         };
-        let page = self.page(&summary, &header, figures).to_html()?;
+        let page = self.page(&summary, &header).to_html()?;
         output.write("report.html", |w| w.write_all(page.as_bytes()))?;
         output.write_run(&input_id, || {
             Ok(StudyRecord {
@@ -169,7 +173,7 @@ impl StudyPlan {
         }))
     }
 
-    fn page(&self, summary: &Summary, header: &JournalHeader, figures: Vec<Figure>) -> Page {
+    fn page(&self, summary: &Summary, header: &JournalHeader) -> Page {
         let mut result = PageSection::new("Verdict").part(PagePart::Verdict);
         for notice in summary.notices() {
             result = result.notice(notice.severity, notice.text);
@@ -177,7 +181,7 @@ impl StudyPlan {
         let result = result.paragraph(summary.in_short());
         let tables = summary.calibration.iter().flat_map(calibration::page_tables);
         let result = tables.fold(result, PageSection::table);
-        let pictures = figures.into_iter().fold(PageSection::new("Figures"), PageSection::figure);
+        let pictures = summary.figures.iter().cloned().fold(PageSection::new("Figures"), PageSection::figure);
         let how = PageSection::made(
             self.command(),
             &header.version,

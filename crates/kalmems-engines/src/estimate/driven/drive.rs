@@ -1,7 +1,8 @@
 //! The recorded drive, between its samples and where samples are missing.
 
 use crate::estimate::SampleSelection;
-use crate::signal::{Sine, cubic_between, fit_sine, fit_sine_near};
+use crate::progress::Interruption;
+use crate::signal::{Sine, cubic_between, fit_sine, fit_sine_near, fit_sine_until};
 use kalmems_core::Nodes;
 use std::cell::OnceCell;
 use std::ops::Range;
@@ -176,16 +177,24 @@ fn missing(time_s: &[f64], volts: &[f64], k: usize, interval_s: f64) -> usize {
 impl<'a> SegmentDrive<'a> {
     /// Takes all the samples of a segment and looks for a steady sine in them.
     pub fn new(time_s: &'a [f64], volts: &'a [f64], interval_s: f64) -> Self {
-        Self::of(time_s, volts, &SampleSelection::whole(time_s.len(), interval_s), &mut DrivePast::default())
+        let samples = SampleSelection::whole(time_s.len(), interval_s);
+        Self::of(time_s, volts, &samples, &mut DrivePast::default(), &Interruption::never())
     }
 
-    /// Takes the samples of a part of a segment; those that are new go on where the past left off.
-    pub fn of(time_s: &'a [f64], volts: &'a [f64], samples: &SampleSelection, past: &mut DrivePast) -> Self {
+    /// Takes the samples of a part of a segment; those that are new go on where the past left off. What it gives where it is stopped means
+    /// nothing.
+    pub fn of(
+        time_s: &'a [f64],
+        volts: &'a [f64],
+        samples: &SampleSelection,
+        past: &mut DrivePast,
+        stop: &Interruption,
+    ) -> Self {
         let (fresh, interval_s) = (&samples.fresh, samples.interval_s);
         let before = past.rows;
         if before == 0 {
             let fit = |rows: Range<usize>| {
-                fit_sine(&time_s[rows.clone()], &volts[rows], interval_s)
+                fit_sine_until(&time_s[rows.clone()], &volts[rows], interval_s, stop)
                     .filter(Sine::is_steady)
                     // What is left of a constant when its mean is taken off is rounding, and no drive.
                     .filter(|sine| sine.amplitude > 1e-12 * sine.offset.abs())

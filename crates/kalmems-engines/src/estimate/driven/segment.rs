@@ -5,6 +5,7 @@ use crate::estimate::{
     AngleAxis, EstimateError, LockInWindows, MotionRate, Past, SampleSelection, SegmentEstimate,
     SignalSegment, Trajectory,
 };
+use crate::progress::{Interruption, Progress};
 use crate::units::kind;
 
 /// Rows of a segment with a drive voltage, as the estimators see them.
@@ -37,15 +38,20 @@ impl<'a> DrivenSegment<'a> {
         }
     }
 
-    /// A part of a segment with the drive in this column; refused where the drive is not known throughout.
+    /// A part of a segment with the drive in this column; refused where the drive is not known throughout, and where it is stopped.
     pub fn of(
         segment: &'a SignalSegment<'a>,
         drive_column: &str,
         past: &mut Past,
+        progress: &dyn Progress,
     ) -> Result<Self, EstimateError> {
         let drive = segment.recording.column_of(drive_column, &kind::VOLTAGE)?.of(segment.segment);
         let samples = segment.samples();
-        let drive = SegmentDrive::of(&segment.time_s, drive, &samples, &mut past.drive);
+        let stop = Interruption::by(progress);
+        let drive = SegmentDrive::of(&segment.time_s, drive, &samples, &mut past.drive, &stop);
+        if stop.is_requested() {
+            return Err(EstimateError::Interrupted);
+        }
         if let Some((first_s, count)) = drive.unknown() {
             let (place, column) = (segment.place.clone(), drive_column.to_owned());
             return Err(EstimateError::DriveUnknown { place, column, count, first_s });

@@ -11,7 +11,7 @@ use crate::estimate::{
 };
 use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress};
+use crate::progress::{Interruption, Progress, Silent};
 use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
@@ -116,7 +116,7 @@ impl Rig for TwoAxesRig {
         let ([drive, signal], mut past) = (columns(experiment, index)?, Past::default());
         let part = SegmentPart::whole(recording, first);
         let segment = SignalSegment::of(&part, (signal, &kind::VOLTAGE), settings.skip_s, &mut past)?;
-        let data = DrivenSegment::of(&segment, drive, &mut past)?;
+        let data = DrivenSegment::of(&segment, drive, &mut past, &Silent)?;
         let tones = first_tones(&settings, &data, &mut past, &segment.place)?.tones;
         Ok(tones.map(|tone| tone.peak_after(data.scored_from(settings.skip_s))).to_vec())
     }
@@ -182,7 +182,7 @@ impl Estimator for TwoAxesEstimator<'_> {
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
         segment.require_usable_signals(&[signal_column])?;
-        let data = &DrivenSegment::of(&segment, drive_column, past)?;
+        let data = &DrivenSegment::of(&segment, drive_column, past, self.progress)?;
         let drive = first_tones(settings, data, past, &segment.place)?;
         let [x, y] = drive.motions();
         segment.require_cycles(x.1.frequency_hz.min(y.1.frequency_hz))?;
