@@ -113,12 +113,13 @@ fn of_recording(device: &str) -> String {
 
 fn recordings(text: &mut String, sorted: &SortedRecording, wanted: &DraftRequest) {
     let further = wanted.further.iter().map(|(role, path)| (role.key(), path.as_path()));
-    for (role, path) in std::iter::once(("test", wanted.recording)).chain(further) {
-        let _ = writeln!(
-            text,
-            "[[recording]]\nrole = \"{role}\"\nfile = {}",
-            quoted(&from_folder(path, wanted.folder))
-        );
+    for (place, (role, path)) in std::iter::once(("test", wanted.recording)).chain(further).enumerate() {
+        let _ = writeln!(text, "[[recording]]\nrole = \"{role}\"");
+        // Several recordings are told apart by their names.
+        if !wanted.further.is_empty() {
+            let _ = writeln!(text, "name = \"{role}-{}\"", place + 1);
+        }
+        let _ = writeln!(text, "file = {}", quoted(&from_folder(path, wanted.folder)));
         if let Some(column) = &sorted.inspection.segment_column {
             let _ = writeln!(text, "segments = {{ column = {} }}", quoted(column));
         }

@@ -1,6 +1,6 @@
 //! The files of a simulation.
 
-use super::{Output, OutputError, RunInfo, RunTiming};
+use super::{Output, OutputError, RunInfo, RunTiming, way_from};
 use crate::config::Experiment;
 use crate::progress::Progress;
 use crate::recording::RecordingSource;
@@ -86,7 +86,12 @@ pub fn write_simulation(
     })?;
     nested?;
     ended?;
-    let toml = described(experiment, simulation).to_toml().map_err(io::Error::other);
+    // Files that the device names, such as a measured curve, are read from where they are.
+    let moved = experiment.with_files(&|file| {
+        let there = experiment.resolve(file);
+        way_from(output.target(), &there).unwrap_or(there)
+    });
+    let toml = described(&moved, simulation).to_toml().map_err(io::Error::other);
     output.write("experiment.toml", |w| w.write_all(toml?.as_bytes()))?;
     let seed = experiment.simulate.as_ref().map_or(0, |simulate| simulate.seed);
     output.write_run(&input_id, || {
