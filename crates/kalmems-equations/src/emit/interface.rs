@@ -51,7 +51,11 @@ impl Interface {
             env!("CARGO_PKG_VERSION")
         )];
         heading.extend(request.heading.iter().cloned());
-        heading.push(format!("Sampling interval {:?} s, steps by {method}.", request.interval_s));
+        heading.push(if request.parts > 1 {
+            format!("Each prediction over {:?} s, by {method}.", request.interval_s)
+        } else {
+            format!("Sampling interval {:?} s, steps by {method}.", request.interval_s)
+        });
         heading.push(
             match program.widths {
                 Widths { mean: false, .. } => "Numbers have 32 bits.",

@@ -8,6 +8,7 @@
 
 mod c;
 mod error;
+mod example_program;
 mod filter;
 mod interface;
 mod laws;
@@ -80,6 +81,7 @@ impl Device {
     ///     name: "mass".to_owned(),
     ///     heading: vec!["Experiment `mass`.".to_owned()],
     ///     interval_s: 1e-4,
+    ///     parts: 1,
     ///     method: StepMethod::RungeKutta,
     ///     parameters: device.values(),
     ///     adjustable: vec![],

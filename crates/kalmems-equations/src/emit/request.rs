@@ -157,8 +157,10 @@ pub struct EmitRequest {
     pub name: String,
     /// Lines for the head of each file, such as the name and the checksum of an experiment.
     pub heading: Vec<String>,
-    /// T in s.
+    /// T in s, over which a prediction goes.
     pub interval_s: f64,
+    /// Predictions of one sample, the last of which is part of a step.
+    pub parts: usize,
     /// How a step is integrated.
     pub method: StepMethod,
     /// The values of all parameters in SI and in the device's order; those of `free` are not used.
@@ -191,6 +193,15 @@ impl EmitRequest {
         self.states.len() + self.free.len()
     }
 
+    /// What `interval_s` is.
+    pub(super) const fn name_of_interval(&self) -> &'static str {
+        if self.parts > 1 {
+            "The interval of a prediction, of which a sample takes several,"
+        } else {
+            "The sampling interval"
+        }
+    }
+
     /// Refuses what does not fit the device.
     pub(super) fn check(&self, device: &Device) -> Result<(), EmitError> {
         if RESERVED.contains(&self.name.as_str()) {
@@ -207,6 +218,9 @@ impl EmitRequest {
         }
         if !(self.interval_s > 0.0 && self.interval_s.is_finite()) {
             return Err(EmitError::request("interval_s", &self.interval_s, "a positive finite number"));
+        }
+        if self.parts == 0 {
+            return Err(EmitError::request("parts", &self.parts, "at least one prediction of a sample"));
         }
         let states = device.states().len();
         count("states", self.states.len(), states)?;

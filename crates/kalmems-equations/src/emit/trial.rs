@@ -1,10 +1,10 @@
-//! Programs around a filter: its test of itself, and one that reads samples.
+//! A filter's test of itself.
 
 use super::error::EmitError;
 use super::filter::FilterProgram;
 use super::interface::Interface;
 use super::request::{EmitLanguage, EmitRequest, TestSample, TestVectors};
-use super::{c, rust};
+use super::{c, example_program, rust};
 use crate::device::Device;
 use std::fmt::Write as _;
 
@@ -126,7 +126,7 @@ fn table(rows: &[Vec<f64>], [open, close]: [char; 2], language: EmitLanguage) ->
     Ok(text)
 }
 
-/// The files around a filter: its test of itself where it has vectors, and an example.
+/// The files around a filter: its test of itself where it has vectors, and a program that reads samples.
 pub(super) fn files(
     device: &Device,
     request: &EmitRequest,
@@ -134,8 +134,6 @@ pub(super) fn files(
     language: EmitLanguage,
 ) -> Result<Vec<(String, String)>, EmitError> {
     let interface = Interface::of(device, request, program);
-    let name = &request.name;
-    let arguments = interface.step.len() + interface.measured.len();
     let mut files = Vec::new();
     if let Some(vectors) = &request.vectors {
         let given = TestInputs::of(device, program, &interface, request, vectors);
@@ -154,23 +152,8 @@ pub(super) fn files(
             }
         }
     }
-    let has_test = request.vectors.is_some();
-    let columns: Vec<String> = interface.step.iter().chain(&interface.measured).cloned().collect();
-    let columns = if columns.is_empty() { "nothing".to_owned() } else { columns.join(", ") };
-    files.push(match language {
-        EmitLanguage::C => (
-            "main.c".to_owned(),
-            main_in_c(name, &interface, (arguments, request.size()), &columns, has_test),
-        ),
-        EmitLanguage::Rust => {
-            ("main.rs".to_owned(), main_in_rust(name, &interface, arguments, &columns, has_test))
-        }
-    });
+    files.push(example_program::file(device, (request, program), &interface, language));
     Ok(files)
-}
-
-fn indexed(count: usize, of: &str) -> String {
-    (0..count).map(|k| format!("{of}[{k}]")).collect::<Vec<_>>().join(", ")
 }
 
 type Vectors<'a> = (&'a TestInputs, &'a [Vec<f64>], &'a [f64]);
@@ -269,66 +252,4 @@ fn self_test_in_rust(
         tolerance = rust::float(vectors.tolerance)?
     );
     Ok((format!("{name}_self_test.rs"), text))
-}
-
-fn main_in_c(
-    name: &str,
-    interface: &Interface,
-    (arguments, states): (usize, usize),
-    columns: &str,
-    has_test: bool,
-) -> String {
-    let (include, test) = if has_test {
-        (
-            format!("#include \"{name}_self_test.h\"\n"),
-            format!(
-                "    float worst;\n    if (!{name}_self_test(&worst)) {{\n        \
-                 fprintf(stderr, \"the self-test failed: %g\\n\", (double)worst);\n        return 1;\n    }}\n"
-            ),
-        )
-    } else {
-        (String::new(), String::new())
-    };
-    let read: Vec<String> = (0..arguments).map(|k| format!("scanf(\"%f\", &given[{k}]) == 1")).collect();
-    format!(
-        "{comment}/* Reads samples, each the numbers {columns}, and writes the states in SI behind each. */\n\
-         #include \"{name}.h\"\n{include}#include <stdio.h>\n\nint main(void)\n{{\n    {name}_t filter;\n    float given[{arguments}];\n    \
-         unsigned k;\n{test}    {name}_start(&filter);\n    while ({read}) {{\n        (void){name}_step(&filter, {call});\n        \
-         for (k = 0; k < {states}U; k++) {{\n            printf(\"%.9g%c\", (double){name}_value(&filter, k), k + 1U < {states}U ? ' ' : '\\n');\n        \
-         }}\n    }}\n    return 0;\n}}\n",
-        comment = c::comment(&interface.heading),
-        read = read.join(" && "),
-        call = indexed(arguments, "given")
-    )
-}
-
-fn main_in_rust(
-    name: &str,
-    interface: &Interface,
-    arguments: usize,
-    columns: &str,
-    has_test: bool,
-) -> String {
-    let (module, test) = if has_test {
-        (
-            format!("mod {name}_self_test;\n"),
-            format!(
-                "    if let Err(worst) = {name}_self_test::self_test() {{\n        \
-                 eprintln!(\"the self-test failed: {{worst}}\");\n        std::process::exit(1);\n    }}\n"
-            ),
-        )
-    } else {
-        (String::new(), String::new())
-    };
-    format!(
-        "{comment}//!\n//! Reads samples, each the numbers {columns}, and writes the states in SI behind each.\n\n\
-         #[allow(dead_code)]\nmod {name};\n{module}use std::io::Read;\n\nfn main() {{\n{test}    \
-         let mut text = String::new();\n    if std::io::stdin().read_to_string(&mut text).is_err() {{\n        std::process::exit(2);\n    }}\n    \
-         let given: Vec<f32> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();\n    \
-         let mut filter = {name}::Filter::new();\n    for given in given.chunks_exact({arguments}) {{\n        \
-         let _ = filter.step({call});\n        let values = filter.values().map(|value| format!(\"{{value:e}}\"));\n        \
-         println!(\"{{}}\", values.join(\" \"));\n    }}\n}}\n",
-        comment = rust::comment(&interface.heading),
-        call = indexed(arguments, "given")
-    )
 }

@@ -119,6 +119,7 @@ fn case(
         name: name.to_owned(),
         heading: vec![format!("Equations `{name}`."), "sha256 of no experiment".to_owned()],
         interval_s,
+        parts: 1,
         method: StepMethod::Euler,
         parameters: device.values(),
         adjustable: vec![],

@@ -129,6 +129,7 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     let emitted = EmitRequest {
         heading,
         interval_s: each_s,
+        parts,
         method,
         parameters: own.values.clone(),
         adjustable: adjustable(experiment, request, own)?,

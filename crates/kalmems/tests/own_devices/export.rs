@@ -328,6 +328,63 @@ fn what_is_faster_than_the_samples_is_predicted_in_parts() {
     assert!(refused.unwrap_err().to_string().contains("unknown word `q`"));
 }
 
+/// The program that comes with a source reads a sample in each line, and takes the predictions that one needs.
+#[test]
+fn the_program_of_a_source_estimates_what_the_library_does_where_a_sample_takes_several_predictions() {
+    for (path, key, measured) in [
+        ("comb_resonator/experiment.toml", "ekf", ["drive", "signal"]),
+        ("thermal_mirror/experiment.toml", "ekf", ["drive", "signal"]),
+    ] {
+        let experiment = example(path);
+        let exported = export(&experiment, &request(SourceLanguage::C, "EKF")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        if compiled(&exported.files, folder.path()).is_none() {
+            return;
+        }
+        let main = file(&exported, "main.c");
+        assert!(main.contains("_predict(&filter"), "{main}");
+        let columns = main.split("each the numbers ").nth(1).unwrap().split(", and writes").next().unwrap();
+        let (recording, estimate) = estimated(&experiment);
+        let described = experiment.recording(0).unwrap();
+        let [drive, signal] = measured.map(|meaning| {
+            let (_, column) = described.channels.iter().find(|(own, _)| *own == meaning).unwrap();
+            &recording.column(column).unwrap().values
+        });
+        let mut input = String::new();
+        for k in 2..signal.len() - 1 {
+            // The middle of an interval by the cubic polynomial through the samples around it.
+            let middle = (9.0 * (drive[k - 1] + drive[k]) - drive[k - 2] - drive[k + 1]) / 16.0;
+            for column in columns.split(", ") {
+                let value = match column {
+                    start if start.ends_with("_start") => drive[k - 1],
+                    middles if middles.ends_with("_middle") => middle,
+                    end if end.ends_with("_end") => drive[k],
+                    _ => signal[k],
+                };
+                input += &format!("{value:e} ");
+            }
+            input.push('\n');
+        }
+        let given = folder.path().join("samples");
+        fs::write(&given, input).unwrap();
+        let program = std::process::Command::new(folder.path().join("program"));
+        let ran = { program }.stdin(fs::File::open(given).unwrap()).output().unwrap();
+        let first: Vec<f64> = (String::from_utf8(ran.stdout).unwrap().lines())
+            .map(|line| line.split(' ').next().unwrap().parse().unwrap())
+            .collect();
+        let trajectory = estimate.trajectories.iter().find(|trajectory| trajectory.key == key).unwrap();
+        let mean = &trajectory.states[0].mean;
+        assert_eq!(first.len(), mean.len() - 3);
+        // Behind the start, where the library has corrected by one sample more.
+        let half = mean.len() / 2;
+        let size = mean.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+        let pairs = mean[half..mean.len() - 1].iter().zip(&first[half - 2..]);
+        let worst = pairs.map(|(theirs, own)| (theirs - own).abs()).fold(0.0, f64::max) / size;
+        println!("{path}: {worst:e} of the largest value");
+        assert!(worst < 1e-3, "{path}: {worst:e}");
+    }
+}
+
 /// An oscillator whose passes of a place are recorded, with filters that they correct and filters with a constant gain.
 const OSCILLATOR: &str = r#"
 name = "oscillator"

@@ -22,8 +22,9 @@ pub(super) fn header(
         text,
         "#ifndef {upper}_H\n#define {upper}_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
          /* How many states there are:\n{} */\n#define {upper}_STATES {size}\n\n\
-         /* The sampling interval in s. */\n#define {upper}_INTERVAL_S {}\n\n",
+         /* {} in s. */\n#define {upper}_INTERVAL_S {}\n\n",
         interface.states(" * "),
+        request.name_of_interval(),
         float(request.interval_s)?
     );
     let _ = write!(

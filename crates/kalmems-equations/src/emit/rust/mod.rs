@@ -113,8 +113,9 @@ pub(super) fn files(
     let _ = write!(
         text,
         "\n/// How many states there are:\n///\n{}pub const STATES: usize = {size};\n\
-         /// The sampling interval in s.\npub const INTERVAL_S: f32 = {};\n",
+         /// {} in s.\npub const INTERVAL_S: f32 = {};\n",
         interface.states("/// "),
+        request.name_of_interval(),
         float(request.interval_s)?
     );
     let list = |values: &[f64]| -> Result<String, EmitError> {
