@@ -333,7 +333,7 @@ fn what_is_faster_than_the_samples_is_predicted_in_parts() {
 fn the_program_of_a_source_estimates_what_the_library_does_where_a_sample_takes_several_predictions() {
     for (path, key, measured) in [
         ("comb_resonator/experiment.toml", "ekf", ["drive", "signal"]),
-        ("thermal_mirror/experiment.toml", "ekf", ["drive", "signal"]),
+        ("thermal_mirror/experiment.toml", "ekf", ["drive", "bridge"]),
     ] {
         let experiment = example(path);
         let exported = export(&experiment, &request(SourceLanguage::C, "EKF")).unwrap();
