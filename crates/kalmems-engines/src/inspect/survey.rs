@@ -289,6 +289,9 @@ impl ColumnCounts {
     }
 }
 
+/// First words of the name of a column that is the time, beside `time` itself.
+const TIME_WORDS: [&str; 9] = ["t", "zeit", "temps", "tiempo", "tempo", "tijd", "sec", "seconds", "clock"];
+
 /// The column that is the time.
 #[derive(Clone, Copy)]
 struct Time {
@@ -315,7 +318,20 @@ impl Time {
             };
             return Some(Self { column, unit, reason });
         }
-        let (column, _, unit) = clocks().find(|(_, _, unit)| unit.calendar)?;
-        Some(Self { column, unit, reason: "it is the first whose cells are instants of the calendar" })
+        let is_word = |header: &ColumnHeader| {
+            let name = header.column.to_lowercase();
+            let first = name.split(|letter: char| !letter.is_alphanumeric()).next().unwrap_or_default();
+            TIME_WORDS.contains(&first)
+        };
+        let calendar = clocks().find(|(_, _, unit)| unit.calendar);
+        let word = || clocks().find(|(_, header, _)| is_word(header));
+        let first = || clocks().find(|(column, ..)| *column == 0);
+        let (found, reason) = match (calendar, word()) {
+            (Some(found), _) => (found, "it is the first whose cells are instants of the calendar"),
+            (None, Some(found)) => (found, "its name says it and ends with a unit of time"),
+            (None, None) => (first()?, "it is the first column and its name ends with a unit of time"),
+        };
+        let (column, _, unit) = found;
+        Some(Self { column, unit, reason })
     }
 }

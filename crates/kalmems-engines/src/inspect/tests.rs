@@ -45,6 +45,21 @@ fn a_file_of_two_records_as_json() {
 }
 
 #[test]
+fn the_column_of_times_is_found_by_its_unit_where_it_has_another_name() {
+    let with = |name: &str, other: &str| {
+        let rows: String = (0..200).map(|i| format!("{},{}\n", i, i % 7)).collect();
+        serde_json::to_value(inspected(&format!("{name},{other}\n{rows}")).unwrap()).unwrap()
+    };
+    for name in ["t_s", "Zeit_s", "sec_s", "abscissa_ms"] {
+        let found = with(name, "cap_V");
+        assert_eq!(found["time"], name);
+        assert_eq!(found["channels"].as_array().unwrap().len(), 1);
+    }
+    // A delay behind a signal is none.
+    assert!(with("cap_V", "delay_us")["time"].is_null());
+}
+
+#[test]
 fn a_file_without_time_and_with_holes_as_text() {
     let mut text = "sample_index,gyro_dps\n".to_owned();
     for i in 0..200 {
