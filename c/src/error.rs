@@ -142,7 +142,7 @@ impl From<DiagnoseError> for Failure {
             DiagnoseError::Config(error) => error.into(),
             DiagnoseError::Read(error) => error.into(),
             DiagnoseError::Interrupted => Self::interrupted(),
-            error @ DiagnoseError::Stops { .. } => Self::estimation(&error),
+            error @ (DiagnoseError::Stops { .. } | DiagnoseError::NoNoise { .. }) => Self::estimation(&error),
         }
     }
 }

@@ -97,7 +97,7 @@ impl Raise for DiagnoseError {
             Self::Config(error) => error.raise(py),
             Self::Read(error) => error.raise(py),
             Self::Interrupted => PyKeyboardInterrupt::new_err(()),
-            error @ Self::Stops { .. } => failed(py, error),
+            error @ (Self::Stops { .. } | Self::NoNoise { .. }) => failed(py, error),
         }
     }
 }

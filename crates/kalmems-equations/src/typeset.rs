@@ -140,6 +140,10 @@ fn expression(text: &ParsedText) -> String {
 
 /// A number with its unit behind it.
 fn number(text: &str) -> String {
+    // What is written in brackets stays so: a unit is raised with its number.
+    if let Some(inner) = text.strip_prefix('(').and_then(|inner| inner.strip_suffix(')')) {
+        return format!("({})", number(inner.trim()));
+    }
     let (digits, unit) = text.split_once('[').map_or((text, ""), |(digits, unit)| (digits.trim(), unit));
     let unit = unit.trim_end_matches(']').trim();
     let digits = match digits.split_once(['e', 'E']) {

@@ -1,6 +1,7 @@
 //! Equations as they are written by hand.
 
 use crate::common::example;
+use kalmems_equations::{Description, Device};
 
 #[test]
 fn the_published_devices_read_as_in_their_papers() {
@@ -9,4 +10,12 @@ fn the_published_devices_read_as_in_their_papers() {
     {
         insta::assert_snapshot!(name, example(name).typeset().join("\n"));
     }
+}
+
+#[test]
+fn a_number_that_is_written_in_brackets_with_its_unit_stays_in_them() {
+    let text = "states = { x = \"m\", v = \"m/s\" }\nderivative = { x = \"v\", v = \"-(10[1/s])^2*x\" }\nmeasure = { signal = \"x\" }\n";
+    let device = Device::of(&Description::read(text).unwrap()).unwrap();
+    let lines = device.typeset();
+    assert!(lines[1].contains("(10 1/s)²"), "{lines:?}");
 }

@@ -20,6 +20,15 @@ pub enum DiagnoseError {
         /// Its name.
         filter: String,
     },
+    /// With no noise that was tried can a filter be run.
+    #[error(
+        "the noise cannot be found from the recording: the filter `{filter}` stops, or refuses the recording, with every noise that was tried; \
+         write a value in place of `from_recording`, and `kalmems estimate` says why it stops"
+    )]
+    NoNoise {
+        /// Its name.
+        filter: String,
+    },
     /// The work was stopped from outside.
     #[error("interrupted")]
     Interrupted,

@@ -143,7 +143,7 @@ fn found(
                 best = if is_better { Some(found) } else { best };
             }
             Err(DiagnoseError::Stops { filter }) => {
-                refused = refused.or(Some(DiagnoseError::Stops { filter }));
+                refused = refused.or(Some(DiagnoseError::NoNoise { filter }));
             }
             Err(error) => return Err(error),
         }
@@ -154,7 +154,7 @@ fn found(
             Some(refused) => refused,
             None => TrialBench::of(workbench, &told, None)
                 .err()
-                .unwrap_or(DiagnoseError::Stops { filter: String::new() }),
+                .unwrap_or(DiagnoseError::NoNoise { filter: String::new() }),
         });
     };
     let (mut text, mut noises) = (raw.text().to_owned(), Vec::new());
