@@ -101,7 +101,7 @@ fn refused(error: DiagnoseError) -> IdentifyError {
         DiagnoseError::Config(error) => error.into(),
         DiagnoseError::Read(error) => error.into(),
         DiagnoseError::Interrupted => IdentifyError::Interrupted,
-        DiagnoseError::Stops { ref filter } => {
+        DiagnoseError::Stops { ref filter } | DiagnoseError::NoNoise { ref filter } => {
             IdentifyError::Unfit { recording: filter.clone(), why: error.to_string() }
         }
     }
