@@ -45,6 +45,7 @@ pub use identified_experiment::with_found_numbers;
 pub use invisible_parameters::ScaleNote;
 pub use likeliest::{identify, likeliest};
 #[cfg(feature = "parquet-results")]
+#[cfg(feature = "parquet-results")]
 pub(crate) use noise::leaves_noise_open;
 pub use noise::{FoundNoise, load_with_noise, noise_of_recording, with_noise};
 pub use paste::pasted;

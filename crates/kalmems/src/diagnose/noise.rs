@@ -101,6 +101,7 @@ pub fn noise_of_recording(
 }
 
 /// Whether an experiment leaves a noise to its recording.
+#[cfg(feature = "parquet-results")]
 pub(crate) fn leaves_noise_open(raw: &Experiment) -> Result<bool, ConfigError> {
     sought(raw).map(|sought| !sought.is_empty())
 }

@@ -41,6 +41,7 @@ pub use metrics::{
     DriveMetrics, EstimatorMetrics, FilterSelection, FindingText, Metrics, RecordingMetrics, SegmentMetrics,
 };
 pub use outlook::{draw_outlook, outlook_figures, outlook_page, write_outlook};
+#[cfg(feature = "parquet-results")]
 pub(crate) use pooled::PooledMetrics;
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
 pub(crate) use streamed::StreamTracks;
