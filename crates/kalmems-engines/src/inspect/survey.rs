@@ -325,7 +325,8 @@ impl Time {
         };
         let calendar = clocks().find(|(_, _, unit)| unit.calendar);
         let word = || clocks().find(|(_, header, _)| is_word(header));
-        let first = || clocks().find(|(column, ..)| *column == 0);
+        // A column alone is what was recorded, such as the phase of a clock.
+        let first = || clocks().find(|(column, ..)| *column == 0 && names.len() > 1);
         let (found, reason) = match (calendar, word()) {
             (Some(found), _) => (found, "it is the first whose cells are instants of the calendar"),
             (None, Some(found)) => (found, "its name says it and ends with a unit of time"),

@@ -14,7 +14,7 @@ fn the_published_devices_read_as_in_their_papers() {
 
 #[test]
 fn a_number_that_is_written_in_brackets_with_its_unit_stays_in_them() {
-    let text = "states = { x = \"m\", v = \"m/s\" }\nderivative = { x = \"v\", v = \"-(10[1/s])^2*x\" }\nmeasure = { signal = \"x\" }\n";
+    let text = "states = { x = \"m\", v = \"m/s\" }\nderivative = { x = \"v\", v = \"-(10[1/s])^2*x\" }\nmeasure = { signal = \"x in m\" }\n";
     let device = Device::of(&Description::read(text).unwrap()).unwrap();
     let lines = device.typeset();
     assert!(lines[1].contains("(10 1/s)²"), "{lines:?}");
