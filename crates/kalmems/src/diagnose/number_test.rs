@@ -46,7 +46,7 @@ pub(super) fn number_test(
     scores.uncertain = uncertain.iter().map(|direction| of_kept(direction)).collect();
     let deviations =
         (numbers.iter()).filter_map(|number| Some((number, scores.deviation(&of_kept(&number.slopes))?)));
-    let (number, Deviation { size, in_sd }) =
+    let (number, ScoreDeviation { size, in_sd }) =
         deviations.max_by(|a, b| a.1.in_sd.abs().total_cmp(&b.1.in_sd.abs()))?;
     let looks = numbers.len() as f64;
     let p_value = (looks * 2.0 * normal_tail(in_sd.abs())).min(1.0);
@@ -63,7 +63,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// By how much the innovations ask for another value.
-struct Deviation {
+struct ScoreDeviation {
     /// In the unit of the number.
     size: f64,
     /// In standard deviations of that.
@@ -98,7 +98,7 @@ impl Scores {
     }
 
     /// By the slopes of a number; `None` where it changes no prediction.
-    fn deviation(&self, slopes: &[f64]) -> Option<Deviation> {
+    fn deviation(&self, slopes: &[f64]) -> Option<ScoreDeviation> {
         let information = dot(slopes, slopes);
         let (mut of_gain, mut size_of_gain) = (0.0, 0.0);
         for (gain, asked) in &self.gains {
@@ -110,7 +110,7 @@ impl Scores {
         let beyond = (score.abs() - size_of_gain.sqrt()).max(0.0).copysign(score);
         let uncertain: f64 = self.uncertain.iter().map(|u| dot(slopes, u).powi(2)).sum();
         let in_sd = beyond / (information + uncertain).sqrt();
-        (information > 0.0).then(|| Deviation { size: score / information, in_sd })
+        (information > 0.0).then(|| ScoreDeviation { size: score / information, in_sd })
     }
 }
 
