@@ -92,7 +92,8 @@ fn in_parts(
         PartsError::Work(error) => of_work(&error),
         PartsError::Taken(error) => of_writing(error),
     })?;
-    let numbers = number_check(workbench, experiment, &bar).map_err(|e| of_work(&e))?;
+    let numbers =
+        number_check(workbench, experiment, &results.without_findings(), &bar).map_err(|e| of_work(&e))?;
     drop(bar);
     results.finish(&whole, (numbers, noise), RunInfo { started, took: clock.elapsed() }).map_err(of_writing)
 }

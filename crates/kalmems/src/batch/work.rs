@@ -134,8 +134,9 @@ fn estimate<W: Write + Send>(
             add(&mut file, &mut to, recording).map_err(PartsError::Taken)?;
         }
         finished(file).map_err(PartsError::Taken)?;
-        let numbers = number_check(workbench, experiment, progress)?;
-        return Ok(Metrics::of(&outcome).with_numbers(numbers).with_noise(noise));
+        let metrics = Metrics::of(&outcome);
+        let numbers = number_check(workbench, experiment, &metrics.without_findings(), progress)?;
+        return Ok(metrics.with_numbers(numbers).with_noise(noise));
     }
     let mut pooled = PooledMetrics::default();
     let whole = workflow::estimate_in_parts(workbench, experiment, progress, &mut |part: PartOutcome| {
@@ -144,7 +145,7 @@ fn estimate<W: Write + Send>(
     })?;
     finished(file).map_err(PartsError::Taken)?;
     let rig = workbench.rig(experiment)?;
-    let numbers = number_check(workbench, experiment, progress)?;
+    let numbers = number_check(workbench, experiment, &pooled.without_findings(), progress)?;
     Ok(pooled.finish((rig, experiment), &whole, (numbers, noise)))
 }
 

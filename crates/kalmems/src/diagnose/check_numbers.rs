@@ -26,14 +26,15 @@ pub struct NumberCheck {
     pub tests: Vec<(String, TestResult)>,
 }
 
-/// Checks the numbers that the filters of an experiment are told by the beginning of its recordings; nothing where the experiment does
-/// without (`check_numbers = false`).
+/// Checks the numbers that filters of an experiment are told, those with these names, by the beginning of its recordings; nothing where
+/// the experiment does without (`check_numbers = false`).
 pub fn check_numbers(
     workbench: &Workbench,
     experiment: &Experiment,
+    filters: &[String],
     progress: &dyn Progress,
 ) -> Result<NumberCheck, DiagnoseError> {
-    check(experiment, progress, &|name| {
+    check((experiment, filters), progress, &|name| {
         TrialBench::of(workbench, experiment, Some(name))?.with_files(ROWS, progress)
     })
 }
@@ -42,16 +43,16 @@ pub fn check_numbers(
 pub fn check_numbers_of(
     workbench: &Workbench,
     experiment: &Experiment,
-    recording: &SampledRecording,
+    (recording, filters): (&SampledRecording, &[String]),
     progress: &dyn Progress,
 ) -> Result<NumberCheck, DiagnoseError> {
-    check(experiment, progress, &|name| {
+    check((experiment, filters), progress, &|name| {
         TrialBench::of(workbench, experiment, Some(name))?.with_beginning(recording, ROWS)
     })
 }
 
 fn check<'a>(
-    experiment: &Experiment,
+    (experiment, names): (&Experiment, &[String]),
     progress: &dyn Progress,
     bench: &dyn Fn(&str) -> Result<TrialBench<'a>, DiagnoseError>,
 ) -> Result<NumberCheck, DiagnoseError> {
@@ -59,8 +60,9 @@ fn check<'a>(
     let filters = wanted.flat_map(|estimate| &estimate.filters);
     let (mut found, mut sound) = (NumberCheck::default(), Vec::new());
     for (place, filter) in filters.filter(|filter| is_judged(filter.method)).enumerate() {
+        let is_asked_for = names.iter().any(|name| *name == filter.name.as_str());
         let parameters = (&filter.states, &filter.readout);
-        if sound.contains(&parameters) {
+        if !is_asked_for || sound.contains(&parameters) {
             continue;
         }
         let bench = bench(filter.name.as_str())?;

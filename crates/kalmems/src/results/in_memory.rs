@@ -28,8 +28,9 @@ impl Estimated {
         progress: &dyn Progress,
     ) -> Result<Self, WorkflowError> {
         let outcome = workflow::estimate(workbench, experiment, progress)?;
-        let numbers = number_check(workbench, experiment, progress)?;
-        let metrics = Metrics::of(&outcome).with_numbers(numbers).with_noise(noise);
+        let metrics = Metrics::of(&outcome);
+        let numbers = number_check(workbench, experiment, &metrics.without_findings(), progress)?;
+        let metrics = metrics.with_numbers(numbers).with_noise(noise);
         Ok(Self { outcome, metrics })
     }
 
@@ -50,27 +51,29 @@ impl Estimated {
     }
 }
 
-/// What the beginning of the recordings says of the numbers, where they can be read again.
+/// What the beginning of the recordings says of the numbers that these filters are told, where they can be read again.
 pub fn number_check(
     workbench: &Workbench,
     experiment: &Experiment,
+    filters: &[String],
     progress: &dyn Progress,
 ) -> Result<NumberCheck, WorkflowError> {
     let can_be_read = |recording: &Recording| experiment.can_be_read(&recording.file);
     if !experiment.recordings.iter().all(can_be_read) {
         return Ok(NumberCheck::default());
     }
-    or_nothing(check_numbers(workbench, experiment, progress))
+    or_nothing(check_numbers(workbench, experiment, filters, progress))
 }
 
-/// The same by the first recording of an outcome.
+/// The same by the first recording of an outcome, of the filters in whose innovations no test finds anything.
 pub fn number_check_of(
     workbench: &Workbench,
-    outcome: &Outcome,
+    (outcome, metrics): (&Outcome, &Metrics),
     progress: &dyn Progress,
 ) -> Result<NumberCheck, WorkflowError> {
     let Some(first) = outcome.recordings.first() else { return Ok(NumberCheck::default()) };
-    or_nothing(check_numbers_of(workbench, &outcome.experiment, &first.recording, progress))
+    let work = (&first.recording, &metrics.without_findings()[..]);
+    or_nothing(check_numbers_of(workbench, &outcome.experiment, work, progress))
 }
 
 /// A check says nothing of what it cannot look at, such as filters whose innovations are not white when they are right.

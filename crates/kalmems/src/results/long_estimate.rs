@@ -160,6 +160,11 @@ impl<'a> LongEstimate<'a> {
         Ok(())
     }
 
+    /// The names of the filters in whose innovations no test has found anything so far.
+    pub fn without_findings(&self) -> Vec<String> {
+        self.pooled.without_findings()
+    }
+
     /// Writes what belongs to the whole, with what its beginning says of the numbers and what noises it told; the figures.
     pub fn finish(
         self,

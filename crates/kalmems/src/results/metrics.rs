@@ -345,6 +345,11 @@ impl Metrics {
         }
     }
 
+    /// The names of the filters in whose innovations no test finds anything in a recording.
+    pub fn without_findings(&self) -> Vec<String> {
+        without_findings(&self.recordings)
+    }
+
     /// The same with what the beginning of the recordings says of the numbers that the filters are told.
     #[must_use]
     pub fn with_numbers(mut self, numbers: NumberCheck) -> Self {
@@ -378,6 +383,23 @@ impl Metrics {
 pub(super) fn texts(findings: &[Finding]) -> Vec<FindingText> {
     let text = |finding: &Finding| FindingText { message: finding.to_string(), finding: finding.clone() };
     findings.iter().map(text).collect()
+}
+
+/// The names of the filters in whose innovations no test finds anything in one of these recordings, be the answer what a reference says or
+/// not.
+pub(super) fn without_findings(recordings: &[RecordingMetrics]) -> Vec<String> {
+    let all =
+        recordings.iter().flat_map(|recording| &recording.segments).flat_map(|segment| &segment.estimators);
+    let is_sound = |one: &&EstimatorMetrics| {
+        one.kind == TrajectoryKind::Filtered
+            && one.grade.is_some()
+            && one.verdict.is_of_an_estimate()
+            && one.failing().next().is_none()
+    };
+    let mut names: Vec<String> = all.filter(is_sound).map(|one| one.name.clone()).collect();
+    names.sort();
+    names.dedup();
+    names
 }
 
 /// Those of a segment, or of a part of one.

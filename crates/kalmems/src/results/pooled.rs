@@ -1,6 +1,6 @@
 //! The figures of recordings whose estimates come in parts.
 
-use super::metrics::{segment, texts};
+use super::metrics::{segment, texts, without_findings};
 use super::{Metrics, RecordingMetrics, SegmentMetrics};
 use crate::config::Experiment;
 use crate::diagnose::{FoundNoise, NumberCheck};
@@ -52,6 +52,11 @@ impl PooledMetrics {
     /// The present segment of a recording.
     pub(crate) fn segment(&self, recording: usize) -> Option<&SegmentMetrics> {
         self.recordings.get(recording)?.segments.last()
+    }
+
+    /// The names of the filters in whose innovations no test has found anything so far.
+    pub(crate) fn without_findings(&self) -> Vec<String> {
+        without_findings(&self.recordings)
     }
 
     /// The figures of the whole, with what its beginning says of the numbers and what noises it told.

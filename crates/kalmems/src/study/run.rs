@@ -120,7 +120,8 @@ impl StudyPlan {
         if self.calibration.is_none() {
             return Ok(metrics);
         }
-        Ok(metrics.with_numbers(number_check_of(&self.workbench, outcome, progress)?))
+        let numbers = number_check_of(&self.workbench, (outcome, &metrics), progress)?;
+        Ok(metrics.with_numbers(numbers))
     }
 
     /// The rows of a run, and in a calibration what it says of the claims of its filters.

@@ -168,8 +168,9 @@ impl Device {
     pub fn judged(&self, real: &[Setting], told: &[Setting], seed: u64) -> Option<Metrics> {
         let (told, simulated) = self.recorded(real, told, seed);
         let outcome = estimate_computed(published(), &told, &simulated, &Silent).ok()?;
-        let numbers = number_check_of(published(), &outcome, &Silent).unwrap();
-        Some(Metrics::of(&outcome).with_numbers(numbers))
+        let metrics = Metrics::of(&outcome);
+        let numbers = number_check_of(published(), (&outcome, &metrics), &Silent).unwrap();
+        Some(metrics.with_numbers(numbers))
     }
 
     /// The figures of several filters that are told different things, on one recording; without a check of their numbers.
