@@ -10,7 +10,6 @@ use kalmems_store::Output;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
-use std::io;
 use std::path::PathBuf;
 
 /// The files of an export, and what they say of themselves.

@@ -191,11 +191,11 @@ struct EstimateTiming {
 
 /// The files that an outcome is of.
 fn sources(outcome: &Outcome) -> Vec<&RecordingSource> {
-    let of = |recording: &'_ RecordingOutcome| {
+    let each = outcome.recordings.iter().flat_map(|recording| {
         let reference = recording.reference.as_ref().map(|r| r.recording().source());
         [Some(recording.recording.source()), reference].into_iter().flatten()
-    };
-    outcome.recordings.iter().flat_map(of).collect()
+    });
+    each.collect()
 }
 
 /// The record of a run on these inputs.

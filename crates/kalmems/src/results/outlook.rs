@@ -10,6 +10,7 @@ use kalmems_figures::{
     Axis, Figure, MapGrid, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole,
 };
 use kalmems_models::constants::STANDARD_GRAVITY;
+use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io;
