@@ -3,8 +3,8 @@
     pip install ./python filterpy numba && python python/benchmarks/filters.py
 
 Prints the processor's time of each, of all its threads together, in µs a step, by the fastest of several runs, how many times filterpy takes it, and the root mean square error of the scanner's
-angle. The estimate with verdict reads the experiment, finds out what is wrong with the recording, filters, tests the innovations and notes which
-numbers of the device the signal does not determine. Times are reported and gate nothing.
+angle. The estimate with verdict reads the experiment, finds out what is wrong with the recording, filters and tests the innovations, which show in
+this example that a number is wrong: the numbers are not checked one by one. Times are reported and gate nothing.
 """
 
 from __future__ import annotations

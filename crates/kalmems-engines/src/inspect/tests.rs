@@ -47,8 +47,9 @@ fn a_file_of_two_records_as_json() {
 #[test]
 fn the_column_of_times_is_found_by_its_unit_where_it_has_another_name() {
     let with = |name: &str, other: &str| {
-        let rows: String = (0..200).map(|i| format!("{},{}\n", i, i % 7)).collect();
-        serde_json::to_value(inspected(&format!("{name},{other}\n{rows}")).unwrap()).unwrap()
+        let mut text = format!("{name},{other}\n");
+        (0..200).for_each(|i| writeln!(text, "{i},{}", i % 7).unwrap());
+        serde_json::to_value(inspected(&text).unwrap()).unwrap()
     };
     for name in ["t_s", "Zeit_s", "sec_s", "abscissa_ms"] {
         let found = with(name, "cap_V");

@@ -108,11 +108,10 @@ fn in_c(request: &EmitRequest, interface: &Interface, numbers: &SampleNumbers, c
         (String::new(), String::new())
     };
     let call = |of: &str, arguments: Vec<String>| {
-        let arguments: String = arguments.iter().map(|argument| format!(", {argument}")).collect();
-        format!("(void){name}_{of}(&filter{arguments});\n")
+        let all: Vec<String> = std::iter::once("&filter".to_owned()).chain(arguments).collect();
+        format!("(void){name}_{of}({});\n", all.join(", "))
     };
-    let (mut about, mut helper, mut variable, mut steps) =
-        (String::new(), String::new(), String::new(), String::new());
+    let (mut about, mut helper, mut variable, mut steps) = (String::new(), "", "", String::new());
     if request.parts > 1 {
         let (parts, length) = (request.parts, 1.0 / request.parts as f64);
         let digits = |x: f64| c::float(x).unwrap_or_else(|_| format!("{x}F"));
@@ -120,10 +119,9 @@ fn in_c(request: &EmitRequest, interface: &Interface, numbers: &SampleNumbers, c
         if numbers.has_parabola() {
             helper = "/* A number between those at the start, the middle and the end, by a parabola. */\n\
                       static float between(float start, float middle, float end, float place)\n{\n    \
-                      return start + place * (4.0F * middle - 3.0F * start - end + 2.0F * place * (start - 2.0F * middle + end));\n}\n\n"
-                .to_owned();
+                      return start + place * (4.0F * middle - 3.0F * start - end + 2.0F * place * (start - 2.0F * middle + end));\n}\n\n";
         }
-        variable = "    unsigned part;\n".to_owned();
+        variable = "    unsigned part;\n";
         let predicted = numbers.arguments(&interface.predict, ("from", length), &digits);
         let from = if predicted.iter().any(|argument| argument.contains("from")) {
             format!("            const float from = (float)part * {};\n", digits(length))
@@ -170,7 +168,7 @@ fn in_rust(request: &EmitRequest, interface: &Interface, numbers: &SampleNumbers
         (String::new(), String::new())
     };
     let call = |of: &str, arguments: Vec<String>| format!("let _ = filter.{of}({});\n", arguments.join(", "));
-    let (mut about, mut helper, mut steps) = (String::new(), String::new(), String::new());
+    let (mut about, mut helper, mut steps) = (String::new(), "", String::new());
     if request.parts > 1 {
         let (parts, length) = (request.parts, 1.0 / request.parts as f64);
         let digits = |x: f64| rust::float(x).unwrap_or_else(|_| format!("{x}"));
@@ -178,8 +176,7 @@ fn in_rust(request: &EmitRequest, interface: &Interface, numbers: &SampleNumbers
         if numbers.has_parabola() {
             helper = "/// A number between those at the start, the middle and the end, by a parabola.\n\
                       fn between(start: f32, middle: f32, end: f32, place: f32) -> f32 {\n    \
-                      start + place * (4.0 * middle - 3.0 * start - end + 2.0 * place * (start - 2.0 * middle + end))\n}\n\n"
-                .to_owned();
+                      start + place * (4.0 * middle - 3.0 * start - end + 2.0 * place * (start - 2.0 * middle + end))\n}\n\n";
         }
         let predicted = numbers.arguments(&interface.predict, ("from", length), &digits);
         let (variable, from) = if predicted.iter().any(|argument| argument.contains("from")) {
