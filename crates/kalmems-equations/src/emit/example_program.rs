@@ -60,6 +60,24 @@ impl SampleNumbers {
         wanted.iter().filter_map(of).collect()
     }
 
+    /// What a sample hands to the predictions before its step, where it takes several, and to the step.
+    fn calls(
+        &self,
+        request: &EmitRequest,
+        interface: &Interface,
+        digits: &dyn Fn(f64) -> String,
+    ) -> (Option<PartCalls>, Vec<String>) {
+        if request.parts == 1 {
+            return (None, (0..self.count()).map(|k| format!("given[{k}]")).collect());
+        }
+        let length = 1.0 / request.parts as f64;
+        let arguments = self.arguments(&interface.predict, ("from", length), digits);
+        let asks_where = arguments.iter().any(|argument| argument.contains("from"));
+        let mut step = self.arguments(&interface.step, (&digits(1.0 - length), length), digits);
+        step.extend(self.measured());
+        (Some(PartCalls { count: request.parts - 1, length: digits(length), arguments, asks_where }), step)
+    }
+
     fn has_parabola(&self) -> bool {
         self.inputs.iter().any(|places| places.iter().all(Option::is_some))
     }
@@ -72,6 +90,16 @@ impl SampleNumbers {
     fn count(&self) -> usize {
         self.counts.iter().sum()
     }
+}
+
+/// The predictions before a step.
+struct PartCalls {
+    count: usize,
+    /// The length of each in parts of the interval between samples, as it is written.
+    length: String,
+    arguments: Vec<String>,
+    /// Whether they need to know in which part they are.
+    asks_where: bool,
 }
 
 /// The program, and the name of its file.
@@ -112,9 +140,9 @@ fn in_c(request: &EmitRequest, interface: &Interface, numbers: &SampleNumbers, c
         format!("(void){name}_{of}({});\n", all.join(", "))
     };
     let (mut about, mut helper, mut variable, mut steps) = (String::new(), "", "", String::new());
-    if request.parts > 1 {
-        let (parts, length) = (request.parts, 1.0 / request.parts as f64);
-        let digits = |x: f64| c::float(x).unwrap_or_else(|_| format!("{x}F"));
+    let digits = |x: f64| c::float(x).unwrap_or_else(|_| format!("{x}F"));
+    let (parts, step) = numbers.calls(request, interface, &digits);
+    if let Some(PartCalls { count, length, arguments, asks_where }) = parts {
         about = format!("/* {PARTS} */\n");
         if numbers.has_parabola() {
             helper = "/* A number between those at the start, the middle and the end, by a parabola. */\n\
@@ -122,26 +150,14 @@ fn in_c(request: &EmitRequest, interface: &Interface, numbers: &SampleNumbers, c
                       return start + place * (4.0F * middle - 3.0F * start - end + 2.0F * place * (start - 2.0F * middle + end));\n}\n\n";
         }
         variable = "    unsigned part;\n";
-        let predicted = numbers.arguments(&interface.predict, ("from", length), &digits);
-        let from = if predicted.iter().any(|argument| argument.contains("from")) {
-            format!("            const float from = (float)part * {};\n", digits(length))
-        } else {
-            String::new()
-        };
-        let _ = write!(
-            steps,
-            "        for (part = 0; part < {}U; part++) {{\n{from}            {}        }}\n",
-            parts - 1,
-            call("predict", predicted)
+        let from = format!("            const float from = (float)part * {length};\n");
+        let from = if asks_where { &*from } else { "" };
+        let predict = call("predict", arguments);
+        steps = format!(
+            "        for (part = 0; part < {count}U; part++) {{\n{from}            {predict}        }}\n"
         );
-        let last = digits(1.0 - length);
-        let mut stepped = numbers.arguments(&interface.step, (&last, length), &digits);
-        stepped.extend(numbers.measured());
-        let _ = write!(steps, "        {}", call("step", stepped));
-    } else {
-        let given = (0..count).map(|k| format!("given[{k}]")).collect();
-        let _ = write!(steps, "        {}", call("step", given));
     }
+    let _ = write!(steps, "        {}", call("step", step));
     let read: Vec<String> = (0..count).map(|k| format!("scanf(\"%f\", &given[{k}]) == 1")).collect();
     format!(
         "{comment}/* Reads samples, each the numbers {columns}, and writes the states in SI behind each. */\n{about}\
@@ -169,35 +185,21 @@ fn in_rust(request: &EmitRequest, interface: &Interface, numbers: &SampleNumbers
     };
     let call = |of: &str, arguments: Vec<String>| format!("let _ = filter.{of}({});\n", arguments.join(", "));
     let (mut about, mut helper, mut steps) = (String::new(), "", String::new());
-    if request.parts > 1 {
-        let (parts, length) = (request.parts, 1.0 / request.parts as f64);
-        let digits = |x: f64| rust::float(x).unwrap_or_else(|_| format!("{x}"));
+    let digits = |x: f64| rust::float(x).unwrap_or_else(|_| format!("{x}"));
+    let (parts, step) = numbers.calls(request, interface, &digits);
+    if let Some(PartCalls { count, length, arguments, asks_where }) = parts {
         about = format!("//! {PARTS}\n");
         if numbers.has_parabola() {
             helper = "/// A number between those at the start, the middle and the end, by a parabola.\n\
                       fn between(start: f32, middle: f32, end: f32, place: f32) -> f32 {\n    \
                       start + place * (4.0 * middle - 3.0 * start - end + 2.0 * place * (start - 2.0 * middle + end))\n}\n\n";
         }
-        let predicted = numbers.arguments(&interface.predict, ("from", length), &digits);
-        let (variable, from) = if predicted.iter().any(|argument| argument.contains("from")) {
-            ("part", format!("            let from = part as f32 * {};\n", digits(length)))
-        } else {
-            ("_", String::new())
-        };
-        let _ = write!(
-            steps,
-            "        for {variable} in 0..{} {{\n{from}            {}        }}\n",
-            parts - 1,
-            call("predict", predicted)
-        );
-        let last = digits(1.0 - length);
-        let mut stepped = numbers.arguments(&interface.step, (&last, length), &digits);
-        stepped.extend(numbers.measured());
-        let _ = write!(steps, "        {}", call("step", stepped));
-    } else {
-        let given = (0..count).map(|k| format!("given[{k}]")).collect();
-        let _ = write!(steps, "        {}", call("step", given));
+        let from = format!("            let from = part as f32 * {length};\n");
+        let (variable, from) = if asks_where { ("part", &*from) } else { ("_", "") };
+        let predict = call("predict", arguments);
+        steps = format!("        for {variable} in 0..{count} {{\n{from}            {predict}        }}\n");
     }
+    let _ = write!(steps, "        {}", call("step", step));
     format!(
         "{comment}//!\n//! Reads samples, each the numbers {columns}, and writes the states in SI behind each.\n{about}\n\
          #[allow(dead_code)]\nmod {name};\n{module}use std::io::Read;\n\n{helper}fn main() {{\n{test}    \
