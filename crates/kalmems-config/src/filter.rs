@@ -37,6 +37,10 @@ pub struct FilterTable {
     #[serde(default, skip_serializing_if = "Values::is_empty")]
     #[schemars(example = start_sd())]
     pub start_sd: Values,
+    /// About where the states are, of a device of one's own whose start comes from the signal: where its search begins, and, with
+    /// `start_sd`, what is known of them before, such as `{ amplitude = "0.4 mm" }`. At rest where a state is left out.
+    #[serde(default, skip_serializing_if = "Values::is_empty")]
+    pub start_about: Values,
     /// The power density of the process noise by state; what `[estimate]` says if left out.
     #[serde(default, skip_serializing_if = "Values::is_empty")]
     pub process_noise: Values,
@@ -55,8 +59,8 @@ pub struct FilterTable {
     /// How a filter of a threshold-sensing scanner takes the signal; `full` if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<Variant>,
-    /// The variance of a sample that a filter of a threshold-sensing scanner reckons with; the readout's if left out. A
-    /// larger one leaves the angle to the crossings where the comb's curve is not known well.
+    /// The variance that a filter of a threshold-sensing scanner, or of a device of one's own, takes a sample of its one signal for; that of
+    /// the noise if left out. A larger one leaves the angle to the crossings where the comb's curve is not known well.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"1 V^2")]
     pub signal_variance: Option<Quantity<VoltageVariance, Positive>>,

@@ -7,9 +7,12 @@ use crate::units::kind;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[allow(clippy::struct_excessive_bools)] // each is for keys of its own
 pub struct DeviceUses {
-    /// The keys about crossings of a threshold: `parts` and `crossings` of the estimate, `variant`, `signal_variance` and
-    /// `threshold` of a filter.
+    /// The keys about crossings of a threshold: `parts` and `crossings` of the estimate, `variant` and `threshold` of a filter.
     pub crossings: bool,
+    /// A filter's `signal_variance`.
+    pub signal_variance: bool,
+    /// A filter's `start_about`: its search for a start begins wherever the file says.
+    pub start_about: bool,
     /// The tables `events` of the estimate and of a filter: the device has events.
     pub events: bool,
     /// A filter's `channels`: the device has several signals.
@@ -52,6 +55,14 @@ impl DeviceUses {
             if let Some((method, why)) = refused {
                 let why = format!("the method `{}` is not for this device: {why}", method.word());
                 return refuse(key("method"), &why);
+            }
+            if !(self.start_about || filter.start_about.is_empty()) {
+                let why = "the start of this device is looked for without it; leave it out";
+                return refuse(key("start_about"), why);
+            }
+            if filter.signal_variance.is_some() && !self.signal_variance {
+                let why = "this device takes each sample for the noise that its readout states; leave it out";
+                return refuse(key("signal_variance"), why);
             }
             if let Some(readout) = &filter.readout {
                 if self.states_readout {
@@ -108,11 +119,7 @@ impl DeviceUses {
         let of_all = [("parts", estimate.parts.is_some()), ("crossings", estimate.crossings.is_some())];
         let of_all = of_all.into_iter().find(|(_, given)| *given).map(|(name, _)| at.clone().child(name));
         let of_filter = |(index, filter): (usize, &FilterTable)| {
-            let given = [
-                ("variant", filter.variant.is_some()),
-                ("signal_variance", filter.signal_variance.is_some()),
-                ("threshold", filter.threshold.is_some()),
-            ];
+            let given = [("variant", filter.variant.is_some()), ("threshold", filter.threshold.is_some())];
             let at = at.clone().child("filter").index(index);
             given.into_iter().find(|(_, given)| *given).map(|(name, _)| at.child(name))
         };

@@ -122,6 +122,8 @@ pub struct Description {
     pub derivative: Vec<NamedText>,
     /// What is measured, each expression with its unit behind `in`.
     pub measure: Vec<NamedText>,
+    /// What follows from the states and is wanted as well, each expression with its unit behind `in`.
+    pub quantities: Vec<NamedText>,
     /// The noise of a state's rate or of a measurement, by its name.
     pub noise: Vec<NamedText>,
     /// Curves through points.

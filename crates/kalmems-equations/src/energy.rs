@@ -46,6 +46,8 @@ pub struct StatePower {
 
 /// What is left of powers that cancel, beyond rounding.
 const CANCELLED: f64 = 1e-9;
+/// ln 10⁹: how far below its unit a state of unknown size may be.
+const DECADES: f64 = 20.723_265_836_946_414;
 /// Points at which the powers are computed.
 const POINTS: u32 = 200;
 
@@ -95,7 +97,8 @@ impl Device {
     /// Whether the equations keep the energy that the description states; `None` where it states none.
     ///
     /// `sizes` are those of the states, and `inputs` of the inputs, over which the points are spread; the values of the
-    /// parameters are varied about those of the description.
+    /// parameters are varied about those of the description. A state of size 0, which nobody knows, is spread over nine decades below its
+    /// unit in SI: a comb that is narrow on that scale would be met by no point else.
     ///
     /// # Errors
     ///
@@ -139,7 +142,11 @@ impl Device {
             let values: Vec<f64> =
                 self.values().iter().map(|value| value * chance.between(0.7, 1.4)).collect();
             let mut work = program.work(&values);
-            let mut x: Vec<f64> = sizes.iter().map(|size| size * chance.between(-1.0, 1.0)).collect();
+            let mut spread = |size: &f64| {
+                let size = if *size > 0.0 { *size } else { Scalar::exp(chance.between(-DECADES, 0.0)) };
+                size * chance.between(-1.0, 1.0)
+            };
+            let mut x: Vec<f64> = sizes.iter().map(&mut spread).collect();
             x.resize(self.states.len(), 0.0);
             let u = inputs
                 .iter()

@@ -217,11 +217,12 @@ pub enum EquationFault {
     /// Definitions that need each other.
     #[error("the definitions need each other: {0}")]
     Cycle(String),
-    /// `ddt` of something that depends on an input.
+    /// `ddt` of something that depends on the rate of an input.
     #[error(
-        "`ddt` needs the time derivative of the input `{input}`, which is not known; make that an input of its own and write the sum out"
+        "`ddt` needs the second time derivative of the input `{input}`, which samples of it do not tell; write the expression with one \
+         derivative of it at most"
     )]
-    RateOfInput {
+    RateOfRate {
         /// The input.
         input: String,
     },
@@ -246,8 +247,8 @@ pub enum EquationFault {
     /// A table, or an entry of it, that is missing.
     #[error("{0}")]
     Missing(String),
-    /// A measurement that does not depend on a state.
-    #[error("this measurement does not depend on a state, so that nothing can be estimated from it")]
+    /// A measurement, or a quantity, that does not depend on a state.
+    #[error("this does not depend on a state, so that nothing can be estimated from it")]
     Blind,
     /// A text that is too long.
     #[error("the text has {length} bytes; at most {limit} are read")]

@@ -6,7 +6,7 @@ use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
 
 /// The tables of a description, with the one value among them.
-const TABLES: [&str; 14] = [
+const TABLES: [&str; 15] = [
     "states",
     "inputs",
     "parameters",
@@ -14,6 +14,7 @@ const TABLES: [&str; 14] = [
     "functions",
     "derivative",
     "measure",
+    "quantities",
     "noise",
     "tables",
     "events",
@@ -92,6 +93,7 @@ impl Description {
             "functions" => &mut self.functions,
             "derivative" => &mut self.derivative,
             "measure" => &mut self.measure,
+            "quantities" => &mut self.quantities,
             "noise" => &mut self.noise,
             "events" => &mut self.events,
             _ => &mut self.cyclic,

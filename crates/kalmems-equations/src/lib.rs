@@ -59,6 +59,7 @@ mod quantity;
 mod readout;
 mod rest_state;
 mod syntax;
+mod table_end;
 mod typeset;
 
 pub use description::{CurveExtension, CurvePoints, Description, Follower, NamedText, TextPlace};
@@ -72,4 +73,5 @@ pub use error::{EquationError, EquationFault, EquationNotice};
 pub use modes::{Mode, modes, shape};
 pub use motion::{MOST_STATES, Motion};
 pub use program::ProgramNumbers;
-pub use readout::ReadoutProgram;
+pub use readout::{Reading, ReadoutProgram};
+pub use table_end::LeftTable;

@@ -1,4 +1,4 @@
-//! What is read of a device: measurements, events, and what follows from its parameters.
+//! What is read of a device: measurements, quantities, events, and what follows from its parameters.
 
 use crate::device::{Device, NoiseKind};
 use crate::error::{EquationError, EquationFault};
@@ -6,7 +6,31 @@ use crate::graph::{Graph, NodeId};
 use crate::motion::{MOST_STATES, padded, variables, whole};
 use crate::program::{Program, ProgramNumbers};
 
-/// One measurement, or the expression of one event, with its derivatives by the states.
+/// A readout with the numbers that it works on.
+#[derive(Clone, Debug)]
+pub struct Reading {
+    readout: ReadoutProgram,
+    work: ProgramNumbers,
+}
+
+impl Reading {
+    /// With these values of all parameters, in SI and in the device's order.
+    pub fn new(readout: ReadoutProgram, parameters: &[f64]) -> Self {
+        Self { work: readout.work(parameters), readout }
+    }
+
+    /// See [`ReadoutProgram::read`].
+    pub fn read(&mut self, x: &[f64], inputs: &[f64]) -> f64 {
+        self.readout.read(&mut self.work, x, inputs)
+    }
+
+    /// See [`ReadoutProgram::linearize`].
+    pub fn linearize(&mut self, x: &[f64], inputs: &[f64], slopes: &mut [f64]) -> f64 {
+        self.readout.linearize(&mut self.work, x, inputs, slopes)
+    }
+}
+
+/// One measurement, one quantity, or the expression of one event, with its derivatives by the states.
 ///
 /// Vectors are as those of [`Motion`](crate::Motion).
 #[derive(Clone, Debug)]
@@ -39,6 +63,17 @@ impl Device {
     pub fn event(&self, event: usize, free: &[usize]) -> Result<ReadoutProgram, EquationError> {
         let missing = || whole("events", EquationFault::Missing(format!("there is no event {}", event + 1)));
         self.readout_of(*self.crossings.get(event).ok_or_else(missing)?, free, "events")
+    }
+
+    /// A quantity, by its place, with these parameters as states.
+    ///
+    /// # Errors
+    ///
+    /// Where there is none, and where its derivatives are too large.
+    pub fn quantity(&self, quantity: usize, free: &[usize]) -> Result<ReadoutProgram, EquationError> {
+        let why = || format!("there is no quantity {}", quantity + 1);
+        let missing = || whole("quantities", EquationFault::Missing(why()));
+        self.readout_of(*self.followed.get(quantity).ok_or_else(missing)?, free, "quantities")
     }
 
     fn readout_of(&self, node: NodeId, free: &[usize], key: &str) -> Result<ReadoutProgram, EquationError> {

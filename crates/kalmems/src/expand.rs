@@ -16,9 +16,12 @@ pub struct Expanded {
 
 /// Keys of an estimate that are about a device's own ways.
 const OF_ESTIMATE: [&str; 4] = ["first_peak", "first_peak_y", "crossings", "parts"];
-/// Those of a filter.
-const OF_FILTER: [&str; 6] =
-    ["demodulator", "threshold", "variant", "signal_variance", "noise_memory", "known_acceleration"];
+/// Those of a filter whose meaning the equations have in themselves or as events.
+const OF_FILTER: [&str; 2] = ["demodulator", "threshold"];
+/// Those that make another filter of it, which equations do not have.
+const OTHER_FILTER: [&str; 3] = ["variant", "noise_memory", "known_acceleration"];
+/// The state of a readout's low-passes, which follow the others where they are lags.
+const LAGS: &str = "demodulator";
 /// Those of both that are written as events, where the device has them.
 const AS_EVENTS: [&str; 2] = ["crossings", "threshold"];
 /// Tables that go with a device's own identification, streams or simulation.
@@ -48,10 +51,25 @@ pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded
         }
     }
     recordings(&mut document, &wanted);
+    let training = experiment.identify.iter().flat_map(|identify| &identify.training);
+    let training: Vec<String> = training.map(|label| format!("`{label}`")).collect();
+    if !training.is_empty() {
+        notes.push(format!(
+            "Its rig leaves the records {} to the identification; here they are estimated like the others.",
+            training.join(", ")
+        ));
+    }
     references(&mut document, &expansion, &mut notes);
     estimate(&mut document, &expansion, &mut notes);
-    let (document, left_out) = keep_filters_that_run(workbench, experiment, &document, &expansion);
+    let (mut document, left_out) = keep_filters_that_run(workbench, experiment, &document, &expansion);
     notes.extend(left_out);
+    if let Some(why) = refused_simulation(workbench, experiment, &document, &expansion) {
+        notes.push(format!(
+            "Equations cannot be simulated by the table `[simulate]` as it stood ({why}): it is without an input here; write \
+             `[simulate.drive.inputs]`."
+        ));
+        leave_alone(&mut document, &expansion);
+    }
     Ok(Expanded { text: written(&document, &expansion, &notes), notes })
 }
 
@@ -76,25 +94,28 @@ fn recordings(document: &mut Table, wanted: &[usize]) {
     }
 }
 
-/// Leaves what references know of the states that the equations have.
+/// Leaves what references know of the states and the quantities that the equations have.
 fn references(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>) {
     let device: Table = expansion.text.parse().unwrap_or_default();
     let states = device.get("device").and_then(|device| device.get("equations")?.get("states")?.as_table());
-    let is_state = |name: &str| states.is_some_and(|states| states.contains_key(name));
+    let quantities =
+        device.get("device").and_then(|device| device.get("equations")?.get("quantities")?.as_table());
+    let is_answer = |name: &str| [states, quantities].iter().flatten().any(|table| table.contains_key(name));
     let Some(Value::Array(recordings)) = document.get_mut("recording") else { return };
     let mut left_out = BTreeSet::new();
     for recording in recordings.iter_mut().filter_map(Value::as_table_mut) {
         let channels = recording.get_mut("reference").and_then(|reference| reference.get_mut("channels"));
         let Some(channels) = channels.and_then(Value::as_table_mut) else { continue };
-        left_out.extend(channels.keys().filter(|name| !is_state(name)).cloned());
-        channels.retain(|name, _| is_state(name));
+        left_out.extend(channels.keys().filter(|name| !is_answer(name)).cloned());
+        channels.retain(|name, _| is_answer(name));
         if channels.is_empty() {
             recording.remove("reference");
         }
     }
     for name in left_out {
-        notes
-            .push(format!("References of `{name}` were left out: the equations have no state of that name."));
+        notes.push(format!(
+            "References of `{name}` were left out: the equations have no state and no quantity of that name."
+        ));
     }
 }
 
@@ -103,25 +124,26 @@ fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>
     let mut removed: Vec<&str> =
         OF_ESTIMATE.into_iter().filter(|key| estimate.remove(*key).is_some()).collect();
     rename_noise(estimate, expansion);
-    let mut found = false;
+    let mut own_sd = false;
     if let Some(Value::Array(filters)) = estimate.get_mut("filter") {
-        for (index, filter) in filters.iter_mut().filter_map(Value::as_table_mut).enumerate() {
-            removed.extend(OF_FILTER.into_iter().filter(|key| filter.remove(*key).is_some()));
-            rename_noise(filter, expansion);
-            rename_channels(filter, expansion);
-            if let Some(events) = expansion.filter_events.get(index).filter(|events| !events.is_empty()) {
-                filter.insert("events".to_owned(), Value::Table(events.clone()));
+        let mut index = 0..;
+        filters.retain_mut(|filter| {
+            let (Some(index), Some(filter)) = (index.next(), filter.as_table_mut()) else { return false };
+            if let Some(key) = OTHER_FILTER.into_iter().find(|key| is_other(filter, key)) {
+                let name = filter.get("name").and_then(Value::as_str).unwrap_or_default();
+                notes.push(format!("The filter `{name}` was left out: equations have none with `{key}`."));
+                return false;
             }
-            let from_signal = filter.get("start").is_none_or(Value::is_str);
-            // There it would say how far from rest the device is, and not how well its rig finds the start.
-            found |= from_signal && filter.remove("start_sd").is_some();
-        }
+            removed.extend(OF_FILTER.into_iter().filter(|key| filter.remove(*key).is_some()));
+            own_sd |= expand_filter(filter, index, expansion);
+            true
+        });
     }
     if !expansion.events.is_empty() {
         estimate.insert("events".to_owned(), Value::Table(expansion.events.clone()));
         removed.retain(|key| !AS_EVENTS.contains(key));
     }
-    if found {
+    if own_sd {
         notes.push(
             "A start from the signal says itself how good it is: `start_sd` was left out with `start = \"from_signal\"`.".to_owned(),
         );
@@ -132,6 +154,39 @@ fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>
         let keys: Vec<String> = removed.iter().map(|key| format!("`{key}`")).collect();
         notes.push(format!("Equations know nothing of {}: left out.", keys.join(", ")));
     }
+}
+
+/// Whether a key makes another filter of one; a variant that takes all of the signal does not.
+fn is_other(filter: &mut Table, key: &str) -> bool {
+    match filter.get(key).cloned() {
+        Some(Value::String(word)) if word == "full" => filter.remove(key).is_none(),
+        Some(Value::Boolean(false)) | None => false,
+        Some(_) => true,
+    }
+}
+
+/// One filter as one of equations; whether a `start_sd` was left out that its rig has for a start from the signal.
+fn expand_filter(filter: &mut Table, index: usize, expansion: &Expansion) -> bool {
+    rename_noise(filter, expansion);
+    rename_channels(filter, expansion);
+    for key in ["start", "start_sd"] {
+        if let Some(Value::Table(states)) = filter.get_mut(key) {
+            states.remove(LAGS);
+        }
+    }
+    if let Some(events) = expansion.filter_events.get(index).filter(|events| !events.is_empty()) {
+        filter.insert("events".to_owned(), Value::Table(events.clone()));
+    }
+    if !filter.get("start").is_none_or(Value::is_str) {
+        return false;
+    }
+    // There it would say how far from rest the device is, and not how well its rig finds the start.
+    let had_one = filter.remove("start_sd").is_some();
+    if let Some(Some([about, sd])) = expansion.filter_starts.get(index) {
+        filter.insert("start_about".to_owned(), Value::Table(about.clone()));
+        filter.insert("start_sd".to_owned(), Value::Table(sd.clone()));
+    }
+    had_one
 }
 
 fn rename_noise(table: &mut Table, expansion: &Expansion) {
@@ -151,6 +206,44 @@ fn rename_channels(filter: &mut Table, expansion: &Expansion) {
             *channel = Value::String(new.clone());
         }
     }
+}
+
+/// Why the equations cannot be simulated as the document says, where they cannot.
+fn refused_simulation(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    document: &Table,
+    expansion: &Expansion,
+) -> Option<String> {
+    document.get("simulate")?;
+    let parsed = workbench.parse(&written(document, expansion, &[]), experiment.path());
+    let simulated = parsed.and_then(|parsed| Ok((workbench.rig(&parsed)?, parsed)));
+    let fault = match simulated {
+        Ok((rig, parsed)) => rig.simulate(&parsed).err()?.to_string(),
+        Err(error) => error.to_string(),
+    };
+    // The line is one of a file that nobody has seen.
+    let (_, why) = fault.split_once(": ")?;
+    Some(why.replace('\n', " "))
+}
+
+/// What of a simulation is of any device.
+const OF_ANY_SIMULATION: [&str; 6] =
+    ["duration", "sampling_rate", "integration_rate", "start", "seed", "noise"];
+
+/// Leaves of the simulation what any device has, from where its states start, without an input.
+fn leave_alone(document: &mut Table, expansion: &Expansion) {
+    let device: Table = expansion.text.parse().unwrap_or_default();
+    let named = |table: &str| device.get("device")?.get("equations")?.get(table)?.as_table().cloned();
+    let (states, inputs) = (named("states").unwrap_or_default(), named("inputs").unwrap_or_default());
+    let Some(Value::Table(simulate)) = document.get_mut("simulate") else { return };
+    simulate.retain(|key, _| OF_ANY_SIMULATION.contains(&key));
+    if let Some(Value::Table(start)) = simulate.get_mut("start") {
+        start.retain(|state, _| states.contains_key(state));
+    }
+    let none: Table = inputs.keys().map(|input| (input.clone(), Value::from("none"))).collect();
+    let drive: Table = [("inputs".to_owned(), Value::Table(none))].into_iter().collect();
+    simulate.insert("drive".to_owned(), Value::Table(drive));
 }
 
 /// The document without the filters that equations refuse, and why they were left out.
@@ -176,7 +269,13 @@ fn keep_filters_that_run(
         let text = written(&with(vec![filter.clone()]), expansion, &[]);
         let runs = workbench.parse(&text, experiment.path()).and_then(|parsed| {
             let rig = workbench.rig(&parsed)?;
-            if parsed.recordings.is_empty() { Ok(()) } else { rig.wanted(&parsed).map(|_| ()) }
+            match rig.wanted(&parsed) {
+                // An experiment that is simulated first has no recording yet; all else is looked at before that.
+                Err(error) if parsed.recordings.is_empty() && error.place.key == Key::from("recording") => {
+                    Ok(())
+                }
+                wanted => wanted.map(|_| ()),
+            }
         });
         match runs {
             Ok(()) => kept.push(filter),

@@ -6,6 +6,7 @@ mod cli;
 mod columns;
 mod diagnosis;
 mod docs;
+mod expansion;
 mod from_recording;
 mod gaps;
 mod image;

@@ -15,6 +15,7 @@ use crate::progress::Progress;
 use crate::units::Kind;
 use kalmems_core::{FilterError, Innovation};
 use std::ops::{ControlFlow, Range};
+use std::rc::Rc;
 use std::time::Instant;
 
 /// What a filter meets on its way through one segment: how to get from one sample to the next, and what was
@@ -171,25 +172,59 @@ pub fn by_signals<S: Sensor>(
     Ok(first)
 }
 
-/// Quantities that follow from the states, such as a position from an amplitude and a phase.
-#[derive(Clone, Copy, Debug)]
-pub struct DerivedQuantities {
-    /// What they are.
-    pub names: [StateName; 2],
-    /// What they need to know beside the states.
-    pub parameter: f64,
-    /// How they follow.
-    pub compute: Compute,
+/// A normalised innovation squared that no innovation is below.
+const NEVER: f64 = -1.0;
+
+/// Corrects a filter by a signal that it takes for another variance than that of the signal's noise, or not at all; the innovation is
+/// judged by the variance of the noise all the same, so that those of all filters are of the same signal.
+pub fn by_signal_taken_for(
+    filter: &mut dyn Filtering,
+    sensor: &dyn Sensor,
+    (y, variance): (f64, f64),
+    taken_for: Option<f64>,
+) -> Result<Innovation<f64, 1>, FilterError> {
+    if taken_for == Some(variance) {
+        return filter.update(0, sensor, y, variance);
+    }
+    let mut judgement = filter.update_within(sensor, y, variance, NEVER)?;
+    if let Some(variance) = taken_for {
+        judgement.taken = filter.update_within(sensor, y, variance, f64::INFINITY)?.taken;
+    }
+    Ok(judgement)
 }
 
-/// Mean and standard deviation of two quantities, from a parameter, the mean of the states and the entries of their
-/// covariance.
-pub type Compute = fn(f64, &[f64], &dyn Fn(usize, usize) -> f64) -> [(f64, f64); 2];
+/// Quantities that follow from the states, such as a position from an amplitude and a phase.
+#[derive(Clone)]
+pub struct DerivedQuantities {
+    names: Vec<StateName>,
+    compute: Rc<Compute>,
+}
+
+/// Gives place, mean and standard deviation of each quantity, from the mean of the states and the entries of their covariance.
+pub type Compute = dyn Fn(&[f64], &dyn Fn(usize, usize) -> f64, &mut dyn FnMut(usize, (f64, f64)));
 
 impl DerivedQuantities {
+    /// Quantities of these names.
+    pub fn new(
+        names: Vec<StateName>,
+        compute: impl Fn(&[f64], &dyn Fn(usize, usize) -> f64, &mut dyn FnMut(usize, (f64, f64))) + 'static,
+    ) -> Self {
+        Self { names, compute: Rc::new(compute) }
+    }
+
+    /// Two quantities that are computed together.
+    pub fn pair(
+        names: [StateName; 2],
+        compute: impl Fn(&[f64], &dyn Fn(usize, usize) -> f64) -> [(f64, f64); 2] + 'static,
+    ) -> Self {
+        Self::new(names.to_vec(), move |mean, covariance, to| {
+            compute(mean, covariance).into_iter().enumerate().for_each(|(place, value)| to(place, value));
+        })
+    }
+
     /// The names of the states, and of what follows from them.
     pub(super) fn after(derived: Option<&Self>, states: &[StateName]) -> Vec<StateName> {
-        states.iter().copied().chain(derived.into_iter().flat_map(|derived| derived.names)).collect()
+        states.iter().chain(derived.iter().flat_map(|derived| &derived.names)).copied().collect()
     }
 }
 
@@ -220,11 +255,13 @@ impl Trajectory {
             state.sd[k] = covariance(i, i).sqrt();
         }
         let Some(derived) = derived else { return };
-        let values = (derived.compute)(derived.parameter, mean, covariance);
-        for (state, (mean, sd)) in self.states.iter_mut().skip(mean.len()).zip(values) {
-            state.mean[k] = mean;
-            state.sd[k] = sd;
-        }
+        let states = mean.len().min(self.states.len());
+        let (_, quantities) = self.states.split_at_mut(states);
+        (derived.compute)(mean, covariance, &mut |place, (mean, sd)| {
+            if let Some(state) = quantities.get_mut(place) {
+                (state.mean[k], state.sd[k]) = (mean, sd);
+            }
+        });
     }
 }
 
@@ -412,11 +449,12 @@ impl<const N: usize> FilterRun<N> {
         states: &[StateName],
         progress: &dyn Progress,
     ) -> Option<Trajectory> {
+        let derived = course.derived();
         let mut trajectory = Trajectory::blank(
             names,
             TrajectoryKind::Filtered,
             (course.time_s(), course.signal(), fresh),
-            &DerivedQuantities::after(course.derived().as_ref(), states),
+            &DerivedQuantities::after(derived.as_ref(), states),
         );
         let n = fresh.len();
         let further = course.further_signals().into_iter();
@@ -436,7 +474,7 @@ impl<const N: usize> FilterRun<N> {
             if self.failure.is_some() {
                 break;
             }
-            if let Err(why) = self.step(course, (fresh.start, k), &mut trajectory) {
+            if let Err(why) = self.step((course, derived.as_ref()), (fresh.start, k), &mut trajectory) {
                 self.failure = Some(FilterFailure { time_s: trajectory.time_s[k], why });
                 trajectory.failure = self.failure;
             }
@@ -454,7 +492,7 @@ impl<const N: usize> FilterRun<N> {
     /// One sample: prediction from the last one, update if there is a signal.
     fn step(
         &mut self,
-        course: &mut dyn Course,
+        (course, derived): (&mut dyn Course, Option<&DerivedQuantities>),
         (first, k): (usize, usize),
         trajectory: &mut Trajectory,
     ) -> Result<(), FilterError> {
@@ -491,7 +529,7 @@ impl<const N: usize> FilterRun<N> {
         }
         trajectory.enter_rejections(k, filter.watched());
         let now = filter.gaussian();
-        trajectory.keep(course.derived().as_ref(), k, &now.mean, &|i, j| now.covariance.get(i, j));
+        trajectory.keep(derived, k, &now.mean, &|i, j| now.covariance.get(i, j));
         let covariances = (before.as_ref(), &now.covariance);
         let span = self.errors.take(trajectory.time_s[k], filter.link().as_ref(), covariances);
         trajectory.error_spans.extend(span);

@@ -40,7 +40,9 @@ pub use bridge::{Bridge, MOST_STEPS};
 pub use considered::Contribution;
 pub(crate) use considered::DirectionInformation;
 pub use constant_gain::{ConstantGain, GainOf, HeldSamples, Never, kalman_bucy};
-pub use engine::{Compute, Course, DerivedQuantities, Filtering, StateName, by_signal, by_signals};
+pub use engine::{
+    Compute, Course, DerivedQuantities, Filtering, StateName, by_signal, by_signal_taken_for, by_signals,
+};
 pub use error::EstimateError;
 pub use error_memory::ErrorSpan;
 pub use filter_basics::{FilterBasics, process_noise};

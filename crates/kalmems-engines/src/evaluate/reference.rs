@@ -171,9 +171,13 @@ impl ReferenceColumns {
             Ok(AngleColumns { states, angle, rate, sd: sd(states[0], kinds(states)[0])?, beam })
         });
         let angles = angles.collect::<Result<Vec<_>, ConfigError>>()?;
+        let knows = |state: &ValueState| reference.channels.column(state.name).is_some();
+        // The first is what the device is for; a reference that knows another one alone judges by that.
+        let by_edge = edge.is_some() && reference.channels.column(EDGE).is_some();
+        let knows_another = values.iter().skip(1).any(knows) && !by_edge;
         let of_values = values.iter().enumerate().filter_map(|(i, state)| {
             let column = reference.channels.column(state.name).map(str::to_owned);
-            if i > 0 {
+            if i > 0 || (column.is_none() && knows_another) {
                 return column.map(|column| {
                     Ok(ValueColumn { state, column, sd: sd(state.name, state.kind)?, edge: None })
                 });

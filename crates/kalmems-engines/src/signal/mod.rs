@@ -8,6 +8,7 @@ mod cubic;
 mod cycles;
 mod extremes;
 mod interval;
+mod sample_slopes;
 mod sine;
 
 pub use allan::{AllanDeviation, Deviation, octaves};
@@ -18,6 +19,7 @@ pub(crate) use cycles::fit_cycles_until;
 pub use cycles::{Cycle, fit_cycles};
 pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};
 pub use interval::{GAP, usual_interval};
+pub use sample_slopes::{SLOPE_REACH, sample_slopes};
 pub(crate) use sine::largest_line;
 pub use sine::least_squares;
 pub use sine::{Sine, fit_sine, fit_sine_at, fit_sine_near, fit_sine_until};

@@ -29,6 +29,12 @@ impl Sine {
         self.offset + self.amplitude * Scalar::cos(TAU * self.frequency_hz * time_s + self.phase_rad)
     }
 
+    /// Its rate at a time in s, per s.
+    pub fn rate_at(&self, time_s: f64) -> f64 {
+        let rate = TAU * self.frequency_hz;
+        -self.amplitude * rate * Scalar::sin(rate * time_s + self.phase_rad)
+    }
+
     /// The first maximum at or after a time in s.
     pub fn peak_after(&self, time_s: f64) -> f64 {
         let cycles = self.frequency_hz * time_s + self.phase_rad / TAU;

@@ -1,7 +1,7 @@
 //! What drives a device, at any time.
 
 use crate::config::{PowerCut, Quantity};
-use crate::signal::cubic_between;
+use crate::signal::{cubic_between, sample_slopes, usual_interval};
 use kalmems_core::Portable;
 use kalmems_core::{Nodes, Scalar};
 use std::f64::consts::{PI, TAU};
@@ -85,6 +85,11 @@ pub enum Drive {
         drive: Box<Drive>,
         /// By how much; negative for one that is earlier.
         by_s: f64,
+    },
+    /// The rate of another drive, per s.
+    Rate {
+        /// The drive, which does not jump.
+        of: Box<Drive>,
     },
     /// Samples, with a cubic between them. Before the first and after the last they count as held.
     Recorded {
@@ -202,6 +207,7 @@ impl Drive {
                 }
             }
             Self::Late { drive, by_s } => drive.at(time_s - by_s),
+            Self::Rate { of } => of.slope(time_s).unwrap_or(f64::NAN),
             Self::Recorded { time_s: times, volts } => match times.partition_point(|t| *t <= time_s) {
                 0 => volts.first().copied().unwrap_or(f64::NAN),
                 to if to == times.len() => volts.last().copied().unwrap_or(f64::NAN),
@@ -237,7 +243,27 @@ impl Drive {
                 drive.slope(time_s).map(|slope| slope * share + drive.at(time_s) * change)
             }
             Self::Late { drive, by_s } => drive.slope(time_s - by_s),
-            Self::Square { .. } | Self::Steps { .. } | Self::Switched { .. } | Self::Recorded { .. } => None,
+            Self::Square { .. }
+            | Self::Steps { .. }
+            | Self::Switched { .. }
+            | Self::Rate { .. }
+            | Self::Recorded { .. } => None,
+        }
+    }
+
+    /// Its rate over time, per s; `None` for a drive that jumps.
+    ///
+    /// Of a recorded drive it is known at the samples, with a cubic between them.
+    pub fn rate(&self) -> Option<Self> {
+        match self {
+            Self::Recorded { time_s, volts } => {
+                let slopes = sample_slopes(time_s, |k| volts[k], usual_interval(time_s));
+                Some(Self::Recorded { time_s: time_s.clone(), volts: slopes })
+            }
+            Self::Late { drive, by_s } => {
+                drive.rate().map(|rate| Self::Late { drive: Box::new(rate), by_s: *by_s })
+            }
+            other => other.slope(0.0).map(|_| Self::Rate { of: Box::new(other.clone()) }),
         }
     }
 
@@ -252,6 +278,7 @@ impl Drive {
             | Self::Steps { .. }
             | Self::Switched { .. }
             | Self::Late { .. }
+            | Self::Rate { .. }
             | Self::Recorded { .. } => None,
         }
     }
@@ -279,6 +306,7 @@ impl Drive {
             | Self::Steps { .. }
             | Self::Switched { .. }
             | Self::Late { .. }
+            | Self::Rate { .. }
             | Self::Recorded { .. } => None,
         }
     }
@@ -314,6 +342,7 @@ impl Drive {
             | Self::Sine { .. }
             | Self::Sweep { .. }
             | Self::Tones { .. }
+            | Self::Rate { .. }
             | Self::Recorded { .. } => None,
         }
     }
@@ -341,6 +370,7 @@ impl Drive {
             | Self::Sine { .. }
             | Self::Sweep { .. }
             | Self::Tones { .. }
+            | Self::Rate { .. }
             | Self::Recorded { .. } => {
                 Nodes { start: self.at(from_s), middle: self.at(middle_s), end: self.at(to_s) }
             }

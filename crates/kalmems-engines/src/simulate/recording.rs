@@ -92,6 +92,14 @@ pub enum SimulateError {
         /// When.
         time_s: f64,
     },
+    /// The motion left the points of a table.
+    #[error("behind {} s the motion goes where the device is not described: {why}", number(*time_s))]
+    NotDescribed {
+        /// The last time at which it was described.
+        time_s: f64,
+        /// What it left.
+        why: String,
+    },
     /// The mass of an accelerometer has gone to a plate, and stays there.
     #[error(
         "{why}: more than spring and loop hold; take a smaller acceleration, a stiffer spring, or a feedback with more \

@@ -56,6 +56,7 @@ impl Stability {
             | Drive::Steps { .. }
             | Drive::Switched { .. }
             | Drive::Late { .. }
+            | Drive::Rate { .. }
             | Drive::Recorded { .. } => return None,
         };
         let resonator = &scanner.resonator;

@@ -34,7 +34,9 @@ impl Drive {
                     tone.amplitude *= factor;
                 }
             }
-            Self::Interrupted { drive, .. } | Self::Late { drive, .. } => **drive = drive.scaled(factor),
+            Self::Interrupted { drive, .. } | Self::Late { drive, .. } | Self::Rate { of: drive } => {
+                **drive = drive.scaled(factor);
+            }
             Self::Steps { first, steps } => {
                 *first *= factor;
                 for (_, level) in steps {
@@ -66,6 +68,7 @@ impl Drive {
             | Self::Steps { .. }
             | Self::Switched { .. }
             | Self::Late { .. }
+            | Self::Rate { .. }
             | Self::Recorded { .. } => None,
         }
     }
@@ -83,6 +86,7 @@ impl Drive {
             | Self::Steps { .. }
             | Self::Switched { .. }
             | Self::Late { .. }
+            | Self::Rate { .. }
             | Self::Recorded { .. } => None,
         }
     }
@@ -113,6 +117,7 @@ impl Drive {
             | Self::Steps { .. }
             | Self::Switched { .. }
             | Self::Late { .. }
+            | Self::Rate { .. }
             | Self::Recorded { .. } => None,
         }
     }

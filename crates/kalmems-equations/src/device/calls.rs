@@ -1,12 +1,12 @@
 //! Derivatives within expressions, and formulas that are inserted.
 
-use super::DeviceEquation;
 use super::names::{Formula, Meaning, ParsedText};
-use super::resolve::{ArgumentValues, Resolved, ResolvedValue, Resolver};
-use crate::error::EquationFault;
-use crate::graph::{Graph, Variable};
+use super::resolve::{ArgumentValues, ExternalQuantity, Resolved, ResolvedValue, Resolver};
+use super::{DeviceEquation, InputRate, Named};
+use crate::error::{EquationError, EquationFault};
+use crate::graph::{Graph, NodeId, Variable};
 use crate::quantity::UnitKnowledge;
-use kalmems_units::Dimension;
+use kalmems_units::{Dimension, Unit};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -56,10 +56,11 @@ impl Resolver {
                         parts.push((self.graph.product(&[(slope, 1), (rate, 1)]), 1.0));
                     }
                 }
-                Variable::Input(index) => {
-                    if self.graph.derivative(of.node, variable) != Graph::ZERO {
-                        let input = self.names.of_input(index);
-                        return Err(text.error(span, EquationFault::RateOfInput { input }));
+                Variable::Input(input) => {
+                    let slope = self.graph.derivative(of.node, variable);
+                    if slope != Graph::ZERO {
+                        let rate = self.rate_of_input(text, span, input)?;
+                        parts.push((self.graph.product(&[(slope, 1), (rate, 1)]), 1.0));
                     }
                 }
             }
@@ -67,6 +68,41 @@ impl Resolver {
         let second = UnitKnowledge::Exact(Dimension::of([0, 0, 1, 0, 0, 0]));
         let quantity = of.quantity.over(second).unwrap_or(UnitKnowledge::Any);
         Ok(ResolvedValue::new(self.graph.sum(0.0, &parts), quantity))
+    }
+
+    /// The rate of an input: an input of its own behind the stated ones, which whoever knows the input's samples finds from them.
+    fn rate_of_input(
+        &mut self,
+        text: &ParsedText,
+        span: &Range<usize>,
+        input: usize,
+    ) -> Result<NodeId, EquationError> {
+        let name = self.names.of_input(input);
+        let [_, inputs, _] = &mut self.given;
+        let stated = inputs.len() - self.input_rates.len();
+        if let Some(rate) = input.checked_sub(stated).and_then(|place| self.input_rates.get(place)) {
+            let input = self.names.of_input(rate.of);
+            return Err(text.error(span, EquationFault::RateOfRate { input }));
+        }
+        let known = self.input_rates.iter().position(|rate| rate.of == input);
+        let place = known.unwrap_or(self.input_rates.len());
+        if known.is_none() {
+            let dimension = inputs.get(input).map_or(Dimension::NONE, |given| given.unit.dimension());
+            let unit_text = dimension.times(Dimension::of([0, 0, -1, 0, 0, 0])).to_string();
+            let unit = Unit::parse(&unit_text).unwrap_or(Unit::ONE);
+            inputs.push(ExternalQuantity::of(unit, ""));
+            let name = format!("{name}_rate");
+            if let Some(other) = self.names.get(&name) {
+                let why = format!(
+                    "it is {}, and `ddt` here needs the name for the rate of the input; take another one",
+                    other.words()
+                );
+                return Err(text.error(span, EquationFault::Name { name, why }));
+            }
+            let named = Named { name: name.into(), unit, unit_text: unit_text.into() };
+            self.input_rates.push(InputRate { of: input, named });
+        }
+        Ok(self.graph.variable(Variable::Input(stated + place)))
     }
 
     /// A formula with its arguments inserted.

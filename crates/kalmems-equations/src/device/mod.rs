@@ -37,6 +37,15 @@ pub struct Parameter {
     pub value: f64,
 }
 
+/// The rate of an input, which is an input too.
+#[derive(Clone, Debug)]
+pub(crate) struct InputRate {
+    /// The input.
+    pub(crate) of: usize,
+    /// What the rate is called.
+    pub(crate) named: Named,
+}
+
 /// What a noise is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseKind {
@@ -110,13 +119,19 @@ pub struct Device {
     pub(crate) states: Vec<Named>,
     pub(crate) own_states: usize,
     pub(crate) inputs: Vec<Named>,
+    pub(crate) own_inputs: usize,
+    /// The inputs whose rates stand behind the stated ones.
+    pub(crate) rated_inputs: Vec<usize>,
     pub(crate) parameters: Vec<Parameter>,
     pub(crate) measures: Vec<Named>,
+    pub(crate) quantities: Vec<Named>,
     pub(crate) events: Vec<Named>,
     pub(crate) graph: Graph,
     pub(crate) curves: Arc<[Curve]>,
     pub(crate) rates: Vec<NodeId>,
     pub(crate) readings: Vec<NodeId>,
+    /// The expressions of the quantities.
+    pub(crate) followed: Vec<NodeId>,
     pub(crate) crossings: Vec<NodeId>,
     pub(crate) noise: Vec<Noise>,
     pub(crate) periods: Vec<(usize, NodeId)>,
@@ -145,9 +160,19 @@ impl Device {
         self.own_states
     }
 
-    /// Its inputs.
+    /// Its inputs: those that are stated, and behind them the rates of those whose rate some expression needs.
     pub fn inputs(&self) -> &[Named] {
         &self.inputs
+    }
+
+    /// How many of its inputs, from the first one on, are stated.
+    pub fn own_inputs(&self) -> usize {
+        self.own_inputs
+    }
+
+    /// Of each input behind the stated ones, the input whose time derivative it is: `ddt` of what depends on an input needs that.
+    pub fn rated_inputs(&self) -> &[usize] {
+        &self.rated_inputs
     }
 
     /// Its parameters.
@@ -158,6 +183,11 @@ impl Device {
     /// What is measured of it.
     pub fn measures(&self) -> &[Named] {
         &self.measures
+    }
+
+    /// What follows from its states and is wanted as well, such as the position that an amplitude and a phase make.
+    pub fn quantities(&self) -> &[Named] {
+        &self.quantities
     }
 
     /// Where something happens: expressions that are zero there.

@@ -41,6 +41,7 @@ impl Device {
             }
         }
         let (measures, readings) = read.measures(&mut equations)?;
+        let (quantities, followed) = read.quantities(&mut equations, &measures)?;
         let (events, crossings) = read.events(&mut equations, &measures)?;
         let noise = read.noise(&measures, &events)?;
         let periods = read.periods()?;
@@ -52,19 +53,27 @@ impl Device {
             }
             None => None,
         };
-        let ReadResult { resolver, states, inputs, parameters, curves, .. } = read;
+        let ReadResult { mut resolver, states, mut inputs, parameters, curves, .. } = read;
+        let own_inputs = inputs.len();
+        let (rated_inputs, rates_of_inputs): (Vec<usize>, Vec<Named>) =
+            std::mem::take(&mut resolver.input_rates).into_iter().map(|rate| (rate.of, rate.named)).unzip();
+        inputs.extend(rates_of_inputs);
         let equations = resolver.used.into_iter().chain(equations).collect();
         Ok(Self {
             states,
             own_states: description.states.len(),
             inputs,
+            own_inputs,
+            rated_inputs,
             parameters,
             measures,
+            quantities,
             events,
             graph: resolver.graph,
             curves: curves.into(),
             rates: rates.into_iter().map(|value| value.node).collect(),
             readings,
+            followed,
             crossings,
             noise,
             periods,
@@ -149,6 +158,7 @@ impl<'a> ReadResult<'a> {
             lets: texts(&description.lets)?.into_iter().map(|text| (text, DefinitionSlot::Open)).collect(),
             delays,
             rates: rates.into_iter().map(|rate| (rate, DefinitionSlot::Open)).collect(),
+            input_rates: Vec::new(),
             curves: description.tables.iter().map(units_of_curve).collect::<Result<_, _>>()?,
             notices: Vec::new(),
             busy: Vec::new(),
@@ -186,14 +196,53 @@ impl<'a> ReadResult<'a> {
     }
 
     fn measures(&mut self, equations: &mut Equations) -> Result<NamedNodes, EquationError> {
+        self.read_of_states(&self.description.measure, "a measurement", equations)
+    }
+
+    /// What follows from the states alone.
+    fn quantities(
+        &mut self,
+        equations: &mut Equations,
+        measures: &[Named],
+    ) -> Result<NamedNodes, EquationError> {
+        let found = self.read_of_states(&self.description.quantities, "a quantity", equations)?;
+        for (entry, node) in self.description.quantities.iter().zip(&found.1) {
+            let by_input = |variable: &Variable| matches!(variable, Variable::Input(_));
+            if self.resolver.graph.variables(*node).iter().any(by_input) {
+                let why =
+                    "a quantity follows from states and parameters; this one depends on an input as well"
+                        .to_owned();
+                return Err(EquationError::whole(&entry.place, &entry.text, EquationFault::Value(why)));
+            }
+            self.require_own_name(entry, measures)?;
+        }
+        Ok(found)
+    }
+
+    /// Refuses the name of a state, an input or a measurement for something else that a trajectory or a recording has.
+    fn require_own_name(&self, entry: &NamedText, measures: &[Named]) -> Result<(), EquationError> {
+        let others =
+            [("a state", &self.states[..]), ("an input", &self.inputs[..]), ("a measurement", measures)];
+        let is_named = |(_, all): &(&str, &[Named])| all.iter().any(|named| *named.name == entry.name);
+        let Some((what, _)) = others.iter().find(|with| is_named(with)) else { return Ok(()) };
+        let why = format!("it is {what} already; take another one");
+        let fault = EquationFault::Name { name: entry.name.clone(), why };
+        Err(EquationError::whole(&entry.place, "", fault))
+    }
+
+    /// Expressions with their units that depend on states.
+    fn read_of_states(
+        &mut self,
+        entries: &[NamedText],
+        what: &str,
+        equations: &mut Equations,
+    ) -> Result<NamedNodes, EquationError> {
         let (mut names, mut nodes) = (Vec::new(), Vec::new());
-        for entry in &self.description.measure {
+        for entry in entries {
             let text = ParsedText::read(entry)?;
             let Some((unit, span)) = text.tree.unit.clone() else {
-                let fault = EquationFault::Missing(
-                    "a measurement states its unit; write it behind `in`, such as `… in V`".to_owned(),
-                );
-                return Err(text.error(&(0..entry.text.len()), fault));
+                let why = format!("{what} states its unit; write it behind `in`, such as `… in V`");
+                return Err(text.error(&(0..entry.text.len()), EquationFault::Missing(why)));
             };
             let value = self.resolver.value(&text)?;
             let mut sees = false;
@@ -207,7 +256,7 @@ impl<'a> ReadResult<'a> {
                 return Err(text.error(&(0..span.start), EquationFault::Blind));
             }
             if names.iter().any(|named: &Named| *named.name == entry.name) {
-                return Err(twice(entry, "a measurement"));
+                return Err(twice(entry, what));
             }
             let unit_text = text.word(&span).into();
             names.push(Named { name: entry.name.as_str().into(), unit, unit_text });
@@ -232,14 +281,7 @@ impl<'a> ReadResult<'a> {
             if names.iter().any(|named: &Named| *named.name == entry.name) {
                 return Err(twice(entry, "an event"));
             }
-            let with_channels =
-                [("a state", &self.states[..]), ("an input", &self.inputs[..]), ("a measurement", measures)];
-            let is_named = |(_, all): &(&str, &[Named])| all.iter().any(|named| *named.name == entry.name);
-            if let Some((what, _)) = with_channels.iter().find(|with| is_named(with)) {
-                let why = format!("it is {what} already; take another one");
-                let fault = EquationFault::Name { name: entry.name.clone(), why };
-                return Err(EquationError::whole(&entry.place, "", fault));
-            }
+            self.require_own_name(entry, measures)?;
             let text_of_unit = value.quantity.to_string();
             let unit = Unit::parse(&text_of_unit).unwrap_or(Unit::ONE);
             names.push(Named { name: entry.name.as_str().into(), unit, unit_text: text_of_unit.into() });

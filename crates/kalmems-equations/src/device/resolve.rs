@@ -1,8 +1,8 @@
 //! From texts to the graph: names are looked up, functions inserted, units checked.
 
-use super::DeviceEquation;
 use super::names::{DescriptionNames, Meaning, ParsedText, is_of_the_language};
 use super::operations::alike;
+use super::{DeviceEquation, InputRate};
 use crate::description::NamedText;
 use crate::error::{EquationError, EquationFault, EquationNotice};
 use crate::graph::{Graph, GraphLimit, NodeId, Variable};
@@ -82,6 +82,8 @@ pub(crate) struct Resolver {
     pub(crate) lets: Vec<(Arc<ParsedText>, DefinitionSlot)>,
     pub(crate) delays: Vec<(DelayExpansion, DefinitionSlot)>,
     pub(crate) rates: Vec<(RateOf, DefinitionSlot)>,
+    /// The inputs whose rates some expression needs, in the order in which these stand behind the stated inputs.
+    pub(crate) input_rates: Vec<InputRate>,
     pub(crate) curves: Vec<[UnitKnowledge; 2]>,
     pub(crate) notices: Vec<EquationNotice>,
     /// What is being resolved, the last one within those before it.

@@ -50,6 +50,15 @@ fn a_lost_half_is_found() {
     assert!(!check(&changed("shared_scanner", "0.5*k*theta^2", "k*theta^2"), SCANNER).holds());
 }
 
+/// A comb of 0.2 rad is met by a state that is not said to be small.
+#[test]
+fn a_lost_half_is_found_where_no_size_is_known() {
+    let unknown: (&[f64], &[f64]) = (&[0.0, 0.0], &[1.0]);
+    assert!(check(&example("shared_scanner"), unknown).holds());
+    let lost = changed("shared_scanner", "electrostatic_force(d(C, theta), square)", "d(C, theta)*square");
+    assert!(!check(&lost, unknown).holds());
+}
+
 #[test]
 fn signs_and_one_sided_couplings_are_found() {
     for (name, sizes, from, to) in [

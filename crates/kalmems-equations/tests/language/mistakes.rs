@@ -130,7 +130,14 @@ mistakes! {
     derivative_by_an_expression: small("[let]\ny = '2*x'\n[derivative]\nx = 'rate*x*d(y^2, y)/p'\n");
     derivative_by_nothing: scanner("d(C, theta)", "d(C, thet)");
     derivative_without_a_name: scanner("d(C, theta)", "d(C)");
-    rate_of_an_input: said("shared_scanner", &[("gain, offset) in V", "gain, offset) + 1[V s/V^2]*ddt(square) in V")]);
+    rate_of_the_rate_of_an_input: said("shared_scanner", &[("gain, offset) in V", "gain, offset) + 1[V s^2/V^2]*ddt(ddt(square)) in V")]);
+    name_of_the_rate_of_an_input: said(
+        "shared_scanner",
+        &[("[let]\n", "[let]\nV_rate = \"0[V/s]\"\n"), ("gain, offset) in V", "gain, offset) + 1[V s/V^2]*ddt(square) in V")]
+    );
+    quantity_without_a_unit: small("[derivative]\nx = '-rate*x'\n[quantities]\ntwice = '2*x'\n");
+    quantity_of_no_state: small("[derivative]\nx = '-rate*x'\n[quantities]\nfixed = '2*p in m'\n");
+    quantity_with_the_name_of_a_state: small("[derivative]\nx = '-rate*x'\n[quantities]\nx = '2*x in m'\n");
     derivative_of_a_high_order: scanner("d(C, theta)", "width^3*d(d(d(d(C, theta), theta), theta), theta)");
 
     // What is known before anything runs.

@@ -2,7 +2,7 @@
 
 use super::settings::AccelerometerHardware;
 use crate::Expansion;
-use crate::config::{ConfigError, Experiment};
+use crate::config::{ConfigError, Experiment, Method};
 
 /// The device of an experiment.
 pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
@@ -70,5 +70,12 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
             ("signal", "noise_variance"),
         ],
     );
+    let mut filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+    if filters.any(|filter| filter.method == Method::Luenberger) {
+        all.notes.push(
+            "All poles of an observer of equations are those of a Butterworth low-pass; its rig leaves those of the device that decay faster."
+                .to_owned(),
+        );
+    }
     Ok(all)
 }

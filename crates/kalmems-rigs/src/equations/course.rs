@@ -7,7 +7,8 @@ use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval};
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
-    Bridge, Course, EVENTS, Filtering, SampleCounts, SampleSelection, Trajectory, by_signals,
+    Bridge, Course, DerivedQuantities, EVENTS, Filtering, SampleCounts, SampleSelection, StateName,
+    Trajectory, by_signal_taken_for, by_signals,
 };
 use kalmems_core::{FilterError, Innovation, Nodes};
 
@@ -67,6 +68,10 @@ pub struct EquationCourse<'a> {
     told: Vec<(usize, EventMeasurement)>,
     way: BackwardInterval,
     log_likelihood: f64,
+    /// The names of what follows from the states.
+    quantities: Vec<StateName>,
+    /// The variance that a sample of its one signal is taken for, where that is not the noise's.
+    signal_variance: Option<f64>,
 }
 
 /// A normalised innovation squared that no innovation is below.
@@ -100,7 +105,21 @@ impl<'a> EquationCourse<'a> {
             told,
             way,
             log_likelihood: 0.0,
+            quantities: Vec::new(),
+            signal_variance: None,
         }
+    }
+
+    /// The same, where these quantities that follow from the states are answers too.
+    #[must_use]
+    pub fn answering(self, quantities: Vec<StateName>) -> Self {
+        Self { quantities, ..self }
+    }
+
+    /// The same, where a sample of its one signal is taken for this variance.
+    #[must_use]
+    pub fn taking_samples_for(self, signal_variance: Option<f64>) -> Self {
+        Self { signal_variance, ..self }
     }
 
     /// Corrects a filter by the events that it is told of at row `k`, and judges it by those that it could be told of.
@@ -171,6 +190,10 @@ impl Course for EquationCourse<'_> {
         further.map(|channel| channel.name.to_owned()).collect()
     }
 
+    fn derived(&self) -> Option<DerivedQuantities> {
+        self.model.derived(self.quantities.clone())
+    }
+
     fn further_innovations(&self) -> &[[f64; 2]] {
         &self.further
     }
@@ -226,7 +249,15 @@ impl Course for EquationCourse<'_> {
         self.tell(filter, k, counts)?;
         let [inputs, ..] = &mut self.nodes;
         self.data.inputs_at(k, inputs);
-        let channels = self.channels.iter().filter_map(|place| self.data.channels.get(*place));
+        let mut channels = self.channels.iter().filter_map(|place| self.data.channels.get(*place));
+        if self.signal_variance.is_some() {
+            let Some(channel) = channels.next().filter(|channel| channel.signal[k].is_finite()) else {
+                return Ok(None);
+            };
+            let (sensor, y) = (self.model.sensor(channel.measure, inputs), channel.signal[k]);
+            return by_signal_taken_for(filter, &sensor, (y, channel.variance), self.signal_variance)
+                .map(Some);
+        }
         let signals = channels
             .map(|channel| (channel.signal[k], self.model.sensor(channel.measure, inputs), channel.variance));
         by_signals(filter, signals, &mut self.further)

@@ -5,7 +5,7 @@ use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, noises};
-use super::segment::{EquationFilterTask, at_rest};
+use super::segment::{EquationFilterTask, at_rest, rates_of_inputs};
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
 use super::{EquationColumns, names};
@@ -106,19 +106,26 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         (Some(_), _) => return refuse("its gain is that of one measurement; name it in `channels`"),
     };
     let asked = if request.digits == SourceDigits::AsNeeded { REHEARSED } else { 0 };
+    let mut unread = None;
     let mut samples = match &recording {
         Some(recording) if asked.max(request.samples) > 0 => {
             let count = (request.samples, asked.max(request.samples));
             match test_samples(experiment, (&settings, filter), recording, &measures, (count, parts)) {
                 // Nothing was asked for: there is no rehearsal, which the source says.
-                Err(_) if request.samples == 0 => Vec::new(),
+                Err(why) if request.samples == 0 => {
+                    unread = Some(why);
+                    Vec::new()
+                }
                 samples => samples?,
             }
         }
         _ => Vec::new(),
     };
     if request.digits == SourceDigits::AsNeeded && samples.is_empty() {
-        heading.push("There was no recording over which to see how many digits it needs.".to_owned());
+        heading.push(match unread {
+            None => "There was no recording over which to see how many digits it needs.".to_owned(),
+            Some(why) => format!("The recording does not tell how many digits it needs: {why}."),
+        });
     }
     let digits = match request.digits {
         SourceDigits::Double => EmitDigits::Double,
@@ -384,8 +391,10 @@ fn test_samples(
     if count == 0 {
         return Ok(Vec::new());
     }
-    let drives: Vec<SegmentDrive<'_>> =
+    let mut drives: Vec<SegmentDrive<'_>> =
         volts.iter().map(|values| SegmentDrive::new(&time_s[..rows], &values[..rows], interval_s)).collect();
+    let rates = rates_of_inputs(&own.device, &drives, interval_s);
+    drives.extend(rates.iter().map(|values| SegmentDrive::new(&time_s[..rows], values, interval_s)));
     let place = file();
     let data = EquationSegment {
         place: &place,

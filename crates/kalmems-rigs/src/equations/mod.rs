@@ -63,7 +63,7 @@ static NO_METHODS: [(Method, &str); 1] = [(
 
 /// The columns of a recording.
 struct EquationColumns<'a> {
-    /// Those of the inputs, in the order of the device.
+    /// Those of the stated inputs, in the order of the device.
     inputs: Vec<&'a str>,
     /// Those of measurements, with their places.
     measured: Vec<(usize, &'a str)>,
@@ -94,16 +94,18 @@ impl<'a> EquationColumns<'a> {
         let names = |all: &'_ [Named], places: &[usize]| -> Vec<String> {
             places.iter().map(|place| all[*place].name.to_string()).collect()
         };
+        let stated = device.own_inputs();
         let meanings: Vec<String> = device
             .inputs()
             .iter()
+            .take(stated)
             .map(|named| named.name.to_string())
             .chain(names(device.measures(), &measures))
             .chain(names(device.events(), &events))
             .collect();
         let meanings: Vec<&str> = meanings.iter().map(String::as_str).collect();
         let mut columns = experiment.columns_of(key, channels, &meanings)?;
-        let mut others = columns.split_off(device.inputs().len());
+        let mut others = columns.split_off(stated);
         let of_events = others.split_off(measures.len());
         Ok(Self {
             inputs: columns,
@@ -149,6 +151,8 @@ impl Rig for EquationsRig {
             several_signals: true,
             simulated_channels: true,
             events: true,
+            signal_variance: true,
+            start_about: true,
             states_readout: true,
             no_methods: &NO_METHODS,
             ..DeviceUses::default()

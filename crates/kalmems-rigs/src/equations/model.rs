@@ -1,12 +1,12 @@
 //! A device's equations as filters run them: the step over an interval, and what is read.
 
 use crate::estimate::driven::{ParameterStep, SegmentDrive};
-use crate::estimate::{Sensor, Tracked, Transition};
+use crate::estimate::{DerivedQuantities, Sensor, StateName, Tracked, Transition};
 use kalmems_core::augmentation::AddedState;
 use kalmems_core::discretize::discretize;
 use kalmems_core::{Mat, Nodes, NoiseDensity, ProcessNoise};
 use kalmems_equations::{
-    Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, ProgramNumbers, ReadoutProgram,
+    Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, ProgramNumbers, Reading, ReadoutProgram,
 };
 use std::cell::RefCell;
 
@@ -28,6 +28,8 @@ pub struct EquationModel {
     readouts: Vec<ReadoutProgram>,
     /// The expressions of all events.
     events: Vec<ReadoutProgram>,
+    /// Those of what follows from the states.
+    quantities: Vec<Reading>,
     /// Of each event, the states that it does not hang on, now or by its rates.
     apart: Vec<Vec<bool>>,
     work: RefCell<Vec<ProgramNumbers>>,
@@ -82,6 +84,9 @@ impl EquationModel {
             (0..device.measures().len()).map(|k| device.readout(k, &places)).collect::<Result<_, _>>()?;
         let events: Vec<ReadoutProgram> =
             (0..device.events().len()).map(|k| device.event(k, &places)).collect::<Result<_, _>>()?;
+        let quantities = 0..device.quantities().len();
+        let quantities = quantities.map(|k| Ok(Reading::new(device.quantity(k, &places)?, values)));
+        let quantities = quantities.collect::<Result<_, EquationError>>()?;
         let apart = events.iter().map(|event| apart(&motion, event)).collect();
         let mut work = vec![motion.work(values)];
         work.extend(readouts.iter().chain(&events).map(|readout| readout.work(values)));
@@ -91,6 +96,7 @@ impl EquationModel {
             motion,
             readouts,
             events,
+            quantities,
             apart,
             work: work.into(),
             free,
@@ -246,15 +252,46 @@ impl EquationModel {
 
     /// The states with the values of the parameters behind them.
     pub fn valued(&self, x: &[f64]) -> StateNumbers {
-        let mut valued = [0.0; MOST_STATES];
-        for (to, x) in valued.iter_mut().zip(x) {
-            *to = *x;
-        }
-        for (to, (value, added)) in valued.iter_mut().skip(self.moving()).zip(&self.free) {
-            *to = value + *to * added.scale;
-        }
-        valued
+        valued(x, self.moving(), &self.free)
     }
+
+    /// What follows from the states by the expressions of the device, under these names; `None` where there is nothing.
+    pub fn derived(&self, names: Vec<StateName>) -> Option<DerivedQuantities> {
+        if self.quantities.is_empty() {
+            return None;
+        }
+        let (moving, free) = (self.moving(), self.free.clone());
+        let readings = RefCell::new(self.quantities.clone());
+        let size = moving + free.len();
+        Some(DerivedQuantities::new(names, move |mean, covariance, to| {
+            let (x, mut slopes) = (valued(mean, moving, &free), [0.0; MOST_STATES]);
+            let Some((x, slopes)) = x.get(..size).zip(slopes.get_mut(..size)) else { return };
+            for (place, reading) in readings.borrow_mut().iter_mut().enumerate() {
+                let value = reading.linearize(x, &[], slopes);
+                for (slope, (_, added)) in slopes.iter_mut().skip(moving).zip(&free) {
+                    *slope *= added.scale;
+                }
+                let of_row = |i: usize| {
+                    slopes.iter().enumerate().map(move |(j, slope)| slope * covariance(i.max(j), i.min(j)))
+                };
+                let variance: f64 =
+                    slopes.iter().enumerate().map(|(i, slope)| slope * of_row(i).sum::<f64>()).sum();
+                to(place, (value, variance.sqrt()));
+            }
+        }))
+    }
+}
+
+/// The states, of which those behind the first so many are the deviations of parameters, with their values in the deviations' place.
+fn valued(x: &[f64], moving: usize, free: &[(f64, AddedState<f64>)]) -> StateNumbers {
+    let mut valued = [0.0; MOST_STATES];
+    for (to, x) in valued.iter_mut().zip(x) {
+        *to = *x;
+    }
+    for (to, (value, added)) in valued.iter_mut().skip(moving).zip(free) {
+        *to = value + *to * added.scale;
+    }
+    valued
 }
 
 /// What is made once for an interval.

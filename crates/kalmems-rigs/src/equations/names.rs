@@ -15,8 +15,16 @@ pub fn kind_of(named: &Named) -> &'static Kind {
 
 /// The states, as a trajectory has them.
 pub fn states(device: &Device) -> Vec<StateName> {
-    let of = |named: &Named| (name(&named.name), kind_of(named).ending(), kind_of(named));
-    device.states().iter().map(of).collect()
+    as_in_a_trajectory(device.states())
+}
+
+/// What follows from the states, as a trajectory has it.
+pub fn quantities(device: &Device) -> Vec<StateName> {
+    as_in_a_trajectory(device.quantities())
+}
+
+fn as_in_a_trajectory(all: &[Named]) -> Vec<StateName> {
+    all.iter().map(|named| (name(&named.name), kind_of(named).ending(), kind_of(named))).collect()
 }
 
 /// The states, as tables of values name them.
@@ -53,7 +61,7 @@ pub fn event_channel(named: &Named) -> SimulatedColumn {
 }
 
 /// What a reference may know: every state that is stated, but those that come round, of which a reference would have to know
-/// the turns.
+/// the turns, and the quantities that follow from them.
 pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] {
     static KNOWN: Interner<[ValueState]> = Interner::new();
     let states: Vec<&Named> = device.states().iter().take(device.own_states()).collect();
@@ -64,7 +72,12 @@ pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] 
     let of =
         |named: &&Named| ValueState { name: name(&named.name), kind: kind_of(named), rate: rate_of(named) };
     let comes_round = |named: &&&Named| table.cyclic.get(&named.name).is_some();
-    let values: Vec<ValueState> = states.iter().filter(|named| !comes_round(named)).map(of).collect();
+    let values: Vec<ValueState> = states
+        .iter()
+        .filter(|named| !comes_round(named))
+        .chain(&device.quantities().iter().collect::<Vec<_>>())
+        .map(of)
+        .collect();
     KNOWN.get(&values, || values.clone().into())
 }
 

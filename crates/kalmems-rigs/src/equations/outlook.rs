@@ -58,7 +58,7 @@ fn energy(experiment: &Experiment, own: &OwnDevice) -> Result<Option<OutlookTopi
     }))
 }
 
-/// How large the states become, by what the experiment says of their start.
+/// How large the states become, by what the experiment says of their start; 0 where it says nothing.
 fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigError> {
     let device = &own.device;
     let entries = names::entries(device, crate::config::Sign::Any);
@@ -88,7 +88,7 @@ fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigErr
             _ => {}
         }
     }
-    Ok(sizes.into_iter().map(|size| if size > 0.0 { size } else { 1.0 }).collect())
+    Ok(sizes)
 }
 
 fn free_motion(own: &OwnDevice) -> OutlookTopic {

@@ -14,15 +14,87 @@ use crate::crossings::RowsNeeded;
 use crate::estimate::driven::{BLOCK, HYBRID_STEPS, SegmentDrive};
 use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
-    RowsAround, SegmentEstimate, SegmentPart, Sensor, SignalSegment, StartedCourse, Trajectory, Transition,
-    answers_of_bank, follow,
+    RowsAround, SampleSelection, SegmentEstimate, SegmentPart, Sensor, SignalSegment, StartedCourse,
+    Trajectory, Transition, answers_of_bank, follow,
 };
 use crate::progress::{Interruption, Progress};
+use crate::signal::SLOPE_REACH;
 use kalmems_core::Nodes;
-use kalmems_equations::EquationError;
+use kalmems_equations::{Device, EquationError};
 
 /// Cycles of the free motion that show how the device is driven, at least.
 const STARTING_CYCLES: f64 = 40.0;
+
+/// The rows before and behind the new ones that the rates of inputs and the cubic through four of them ask for.
+const ROWS_FOR_RATES: (usize, usize) = (4 + SLOPE_REACH, 2 + SLOPE_REACH);
+
+/// The rates of those inputs whose rates the equations need, at each sample.
+pub fn rates_of_inputs(device: &Device, inputs: &[SegmentDrive<'_>], interval_s: f64) -> Vec<Vec<f64>> {
+    device
+        .rated_inputs()
+        .iter()
+        .filter_map(|input| inputs.get(*input))
+        .map(|input| input.rates(interval_s))
+        .collect()
+}
+
+/// The inputs over the rows of a part.
+struct SampledInputs<'a, 'b> {
+    segment: &'a SignalSegment<'a>,
+    samples: &'b SampleSelection,
+    past: &'b mut Past,
+    progress: &'b dyn Progress,
+}
+
+impl<'a> SampledInputs<'a, '_> {
+    /// One with these samples, of the column that a message names.
+    fn of(
+        &mut self,
+        (index, column): (usize, &str),
+        values: &'a [f64],
+        foresees: bool,
+    ) -> Result<SegmentDrive<'a>, EstimateError> {
+        let kept = self.past.input(index);
+        kept.foresees |= foresees;
+        let stop = Interruption::by(self.progress);
+        let drive = SegmentDrive::of(&self.segment.time_s, values, self.samples, kept, &stop);
+        if stop.is_requested() {
+            return Err(EstimateError::Interrupted);
+        }
+        let Some((first_s, count)) = drive.unknown() else { return Ok(drive) };
+        let (place, column) = (self.segment.place.clone(), column.to_owned());
+        Err(EstimateError::DriveUnknown { place, column, count, first_s })
+    }
+
+    /// Those that the recording has.
+    fn stated(
+        &mut self,
+        own: &OwnDevice,
+        columns: &EquationColumns,
+    ) -> Result<Vec<SegmentDrive<'a>>, EstimateError> {
+        let mut all = Vec::new();
+        for (index, (column, named)) in columns.inputs.iter().zip(own.device.inputs()).enumerate() {
+            let values = self.segment.recording.column_of(column, names::kind_of(named))?;
+            let foresees = own.between[index].needs_sine() || own.device.rated_inputs().contains(&index);
+            all.push(self.of((index, column), values.of(self.segment.segment), foresees)?);
+        }
+        Ok(all)
+    }
+
+    /// The rates of some behind them.
+    fn add_rates(
+        &mut self,
+        inputs: &mut Vec<SegmentDrive<'a>>,
+        (device, rates): (&Device, &'a [Vec<f64>]),
+        columns: &EquationColumns,
+    ) -> Result<(), EstimateError> {
+        for (rates, of) in rates.iter().zip(device.rated_inputs()) {
+            let column = format!("the rate of {}", columns.inputs[*of]);
+            inputs.push(self.of((inputs.len(), &column), rates, false)?);
+        }
+        Ok(())
+    }
+}
 
 /// Estimates recordings, part by part.
 pub struct EquationEstimator<'a> {
@@ -45,13 +117,16 @@ impl Estimator for EquationEstimator<'_> {
         let first_s = self.settings.own.natural_hz().map_or(0.0, |hz| STARTING_CYCLES / hz);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let rows = (first_s / interval_s).ceil() as usize;
-        let from_signal = self.settings.filters.iter().any(|filter| filter.stated().is_none());
-        let rows = if from_signal { rows.max(most_rows(&self.settings.own, interval_s)) } else { rows };
+        let own = &self.settings.own;
+        let from_signal = self.settings.filters.iter().filter_map(|filter| filter.prior(own));
+        let rows = from_signal.map(|prior| most_rows((own, &prior), interval_s)).fold(rows, usize::max);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         let RowsNeeded { before, after } = self.settings.needed(interval_s).with_a_margin();
         let around = self.settings.own.between.iter().map(|between| between.rows_around());
-        let (before, after) =
-            around.fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
+        let rates = self.settings.own.device.rated_inputs().iter().map(|_| ROWS_FOR_RATES);
+        let (before, after) = around
+            .chain(rates)
+            .fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
         RowsAround { head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD), before, after, smooths }
     }
 
@@ -70,23 +145,11 @@ impl Estimator for EquationEstimator<'_> {
         let kind = names::kind_of(&device.measures()[first]);
         let segment = SignalSegment::of(part, (column, kind), settings.skip_s, past)?;
         let samples = segment.samples();
-        let mut inputs = Vec::new();
-        for (index, (column, named)) in self.columns.inputs.iter().zip(device.inputs()).enumerate() {
-            let column_of = segment.recording.column_of(column, names::kind_of(named))?;
-            let of = column_of.of(segment.segment);
-            let kept = past.input(index);
-            kept.foresees |= settings.own.between[index].needs_sine();
-            let stop = Interruption::by(self.progress);
-            let drive = SegmentDrive::of(&segment.time_s, of, &samples, kept, &stop);
-            if stop.is_requested() {
-                return Err(EstimateError::Interrupted);
-            }
-            if let Some((first_s, count)) = drive.unknown() {
-                let (place, column) = (segment.place.clone(), (*column).to_owned());
-                return Err(EstimateError::DriveUnknown { place, column, count, first_s });
-            }
-            inputs.push(drive);
-        }
+        let mut sampled =
+            SampledInputs { segment: &segment, samples: &samples, past, progress: self.progress };
+        let mut inputs = sampled.stated(&settings.own, &self.columns)?;
+        let rates = rates_of_inputs(device, &inputs, segment.interval_s);
+        sampled.add_rates(&mut inputs, (device, &rates), &self.columns)?;
         let (_, variances) = noises(device, values, segment.interval_s.recip()).map_err(wrong)?;
         let mut channels = Vec::new();
         for (measure, column) in &self.columns.measured {
@@ -148,15 +211,35 @@ impl Estimator for EquationEstimator<'_> {
             }
             all.append(&mut found);
         }
+        let remarks = left_tables(&settings.own, &data, &all);
         let drive_column = self.columns.inputs.first().copied().unwrap_or_default();
         let axis = AngleAxis { angle: judged, motion, drive };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), all);
+        estimate.remarks = remarks;
         estimate.crossings = crossings.into_iter().map(|(_, crossing)| crossing).collect();
         kept.pass(&segment);
         past.numbers = kept.numbers();
         past.rig.put(Box::new(kept));
         Ok(estimate)
     }
+}
+
+/// Of each filter that stopped at one of these samples, the table that it left, where it left one.
+fn left_tables(own: &OwnDevice, data: &EquationSegment, all: &[Trajectory]) -> Vec<String> {
+    let of = |trajectory: &Trajectory| {
+        let failure = trajectory.failure?;
+        let stopped = trajectory.time_s.iter().position(|time_s| *time_s == failure.time_s)?;
+        let last = stopped.checked_sub(1)?;
+        let state: Vec<f64> =
+            trajectory.states.iter().take(own.device.states().len()).map(|state| state.mean[last]).collect();
+        let row = data.time_s.iter().position(|time_s| *time_s == trajectory.time_s[last])?;
+        let mut inputs = Vec::new();
+        data.inputs_at(row, &mut inputs);
+        let step_s = failure.time_s - trajectory.time_s[last];
+        let left = own.device.left_table(&own.values, (&state, &inputs), step_s).ok()??;
+        Some(format!("{}: behind {} s {left}", trajectory.name, super::short(trajectory.time_s[last])))
+    };
+    all.iter().filter_map(of).collect()
 }
 
 /// One filter over the new samples.
@@ -199,7 +282,9 @@ impl EquationFilterTask<'_> {
         };
         let used = (&*channels, &*self.filter.events);
         let course_of = |(index, model)| {
-            let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps);
+            let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps)
+                .answering(names::quantities(&self.own.device))
+                .taking_samples_for(self.filter.signal_variance);
             // The model alone is corrected by nothing, wherever it starts.
             let corrects = basics.method != Method::Model;
             StartedCourse::new(course, start_of(&starts, index).filter(|_| corrects))

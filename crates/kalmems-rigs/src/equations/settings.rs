@@ -15,7 +15,7 @@ use crate::estimate::driven::combinations;
 use crate::estimate::{
     DeviceParameter, FilterBasics, MeanAndCovariance, StateName, StatePrior, Tracked, process_noise,
 };
-use crate::units::Dimension;
+use crate::units::{Dimension, kind};
 use kalmems_equations::{Device, EquationError, Mode, modes};
 use std::sync::Arc;
 
@@ -40,7 +40,11 @@ impl OwnDevice {
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
         let (table, device) = EquationsTable::of(experiment)?;
         let values = device.values();
-        let between = device.inputs().iter().map(|input| table.interpolation.of(&input.name)).collect();
+        let stated = device.inputs().iter().take(device.own_inputs());
+        let stated = stated.map(|input| table.interpolation.of(&input.name));
+        // The rate of an input that jumps is as good or bad as its samples are dense.
+        let rates = device.rated_inputs().iter().map(|_| Interpolation::Cubic);
+        let between = stated.chain(rates).collect();
         Self::with(device, values, between).map_err(|error| refused(experiment, &error))
     }
 
@@ -133,6 +137,8 @@ pub struct EquationFilterSettings {
     pub basics: FilterBasics,
     /// The measurements that correct it, by their places; none for all that the recording has.
     pub measures: Vec<usize>,
+    /// The variance that it takes a sample of its one signal for, where that is not the noise's.
+    pub signal_variance: Option<f64>,
     /// How it uses the events.
     pub events: Vec<FilterEventUse>,
     /// The state that its measurement tells, where each sample is taken by itself.
@@ -148,8 +154,9 @@ pub struct EquationFilterSettings {
 enum EquationStart {
     /// At these states, with their standard deviations.
     Stated { mean: Vec<f64>, sd: Vec<f64> },
-    /// At what the first samples say, with the standard deviations that are known before, where some are.
-    Signal { sd: Vec<Option<f64>> },
+    /// At what the first samples say, about these states where the file says some, with the standard deviations that are known before,
+    /// where some are.
+    Signal { about: Vec<Option<f64>>, sd: Vec<Option<f64>> },
 }
 
 impl EquationSettings {
@@ -214,8 +221,16 @@ impl EquationFilterSettings {
             vec![Some(0.0); entries.len()]
         };
         let start = match start {
-            None if claims => EquationStart::Signal { sd },
-            None => EquationStart::Signal { sd: vec![None; entries.len()] },
+            None => {
+                let about = of("start_about", &filter.start_about, Sign::Any)?;
+                EquationStart::Signal { about, sd: if claims { sd } else { vec![None; entries.len()] } }
+            }
+            Some(_) if !filter.start_about.is_empty() => {
+                return refuse(
+                    "start_about",
+                    "`start` says where the filter starts; leave one of both out".to_owned(),
+                );
+            }
             Some(values) => {
                 let mean = own.started(&of("start", values, Sign::Any)?);
                 let sd = following(own, &mean, sd).map_err(|missing| {
@@ -243,6 +258,26 @@ impl EquationFilterSettings {
         let events = events::uses(experiment, own, events, (&at, filter))?;
         let all = 0..device.measures().len();
         let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
+        let signal_variance = filter.signal_variance.as_ref().map(crate::config::Quantity::si);
+        if signal_variance.is_some() {
+            let in_volts = |measure: &usize| {
+                device
+                    .measures()
+                    .get(*measure)
+                    .is_some_and(|named| names::kind_of(named).dimension == kind::VOLTAGE.dimension)
+            };
+            if chosen.len() != 1 || !chosen.iter().all(in_volts) {
+                return refuse(
+                    "signal_variance",
+                    "it is for a filter of one signal in V; name that in `channels`, or leave it out"
+                        .to_owned(),
+                );
+            }
+            if !claims || filter.method.has_fixed_gain() {
+                let why = "this method has no gain that a variance would change; leave it out, or use `ekf`";
+                return refuse("signal_variance", why.to_owned());
+            }
+        }
         let refused = |why| experiment.error(at.clone().child("method"), ConfigFault::Value { why });
         let mut inverse = None;
         if filter.method == Method::DirectInversion {
@@ -257,7 +292,7 @@ impl EquationFilterSettings {
             let of = |measure: &usize| MeasuredOscillation::of(own, &table, *measure);
             oscillations = chosen.iter().map(of).collect::<Result<_, _>>().map_err(refused)?;
         }
-        Ok(Self { basics, measures, events, inverse, oscillations, start, density })
+        Ok(Self { basics, measures, signal_variance, events, inverse, oscillations, start, density })
     }
 
     /// What the file says of the states at the first sample; `None` where they come from the signal.
@@ -268,11 +303,12 @@ impl EquationFilterSettings {
         Some(MeanAndCovariance::apart(own.chain(parameters)))
     }
 
-    /// What is known of the states before the first sample, where the start comes from the signal: that they are about rest, as far as
-    /// the file says how far.
+    /// What is known of the states before the first sample, where the start comes from the signal: that they are about rest, or where the
+    /// file says, as far as it says how far.
     pub fn prior(&self, own: &OwnDevice) -> Option<Vec<StatePrior>> {
-        let EquationStart::Signal { sd } = &self.start else { return None };
-        let states = own.rest.iter().zip(sd).map(|(mean, sd)| StatePrior { mean: *mean, sd: *sd });
+        let EquationStart::Signal { about, sd } = &self.start else { return None };
+        let mean = about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest));
+        let states = mean.zip(sd).map(|(mean, sd)| StatePrior { mean, sd: *sd });
         let parameters = self.basics.parameters().iter();
         let parameters = parameters.map(|tracked| StatePrior { mean: 0.0, sd: Some(tracked.sd) });
         Some(states.chain(parameters).collect())

@@ -6,21 +6,23 @@ use super::names;
 use super::settings::OwnDevice;
 use super::simulated_event::{SimulatedEvent, recorded_events};
 use super::table::{EquationsTable, refused};
-use crate::config::{ConfigFault, DriveSource, Experiment, Key, Sign, Simulate, SimulatedChannel};
+use crate::config::{
+    ConfigFault, DriveSource, Experiment, InputSource, Key, Sign, Simulate, SimulatedChannel,
+};
 use crate::recording::RecordingSource;
 use crate::simulate::{
     Converter, Drive, SimulateError, SimulatedColumn, SimulatedInput, SimulatedSample, Simulation,
     WhiteNoise, drive_of, input_of, parts_of_all,
 };
 use crate::units::kind;
-use kalmems_equations::{Device, EquationError, Named};
-use std::ops::ControlFlow;
+use kalmems_equations::{Device, EquationError, Named, Reading, ReadoutProgram};
+use std::ops::{ControlFlow, Range};
 
 /// A simulation by the equations: Runge and Kutta's method of fourth order in steps of the integration rate, behind each of which
 /// the noise of the rates is added.
 pub struct EquationSimulation {
     own: OwnDevice,
-    /// The inputs, in the order of the device.
+    /// The inputs, in the order of the device, the rates of some behind them.
     drives: Vec<Drive>,
     /// Those that follow a measurement.
     loops: Vec<Loop>,
@@ -38,7 +40,7 @@ pub struct EquationSimulation {
     events: Vec<(usize, [f64; 2])>,
     recorded: Vec<SimulatedColumn>,
     truth: Vec<SimulatedColumn>,
-    /// The states that they are.
+    /// The states that the first of them are; quantities follow.
     truth_of: Vec<usize>,
 }
 
@@ -67,13 +69,14 @@ impl Sampling {
     }
 }
 
-/// The inputs of a device as an experiment drives them.
-fn inputs(
+/// The stated inputs of a device as an experiment drives them.
+fn stated_inputs(
     experiment: &Experiment,
     simulate: &Simulate,
     device: &Device,
 ) -> Result<Vec<SimulatedInput>, SimulateError> {
-    let named = match (&simulate.drive, device.inputs()) {
+    let stated = &device.inputs()[..device.own_inputs()];
+    let named = match (&simulate.drive, stated) {
         (DriveSource::Inputs(named), _) => named,
         (_, []) => return Ok(Vec::new()),
         (DriveSource::RingDown(_), [input, ..]) => {
@@ -99,8 +102,8 @@ fn inputs(
         }
     };
     let key = || Key::from("simulate.drive.inputs");
-    if let Some(name) = named.keys().find(|name| device.inputs().iter().all(|input| *input.name != ***name)) {
-        let known = device.inputs().iter().map(|input| &*input.name);
+    if let Some(name) = named.keys().find(|name| stated.iter().all(|input| *input.name != ***name)) {
+        let known = stated.iter().map(|input| &*input.name);
         return Err(experiment.error(key().child(name), ConfigFault::unknown_key(name, known)).into());
     }
     let one = |input: &Named| {
@@ -116,7 +119,30 @@ fn inputs(
         };
         input_of(experiment, simulate, (&input.name, names::kind_of(input)), source)
     };
-    device.inputs().iter().map(one).collect()
+    stated.iter().map(one).collect()
+}
+
+/// The rates of these inputs, as far as the equations need them.
+fn rates(
+    experiment: &Experiment,
+    simulate: &Simulate,
+    (device, inputs): (&Device, &[SimulatedInput]),
+) -> Result<Vec<Drive>, SimulateError> {
+    let is_closed = |name: &str| match &simulate.drive {
+        DriveSource::Inputs(named) => matches!(named.get(name), Some(InputSource::Feedback(_))),
+        _ => false,
+    };
+    let of = |input: &usize| {
+        let name = &*device.inputs()[*input].name;
+        inputs[*input].drive.rate().filter(|_| !is_closed(name)).ok_or_else(|| {
+            let why = format!(
+                "the equations need the time derivative of `{name}`, and this drive jumps; take another one, such as \
+                 `[simulate.drive.inputs.{name}.sine]`"
+            );
+            experiment.error("simulate.drive", ConfigFault::Value { why }).into()
+        })
+    };
+    device.rated_inputs().iter().map(of).collect()
 }
 
 /// How the measurements of a device are sampled.
@@ -186,7 +212,8 @@ impl EquationSimulation {
         let own = OwnDevice::of(experiment)?;
         let device = &own.device;
         let wrong = |error| SimulateError::from(refused(experiment, &error));
-        let inputs = inputs(experiment, simulate, device)?;
+        let inputs = stated_inputs(experiment, simulate, device)?;
+        let rates = rates(experiment, simulate, (device, &inputs))?;
         let loops = loops(experiment, simulate, &own)?;
         let before_s = inputs.iter().map(|input| input.before_s).fold(0.0, f64::max);
         let sampling = sampling(experiment, simulate, device)?;
@@ -212,16 +239,21 @@ impl EquationSimulation {
         let periods = device.periods(&own.values).map_err(wrong)?;
         let events = recorded_events(&own).map_err(wrong)?;
         let of_events = events.iter().map(|(event, _)| names::event_channel(&device.events()[*event]));
-        let recorded =
-            [names::channels(device.inputs()), names::channels(device.measures()), of_events.collect()]
-                .concat();
+        let recorded = [
+            names::channels(&device.inputs()[..device.own_inputs()]),
+            names::channels(device.measures()),
+            of_events.collect(),
+        ]
+        .concat();
         let known = names::values(&*experiment.device::<EquationsTable>()?, device);
         let truth_of: Vec<usize> = known.iter().filter_map(|value| device.state(value.name)).collect();
+        let of_states = truth_of.iter().map(|place| device.states()[*place].clone());
         let truth =
-            truth_of.iter().flat_map(|place| names::channels(&device.states()[*place..=*place])).collect();
+            names::channels(&of_states.chain(device.quantities().iter().cloned()).collect::<Vec<_>>());
         let (simulate, noises) = (simulate.clone(), (densities, variances));
-        let (drives, sources): (_, Vec<_>) =
+        let (mut drives, sources): (Vec<_>, Vec<_>) =
             inputs.into_iter().map(|input| (input.drive, input.source)).unzip();
+        drives.extend(rates);
         let sources = sources.into_iter().flatten().collect();
         Ok(Self {
             own,
@@ -243,6 +275,17 @@ impl EquationSimulation {
 }
 
 impl EquationSimulation {
+    /// Why a motion that was finite an interval ago is not any more.
+    fn not_finite(&self, before: (&[f64], &[f64]), time_s: f64, interval_s: f64) -> SimulateError {
+        let left = self.own.device.left_table(&self.own.values, before, interval_s);
+        match left.ok().flatten() {
+            Some(left) => {
+                SimulateError::NotDescribed { time_s: (time_s - interval_s).max(0.0), why: left.to_string() }
+            }
+            None => SimulateError::NotFinite { time_s },
+        }
+    }
+
     /// What looks for the events that are recorded, with random numbers of its own for each.
     fn simulated_events(&self, noises: Vec<WhiteNoise>) -> Result<Vec<SimulatedEvent>, EquationError> {
         let each = self.events.iter().zip(noises).map(|((event, variances), noise)| {
@@ -251,6 +294,31 @@ impl EquationSimulation {
         });
         each.collect()
     }
+}
+
+/// Adds the noise of the rates over a step.
+fn add_noise(state: &mut [f64], sd: &[f64], chance: &mut [WhiteNoise]) {
+    for ((state, sd), noise) in state.iter_mut().zip(sd).zip(chance) {
+        if *sd > 0.0 {
+            *state += sd * noise.sample();
+        }
+    }
+}
+
+/// Takes whole turns off the states that come round.
+fn turn(periods: &[(usize, f64)], state: &mut [f64]) {
+    for (place, period) in periods {
+        state[*place] -= period * (state[*place] / period).floor();
+    }
+}
+
+/// What is read of a device, by the places of it.
+fn readings_of(
+    own: &OwnDevice,
+    places: Range<usize>,
+    readout: fn(&Device, usize, &[usize]) -> Result<ReadoutProgram, EquationError>,
+) -> Result<Vec<Reading>, EquationError> {
+    places.map(|place| Ok(Reading::new(readout(&own.device, place, &[])?, &own.values))).collect()
 }
 
 /// The inputs at a time in s.
@@ -286,16 +354,17 @@ impl Simulation for EquationSimulation {
         let too_large = |_| SimulateError::NotFinite { time_s: 0.0 };
         let motion = own.device.motion(&[]).map_err(too_large)?;
         let mut work = motion.work(&own.values);
-        let readouts = (0..own.device.measures().len()).map(|place| own.device.readout(place, &[]));
-        let readouts = readouts.collect::<Result<Vec<_>, _>>().map_err(too_large)?;
-        let mut readings: Vec<_> = readouts.iter().map(|readout| readout.work(&own.values)).collect();
+        let mut readings =
+            readings_of(own, 0..own.device.measures().len(), Device::readout).map_err(too_large)?;
+        let mut quantities =
+            readings_of(own, 0..own.device.quantities().len(), Device::quantity).map_err(too_large)?;
         // One stream of random numbers for each measurement, and behind them one for each state.
         let streams = |from: usize, count: usize| -> Vec<WhiteNoise> {
             (0..count).map(|stream| WhiteNoise::new(simulate.seed, (from + stream) as u64)).collect()
         };
-        let mut of_samples = streams(0, readouts.len());
-        let mut of_rates = streams(readouts.len(), self.start.len());
-        let of_events = streams(readouts.len() + self.start.len(), self.events.len());
+        let mut of_samples = streams(0, readings.len());
+        let mut of_rates = streams(readings.len(), self.start.len());
+        let of_events = streams(readings.len() + self.start.len(), self.events.len());
         let mut events = self.simulated_events(of_events).map_err(too_large)?;
         let mut rates = motion.work(&own.values);
         // The stated rate, or a whole multiple of it that follows the fastest motion as well.
@@ -320,18 +389,10 @@ impl Simulation for EquationSimulation {
                 std::mem::swap(state, &mut next);
             });
             if simulate.noise {
-                for ((state, sd), noise) in state.iter_mut().zip(&step_sd).zip(&mut of_rates) {
-                    if *sd > 0.0 {
-                        *state += sd * noise.sample();
-                    }
-                }
+                add_noise(state, &step_sd, &mut of_rates);
             }
         };
-        let turn = |state: &mut [f64]| {
-            for (place, period) in &self.periods {
-                state[*place] -= period * (state[*place] / period).floor();
-            }
-        };
+        let turn = |state: &mut [f64]| turn(&self.periods, state);
         // Before the recording, where an input asks for that.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, and saturating
         let steps_before = (self.before_s * rate_hz).round() as u64;
@@ -343,15 +404,16 @@ impl Simulation for EquationSimulation {
             }
         }
         let mut step_count = 0_u64;
+        let mut before = state.clone();
         for k in 0..self.samples() {
             let time_s = k as f64 * interval_s;
             inputs_at(&drives, time_s, &mut inputs);
-            let (of_inputs, of_measures) = recorded.split_at_mut(inputs.len());
+            let (of_inputs, of_measures) = recorded.split_at_mut(own.device.own_inputs());
             let mut finite = state.iter().chain(&inputs).all(|x| x.is_finite());
-            for (place, readout) in readouts.iter().enumerate() {
+            for (place, reading) in readings.iter_mut().enumerate() {
                 // Each channel has random numbers of its own, whatever rows it is sampled at.
                 let noise = if simulate.noise { sample_sd[place] * of_samples[place].sample() } else { 0.0 };
-                let analogue = || readout.read(&mut readings[place], &state, &inputs) + noise;
+                let analogue = || reading.read(&state, &inputs) + noise;
                 of_measures[place] = self.sampling[place].sample(k, &mut finite, analogue);
             }
             for closed in &self.loops {
@@ -360,13 +422,17 @@ impl Simulation for EquationSimulation {
             // A recording has what moves the device from its row on.
             inputs_at(&drives, time_s, of_inputs);
             if !finite {
-                return Err(SimulateError::NotFinite { time_s });
+                return Err(self.not_finite((&before, &inputs), time_s, interval_s));
             }
+            before.copy_from_slice(&state);
             for (to, event) in recorded[measured..].iter_mut().zip(&mut events) {
                 *to = event.ago(time_s);
             }
             for (to, place) in truth.iter_mut().zip(&self.truth_of) {
                 *to = state[*place];
+            }
+            for (to, quantity) in truth.iter_mut().skip(self.truth_of.len()).zip(&mut quantities) {
+                *to = quantity.read(&state, &[]);
             }
             if each(&SimulatedSample { time_s, recorded: &recorded, truth: &truth }).is_break() {
                 return Err(SimulateError::Interrupted);

@@ -18,16 +18,33 @@ fn oscillating(own: &OwnDevice) -> impl Iterator<Item = &Mode> {
     own.modes.iter().filter(|mode| mode.rate > OSCILLATES * mode.size())
 }
 
-/// The period of its slowest free oscillation in s, or, without one, its longest time constant.
-fn cycle_s(own: &OwnDevice) -> f64 {
+/// The period of its slowest free oscillation in s, or, without one, how long a state that comes round takes where the search begins, or
+/// else its longest time constant.
+fn cycle_s(own: &OwnDevice, prior: &[StatePrior]) -> f64 {
     let period_s = oscillating(own).map(|mode| TAU / mode.rate).fold(0.0, f64::max);
     let decays = own.modes.iter().map(Mode::size).filter(|size| *size > 0.0);
-    if period_s > 0.0 { period_s } else { decays.map(f64::recip).fold(0.0, f64::max) }
+    if period_s > 0.0 {
+        return period_s;
+    }
+    turn_s(own, prior).unwrap_or_else(|| decays.map(f64::recip).fold(0.0, f64::max))
+}
+
+/// How long the slowest of the states that come round takes for a turn where the search begins, where one moves there.
+fn turn_s(own: &OwnDevice, prior: &[StatePrior]) -> Option<f64> {
+    let motion = own.device.motion(&[]).ok()?;
+    let at: Vec<f64> = prior.iter().take(own.device.states().len()).map(|prior| prior.mean).collect();
+    let mut rates = vec![0.0; at.len()];
+    motion.rates(&mut motion.work(&own.values), &at, &vec![0.0; own.device.inputs().len()], &mut rates);
+    let turns = own.device.periods(&own.values).ok()?.into_iter().filter_map(|(state, period)| {
+        let turn_s = period / rates.get(state)?.abs();
+        turn_s.is_finite().then_some(turn_s)
+    });
+    turns.reduce(f64::max)
 }
 
 /// The rows that are looked at, at most, and one behind them.
-pub fn most_rows(own: &OwnDevice, interval_s: f64) -> usize {
-    rows_for_start((cycle_s(own), interval_s), own.device.states().len())
+pub fn most_rows((own, prior): (&OwnDevice, &[StatePrior]), interval_s: f64) -> usize {
+    rows_for_start((cycle_s(own, prior), interval_s), own.device.states().len())
 }
 
 /// What the search knows of a device and of a filter's states.
@@ -81,6 +98,7 @@ impl EquationFilterTask<'_> {
         steps: usize,
     ) -> Result<Option<BatchStart>, EstimateError> {
         let Some(prior) = self.filter.prior(self.own) else { return Ok(None) };
+        let cycle_s = cycle_s(self.own, &prior);
         let search = search(self.own, prior);
         let states = self.filter.basics.states(&self.own.states());
         let of = SignalStart {
@@ -88,7 +106,7 @@ impl EquationFilterTask<'_> {
             basics: &self.filter.basics,
             states: (&states, self.own.device.states().len()),
             sizes: &[],
-            cycle_s: cycle_s(self.own),
+            cycle_s,
         };
         let mut course = EquationCourse::new(model, (self.data, &self.own.between), (channels, &[]), steps);
         start_from_signal(&mut course, &self.data.samples, &search, of).map(Some)

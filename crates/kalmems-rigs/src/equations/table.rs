@@ -48,6 +48,10 @@ pub struct EquationsTable {
     pub delay: Ordered<DelayTable>,
     /// What is measured, each with its unit: `signal = "gain*x in V"`. Each is a channel of a recording.
     pub measure: Ordered<String>,
+    /// What follows from the states and is wanted as an answer too, each with its unit: `position = "rest + a*cos(phase) in m"`. A
+    /// reference may know it.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub quantities: Ordered<String>,
     /// The variance of a sample of each measurement, and the power density of the noise of a state's rate.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub noise: Ordered<String>,
@@ -185,6 +189,7 @@ impl EquationsTable {
             functions: entries("functions", &self.functions),
             derivative: entries("derivative", &self.derivative),
             measure: entries("measure", &self.measure),
+            quantities: entries("quantities", &self.quantities),
             noise: entries("noise", &self.noise),
             tables: curves,
             events: entries("events", &self.events),

@@ -1,13 +1,14 @@
 //! What the signal tells of a device along a motion, before anything is recorded.
 
 use super::simulation::EquationSimulation;
-use super::{EquationsRig, short};
+use super::{EquationsRig, EquationsTable, short};
 use crate::Rig;
 use crate::config::{Experiment, Quantity};
-use crate::estimate::Trajectory;
+use crate::estimate::{StateSeries, Trajectory};
 use crate::outlook::{Fact, OutlookTopic};
 use crate::progress::Silent;
 use crate::simulate::{ComputedRecording, SimulateError, described};
+use kalmems_equations::Named;
 
 /// Samples of the motion that are looked at.
 const SAMPLES: f64 = 50_000.0;
@@ -46,14 +47,18 @@ pub fn visibility(experiment: &Experiment) -> Result<Option<OutlookTopic>, Simul
         return Ok(None);
     };
     let trajectories = estimates.iter().flat_map(|estimate| &estimate.trajectories);
-    let facts: Vec<Fact> = trajectories.filter_map(of_filter).collect();
+    let (_, device) = EquationsTable::of(experiment)?;
+    let facts: Vec<Fact> =
+        trajectories.filter_map(|trajectory| of_filter(trajectory, device.quantities())).collect();
     Ok((!facts.is_empty()).then_some(OutlookTopic { title: "What the signal tells", facts }))
 }
 
-fn of_filter(trajectory: &Trajectory) -> Option<Fact> {
+/// What a filter knows of its states at the end; what follows from them is known by them.
+fn of_filter(trajectory: &Trajectory, follow: &[Named]) -> Option<Fact> {
     let last_s = trajectory.time_s.last()?;
     let (mut told, mut untold, mut values) = (Vec::new(), Vec::new(), Vec::new());
-    for state in &trajectory.states {
+    let is_state = |state: &&StateSeries| follow.iter().all(|named| *named.name != *state.name);
+    for state in trajectory.states.iter().filter(is_state) {
         // A model alone claims nothing.
         let (first, last) = (*state.sd.first()?, *state.sd.last()?);
         if !last.is_finite() {

@@ -96,12 +96,12 @@ impl Phasor<3> for FixedRestPhasor {
     }
 
     fn derived(&self) -> DerivedQuantities {
-        let compute = |rest: f64, x: &[f64], p: &dyn Fn(usize, usize) -> f64| {
+        let rest = self.readout.rest_distance;
+        DerivedQuantities::pair(DERIVED, move |x, p| {
             let (values, gradients) = position_and_velocity(&[x[0], x[1], x[2], rest, 0.0]);
             let sd = gradients.map(|gradient| deviation(&gradient[..3], p));
             [(values[0], sd[0]), (values[1], sd[1])]
-        };
-        DerivedQuantities { names: DERIVED, parameter: self.readout.rest_distance, compute }
+        })
     }
 }
 
@@ -118,12 +118,11 @@ impl Phasor<5> for Drifting {
     }
 
     fn derived(&self) -> DerivedQuantities {
-        let compute = |_: f64, x: &[f64], p: &dyn Fn(usize, usize) -> f64| {
+        DerivedQuantities::pair(DERIVED, |x, p| {
             let (values, gradients) = position_and_velocity(&[x[0], x[1], x[2], x[3], x[4]]);
             let sd = gradients.map(|gradient| deviation(&gradient, p));
             [(values[0], sd[0]), (values[1], sd[1])]
-        };
-        DerivedQuantities { names: DERIVED, parameter: 0.0, compute }
+        })
     }
 }
 

@@ -5,7 +5,9 @@ use super::plant::MirrorPlant;
 use crate::config::{CrossingTiming, Method, Variant};
 use crate::crossings::{CrossingDelivery, CrossingReading, LevelCrossing};
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, HYBRID_STEPS, Plant};
-use crate::estimate::{Course, EVENTS, Filtering, MOST_STATES, SampleCounts, Sensor, Trajectory, Transition};
+use crate::estimate::{
+    Course, EVENTS, Filtering, MOST_STATES, SampleCounts, Sensor, Trajectory, Transition, by_signal_taken_for,
+};
 use crate::signal::cubic_between;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{FilterError, Innovation, Nodes};
@@ -216,18 +218,8 @@ impl Course for ThresholdCourse<'_> {
         };
         let printed = self.variant == Variant::Literal;
         let seen = WithFeedthrough { readout: &self.plant.sensor(), through, printed };
-        if self.variant != Variant::TimingOnly && self.signal_variance == variance {
-            return filter.update(0, &seen, y, variance).map(Some);
-        }
-        let mut update =
-            |variance: f64, largest_nis: f64| filter.update_within(&seen, y, variance, largest_nis);
-        // What is not taken, or not taken at its worth, is predicted all the same, so that every filter's innovations are of
-        // the same signal.
-        let mut judgement = update(variance, NEVER)?;
-        if self.variant != Variant::TimingOnly {
-            judgement.taken = update(self.signal_variance, f64::INFINITY)?.taken;
-        }
-        Ok(Some(judgement))
+        let taken_for = (self.variant != Variant::TimingOnly).then_some(self.signal_variance);
+        by_signal_taken_for(filter, &seen, (y, variance), taken_for).map(Some)
     }
 }
 

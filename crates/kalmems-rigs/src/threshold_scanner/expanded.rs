@@ -22,7 +22,8 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     all.table("inputs", &[("drive", "V")]);
     let passed = passed(experiment);
     let stated = passed.iter().filter_map(|passed| Some((passed.parameter.as_str(), passed.angle?, "rad")));
-    let parameters = [
+    let through = hardware.feedthrough != 0.0;
+    let mut parameters = vec![
         ("natural_frequency", hardware.natural_hz(), "Hz"),
         ("damping_ratio", hardware.mirror.resonator.damping_ratio, ""),
         ("drive_gain", hardware.mirror.drive_gain, "rad/s^2/V^2"),
@@ -32,6 +33,20 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
         ("offset", hardware.readout.offset, "V"),
         ("noise_variance", hardware.noise_variance, "V^2"),
     ];
+    if through {
+        parameters.extend([
+            ("feedback_resistance", hardware.feedback_resistance, "ohm"),
+            ("feedthrough", hardware.feedthrough, "F"),
+        ]);
+    }
+    let beam = super::instruments(experiment)?.beam;
+    if let Some(beam) = beam {
+        parameters.extend([
+            ("detector_distance", beam.distance, "m"),
+            ("detector_gain", beam.gain, "m/V"),
+            ("detector_multiple", beam.multiple, ""),
+        ]);
+    }
     all.numbers("parameters", &parameters.into_iter().chain(stated).collect::<Vec<_>>());
     all.table(
         "let",
@@ -47,10 +62,13 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
             ("rate", "-2*damping_ratio*natural_rate*rate - natural_rate^2*angle - drive_gain*form*drive^2"),
         ],
     );
-    all.table(
-        "measure",
-        &[("signal", "logistic_comb(angle, threshold_angle, gain, steepness)*rate + offset in V")],
-    );
+    let seen = "logistic_comb(angle, threshold_angle, gain, steepness)*rate + offset";
+    let passed_on = if through { " - feedback_resistance*feedthrough*ddt(drive)" } else { "" };
+    all.table("measure", &[("signal", &*format!("{seen}{passed_on} in V"))]);
+    if beam.is_some() {
+        let position = "detector_distance*tan(detector_multiple*angle)/detector_gain in V";
+        all.table("quantities", &[("position", position)]);
+    }
     let expressions: Vec<String> =
         passed.iter().map(|passed| format!("angle - {}", passed.parameter)).collect();
     let events = passed.iter().zip(&expressions);
@@ -62,9 +80,9 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
         crossings(&mut all, estimate, &passed, (hardware.readout.offset, comb.steepest() < 0.0));
     }
     all.table("noise", &noise);
-    if hardware.feedthrough != 0.0 {
+    if through {
         all.notes.push(
-            "What the drive's slope makes of the signal (`feedthrough_capacitance`) is not part of the equations: an input has no derivative."
+            "The rate of the drive comes from its samples; where the drive bends its rig leaves a sample out, and the equations do not."
                 .to_owned(),
         );
     }

@@ -92,7 +92,12 @@ impl Rig for ThresholdScannerRig {
     }
 
     fn uses(&self, _: &Experiment) -> DeviceUses {
-        DeviceUses { crossings: true, no_methods: &NO_METHODS, ..DeviceUses::default() }
+        DeviceUses {
+            crossings: true,
+            signal_variance: true,
+            no_methods: &NO_METHODS,
+            ..DeviceUses::default()
+        }
     }
 
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {

@@ -4,6 +4,7 @@ mod equations;
 mod events;
 mod example_devices;
 mod export;
+mod input_rate;
 mod measured_devices;
 mod own_circuit;
 mod own_commands;
@@ -15,4 +16,5 @@ mod own_start;
 #[path = "../parts/mod.rs"]
 mod parts;
 mod shooting;
+mod table_end;
 mod uncertain_device;

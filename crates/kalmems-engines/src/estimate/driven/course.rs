@@ -103,7 +103,11 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
 
     fn derived(&self) -> Option<DerivedQuantities> {
         let names = [("amplitude", "rad", &kind::ANGLE), (PHASE, "rad", &kind::ANGLE)];
-        self.phase_rate.map(|parameter| DerivedQuantities { names, parameter, compute: amplitude_and_phase })
+        self.phase_rate.map(|rate| {
+            DerivedQuantities::pair(names, move |mean, covariance| {
+                amplitude_and_phase(rate, mean, covariance)
+            })
+        })
     }
 
     fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {

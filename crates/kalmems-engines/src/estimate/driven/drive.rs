@@ -2,7 +2,9 @@
 
 use crate::estimate::SampleSelection;
 use crate::progress::Interruption;
-use crate::signal::{Sine, cubic_between, fit_sine, fit_sine_near, fit_sine_until};
+use crate::signal::{
+    SLOPE_REACH, Sine, cubic_between, fit_sine, fit_sine_near, fit_sine_until, sample_slopes,
+};
 use kalmems_core::Nodes;
 use std::cell::OnceCell;
 use std::ops::Range;
@@ -27,6 +29,9 @@ pub struct SegmentDrive<'a> {
 /// its own block follows, so that it is the same whether the later rows are known or not. In the first block it comes from
 /// that block.
 pub const BLOCK: usize = 4096;
+
+/// Standard deviations of what a sine leaves within which samples are on it.
+const ON_THE_SINE: f64 = 6.0;
 
 /// What is kept of the drive of a segment from one part to the next.
 #[derive(Clone, Debug, Default)]
@@ -209,7 +214,9 @@ impl<'a> SegmentDrive<'a> {
             (before.saturating_sub(fresh.start), before.saturating_sub(fresh.start + BLOCK));
         let unused = past.stand_ins.iter().skip(1).take_while(|(row, _)| *row < oldest).count();
         past.stand_ins.drain(..unused);
-        past.coming.drain(..past.coming.len().saturating_sub(1));
+        // Rows before the new ones may be gone over again, as a smoother does.
+        let passed = past.coming.iter().skip(1).take_while(|(row, _)| *row <= first).count();
+        past.coming.drain(..passed);
         past.take(time_s, volts, fresh, interval_s);
         // What is given in advance is as the next parts will find it.
         let missing = |k: &usize| missing(time_s, volts, *k, interval_s);
@@ -280,6 +287,22 @@ impl<'a> SegmentDrive<'a> {
         }
     }
 
+    /// Its rate at each sample, per s: that of the sine by which it goes on, where that was asked for and the samples around are on it as well
+    /// as noise lets them, and else that of the polynomial through those, which has all of their noise.
+    pub fn rates(&self, interval_s: f64) -> Vec<f64> {
+        let value = |k: usize| self.sample(k).0;
+        let mut rates = sample_slopes(self.time_s, value, interval_s);
+        for (k, rate) in rates.iter_mut().enumerate() {
+            let Some(sine) = self.continuation(k).filter(|sine| sine.amplitude > 0.0) else { continue };
+            let around = k.saturating_sub(SLOPE_REACH)..(k + SLOPE_REACH + 1).min(self.time_s.len());
+            let bound = ON_THE_SINE * sine.residual_rms;
+            if around.into_iter().all(|k| (value(k) - sine.at(self.time_s[k])).abs() <= bound) {
+                *rate = sine.rate_at(self.time_s[k]);
+            }
+        }
+        rates
+    }
+
     /// Where nothing tells what the drive was at new rows: the time of the first such row and how many there are, gaps in
     /// the time included. `None` where the drive is known throughout, if only by a sine.
     pub fn unknown(&self) -> Option<(f64, usize)> {
@@ -324,6 +347,27 @@ impl<'a> SegmentDrive<'a> {
 mod tests {
     use super::*;
     use std::f64::consts::TAU;
+
+    #[test]
+    fn the_rate_of_a_steady_drive_has_not_the_noise_of_its_samples() {
+        let time_s: Vec<f64> = (0..3 * BLOCK).map(|k| k as f64 * 1e-6).collect();
+        // White enough: a fixed sequence without a line.
+        let noise = |k: usize| ((k * k * 7919 + k * 104_729) % 1009) as f64 / 1009.0 - 0.5;
+        let mut samples: Vec<f64> =
+            time_s.iter().enumerate().map(|(k, t)| volts(*t) + 0.1 * noise(k)).collect();
+        let stops = 2 * BLOCK + 100;
+        samples[stops..].fill(90.0);
+        let mut past = DrivePast { foresees: true, ..DrivePast::default() };
+        let selection = SampleSelection::whole(time_s.len(), 1e-6);
+        let drive = SegmentDrive::of(&time_s, &samples, &selection, &mut past, &Interruption::never());
+        let rates = drive.rates(1e-6);
+        let rate = TAU * 31_350.0;
+        let truth = |k: usize| 90.0 * rate * (rate * time_s[k] - 0.4).cos();
+        let off = |rows: Range<usize>| rows.map(|k| (rates[k] - truth(k)).abs()).fold(0.0, f64::max);
+        // A difference of these samples would be off by up to 1e5 V/s.
+        assert!(off(0..stops - SLOPE_REACH) < 2e3, "{}", off(0..stops - SLOPE_REACH));
+        assert!(rates[stops + SLOPE_REACH..].iter().all(|rate| *rate == 0.0));
+    }
 
     fn volts(t: f64) -> f64 {
         90.0 + 90.0 * (TAU * 31_350.0 * t - 0.4).sin()
