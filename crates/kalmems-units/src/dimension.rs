@@ -154,7 +154,8 @@ fn write_power(f: &mut fmt::Formatter<'_>, symbol: &str, halves: i16) -> fmt::Re
     match halves {
         2 => f.write_str(symbol),
         h if h % 2 == 0 => write!(f, "{symbol}^{}", h / 2),
-        h => write!(f, "{symbol}^({h}/2)"),
+        1 => write!(f, "sqrt({symbol})"),
+        h => write!(f, "sqrt({symbol}^{h})"),
     }
 }
 
@@ -168,7 +169,7 @@ mod tests {
         let of = |kind: &crate::Kind| kind.dimension.to_string();
         assert_eq!(of(&kind::CAPACITANCE), "F");
         assert_eq!(of(&kind::VOLTAGE_DRIFT), "V^2/s");
-        assert_eq!(of(&kind::CAPACITANCE_DENSITY), "F s^(1/2)");
+        assert_eq!(of(&kind::CAPACITANCE_DENSITY), "F sqrt(s)");
         assert_eq!(of(&kind::ANGULAR_RATE), "rad/s");
         assert_eq!(of(&kind::RATIO), "1");
         assert_eq!(Dimension::of([1, 2, -2, 0, 0, 0]).to_string(), "N m");
