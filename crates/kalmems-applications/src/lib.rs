@@ -5,6 +5,7 @@
 //! knows how a motion was estimated: it comes as recorded trajectories with their standard deviations.
 
 pub mod calibration;
+mod earlier_command;
 pub mod image;
 pub mod metrology;
 mod named_files;

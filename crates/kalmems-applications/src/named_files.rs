@@ -1,5 +1,6 @@
 //! Reading the files that a calibration, an image or a spectrum names.
 
+use crate::earlier_command::earlier_command;
 use crate::progress::Progress;
 use crate::recording::{Finding, Purpose, ReadError, RecordingLayout, RecordingSource, SampledRecording};
 use std::path::Path;
@@ -35,11 +36,10 @@ impl<'a> NamedFiles<'a> {
         layout: &RecordingLayout,
     ) -> Result<SampledRecording, NamedFileError> {
         if !path.exists() {
-            let why = format!(
-                "there is no file `{}`; give its path from the folder of the {}, or put it there",
-                path.display(),
-                self.settings
-            );
+            let remedy = earlier_command(path).unwrap_or_else(|| {
+                format!("give its path from the folder of the {}, or put it there", self.settings)
+            });
+            let why = format!("there is no file `{}`; {remedy}", path.display());
             return Err(NamedFileError::Missing(why));
         }
         let mut started = false;

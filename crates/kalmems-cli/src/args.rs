@@ -219,32 +219,51 @@ pub struct EstimateArguments {
     pub no_trajectories: bool,
 }
 
+/// What stands below the help of `new`.
+const BELOW_NEW: &str = "Without `--device` the recordings are described: what each column seems to be, what its values show, and which of the \
+    known devices have such channels. On a terminal the command then asks for the device and for whatever else it cannot know.\n\n\
+    Examples:\n  \
+    kalmems new examples/shared_scanner/recording.csv\n  \
+    kalmems new examples/shared_scanner/recording.csv --device shared_scanner --write my_scanner.toml\n  \
+    kalmems new --device threshold_scanner --write planned.toml";
+
 #[derive(Args)]
+#[command(after_help = BELOW_NEW)]
 pub struct NewArguments {
-    /// The recording whose motion is to be estimated; without it the experiment simulates one.
-    pub recording: Option<PathBuf>,
+    /// The recordings; the motion of the first is to be estimated. Further ones get the role of what they show: a free decay, a device at rest,
+    /// a sweep, a steady motion. Without a recording the experiment simulates one.
+    #[arg(value_name = "RECORDING")]
+    pub recordings: Vec<PathBuf>,
     /// List the devices, with what the signal of each looks like.
-    #[arg(long, conflicts_with_all = ["recording", "device", "write"])]
+    #[arg(long, conflicts_with_all = ["recordings", "device", "write"])]
     pub list: bool,
     /// The device, by its name in the list.
-    #[arg(long, value_name = "NAME", required_unless_present = "list")]
+    #[arg(long, value_name = "NAME")]
     pub device: Option<String>,
-    /// Which column of the recording a channel of the device is, such as `signal=ch2_V`; more than once for several.
-    #[arg(long = "channel", value_name = "CHANNEL=COLUMN", value_parser = pair, requires = "recording")]
+    /// Which column of the recordings a channel of the device is, such as `signal=ch2_V`; more than once for several channels, or for a channel
+    /// whose column has another name in another recording.
+    #[arg(long = "channel", value_name = "CHANNEL=COLUMN", value_parser = pair, requires = "recordings")]
     pub channels: Vec<(String, String)>,
-    /// A further recording with the same columns, by its role, such as `ring_down=decay.csv`; more than once for several.
-    #[arg(long = "further", value_name = "ROLE=FILE", value_parser = pair, requires = "recording")]
+    /// A further recording with the role that it is to have, such as `ring_down=decay.csv`; more than once for several.
+    #[arg(long = "further", value_name = "ROLE=FILE", value_parser = pair, requires = "recordings")]
     pub further: Vec<(String, String)>,
-    /// The rate of the samples, such as `1 MHz`, of a recording without a column of times.
-    #[arg(long, value_name = "RATE", requires = "recording")]
+    /// The rate of the samples, such as `1 MHz`, of recordings without a column of times.
+    #[arg(long, value_name = "RATE", requires = "recordings")]
     pub rate: Option<String>,
+    /// Which column is the time, and its unit, such as `t=ms`, where the name of the column does not say it; it counts in each recording that has
+    /// such a column.
+    #[arg(long, value_name = "COLUMN=UNIT", value_parser = pair, requires = "recordings")]
+    pub time: Option<(String, String)>,
+    /// A number of your device in the place of the published one, such as `comb.angular_width=0.21 rad`; more than once for several.
+    #[arg(long = "value", value_name = "KEY=VALUE", value_parser = pair, requires = "device")]
+    pub values: Vec<(String, String)>,
     /// Write it to this file and not to the console.
     #[arg(long, value_name = "FILE")]
     pub write: Option<PathBuf>,
     /// Put a file aside, as FILE.previous, that stands where the experiment is to be written.
     #[arg(long, requires = "write")]
     pub force: bool,
-    /// Print the experiment, or the list, as JSON with what was found in the recording; where a column is not known, the questions.
+    /// Print the experiment, or the list, as JSON with what was found in the recordings; where something is not known, the questions.
     #[arg(long)]
     pub json: bool,
 }

@@ -34,7 +34,7 @@ fn main() -> ExitCode {
     the_short_way_is_short(&example);
     run(place, &["simulate", "experiment.toml", "--out", "simulated"], None);
     run(place, &["inspect", "experiment.toml"], None);
-    a_told_frequency_is_found(place);
+    a_stated_frequency_is_found(place);
     samples_that_arrive_give_the_same(place);
     run(place, &["study", "study.toml", "--out", "study"], None);
     assert!(fs::read_to_string(place.join("study/results.csv")).unwrap().lines().count() > 3);
@@ -63,7 +63,7 @@ fn the_short_way_is_short(example: &Path) {
 }
 
 /// The filter with the frequency as a state is better than the one that is told a wrong one, and right about itself.
-fn a_told_frequency_is_found(place: &Path) {
+fn a_stated_frequency_is_found(place: &Path) {
     let told = fs::read_to_string(place.join("simulated/experiment.toml")).unwrap();
     let wrong = told.replace("natural_frequency = \"10 kHz\"", "natural_frequency = \"10.02 kHz\"");
     assert_ne!(told, wrong);

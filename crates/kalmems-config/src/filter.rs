@@ -401,7 +401,7 @@ impl FilterTable {
             if self.start_sd.is_empty() && !self.starts_from_signal() {
                 return missing(
                     "start_sd",
-                    "write `start_sd = { angle = \"0.15 rad\", rate = \"15e3 rad/s\" }`",
+                    "write `start_sd` with a value for each state of the device, which `kalmems help device NAME` lists with an example",
                 );
             }
         } else {

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_absent() {
+    fn an_absent_key_is_reported() {
         let document = document();
         let absent = |key: &str| {
             let key = Key::parse(key).unwrap();

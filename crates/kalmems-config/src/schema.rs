@@ -102,6 +102,12 @@ fn tables(schema: &Value, key: &Key) -> String {
     if schema.get("type").is_some_and(|t| t == "array") {
         return format!("a table headed `[[{key}]]`, with double brackets");
     }
+    // Values by names that the device has.
+    if schema.get("additionalProperties").is_some_and(Value::is_object) {
+        return format!(
+            "the table `[{key}]` with a value for each name, which `kalmems help device NAME` lists with an example"
+        );
+    }
     let Some(variants) = schema.get("oneOf").and_then(Value::as_array) else {
         return format!("the table `[{key}]`");
     };

@@ -30,8 +30,7 @@ pub struct Simulate {
     /// How many steps per second the motion is integrated in: a whole multiple of `sampling_rate`.
     #[schemars(example = &"10 MHz")]
     pub integration_rate: Quantity<Frequency, Positive>,
-    /// The first value of each state, such as `{ angle = "1e-6 rad", rate = "0 rad/s" }`.
-    #[schemars(example = start())]
+    /// The first value of each state of the device, by its name; `kalmems help device NAME` lists them.
     pub start: Values,
     /// Whether the readout's noise is added; true if left out.
     #[serde(default = "yes")]
@@ -137,7 +136,7 @@ pub enum DriveSource {
     Square(SquareDriveSource),
     /// A sine whose frequency changes linearly over the duration.
     Sweep(SweepDrive),
-    /// An offset and several sines: one for each axis that hangs on the electrode.
+    /// An offset and several sines: one for each axis that depends on the electrode.
     Tones(TonesDrive),
     /// A column of a file.
     Recorded(RecordedDrive),
@@ -524,8 +523,4 @@ fn tones<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
         .ok()
         .filter(|tones| (2..=1000).contains(tones))
         .ok_or_else(|| D::Error::custom(format!("`{number}` is not 2 to 1000; write how many, such as `16`")))
-}
-
-fn start() -> serde_json::Value {
-    serde_json::json!({ "angle": "1e-6 rad", "rate": "0 rad/s" })
 }

@@ -78,7 +78,17 @@ impl Source {
             ConfigFault::DuplicateKey { key: shown(key) }
         } else {
             let column = position(self.text.as_bytes(), span.start).column;
-            ConfigFault::Syntax { column, why: e.message().trim().replace('\n', "; ") }
+            let why = e.message().trim().replace('\n', "; ");
+            let path = self.path.display();
+            let is_toml = self.path.extension().is_none_or(|extension| extension == "toml");
+            let remedy = if is_toml {
+                String::new()
+            } else {
+                format!(
+                    "; if it is a recording, `kalmems new {path}` describes it and `kalmems inspect {path}` draws it"
+                )
+            };
+            ConfigFault::Syntax { column, why: why + &remedy }
         };
         Err(self.error(Key::default(), Some(span.start), fault))
     }

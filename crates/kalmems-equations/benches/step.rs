@@ -174,7 +174,7 @@ impl<const N: usize> NumericProcess<f64, N> for Modelled<N> {
         &self.noise
     }
 
-    /// What the engines do with states that hang on themselves alone.
+    /// What the engines do with states that depend on themselves alone.
     fn spread(&self, f: &Mat<f64, N, N>, p: &Covariance<f64, N>) -> Covariance<f64, N> {
         let moving = self.motion.moving();
         if moving >= N {

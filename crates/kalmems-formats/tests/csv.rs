@@ -437,7 +437,7 @@ fn records_of_a_file_have_labels_and_clocks_of_their_own_however_few_columns_are
 
 /// A file may end without a line end, and a cut one ends so: the row counts, and it is told.
 #[test]
-fn a_last_line_without_an_end_is_a_row_that_is_told() {
+fn a_last_line_without_an_end_is_a_row_and_is_reported() {
     for (file, rows, line) in [
         ("t_s,v_V\n0,1.5\n1,1", 2, Some(3)),
         ("t_s,v_V\n0,1.5\n1,1\n", 2, None),

@@ -38,7 +38,7 @@ pub enum OutputError {
     /// A result of a version that kept no list of its files.
     #[error(
         "{} holds a result of an earlier version of kalmems, which did not list its files (it has no {}), so that they \
-         cannot be told from yours; nothing was changed: move or remove the folder, or give another one with --out",
+         cannot be distinguished from yours; nothing was changed: move or remove the folder, or give another one with --out",
         path.display(),
         crate::MANIFEST
     )]

@@ -207,7 +207,7 @@ fn a_target_that_holds_an_input_is_refused_even_with_force() {
 }
 
 #[test]
-fn a_second_run_into_the_same_target_is_told_of_the_first() {
+fn a_second_run_into_the_same_target_is_refused_with_the_name_of_the_first() {
     let lab = Laboratory::new();
     let first = lab.begin("experiment.toml", "scan", false).unwrap();
     assert!(matches!(lab.begin("experiment.toml", "scan", true), Err(OutputError::Busy { .. })));

@@ -124,25 +124,38 @@ impl Dimension {
 }
 
 impl fmt::Display for Dimension {
-    /// In the units of the SI, such as `N m s` or `rad s^-1`; `1` for a ratio.
+    /// In the units of the SI, such as `N m s` or `rad/s`, as a reader of units takes it; `1` for a ratio.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let named = self.named();
         let (unit, rest) =
             named.map_or((None, *self), |(symbol, halves, rest)| (Some((symbol, halves)), rest));
-        let rest = SYMBOLS.into_iter().zip(rest.halves).filter(|(_, halves)| *halves != 0);
+        let parts = || unit.into_iter().chain(SYMBOLS.into_iter().zip(rest.halves));
         let mut first = true;
-        for (symbol, halves) in unit.into_iter().chain(rest) {
+        for (symbol, halves) in parts().filter(|(_, halves)| *halves > 0) {
             if !first {
                 f.write_str(" ")?;
             }
             first = false;
-            match halves {
-                2 => f.write_str(symbol)?,
-                h if h % 2 == 0 => write!(f, "{symbol}^{}", h / 2)?,
-                h => write!(f, "{symbol}^({h}/2)")?,
-            }
+            write_power(f, symbol, halves)?;
         }
-        if first { f.write_str("1") } else { Ok(()) }
+        if first {
+            f.write_str("1")?;
+        }
+        for (symbol, halves) in parts().filter(|(_, halves)| *halves < 0) {
+            f.write_str("/")?;
+            write_power(f, symbol, -halves)?;
+        }
+        Ok(())
+    }
+}
+
+/// A symbol with its exponent, of which this is the double.
+fn write_power(f: &mut fmt::Formatter<'_>, symbol: &str, halves: i16) -> fmt::Result {
+    match halves {
+        2 => f.write_str(symbol),
+        h if h % 2 == 0 => write!(f, "{symbol}^{}", h / 2),
+        1 => write!(f, "sqrt({symbol})"),
+        h => write!(f, "sqrt({symbol}^{h})"),
     }
 }
 
@@ -155,13 +168,19 @@ mod tests {
     fn a_dimension_is_written_as_one_would_write_its_unit() {
         let of = |kind: &crate::Kind| kind.dimension.to_string();
         assert_eq!(of(&kind::CAPACITANCE), "F");
-        assert_eq!(of(&kind::VOLTAGE_DRIFT), "V^2 s^-1");
-        assert_eq!(of(&kind::CAPACITANCE_DENSITY), "F s^(1/2)");
-        assert_eq!(of(&kind::ANGULAR_RATE), "s^-1 rad");
+        assert_eq!(of(&kind::VOLTAGE_DRIFT), "V^2/s");
+        assert_eq!(of(&kind::CAPACITANCE_DENSITY), "F sqrt(s)");
+        assert_eq!(of(&kind::ANGULAR_RATE), "rad/s");
         assert_eq!(of(&kind::RATIO), "1");
         assert_eq!(Dimension::of([1, 2, -2, 0, 0, 0]).to_string(), "N m");
         assert_eq!(Dimension::of([1, 2, 0, 0, 0, 0]).to_string(), "kg m^2");
-        assert_eq!(Dimension::of([0, 1, -2, 0, 0, 0]).to_string(), "m s^-2");
-        assert_eq!(Dimension::of([-1, -3, 4, 2, 0, 0]).to_string(), "F m^-1");
+        assert_eq!(Dimension::of([0, 1, -2, 0, 0, 0]).to_string(), "m/s^2");
+        assert_eq!(Dimension::of([-1, -3, 4, 2, 0, 0]).to_string(), "F/m");
+        assert_eq!(Dimension::of([0, 0, -1, 0, 0, 0]).to_string(), "1/s");
+        // What is written is read as the same.
+        for kind in kind::ALL {
+            let read = crate::Unit::parse(&of(kind)).unwrap();
+            assert_eq!(read.dimension(), kind.dimension, "{kind}");
+        }
     }
 }

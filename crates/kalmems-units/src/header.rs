@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn g_is_an_acceleration_where_the_name_says_so() {
+    fn g_is_an_acceleration_in_the_name_of_an_acceleration() {
         for (column, unit) in [
             ("accel_g", "gn"),
             ("Acceleration_g", "gn"),

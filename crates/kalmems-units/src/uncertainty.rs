@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_wrong_with_an_uncertainty() {
+    fn a_wrong_uncertainty_is_refused_with_the_reason() {
         for (text, message) in [
             ("3 N/m ±", "a number of 0 or more is expected"),
             ("3 N/m ± -1 %", "a number of 0 or more is expected"),

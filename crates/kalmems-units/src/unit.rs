@@ -98,7 +98,7 @@ const TABLE: &[UnitRow] = &[
     ("1", 1.0, 0, [0; 6], false),
 ];
 
-const PREFIXES: &[(&str, i32)] = &[
+pub(crate) const PREFIXES: &[(&str, i32)] = &[
     ("a", -18),
     ("f", -15),
     ("p", -12),

@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_wrong() {
+    fn a_wrong_value_is_refused_with_the_reason() {
         for (text, message) in [
             ("", "does not start with a finite number"),
             ("fast", "does not start with a finite number"),

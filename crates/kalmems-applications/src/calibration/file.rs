@@ -226,7 +226,7 @@ pub struct StatedUncertainty {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub off_axis: Option<StandardUncertainty<Ratio>>,
     /// By what angle each of the reference's axes may be off the axis that it is called, in either direction square to it. Cross-axis terms
-    /// hang on it in full and have no expanded uncertainty without it.
+    /// depend on it in full and have no expanded uncertainty without it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alignment: Option<StandardUncertainty<Angle>>,
     /// How these errors hang together, each pair once, such as `lever_arm = { vibrometer = 0.4 }`; the alignment is apart.

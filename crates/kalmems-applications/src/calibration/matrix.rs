@@ -60,7 +60,7 @@ impl CalibrationMatrix {
             start[4 * axis] = along / size(&|pair| pair.reference[axis].norm_sqr()).max(f64::MIN_POSITIVE);
         }
         let settings = FitSettings { free, ..FitSettings::from_start(start) };
-        // The weights hold K: twice is enough, as they hang on it weakly.
+        // The weights hold K: twice is enough, as they depend on it weakly.
         let mut found = fit(&MatrixResiduals { pairs, at: start }, &settings)?;
         found = fit(
             &MatrixResiduals { pairs, at: found.parameters },
@@ -97,7 +97,7 @@ impl CalibrationMatrix {
     }
 
     /// The scales, non-orthogonality and mounting, each with its standard deviation by noise; `None` where an entry that
-    /// they hang on is not known.
+    /// they depend on is not known.
     pub fn alignment(&self) -> Option<[[(f64, f64); 3]; 3]> {
         if !(0..9).all(|k| self.entry(k / 3, k % 3).is_some()) {
             return None;

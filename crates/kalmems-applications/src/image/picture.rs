@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_fill_takes_what_is_beside_and_says_how_often() {
+    fn a_fill_takes_neighbouring_pixels_and_counts_them() {
         let nan = f64::NAN;
         let picture = Picture::new([3, 3], vec![nan, nan, nan, nan, nan, nan, nan, nan, 7.0]).unwrap();
         let (filled, count) = picture.filled_from_neighbours();

@@ -1,4 +1,4 @@
-//! What a result hangs on.
+//! What a result depends on.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};

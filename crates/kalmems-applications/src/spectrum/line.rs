@@ -68,7 +68,7 @@ mod tests {
     /// Lines 10 cm⁻¹ apart with a largest path difference of 1 mm: the triangle's 1 − 8/π² in closed form, and the others
     /// as known for these weights.
     #[test]
-    fn the_dip_tells_what_a_weight_resolves() {
+    fn the_dip_between_two_lines_gives_the_resolution_of_a_window() {
         let largest = 1e-3;
         let half = 3000_i32;
         let x: Vec<f64> = (-half..=half).map(|k| largest / f64::from(half) * f64::from(k)).collect();

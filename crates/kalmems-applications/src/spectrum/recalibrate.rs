@@ -34,7 +34,7 @@ pub struct Recalibration {
 /// ν/(1 + ε), so that s = ν_found/ν. Lines count by their errors, and alike where those are not known.
 ///
 /// Light that fills a cone with a half-angle of `half_angle_rad` goes a path shorter by α²/4 on the mean, which is taken off
-/// first. From lines alone the two cannot be told apart: both move every line by the same share. What the scale of the positions
+/// first. From lines alone the two cannot be distinguished: both move every line by the same share. What the scale of the positions
 /// may be off by in these scans, `scale_sd`, is common to all lines and does not average out. `None` without lines.
 pub fn recalibrate(lines: &[KnownLine], half_angle_rad: f64, scale_sd: f64) -> Option<Recalibration> {
     let cone = 1.0 - half_angle_rad.powi(2) / 4.0;

@@ -195,7 +195,7 @@ fn text(summary: &StreamSummary) -> String {
         text += &format!("{finding}\n");
     }
     let latency = &summary.latency;
-    let micro = |d: Duration| format!("{:.0} us", d.as_secs_f64() * 1e6);
+    let micro = |d: Duration| format!("{:.0} µs", d.as_secs_f64() * 1e6);
     let quantiles = [0.5, 0.9, 0.99, 0.999].map(|share| latency.quantile(share).map(micro));
     if let [Some(half), Some(ninth), Some(hundredth), Some(thousandth)] = quantiles {
         text += &format!(

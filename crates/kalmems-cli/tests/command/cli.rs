@@ -120,7 +120,7 @@ fn the_readme_shows_what_the_command_prints() {
 }
 
 #[test]
-fn a_filter_that_is_doubtful_is_told_by_strict() {
+fn strict_reports_a_doubtful_filter_by_its_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let out = out.to_str().unwrap();
@@ -175,7 +175,7 @@ fn a_schema_is_json_and_of_what_is_asked_for() {
 
 /// What the circuit is to a filter stands in the outlook as words and as numbers.
 #[test]
-fn inspect_says_what_poles_and_delay_cost() {
+fn inspect_reports_the_error_without_poles_and_delay() {
     const CIRCUIT: &str = "examples/shared_scanner/circuit.toml";
     let output = run(&["inspect", CIRCUIT]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -369,7 +369,7 @@ fn a_result_of_another_input_is_not_overwritten() {
 }
 
 #[test]
-fn inspect_says_what_a_file_holds() {
+fn inspect_describes_a_recording() {
     let folder = tempfile::tempdir().unwrap();
     let png = folder.path().join("channels.png");
     let recording = "examples/shared_scanner/recording.csv";
@@ -431,7 +431,7 @@ fn slow_a_long_pipe_is_inspected_in_bounded_memory() {
 }
 
 #[test]
-fn inspect_says_what_a_device_will_do() {
+fn inspect_predicts_the_motion_of_a_device() {
     let folder = tempfile::tempdir().unwrap();
     let toml = std::fs::read_to_string(root().join("examples/shared_scanner/simulation.toml")).unwrap();
     let path = folder.path().join("weak.toml");
@@ -558,7 +558,7 @@ fn a_simulation_is_the_same_bytes_and_can_be_estimated() {
 }
 
 #[test]
-fn a_device_that_cannot_oscillate_is_told_so() {
+fn inspect_reports_a_device_that_cannot_oscillate() {
     let published = |toml: &mut String| *toml = toml.replace("90 V", "30 V").replace("60 ms", "2 ms");
     let (output, _folder) = simulated(published, &[]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -1049,7 +1049,7 @@ fn samples_come_from_a_serial_device() {
 }
 
 #[test]
-fn crossings_of_a_threshold_are_told_beside_the_estimates() {
+fn a_stream_reports_crossings_of_a_threshold_beside_the_estimates() {
     let recording = root().join("examples/threshold_scanner/recording.csv");
     let example = "examples/threshold_scanner/stream.toml";
     let output = run(&["stream", example, "--from", recording.to_str().unwrap()]);
@@ -1202,7 +1202,7 @@ fn a_connection_that_is_there_again_goes_on() {
 
 #[cfg(unix)]
 #[test]
-fn a_silent_stream_tells_its_health_and_ends_at_once_with_130() {
+fn a_silent_stream_reports_its_health_and_an_interruption_ends_it_with_130() {
     use std::io::{BufRead, BufReader};
     let folder = tempfile::tempdir().unwrap();
     let experiment = streaming(folder.path(), "heartbeat = \"0.1 s\"");

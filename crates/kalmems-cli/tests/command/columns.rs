@@ -157,7 +157,7 @@ fn what_the_settings_say_of_a_column_has_to_fit_together() {
 }
 
 #[test]
-fn another_unit_than_that_of_the_file_counts_and_is_told() {
+fn a_stated_unit_that_differs_from_the_file_counts_and_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let (_, rows) = example();
     std::fs::write(folder.path().join("recording.csv"), &rows).unwrap();

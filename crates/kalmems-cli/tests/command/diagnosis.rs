@@ -59,7 +59,7 @@ fn no_file_is_replaced_and_none_is_written_elsewhere() {
 }
 
 #[test]
-fn a_filter_that_tells_nothing_is_refused_by_name() {
+fn a_filter_without_innovations_cannot_be_diagnosed() {
     let folder = scanner();
     for (filter, why) in
         [("Model alone", "are not white when it is right"), ("Nobody", "there are `Model alone`, `EKF`")]

@@ -517,7 +517,10 @@ fn slow_every_command_of_the_documentation_runs() {
                 let said = String::from_utf8_lossy(&output.stderr);
                 let as_run = command.join(" ");
                 println!("{page}: kalmems {as_run}: {:?}", output.status.code());
-                if !matches!(output.status.code(), Some(0 | 3)) {
+                // Without a device `new` describes a recording and asks for the device.
+                let asks = command[0] == "new" && !command.iter().any(|word| word.starts_with("--"));
+                if !matches!(output.status.code(), Some(0 | 3)) && !(asks && output.status.code() == Some(2))
+                {
                     failed.push(format!("{page}: {line}: kalmems {as_run}: {said}"));
                 }
                 if command == words {

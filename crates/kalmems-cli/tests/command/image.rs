@@ -53,7 +53,7 @@ fn the_search_finds_the_phases_and_the_image_is_written_whole() {
 
 /// By hand, one axis after the other; what it is against an image of the true phases.
 #[test]
-fn tuning_by_hand_sharpens_and_a_reference_tells_by_how_much() {
+fn tuning_by_hand_sharpens_an_image_and_a_reference_measures_by_how_much() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("tuned");
     let out = out.to_str().unwrap();

@@ -23,8 +23,9 @@ fn a_recording_leads_to_an_answer_that_passes() {
     let said = String::from_utf8(made.stderr).unwrap();
     assert!(made.status.success(), "{said}");
     for sentence in [
-        "`cap_V`: a swing of a steady size, its strongest line 461.91 mV at 31.35 kHz.",
-        "`drive` is the column `drive_V`, by its name",
+        "`cap_V` is the channel `signal`, by its name: a swing of a steady size, its strongest line 461.91 mV at 31.35 kHz.",
+        "`drive_V` is the channel `drive`, by its name: a swing of a steady size, its strongest line 90 V at 31.35 kHz.",
+        "A steady motion: the signal is at 31.35 kHz, the drive at 31.35 kHz.",
         "estimate it with: kalmems estimate my_scanner.toml",
     ] {
         assert!(said.contains(sentence), "{said}");
@@ -87,7 +88,7 @@ fn nothing_is_replaced_and_what_is_missing_is_named() {
         (vec!["new", "--device", "mirror"], "expected one of `shared_scanner`", 1),
         (
             vec!["new", "scope.csv", "--device", "shared_scanner"],
-            "say which, such as `--channel drive=CH1_V`",
+            "state which, such as `--channel drive=CH1_V`",
             1,
         ),
         (
@@ -95,7 +96,27 @@ fn nothing_is_replaced_and_what_is_missing_is_named() {
             "found the role `rest`",
             1,
         ),
-        (vec!["new", &recording], "--device", 2),
+        (vec!["new", &recording], "add `--device NAME`, such as `--device shared_scanner`", 2),
+        (
+            vec!["new", "scope.csv", "--device", "shared_scanner", "--time", "CH1_V=V"],
+            "expected a unit of time, such as `s`",
+            1,
+        ),
+        (
+            vec!["new", "scope.csv", "--device", "shared_scanner", "--time", "t=s"],
+            "has no column `t` with times; its other columns are `time_s`, `CH1_V` and `CH2_V`",
+            1,
+        ),
+        (
+            vec!["new", "--device", "shared_scanner", "--value", "comb.width=1 m"],
+            "found the number `comb.width`; the device has `resonator.inertia`",
+            1,
+        ),
+        (
+            vec!["new", "--device", "shared_scanner", "--value", "comb.angular_width=1 m"],
+            "expected an angle",
+            1,
+        ),
     ] {
         let output = run(&arguments, folder);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -104,37 +125,264 @@ fn nothing_is_replaced_and_what_is_missing_is_named() {
     assert_eq!(std::fs::read_to_string(folder.join("mine.toml")).unwrap(), "mine");
 }
 
-/// `script` of util-linux runs a command on a terminal of its own.
+/// Without a device the columns are described, and each device whose channels they may be has a command that runs as printed.
 #[test]
-fn a_column_that_its_name_does_not_tell_is_asked_for_on_a_terminal() {
+fn without_a_device_the_columns_are_described_and_the_commands_that_name_one_run() {
     let folder = tempfile::tempdir().unwrap();
-    let row = |k: u32| format!("{:.6},{},{}\n", f64::from(k) * 1e-6, 90 + k % 32, 0.1 * f64::from(k % 16));
-    let rows: String = (0..3000).map(row).collect();
-    std::fs::write(folder.path().join("scope.csv"), format!("time_s,CH1_V,CH2_V\n{rows}")).unwrap();
-    let command = format!(
-        "{} new scope.csv --device shared_scanner --write new.toml",
-        env!("CARGO_BIN_EXE_kalmems").replace(' ', "\\ ")
+    let folder = folder.path();
+    std::fs::copy(recording(), folder.join("my recording.csv")).unwrap();
+    let output = run(&["new", "my recording.csv"], folder);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    for sentence in [
+        "`time_s` is the time, as its name begins with it and ends with a unit of time.",
+        "It has 24001 samples at 1 MHz, 24 ms.",
+        "`drive_V` seems to be the drive, by its name: a swing of a steady size, its strongest line 90 V at 31.35 kHz.",
+        "`cap_V` seems to be the signal, by its name: a swing of a steady size, its strongest line 461.91 mV at 31.35 kHz.",
+        "A steady motion: the signal is at 31.35 kHz, the drive at 31.35 kHz.",
+        "piston_mirror: `signal` (the measured capacitance, in F)",
+    ] {
+        assert!(said.contains(sentence), "{said}");
+    }
+    let commands: Vec<&str> = said
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("kalmems new ").filter(|line| line.contains("--device")))
+        .collect();
+    assert!(commands.len() >= 4, "{said}");
+    for command in commands {
+        let words =
+            command.replace("'my recording.csv'", "RECORDING").replace("'my recording.toml'", "TARGET");
+        let words: Vec<&str> = words.split(' ').collect();
+        let words = words.iter().map(|word| match *word {
+            "RECORDING" => "my recording.csv",
+            "TARGET" => "my recording.toml",
+            word => word,
+        });
+        let arguments: Vec<&str> = ["new"].into_iter().chain(words).chain(["--force"]).collect();
+        let made = run(&arguments, folder);
+        assert!(made.status.success(), "{command}: {}", String::from_utf8_lossy(&made.stderr));
+    }
+    // Of columns that no name tells, the command takes each once.
+    std::fs::write(folder.join("scope.csv"), "time_s,CH1_V,CH2_V\n0,1,2\n1e-6,2,1\n2e-6,1,2\n").unwrap();
+    let said = String::from_utf8(run(&["new", "scope.csv"], folder).stderr).unwrap();
+    assert!(
+        said.contains(
+            "--device shared_scanner --channel drive=CH1_V --channel signal=CH2_V --write scope.toml"
+        ),
+        "{said}"
     );
+    let output = run(&["new", "scope.csv", "--json"], folder);
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(found["questions"][0]["meaning"], "device");
+    assert_eq!(found["recordings"][0]["columns"][0]["seems"], "unknown");
+    assert!(found["devices"].as_array().unwrap().iter().any(|fit| fit["name"] == "equations"), "{found}");
+}
+
+/// A number in which nothing of the order of its index is left (the finaliser of `MurmurHash3`).
+const fn mixed(index: u32) -> u32 {
+    let mut mixed = index.wrapping_mul(0x9E37_79B9);
+    mixed = (mixed ^ (mixed >> 16)).wrapping_mul(0x85EB_CA6B);
+    mixed = (mixed ^ (mixed >> 13)).wrapping_mul(0xC2B2_AE35);
+    mixed ^ (mixed >> 16)
+}
+
+/// Rows of a scanner's recording in one CSV file, by what drive and signal do.
+fn columns(path: &Path, header: &str, row: impl Fn(f64) -> (f64, f64)) {
+    let mut text = format!("{header}\n");
+    for k in 0..6000_u32 {
+        let time = f64::from(k) * 1e-6;
+        let (drive, signal) = row(time);
+        let noise = f64::from(mixed(k) >> 8) / f64::from(1_u32 << 24) - 0.5;
+        text += &format!("{time:.6},{drive:.6},{:.6}\n", signal + 0.01 * noise);
+    }
+    std::fs::write(path, text).unwrap();
+}
+
+/// Each of several recordings has columns of its own and the role of what it shows.
+#[test]
+fn further_recordings_have_their_own_columns_and_the_roles_of_what_they_show() {
+    use std::f64::consts::TAU;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::copy(recording(), folder.join("driven.csv")).unwrap();
+    let swing = |t: f64| (TAU * 31e3 * t).sin();
+    columns(&folder.join("decay.csv"), "t_s,excitation_V,out_V", |t| {
+        (0.0, 0.5 * (-t / 2e-3).exp() * swing(t))
+    });
+    columns(&folder.join("rest.csv"), "time_s,drive_V,cap_V", |_| (0.0, 0.0));
+    columns(&folder.join("chirp.csv"), "time_s,drive_V,cap_V", |t| {
+        let drive = (TAU * (20e3 * t + 0.5 * 4e6 * t * t)).sin();
+        (60.0 + 30.0 * drive, 0.2 * drive)
+    });
+    columns(&folder.join("other.csv"), "time_s,CH1_V,CH2_V", |t| (60.0 + 30.0 * swing(t), 0.4 * swing(t)));
+    let files = ["driven.csv", "decay.csv", "rest.csv", "chirp.csv", "other.csv"];
+    let mut arguments = vec!["new"];
+    arguments.extend(files);
+    arguments.extend(["--device", "shared_scanner", "--write", "new.toml"]);
+    let asked = run(&arguments, folder);
+    let said = String::from_utf8(asked.stderr).unwrap();
+    assert!(
+        said.contains("`other.csv`: `drive`, the voltage that drives the device, may be `CH1_V` and `CH2_V`"),
+        "{said}"
+    );
+    arguments.extend(["--channel", "drive=CH1_V"]);
+    let made = run(&arguments, folder);
+    let said = String::from_utf8(made.stderr).unwrap();
+    assert!(made.status.success(), "{said}");
+    for sentence in [
+        "A free decay: the signal is at 31 kHz, the drive is always 0 V.",
+        "A sweep: the frequency of the drive goes from about",
+    ] {
+        assert!(said.contains(sentence), "{said}");
+    }
+    let experiment: toml::Table = std::fs::read_to_string(folder.join("new.toml")).unwrap().parse().unwrap();
+    let recordings = experiment["recording"].as_array().unwrap();
+    let found: Vec<[&str; 5]> = recordings
+        .iter()
+        .map(|one| {
+            let text = |value: &'static str| one[value].as_str().unwrap();
+            let channel = |name: &str| one["channels"][name].as_str().unwrap();
+            [
+                text("file"),
+                text("role"),
+                one["clock"]["column"].as_str().unwrap(),
+                channel("drive"),
+                channel("signal"),
+            ]
+        })
+        .collect();
+    assert_eq!(
+        found,
+        [
+            ["driven.csv", "test", "time_s", "drive_V", "cap_V"],
+            ["decay.csv", "ring_down", "t_s", "excitation_V", "out_V"],
+            ["rest.csv", "zero_drive", "time_s", "drive_V", "cap_V"],
+            ["chirp.csv", "sweep", "time_s", "drive_V", "cap_V"],
+            ["other.csv", "steady_state", "time_s", "CH1_V", "CH2_V"],
+        ]
+    );
+    // A role that is stated counts.
+    let arguments = ["new", "driven.csv", "--further", "training=rest.csv", "--device", "shared_scanner"];
+    let stated = String::from_utf8(run(&arguments, folder).stdout).unwrap();
+    assert!(stated.contains("role = \"training\"\nname = \"training-2\"\nfile = \"rest.csv\""), "{stated}");
+    // A decay without a column for the drive says why it is not used.
+    let decay = std::fs::read_to_string(folder.join("decay.csv")).unwrap();
+    let cells = decay
+        .lines()
+        .map(|line| line.split(',').collect::<Vec<_>>())
+        .map(|cells| format!("{},{}\n", cells[0], cells[2]));
+    std::fs::write(folder.join("undriven.csv"), cells.collect::<String>()).unwrap();
+    let arguments =
+        ["new", "driven.csv", "undriven.csv", "--device", "shared_scanner", "--write", "two.toml"];
+    let said = String::from_utf8(run(&arguments, folder).stderr).unwrap();
+    assert!(said.contains("It is not used, as it has no column for `drive`"), "{said}");
+    let estimated = run(&["estimate", "two.toml", "--out", "two"], folder);
+    assert!(estimated.status.success(), "{}", String::from_utf8_lossy(&estimated.stderr));
+}
+
+/// A column `t` is no time until somebody says its unit.
+#[test]
+fn a_time_without_a_unit_is_asked_for_with_the_rate_that_each_unit_means() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = std::fs::read_to_string(recording()).unwrap();
+    std::fs::write(folder.join("plain.csv"), text.replacen("time_s", "t", 1)).unwrap();
+    let refused = run(&["new", "plain.csv", "--device", "shared_scanner"], folder);
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    for sentence in [
+        "`t` may be the time, as it grows from 0 to 0.024 in steps of 1e-6; its name has no unit, such as `t_s`.",
+        "`--time t=s` if the samples follow each other at 1 MHz",
+        "`--time t=ms` if the samples follow each other at 1 GHz",
+    ] {
+        assert!(said.contains(sentence), "{said}");
+    }
+    let arguments =
+        ["new", "plain.csv", "--device", "shared_scanner", "--time", "t=s", "--write", "plain.toml"];
+    let made = run(&arguments, folder);
+    let said = String::from_utf8(made.stderr).unwrap();
+    assert!(made.status.success() && said.contains("It has 24001 samples at 1 MHz, 24 ms."), "{said}");
+    let text = std::fs::read_to_string(folder.join("plain.toml")).unwrap();
+    assert!(text.contains("clock = { column = \"t\", unit = \"s\" }"), "{text}");
+    let estimated = run(&["estimate", "plain.toml", "--strict", "--out", "plain"], folder);
+    assert!(estimated.status.success(), "{}", String::from_utf8_lossy(&estimated.stderr));
+}
+
+/// Numbers that no recording shows are options as well.
+#[test]
+fn a_number_of_the_device_is_stated_by_the_end_of_its_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = [
+        "new",
+        &recording(),
+        "--device",
+        "shared_scanner",
+        "--value",
+        "comb.angular_width=0.21 rad",
+        "--value",
+        "readout.gain=-0.36 V/pF",
+    ];
+    let made = run(&arguments, folder.path());
+    let text = String::from_utf8(made.stdout).unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    assert!(
+        text.contains("angular_width = \"0.21 rad\"") && text.contains("gain = \"-0.36 V/pF\""),
+        "{text}"
+    );
+    let arguments = ["new", "--device", "threshold_scanner", "--value", "resonator.damping_ratio=0.007"];
+    let text = String::from_utf8(run(&arguments, folder.path()).stdout).unwrap();
+    assert!(text.contains("damping_ratio = 0.007"), "{text}");
+}
+
+/// What a command prints on a terminal of its own, with these answers; `script` of util-linux makes one. `None` where there is none.
+fn on_a_terminal(arguments: &str, answers: &str, folder: &Path) -> Option<(bool, String)> {
+    let command = format!("{} {arguments}", env!("CARGO_BIN_EXE_kalmems").replace(' ', "\\ "));
     let script = Command::new("script")
-        .current_dir(folder.path())
+        .current_dir(folder)
         .args(["-qec", &command, "/dev/null"])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn();
     let Ok(mut script) = script else {
         println!("SKIPPED: there is no `script`");
+        return None;
+    };
+    script.stdin.take().unwrap().write_all(answers.as_bytes()).unwrap();
+    let output = script.wait_with_output().unwrap();
+    Some((output.status.success(), String::from_utf8_lossy(&output.stdout).into_owned()))
+}
+
+#[test]
+fn a_terminal_is_asked_for_device_times_columns_and_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let row = |k: u32| format!("{:.6},{},{}\n", f64::from(k) * 1e-6, 90 + k % 32, 0.1 * f64::from(k % 16));
+    let rows: String = (0..3000).map(row).collect();
+    std::fs::write(folder.path().join("scope.csv"), format!("t,CH1_V,CH2_V\n{rows}")).unwrap();
+    // The unit of the times, the device, the drive; the inertia as it is, a wrong comb that is asked for again, and no more.
+    let answers = "s\nshared_scanner\n1\n\n5 V\n5.6 pF\n";
+    let Some((succeeded, said)) = on_a_terminal("new scope.csv --write new.toml", answers, folder.path())
+    else {
         return;
     };
-    script.stdin.take().unwrap().write_all(b"1\n").unwrap();
-    let output = script.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(
-        output.status.success()
-            && said.contains("Which column is `drive`, the voltage that drives the device?"),
-        "{said}"
-    );
+    for asked in [
+        "What is its unit?",
+        "1: s, so that the samples follow each other at 1 MHz",
+        "`CH1_V` seems to be unknown",
+        "Which device was recorded?",
+        "Which column of scope.csv is `drive`, the voltage that drives the device?",
+        "No recording shows the following numbers.",
+        "resonator.inertia [1.15e-14 kg m^2]:",
+        "expected a capacitance",
+    ] {
+        assert!(said.contains(asked), "{asked}: {said}");
+    }
+    assert!(succeeded, "{said}");
     let text = std::fs::read_to_string(folder.path().join("new.toml")).unwrap();
     assert!(text.contains("channels = { drive = \"CH1_V\", signal = \"CH2_V\" }"), "{text}");
+    assert!(
+        text.contains("nominal_capacitance = \"5.6 pF\"") && text.contains("inertia = \"1.15e-14 kg m^2\""),
+        "{text}"
+    );
 }
 
 /// What a page with a form needs to ask.

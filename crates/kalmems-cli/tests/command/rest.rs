@@ -110,7 +110,7 @@ fn missing_samples_are_counted_by_the_rate_and_not_by_the_intervals_within_burst
 }
 
 #[test]
-fn what_is_missing_at_rest_is_told_for_the_calibration() {
+fn missing_samples_at_rest_are_reported_for_the_calibration() {
     let rows = white(1).into_iter().enumerate();
     let rows = rows.map(|(k, rate)| (k as f64 * 0.01, (k != 1000).then_some(rate)));
     let (_, told) = rest(rows, COLUMN);
@@ -130,7 +130,7 @@ fn a_gap_is_not_closed_up() {
 }
 
 #[test]
-fn a_rate_off_the_nominal_one_is_told_and_a_stated_one_is_taken() {
+fn a_rate_off_the_nominal_one_is_reported_and_a_stated_one_is_taken() {
     let rows = || white(4).into_iter().enumerate().map(|(k, rate)| (k as f64 * 0.02, Some(rate)));
     let (found, told) = rest(rows(), COLUMN);
     close(&found, "duration_s", 400.0, 1e-6);

@@ -183,7 +183,7 @@ fn a_picture_replaces_nothing_that_the_program_did_not_make() {
 }
 
 #[test]
-fn a_file_system_that_takes_nothing_is_told() {
+fn a_file_system_that_refuses_writing_is_reported() {
     let lab = Laboratory::new();
     if cfg!(target_os = "linux") {
         let told = lab.refused(&["estimate", "experiment.toml", "--out", "/proc/kalmems/out"]);

@@ -110,7 +110,7 @@ fn a_study_that_was_killed_goes_on_and_writes_the_same_bytes() {
 
 #[cfg(unix)]
 #[test]
-fn an_interruption_ends_with_130_and_says_how_to_go_on() {
+fn an_interrupted_study_ends_with_130_and_prints_how_to_go_on() {
     let folder = short(20);
     let child = begun(folder.path(), "out", 2);
     // Another process must not write the same journal.

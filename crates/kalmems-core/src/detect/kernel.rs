@@ -177,7 +177,7 @@ impl<T: Scalar, const HALF: usize> SlopeKernel<T, HALF> {
     ///
     /// σ_t² = σ_c² / (1 + q²/(3 + 0.57·q)), q = β·σ_c,
     ///
-    /// to 5 % of σ_t up to q = 40 (test `the_highest_of_several_maxima_is_as_near_as_rice_says`); on free decays of the
+    /// to 5 % of σ_t up to q = 40 (test `the_highest_of_several_maxima_is_as_near_as_rice_predicts`); on free decays of the
     /// scanner it holds at all signal-to-noise ratios (test `slow_times_and_angles_are_as_well_known_as_predicted`).
     ///
     /// Without noise an edge with a bell-shaped slope of variance w² gives r″ = −r/(s² + w²).

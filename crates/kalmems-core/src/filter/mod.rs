@@ -65,7 +65,7 @@ pub trait Filter<T: Scalar, const N: usize> {
     /// The covariance of the state.
     fn covariance(&self) -> Covariance<T, N>;
 
-    /// Moves the state by one step, and says how the new state hangs on the old one: what a smoother needs.
+    /// Moves the state by one step, and says how the new state depends on the old one: what a smoother needs.
     fn predict_linked<P: NumericProcess<T, N>>(
         &mut self,
         process: &P,
@@ -106,7 +106,7 @@ pub trait Filter<T: Scalar, const N: usize> {
     }
 }
 
-/// How the state after a step hangs on the state before: x′ ≈ F·x + c + w with w ~ N(0, Ω).
+/// How the state after a step depends on the state before: x′ ≈ F·x + c + w with w ~ N(0, Ω).
 ///
 /// For a linearised filter F is the Jacobian and Ω the process noise; for a sigma-point filter F is the
 /// regression of x′ on x over the points, and Ω holds what the regression leaves as well. F·P·Fᵀ + Ω is the

@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_covariance_is_told() {
+    fn a_matrix_that_is_no_covariance_is_refused() {
         for m in [[[1.0_f64, 0.0], [2.0, 1.0]], [[0.0, 0.0], [1.0, 1.0]], [[-1.0, 0.0], [0.0, 1.0]]] {
             assert!(!Semidefinite::of(&Covariance::from_lower(Mat(m))).sound, "{m:?}");
         }

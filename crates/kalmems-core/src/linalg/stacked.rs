@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn what_stands_below_is_a_gain_and_a_rest_even_where_the_top_is_singular() {
-        // The third row hangs on the first two but for rounding; nothing below does.
+        // The third row depends on the first two but for rounding; nothing below does.
         let (a, b) = ([1.0_f64 / 3.0, 2.0, -1.0 / 7.0], [0.3, 1.0 / 11.0, 0.7]);
         let top = [Mat([a, b, core::array::from_fn(|k| 0.1 * a[k] + 1.3 * b[k])]), Mat::zero()];
         let bottom = [Mat([[2.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 3.0, 5.0]]), Mat::identity()];

@@ -12,7 +12,7 @@ use core::marker::PhantomData;
 ///
 /// How an input runs between two samples is for the caller to say. It matters: with the drive held over each
 /// microsecond instead of interpolated by a cubic, the 15.7 kHz scanner is about 2° of its cycle off after 2 ms
-/// instead of less than 0.01° (the test `a_held_drive_costs_more_than_a_large_step` of `kalmems-models`).
+/// instead of less than 0.01° (the test `a_held_drive_has_a_larger_error_than_a_large_step` of `kalmems-models`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nodes<I> {
     /// At the start.

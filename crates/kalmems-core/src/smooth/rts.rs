@@ -40,7 +40,7 @@ impl<T: Scalar, const N: usize> Smoothed<T, N> {
     }
 }
 
-/// How an earlier state hangs on a later one, given all measurements up to the earlier: one step of a
+/// How an earlier state depends on a later one, given all measurements up to the earlier: one step of a
 /// smoother, or several taken together.
 ///
 /// x = m + G·(x⁺ − p) + e with e ~ N(0, Z·Zᵀ). For one step with x⁺ ≈ F·x + c + w, w ~ N(0, Ω), from the

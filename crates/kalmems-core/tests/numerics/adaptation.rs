@@ -283,7 +283,7 @@ fn sources_of_different_spectrum_are_found_together() {
 }
 
 #[test]
-fn two_sources_with_one_effect_are_not_told_apart() {
+fn two_sources_with_one_effect_are_not_distinguished() {
     // The scale of R as a product of two: only their sum of logarithms is in the data.
     let run = |separate: bool| {
         let mut device = Device::new(5);

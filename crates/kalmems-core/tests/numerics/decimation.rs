@@ -102,7 +102,7 @@ fn decimated(k: u32) -> Outcome {
 }
 
 #[test]
-fn decimation_costs_what_the_riccati_recursion_says() {
+fn decimation_increases_the_error_as_the_riccati_recursion_predicts() {
     let r = Covariance::from_variances([1e-2]);
     let mut last = 0.0;
     for k in [1, 2, 5, 10, 20] {

@@ -127,7 +127,7 @@ fn near(count: usize, mean: f64, bias: f64) -> bool {
 }
 
 #[test]
-fn noise_has_as_many_maxima_as_rice_says() {
+fn noise_has_the_number_of_maxima_that_rice_predicts() {
     let samples = 1_000_000;
     let mut seed = 1;
     let check = |count: usize, mean: f64, bias: f64| {
@@ -253,7 +253,7 @@ fn timing(noise: f64, width: f64, trials: usize) -> Timing {
 }
 
 #[test]
-fn times_have_the_variances_that_are_told() {
+fn crossing_times_scatter_with_the_claimed_variances() {
     let (noise, width, trials) = (0.02, 20.0, 400);
     let timing = timing(noise, width, trials);
     // Canny's, for the curvature of the bell.
@@ -307,7 +307,7 @@ fn competing(q: f64) -> f64 {
 }
 
 #[test]
-fn the_highest_of_several_maxima_is_as_near_as_rice_says() {
+fn the_highest_of_several_maxima_is_as_near_as_rice_predicts() {
     // β² = ∫g″²…: of the derivative of a Gaussian λ₂/λ₀ = 3/(2s²).
     let beta = (1.5_f64).sqrt() / S;
     let jitter = 3.0 / (8.0 * PI.sqrt() * S.powi(5));
@@ -341,7 +341,7 @@ fn single_precision_finds_the_same() {
 }
 
 #[test]
-fn a_gap_is_not_bridged_and_costs_no_more_than_what_it_hides() {
+fn a_gap_is_not_bridged_and_hides_only_its_own_crossings() {
     let clean: Vec<f64> = (0..4000).map(|k| (2.0 * PI * f64::from(k) / 800.0).sin()).collect();
     let find = |signal: &[f64]| -> Vec<u64> {
         let detector = Detector::<f64, 60, 150, 401>::new(kernel(), Threshold::fixed(1e-3), 1.0);
@@ -410,7 +410,7 @@ fn following_a_motion_lowers_the_level_and_its_end_raises_it() {
 }
 
 #[test]
-fn a_late_crossing_says_what_it_would_have_said_in_time() {
+fn a_late_crossing_gives_the_estimate_of_one_in_time() {
     // Without process noise the state then and the state now are one another's image.
     let omega = 2.0 * PI * 624.6;
     let a = Mat([[0.0, 1.0], [-omega * omega, -2.0 * 0.0066 * omega]]);

@@ -161,7 +161,7 @@ fn a_square_in_closed_form() {
     assert!(error(once.mean()) > 0.4 && error(two.mean()) < 0.1 && error(two.mean()) > 1e-3);
     // The first step is 1.5 σ, the second 0.4.
     assert_eq!(coarse.mean(), two.mean());
-    // How a step hangs on the last is that of the extended filter.
+    // How a step depends on the last is that of the extended filter.
     let step = LinearProcess::<f64, 1, 0> {
         transition: Mat([[0.5]]),
         input: Mat::zero(),

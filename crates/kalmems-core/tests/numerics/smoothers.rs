@@ -712,7 +712,7 @@ fn each_sample_is_filtered_at_most_twice() {
 }
 
 #[test]
-fn what_cannot_be_smoothed_is_told() {
+fn a_course_that_cannot_be_smoothed_is_refused() {
     let (mut swing, _) = Swing::simulated(20, 9);
     let start = Swing::ukf();
     let none = |_: usize, _: &Smoothed<f64, 2>| Ok(());

@@ -314,7 +314,7 @@ proptest! {
 }
 
 #[test]
-fn a_local_level_settles_where_the_literature_says() {
+fn a_local_level_settles_at_the_published_gain() {
     // The Nile's (Durbin and Koopman 2012): q = 1469.1, r = 15 099.
     let one = Mat([[1.0]]);
     let (q, r) = (Covariance::from_variances([1469.1]), Covariance::from_variances([15099.0]));
@@ -366,7 +366,7 @@ fn a_double_integrator_in_continuous_time_in_closed_form() {
 }
 
 #[test]
-fn what_has_no_steady_state_says_why() {
+fn a_model_without_a_steady_state_is_refused_with_the_reason() {
     let q = |v: [f64; 2]| Covariance::from_variances(v);
     let r = Covariance::from_variances([1.0]);
     let first = Mat([[1.0, 0.0]]);

@@ -596,7 +596,7 @@ mod tests {
     use crate::estimate::by_signal;
     use crate::simulate::WhiteNoise;
 
-    /// Cosine and sine of what an oscillation turns by from sample to sample, its decay in that time, and a state that nothing hangs on.
+    /// Cosine and sine of what an oscillation turns by from sample to sample, its decay in that time, and a state that nothing depends on.
     const TURN: [f64; 2] = [0.955_336_489_125_606, 0.295_520_206_661_340];
     const DECAY: f64 = 0.99;
     const SD: f64 = 0.1;
@@ -729,7 +729,7 @@ mod tests {
     const SEEDS: Range<u64> = 7000..7150;
 
     #[test]
-    fn the_error_of_a_start_is_as_large_as_its_covariance_says() {
+    fn the_error_of_a_start_agrees_with_its_covariance() {
         // Of 150 starts with two states each the sum follows the χ² law of 300 degrees: 99.8 % lie within 230 … 382. Of 150 starts 142
         // are within the ellipse of 95 %; 99.8 % of such counts are within 133 … 149.
         for noise in [0.0, 0.03] {
@@ -772,7 +772,7 @@ mod tests {
 
     #[test]
     fn a_start_that_the_samples_do_not_determine_is_refused() {
-        // Nothing hangs on the third state.
+        // Nothing depends on the third state.
         let (mut way, _) = FilterPass::from(&[1.0, 0.5, 2.0], 0.0, false, 3);
         let search = way.search(None);
         assert_eq!(batch_start(&mut way, 0..60, &search).unwrap_err(), NoBatchStart::Undetermined(vec![2]));

@@ -49,7 +49,7 @@ pub enum EstimateError {
     },
     /// An uncertain number of the device, one standard deviation off, is more than the filters take.
     #[error(
-        "how the uncertainty of `{number}` enters the answer cannot be told: with it one standard deviation off the estimate fails ({why}); \
+        "how the uncertainty of `{number}` enters the answer is not known: with it one standard deviation off the estimate fails ({why}); \
          state a smaller uncertainty, or make it a state of the filter"
     )]
     Varied {
@@ -300,9 +300,7 @@ pub enum EstimateError {
         error_m: f64,
     },
     /// Zero phases cannot be told that long before they happen.
-    #[error(
-        "zero phases of `{filter}` cannot be told before they happen: {why}; correct `stream.trigger.ahead`"
-    )]
+    #[error("zero phases of `{filter}` cannot be predicted: {why}; correct `stream.trigger.ahead`")]
     Ahead {
         /// The filter.
         filter: String,

@@ -81,7 +81,7 @@ impl<const N: usize> ErrorMemory<N> {
         matches!(self.state, MemoryState::Follows(_))
     }
 
-    /// Takes a step and its update: how the state hangs on the one before, and its covariance before and after the update.
+    /// Takes a step and its update: how the state depends on the one before, and its covariance before and after the update.
     /// What is known of a part of the way, where enough of it is.
     pub(super) fn take(
         &mut self,
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_swing_it_says_how_much_a_mean_square_of_errors_varies() {
+    fn the_error_memory_predicts_how_much_a_mean_square_of_errors_varies() {
         let steps = 20_000;
         let mut swing = TwoStateSwing::new(0.3, 0.9999);
         for _ in 0..5000 {

@@ -7,7 +7,7 @@ use super::phase_prediction::{PhasePredictor, SizedStatePropagation, StatePropag
 use super::transition::{Sensor, Transition};
 use kalmems_core::{FilterError, Gaussian, Innovation, StateTransition};
 
-/// A filter that remembers how its state hangs on the state before a few predictions: what a smoother needs.
+/// A filter that remembers how its state depends on the state before a few predictions: what a smoother needs.
 pub(super) struct LinkedFilter<const N: usize> {
     filter: Box<dyn StateFilter<N>>,
     /// What it says of the mean, where slices are asked for.
@@ -54,7 +54,7 @@ impl<const N: usize> LinkedFilter<N> {
         self.filter.known()
     }
 
-    /// How its state hangs on that when it began to remember.
+    /// How its state depends on that when it began to remember.
     pub(super) fn link(&self) -> Option<StateTransition<f64, N>> {
         self.link
     }

@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_of_branch_is_told_with_its_time() {
+    fn a_change_of_branch_is_reported_with_its_time() {
         let lock = judge(|t| 0.15 * ((5e-3 - t) / 1e-3).clamp(-1.0, 1.0), |_| 0.014);
         assert_eq!(lock.events.len(), 1, "{lock:?}");
         let LockEvent::Flipped { of, time_s, moved_deg } = lock.events[0] else { panic!("{lock:?}") };
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_signal_is_told_once_with_its_time() {
+    fn a_lost_signal_is_reported_once_with_its_time() {
         let lock = judge(|_| 0.15, |t| if t > 4e-3 { 0.3 } else { 0.01 });
         assert_eq!(lock.events.len(), 1, "{lock:?}");
         let LockEvent::Lost { time_s, .. } = lock.events[0] else { panic!("{lock:?}") };

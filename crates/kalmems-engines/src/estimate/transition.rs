@@ -21,7 +21,7 @@ pub trait Transition {
     /// The lower triangle of the covariance of w, and of a root W of it, Q = W·Wᵀ.
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]);
 
-    /// How many of these states, from the first one on, hang on others; each behind them hangs on itself alone.
+    /// How many of these states, from the first one on, depend on others; each behind them depends on itself alone.
     fn moving(&self, states: usize) -> usize {
         states
     }
@@ -132,7 +132,7 @@ impl<const N: usize> NumericProcess<f64, N> for TransitionProcess<'_, N> {
         &self.noise
     }
 
-    /// Rows of states that hang on themselves alone are scaled.
+    /// Rows of states that depend on themselves alone are scaled.
     fn spread(&self, f: &Mat<f64, N, N>, p: &Covariance<f64, N>) -> Covariance<f64, N> {
         if self.moving >= N {
             return p.transformed(f);

@@ -412,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wrong_sign_is_told() {
+    fn a_wrong_sign_of_the_angle_is_reported() {
         let extent = ComparisonExtent { from_s: 1e-3, motion_hz: MOTION_HZ, drive: None };
         let (time_s, angle, rate) = motion(6000, 0.15, 180.0, 0.0);
         let errors = evaluate_motion(

@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_pooled_by_what_they_are_worth() {
+    fn parts_are_pooled_by_their_independent_errors() {
         let [a, b] = [1.0, 3.0].map(|size| claim(|_, z| size * 1e-3 * z, 0.1, EXACT));
         let both = a.pooled(b);
         assert!((both.mean_square - 0.5 * (a.mean_square + b.mean_square)).abs() < 1e-12);

@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn what_speaks_against_a_parameter_is_told() {
+    fn reasons_against_a_parameter_are_reported() {
         let far = judged(0.01, 1000, |_| (-0.317, 1e-4)).fault;
         assert!(
             matches!(far, Some(ParameterFault::FarFromStart { deviations }) if (deviations + 31.7).abs() < 1e-9)

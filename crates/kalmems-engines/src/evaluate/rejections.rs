@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn events_at_one_part_of_the_cycle_are_told_from_others() {
+    fn events_at_one_part_of_the_cycle_are_distinguished_from_others() {
         let at = |phases: &dyn Fn(usize) -> f64| {
             let mut record = RejectionRecord::new([1000.0]);
             (0..40).for_each(|k| record.motions[0].take((k as f64 * 3.0 + phases(k)) / 1000.0));

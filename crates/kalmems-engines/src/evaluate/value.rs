@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn between_samples_the_rate_says_how_it_went() {
+    fn the_rate_interpolates_between_samples() {
         let time_s: Vec<f64> = (0..50).map(|k| 0.1 * f64::from(k)).collect();
         let mut trajectory = Trajectory::blank(
             ("ekf", "EKF"),

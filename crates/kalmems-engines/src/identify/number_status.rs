@@ -1,4 +1,4 @@
-//! What of several numbers recordings tell, where the errors of one hang on another's.
+//! What of several numbers recordings tell, where the errors of one depend on another's.
 
 /// How much the errors of two numbers may hang together before the one is not known without the other: what is found of a number is then
 /// moved by 0.3 of its standard error where the other stays a standard error off, which widens its error by 5 %.
@@ -28,7 +28,7 @@ pub fn number_statuses(
     while let Some(from) = open.pop() {
         for (to, status) in statuses.iter_mut().enumerate() {
             let together = correlation(from, to).abs();
-            // What is not a number hangs on anything.
+            // What is not a number depends on anything.
             let hangs = to != from && (together.is_nan() || together > CONNECTED);
             if hangs && *status == NumberStatus::Determined {
                 *status = NumberStatus::DependsOn(from);
@@ -54,7 +54,7 @@ pub struct LikelihoodSolution<'a> {
 /// As [`number_statuses`], with what a number that keeps its stated value does to the others.
 ///
 /// Correlations are those at the likeliest values. What is stated of a number that keeps its value may be far from there, so that the others are
-/// sought once more beside it, by `sought` with those that are kept: one that then moves by more than its standard error hangs on it.
+/// sought once more beside it, by `sought` with those that are kept: one that then moves by more than its standard error depends on it.
 ///
 /// # Errors
 /// Those of `sought`.
@@ -97,7 +97,7 @@ mod tests {
 
     /// The second number is uncorrelated with the first at the likeliest values, and another beside what is stated of it.
     #[test]
-    fn what_moves_beside_a_number_that_keeps_its_value_hangs_on_it() {
+    fn a_number_that_is_correlated_with_an_undetermined_one_depends_on_it() {
         let likeliest = LikelihoodSolution {
             at: &[2.0, 0.1, 0.0],
             spread: &|_| 0.05,
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(joint_number_statuses(&likeliest, |_| Err("stopped")), Err("stopped"));
     }
 
-    /// Five numbers: the last is not told; the fourth hangs on it, the third on the fourth; the first two on each other alone.
+    /// Five numbers: the last is not told; the fourth depends on it, the third on the fourth; the first two on each other alone.
     #[test]
     fn a_chain_of_correlations_is_all_or_nothing() {
         let pairs = [(0, 1, 0.9), (2, 3, -0.5), (3, 4, 0.4), (1, 2, 0.29)];

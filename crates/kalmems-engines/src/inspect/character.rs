@@ -10,6 +10,9 @@ pub enum Character {
     Constant(f64),
     /// No line stands out of its noise; this is its standard deviation, in SI.
     Noise(f64),
+    /// No line stands out of its noise, and yet it changes little from sample to sample: less than a few cycles of a motion, or a drift.
+    /// From its lowest to its highest value.
+    Slow(f64),
     /// A line stands out of the noise.
     Swing {
         /// The frequency of the strongest line, in Hz or in cycles per sample.
@@ -18,6 +21,8 @@ pub enum Character {
         amplitude: f64,
         /// What becomes of the swing.
         course: SwingCourse,
+        /// The frequencies from which and to which it is swept, where it is.
+        swept: Option<(f64, f64)>,
     },
 }
 
@@ -36,6 +41,8 @@ pub enum SwingCourse {
 const PARTS: usize = 64;
 /// The sizes of so many parts at either end are compared.
 const AT_AN_END: usize = 6;
+/// A signal whose roughness is below this is no noise that a filter would take for white.
+const SMOOTH: f64 = 0.1;
 /// A swing that changes by less than this factor is steady.
 const CHANGES: f64 = 1.5;
 
@@ -48,10 +55,17 @@ impl Inspection {
             return Some(Character::Constant(low));
         }
         let Some(line) = channel.spectrum.as_ref().and_then(|spectrum| spectrum.lines.first()) else {
-            return Some(Character::Noise(figures.standard_deviation?));
+            let is_smooth = channel.course.roughness.is_some_and(|roughness| roughness < SMOOTH);
+            let noise = figures.standard_deviation.map(Character::Noise);
+            return if is_smooth { Some(Character::Slow(high - low)) } else { noise };
         };
         let course = self.course(channel).unwrap_or(SwingCourse::Steady);
-        Some(Character::Swing { frequency: line.frequency, amplitude: line.amplitude, course })
+        Some(Character::Swing {
+            frequency: line.frequency,
+            amplitude: line.amplitude,
+            course,
+            swept: channel.course.swept,
+        })
     }
 
     fn course(&self, channel: &InspectedChannel) -> Option<SwingCourse> {
@@ -85,7 +99,19 @@ impl Character {
                     quantity(sd, unit)
                 )
             }
-            Self::Swing { frequency, amplitude, course } => {
+            Self::Slow(range) => {
+                format!("a smooth change by {}, without a line in its spectrum", quantity(range, unit))
+            }
+            Self::Swing { course, swept: Some((first, last)), .. } => {
+                let course = match course {
+                    SwingCourse::Steady => "",
+                    SwingCourse::Decays(_) => ", and it decays",
+                    SwingCourse::Grows(_) => ", and it grows",
+                };
+                let [first, last] = [first, last].map(|frequency| quantity(frequency, frequency_unit));
+                format!("a swing whose frequency is swept from about {first} to {last}{course}")
+            }
+            Self::Swing { frequency, amplitude, course, swept: None } => {
                 let course = match course {
                     SwingCourse::Steady => "of a steady size".to_owned(),
                     SwingCourse::Decays(factor) => {

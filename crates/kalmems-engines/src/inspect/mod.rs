@@ -5,6 +5,7 @@
 
 mod channel;
 mod character;
+mod course;
 mod envelope;
 mod pipe;
 mod plot;
@@ -16,13 +17,16 @@ mod survey;
 #[cfg(test)]
 mod tests;
 mod text;
+mod unitless_time;
 
 pub use character::{Character, SwingCourse};
+pub use course::ChannelCourse;
 pub use envelope::{Envelope, EnvelopePoint, envelope};
 pub use quantity::{fitting_unit, quantity};
 pub use spectrum::magnitudes as spectrum_magnitudes;
 pub use spectrum::{MOST_LINES, SegmentLines, SignalLine, WINDOW};
 pub use statistics::Statistics;
+pub use unitless_time::{StatedTime, UnitlessTime};
 
 use crate::recording::request::{ColumnSelection, ReadRequest};
 use crate::recording::{
@@ -47,6 +51,9 @@ pub struct Inspection {
     pub recognised: Vec<String>,
     /// The time column, where there is one.
     pub time: Option<String>,
+    /// A column that may be the time and has no unit, where no column is the time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unitless_time: Option<UnitlessTime>,
     /// The column that tells records apart, where there is one.
     pub segment_column: Option<String>,
     /// The records.
@@ -108,6 +115,9 @@ pub struct InspectedChannel {
     pub spectrum: Option<SegmentLines>,
     /// Why there is no spectrum, where there is none.
     pub no_spectrum: Option<String>,
+    /// What of its course the figures do not show.
+    #[serde(skip)]
+    pub course: ChannelCourse,
 }
 
 /// A channel in few points, for a figure: a point spans from its time to the next one's.
@@ -143,9 +153,19 @@ pub fn inspect_with(
     path: &Path,
     progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
 ) -> Result<Inspection, ReadError> {
+    inspect_stated(path, None, progress)
+}
+
+/// Inspects a file as [`inspect_with`] does, with a column as its time that is stated to be.
+pub fn inspect_stated(
+    path: &Path,
+    stated: Option<&StatedTime>,
+    progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+) -> Result<Inspection, ReadError> {
     let hints = Hints::default();
     let (survey, table) =
-        pipe::survey(path, &hints, &mut |done, total| progress(done, total.saturating_mul(2)))?;
+        pipe::survey(path, &hints, stated, &mut |done, total| progress(done, total.saturating_mul(2)))?;
+    let declared: Vec<_> = stated.map(StatedTime::declared).into_iter().collect();
     let clock = match &survey.time {
         Some(name) => TimeSource::Column(name.clone()),
         // A row is a sample.
@@ -155,7 +175,7 @@ pub fn inspect_with(
         clock: &clock,
         segment_column: survey.segment.as_deref(),
         columns: ColumnSelection::AllBut(&survey.text),
-        declared: &[],
+        declared: &declared,
         hints: &hints,
         nominal_rate_hz: None,
         origin: None,
@@ -190,6 +210,7 @@ pub fn inspect_with(
         rows,
         recognised,
         time: survey.time,
+        unitless_time: survey.unitless_time,
         segment_column: survey.segment,
         segments: draft.segments,
         channels: draft.channels.into_iter().map(ChannelDraft::finish).collect(),
@@ -266,7 +287,7 @@ impl Inspection {
     }
 
     /// The rows of the longest segment with the last [`CYCLES`] cycles of its slowest main line, where it holds so many more
-    /// that they cannot be told apart in a plot of all.
+    /// that they cannot be distinguished in a plot of all.
     pub fn close_up(&self) -> Option<Range<usize>> {
         let (_, kept, interval) = self.longest.as_ref()?;
         let main =

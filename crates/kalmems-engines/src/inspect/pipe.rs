@@ -1,5 +1,6 @@
 //! What is told of a file before it is read, and of a pipe from its beginning.
 
+use super::StatedTime;
 use super::survey::{ColumnSurvey, survey as survey_table};
 use crate::recording::ReadError;
 use crate::recording::read::ReadProgress;
@@ -15,13 +16,14 @@ const BEGINNING: u64 = 1 << 22;
 pub(super) fn survey(
     path: &Path,
     hints: &Hints,
+    stated: Option<&StatedTime>,
     progress: ReadProgress,
 ) -> Result<(ColumnSurvey, Box<dyn Table>), ReadError> {
     let failed = |source| ReadError::of_format(path, source);
     let file = |source| ReadError::Io { file: path.display().to_string(), source };
     let open = || kalmems_formats::open(path, hints).map_err(failed);
     if std::fs::metadata(path).map_err(file)?.is_file() {
-        return Ok((survey_table(open()?, path, progress)?, open()?));
+        return Ok((survey_table(open()?, path, stated, progress)?, open()?));
     }
     let mut pipe = File::open(path).map_err(file)?;
     let mut beginning = Vec::new();
@@ -32,11 +34,11 @@ pub(super) fn survey(
     let lines = beginning.get(..lines.map_or(beginning.len(), |end| end + 1)).unwrap_or_default().to_vec();
     let bytes = lines.len();
     let table = kalmems_formats::read_csv(Cursor::new(lines), hints).map_err(failed)?;
-    let mut survey = survey_table(table, path, progress)?;
+    let mut survey = survey_table(table, path, stated, progress)?;
     if !whole {
         survey
             .sentences
-            .push(format!("This is told from the first {bytes} bytes, as a pipe is read only once."));
+            .push(format!("This was recognised in the first {bytes} bytes, as a pipe is read only once."));
     }
     let table = kalmems_formats::read_csv(Cursor::new(beginning).chain(pipe), hints).map_err(failed)?;
     Ok((survey, table))

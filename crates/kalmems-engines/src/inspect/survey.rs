@@ -1,5 +1,6 @@
 //! Which column is the time and which tells records apart, and the reasons in words.
 
+use super::{StatedTime, UnitlessTime};
 use crate::recording::ReadError;
 use crate::recording::blocks::Blocks;
 use crate::recording::clock_unit::ClockUnit;
@@ -21,6 +22,8 @@ const MOST_RECORDS: usize = 10_000;
 #[derive(Default)]
 pub(super) struct ColumnSurvey {
     pub(super) time: Option<String>,
+    /// A column that may be the time, whose name has no unit; only where no column is the time.
+    pub(super) unitless_time: Option<UnitlessTime>,
     pub(super) segment: Option<String>,
     /// Columns that are left out: they hold text and do not tell records apart, or have another number of rows.
     pub(super) text: Vec<String>,
@@ -33,6 +36,7 @@ pub(super) struct ColumnSurvey {
 pub(super) fn survey(
     table: Box<dyn Table>,
     path: &Path,
+    stated: Option<&StatedTime>,
     progress: ReadProgress,
 ) -> Result<ColumnSurvey, ReadError> {
     let names: Vec<ColumnHeader> =
@@ -45,8 +49,11 @@ pub(super) fn survey(
     let (texts, numbers): (Vec<usize>, Vec<usize>) = (0..names.len())
         .filter(|column| columns[*column].rows.is_none_or(|rows| Some(rows) == main))
         .partition(|column| columns[*column].text);
-    let time =
-        Time::of(&names, |column| table.time_kind(column)).filter(|time| numbers.contains(&time.column));
+    let time = match stated {
+        Some(stated) => Time::stated(&names, stated),
+        None => Time::of(&names, |column| table.time_kind(column)),
+    }
+    .filter(|time| numbers.contains(&time.column));
     let others =
         names.iter().enumerate().filter(|(column, _)| !texts.contains(column) && !numbers.contains(column));
     let others: Vec<(String, Option<u64>)> =
@@ -103,6 +110,11 @@ struct ColumnCounts {
     unmatched: usize,
     seen: BTreeSet<SegmentLabel>,
     returns: bool,
+    /// The first, second and last number, and whether one is no larger than the one before.
+    first: Option<f64>,
+    second: Option<f64>,
+    last: f64,
+    falls: bool,
 }
 
 #[derive(Default)]
@@ -181,8 +193,13 @@ impl SurveyScan {
         let time = self.time.map(|time| time.column);
         let name = |index: usize| self.columns.get(index).map(|column| column.name.clone());
         let mut survey = ColumnSurvey { time: time.and_then(name), ..ColumnSurvey::default() };
+        survey.unitless_time = if time.is_none() { self.unitless_time() } else { None };
         survey.sentences.push(match (&survey.time, self.time) {
             (Some(name), Some(time)) => format!("`{name}` is the time, as {}.", time.reason),
+            _ if survey.unitless_time.is_some() => {
+                let seems = survey.unitless_time.as_ref().map(UnitlessTime::sentence).unwrap_or_default();
+                format!("{seems} Until its unit is stated, a row is a sample, and frequencies are in cycles per sample.")
+            }
             _ => "No column is the time, as no name begins with `time` and ends with a unit of time: a row is a \
                      sample, and frequencies are in cycles per sample."
                 .to_owned(),
@@ -215,6 +232,26 @@ impl SurveyScan {
             }
         }
         survey
+    }
+
+    /// The column that may be the time, were there a unit: it is called so, or it is the first column, each of its numbers is larger
+    /// than the one before, and it is no count of rows.
+    fn unitless_time(&self) -> Option<UnitlessTime> {
+        let of = |column: &ColumnCounts| {
+            let (first, second) = (column.first?, column.second?);
+            let seems = !column.has_unit && column.numbers == self.rows && second > first;
+            let step = match (self.rows.checked_sub(1), column.falls) {
+                (Some(steps), false) => (column.last - first) / steps as f64,
+                _ => second - first,
+            };
+            seems.then(|| UnitlessTime { column: column.name.clone(), first, last: column.last, step })
+        };
+        let named = || self.columns.iter().filter(|column| is_named_time(&column.name)).find_map(of);
+        let first = || {
+            let first = self.columns.first().filter(|first| !first.falls && self.columns.len() > 1)?;
+            of(first).filter(|time| (time.step - time.step.round()).abs() > 1e-6 * time.step)
+        };
+        named().or_else(first)
     }
 
     /// The column that tells records apart, and why it is taken for that.
@@ -253,6 +290,12 @@ impl ColumnCounts {
         let label = match fault {
             None => {
                 self.numbers += 1;
+                self.falls |= self.first.is_some() && number <= self.last;
+                match self.first {
+                    None => self.first = Some(number),
+                    Some(_) => _ = self.second.get_or_insert(number),
+                }
+                self.last = number;
                 SegmentLabel::of_number(number)
             }
             Some(CellFinding::Text(text)) => {
@@ -292,6 +335,13 @@ impl ColumnCounts {
 /// First words of the name of a column that is the time, beside `time` itself.
 const TIME_WORDS: [&str; 9] = ["t", "zeit", "temps", "tiempo", "tempo", "tijd", "sec", "seconds", "clock"];
 
+/// Whether the name of a column begins with a word for the time.
+fn is_named_time(column: &str) -> bool {
+    let name = column.to_lowercase();
+    let first = name.split(|letter: char| !letter.is_alphanumeric()).next().unwrap_or_default();
+    first.starts_with("time") || TIME_WORDS.contains(&first)
+}
+
 /// The column that is the time.
 #[derive(Clone, Copy)]
 struct Time {
@@ -302,6 +352,13 @@ struct Time {
 }
 
 impl Time {
+    fn stated(names: &[ColumnHeader], stated: &StatedTime) -> Option<Self> {
+        let column = names.iter().position(|header| header.column == stated.column)?;
+        let header = ColumnHeader { unit: Some(stated.unit), ..names.get(column)?.clone() };
+        let unit = ClockUnit::of(&header, ColumnScale::of(header.unit), None)?;
+        Some(Self { column, unit, reason: "it was stated" })
+    }
+
     fn of(names: &[ColumnHeader], kind: impl Fn(usize) -> Option<TimeKind>) -> Option<Self> {
         let clocks = || {
             let all = names.iter().enumerate();
@@ -318,13 +375,8 @@ impl Time {
             };
             return Some(Self { column, unit, reason });
         }
-        let is_word = |header: &ColumnHeader| {
-            let name = header.column.to_lowercase();
-            let first = name.split(|letter: char| !letter.is_alphanumeric()).next().unwrap_or_default();
-            TIME_WORDS.contains(&first)
-        };
         let calendar = clocks().find(|(_, _, unit)| unit.calendar);
-        let word = || clocks().find(|(_, header, _)| is_word(header));
+        let word = || clocks().find(|(_, header, _)| is_named_time(&header.column));
         // A column alone is what was recorded, such as the phase of a clock.
         let first = || clocks().find(|(column, ..)| *column == 0 && names.len() > 1);
         let (found, reason) = match (calendar, word()) {

@@ -113,6 +113,6 @@ mod tests {
     #[test]
     fn an_offset_of_another_dimension_is_refused() {
         let error = apply(&reading("V", "0.5 gn/V", "1 V"), &ColumnHeader::parse("u")).unwrap_err();
-        insta::assert_snapshot!(error, @"the offset `1 V` has the dimension V and the values have m s^-2");
+        insta::assert_snapshot!(error, @"the offset `1 V` has the dimension V and the values have m/s^2");
     }
 }

@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_hangs_is_found_where_the_signal_moves() {
+    fn a_stuck_value_is_found_where_the_signal_moves() {
         for (amplitude, noise) in [(1000.0, 5.0), (3e5, 0.0), (0.0, 40.0)] {
             let mut values = rounded(amplitude, noise);
             assert_eq!(found(&values), [], "{amplitude} {noise}");

@@ -751,7 +751,7 @@ fn with(layout: RecordingLayout, declared: &[DeclaredColumn]) -> RecordingLayout
 }
 
 #[test]
-fn a_declared_column_is_read_as_the_settings_say_and_that_is_told() {
+fn a_declared_column_is_read_as_the_settings_say_and_this_is_reported() {
     let text = "t,Ucap,gyro_mV\n0,5.71,100\n1,0.1,200\n2,,300\n";
     let columns = [
         declared("t", DeclaredColumn::CLOCK, ["ms", "", ""]),
@@ -867,7 +867,7 @@ fn cells_of_a_text_without_numbers_are_not_quoted() {
 /// Of a column that holds what another holds, with its sign or the other, both are told; levels that are the same for a while, or constants,
 /// are none.
 #[test]
-fn a_column_that_repeats_another_is_told_of_both() {
+fn a_column_that_repeats_another_is_reported_for_both() {
     let mut text = "time_s,a_V,b_V,c_V,d_V,e_V\n".to_owned();
     for i in 0..40 {
         let a = f64::from(i * i % 17) - 3.0;
@@ -897,7 +897,7 @@ fn a_column_that_repeats_another_is_told_of_both() {
 
 /// A converter that hangs is told with its line and its rows; a rail is a rail.
 #[test]
-fn a_value_that_hangs_is_told_beside_saturation() {
+fn a_stuck_value_is_reported_beside_saturation() {
     let mut rows: Vec<f64> = (0..4000).map(|i| (500.0 * (f64::from(i) * 0.05).sin()).round()).collect();
     let held = rows[700];
     rows[700..730].fill(held);

@@ -123,7 +123,7 @@ pub trait Rig: Send + Sync {
 
     /// Its device as differential equations, for a reader to change.
     fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
-        let why = format!("`{}` is not written as equations", self.name());
+        let why = format!("differential equations of the device `{}` are not available", self.name());
         Err(experiment.error(Key::from("device").child(self.device().name), ConfigFault::Value { why }))
     }
 

@@ -448,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sweep_has_the_frequency_that_it_says() {
+    fn a_sweep_has_its_stated_frequency() {
         let sweep =
             Drive::Sweep { offset: 1.0, amplitude: 2.0, from_hz: 100.0, to_hz: 60.0, duration_s: 2.0 };
         // Rising zeros are where the phase is whole: n = 100·t − 10·t² up to 2 s, then 160 + 60·(t − 2).

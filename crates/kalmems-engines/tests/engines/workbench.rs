@@ -130,7 +130,7 @@ fn the_table_of_a_registered_device_is_read_with_its_units_and_its_rig_found() {
 #[test]
 fn faults_of_the_table_name_line_and_key_and_say_what_to_write() {
     insta::assert_snapshot!(message("[device.fork]\nfrequenzy = \"1 kHz\"\n"), @"lab/fork.toml:4: device.fork.frequenzy: unknown key `frequenzy`; did you mean `frequency`? known keys: frequency, damping_ratio");
-    insta::assert_snapshot!(message("[device.fork]\nfrequency = \"1 km\"\n"), @"lab/fork.toml:4: device.fork.frequency: `1 km` has the dimension m; expected a frequency (s^-1), such as `15.5 kHz`");
+    insta::assert_snapshot!(message("[device.fork]\nfrequency = \"1 km\"\n"), @"lab/fork.toml:4: device.fork.frequency: `1 km` has the dimension m; expected a frequency (1/s), such as `15.5 kHz`");
     insta::assert_snapshot!(message("[device.fork]\ndamping_ratio = \"1 %\"\n"), @r#"lab/fork.toml:3: device.fork.frequency: the key is missing; write `frequency = "15.5 kHz"`"#);
     insta::assert_snapshot!(message("[device.fork]\nfrequency = \"1 kHz\"\ndamping_ratio = \"2\"\n"), @"lab/fork.toml:5: device.fork.damping_ratio: so much damped, it does not swing");
 }

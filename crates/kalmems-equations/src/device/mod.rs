@@ -7,6 +7,7 @@ mod names;
 mod operations;
 mod read;
 mod resolve;
+mod turns;
 
 pub(crate) use names::ParsedText;
 pub(crate) use resolve::fault_of;

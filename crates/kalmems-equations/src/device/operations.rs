@@ -3,6 +3,7 @@
 use super::DeviceEquation;
 use super::names::{Meaning, ParsedText};
 use super::resolve::{Resolved, ResolvedValue, Resolver, unlike};
+use super::turns::TurnMistake;
 use crate::error::{EquationError, EquationFault};
 use crate::graph::{Function, Graph, NodeId};
 use crate::laws;
@@ -33,7 +34,8 @@ impl Resolver {
         let node = self.graph.sum(0.0, &signed);
         let in_cycles =
             parts.iter().all(|(_, value, _)| value.in_cycles || value.quantity == UnitKnowledge::Any);
-        Ok(ResolvedValue { node, quantity: total, in_cycles, has_pi: false })
+        let turn = TurnMistake::of_sum(parts.iter().map(|(_, value, _)| *value));
+        Ok(ResolvedValue { in_cycles, turn, ..ResolvedValue::new(node, total) })
     }
 
     pub(crate) fn product(
@@ -58,7 +60,9 @@ impl Resolver {
         let node = self.graph.product(&powers);
         let has_pi = parts.iter().any(|(_, value)| value.has_pi);
         let in_cycles = !has_pi && parts.iter().any(|(over, value)| value.in_cycles && !over);
-        Ok(ResolvedValue { node, quantity, in_cycles, has_pi })
+        let in_radians = parts.iter().any(|(over, value)| value.in_radians && !over);
+        let turn = TurnMistake::of_product(parts, quantity.is_plain());
+        Ok(ResolvedValue { node, quantity, in_cycles, has_pi, in_radians, turn })
     }
 
     pub(crate) fn power(
@@ -88,7 +92,15 @@ impl Resolver {
                 let root = self.graph.call(Function::Sqrt, base.node);
                 node = self.graph.product(&[(node, 1), (root, 1)]);
             }
-            return Ok(ResolvedValue { has_pi: base.has_pi, ..ResolvedValue::new(node, quantity) });
+            // What is below a fraction bar is a time.
+            let turn = base.turn.filter(|_| halves > 0);
+            let in_radians = base.in_radians && halves > 0;
+            return Ok(ResolvedValue {
+                has_pi: base.has_pi,
+                in_radians,
+                turn,
+                ..ResolvedValue::new(node, quantity)
+            });
         }
         if !base.quantity.is_plain() {
             return Err(text.error(span, EquationFault::PowerOfUnit { found: base.quantity.to_string() }));
@@ -135,6 +147,7 @@ impl Resolver {
                 self.notice_kink(text, call.1, &name, node);
                 Ok(ResolvedValue {
                     in_cycles: left.0.in_cycles && right.0.in_cycles,
+                    turn: TurnMistake::of_sum([left.0, right.0].into_iter()),
                     ..ResolvedValue::new(node, quantity)
                 })
             }

@@ -4,6 +4,7 @@ use super::names::{DescriptionNames, ParsedText};
 use super::resolve::{
     DefinitionSlot, DelayExpansion, ExternalQuantity, RateOf, ResolvedValue, Resolver, fault_of, unlike,
 };
+use super::turns::TurnMistake;
 use super::{Device, DeviceEquation, Named, Parameter};
 use crate::curve::Curve;
 use crate::description::{CurvePoints, Description, NamedText};
@@ -189,6 +190,8 @@ impl<'a> ReadResult<'a> {
             if lacks && value.in_cycles {
                 let message = "all of this is in Hz, which are cycles per second, and the rate is in rad/s; write `2*pi` before it";
                 self.resolver.notice(&text, &whole, message.to_owned());
+            } else if let Some(mistake) = TurnMistake::of_rate(value) {
+                self.resolver.notice(&text, &whole, mistake.remedy().to_owned());
             }
             rates.push(value);
         }

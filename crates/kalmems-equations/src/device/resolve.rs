@@ -2,6 +2,7 @@
 
 use super::names::{DescriptionNames, Meaning, ParsedText, is_of_the_language};
 use super::operations::alike;
+use super::turns::{ANGULAR_RATE, TurnMistake};
 use super::{DeviceEquation, InputRate};
 use crate::description::NamedText;
 use crate::error::{EquationError, EquationFault, EquationNotice};
@@ -23,11 +24,15 @@ pub(crate) struct ResolvedValue {
     pub(crate) in_cycles: bool,
     /// Whether π is a factor of it.
     pub(crate) has_pi: bool,
+    /// Whether a rate in rad/s is a factor of it.
+    pub(crate) in_radians: bool,
+    /// What is wrong with the factor 2π of a part of it.
+    pub(crate) turn: Option<TurnMistake>,
 }
 
 impl ResolvedValue {
     pub(crate) fn new(node: NodeId, quantity: UnitKnowledge) -> Self {
-        Self { node, quantity, in_cycles: false, has_pi: false }
+        Self { node, quantity, in_cycles: false, has_pi: false, in_radians: false, turn: None }
     }
 }
 
@@ -210,7 +215,14 @@ impl Resolver {
         let dimension = given.map_or(Dimension::NONE, |given| given.unit.dimension());
         let in_cycles = given.is_some_and(|given| given.in_cycles);
         let node = self.graph.variable(variable);
-        ResolvedValue { node, quantity: UnitKnowledge::Exact(dimension), in_cycles, has_pi: false }
+        let turn = in_cycles.then_some(TurnMistake::MissingTwoPi);
+        let in_radians = dimension == ANGULAR_RATE;
+        ResolvedValue {
+            in_cycles,
+            in_radians,
+            turn,
+            ..ResolvedValue::new(node, UnitKnowledge::Exact(dimension))
+        }
     }
 
     /// A text with the values of a function's arguments.
@@ -287,7 +299,8 @@ impl Resolver {
                 let node = self.graph.choice(ids[0], ids[1], ids[2], ids[3]);
                 self.notice_kink(text, span, "if", node);
                 let in_cycles = of(then).in_cycles && of(otherwise).in_cycles;
-                Ok(ResolvedValue { node, quantity, in_cycles, has_pi: false })
+                let turn = TurnMistake::of_sum([of(then), of(otherwise)].into_iter());
+                Ok(ResolvedValue { in_cycles, turn, ..ResolvedValue::new(node, quantity) })
             }
             TermForm::Call(name, of_call) => {
                 let parts: Vec<_> = of_call.iter().map(|id| (of(id), *id)).collect();

@@ -85,7 +85,7 @@ impl Motion {
         let columns = self.states();
         jacobian.fill(0.0);
         for (i, row) in jacobian.chunks_exact_mut(columns.max(1)).enumerate() {
-            // What is held hangs on itself.
+            // What is held depends on itself.
             if let Some(entry) = row.get_mut(i) {
                 *entry = 1.0;
             }
@@ -149,7 +149,7 @@ fn moved<const N: usize>(x: &[f64; N], k: &[f64; N], h: f64) -> [f64; N] {
 
 /// K₁ + 2·K₂ + 2·K₃ + K₄ with Kᵢ = Bᵢ + cᵢ·h·Aᵢ·Kᵢ₋₁: the derivatives of the four rates.
 ///
-/// Aᵢ is ∂f/∂x at the stage and Bᵢ what the rate hangs on directly: Aᵢ itself for derivatives by the state before the
+/// Aᵢ is ∂f/∂x at the stage and Bᵢ what the rate depends on directly: Aᵢ itself for derivatives by the state before the
 /// step, since A·(1 + c·h·K) = A + c·h·A·K, and ∂f/∂p for those by parameters.
 struct RateDerivatives<const N: usize, const M: usize> {
     last: [[f64; M]; N],

@@ -75,6 +75,10 @@ mistakes! {
     unit_of_a_minimum: rate("rate*min(x, rate)");
     missing_two_pi: said("piston_mirror", &[("phi = \"2*pi*f\"", "phi = \"f\"")]);
     cycles_in_a_sine: small("[inputs]\nf = 'Hz'\n[derivative]\nx = 'rate*p*sin(f*3[s])'\n");
+    resonance_in_hz: said_of("[states]\nx = 'm'\nv = 'm/s'\n[parameters]\nf = '10 kHz'\nQ = '50'\n[derivative]\nx = 'v'\nv = '-f^2*x - f/Q*v'\n[measure]\ny = 'x in m'\n");
+    corner_in_hz: small("corner = '1 kHz'\n[derivative]\nx = 'corner*(p - x)'\n");
+    angular_rate_times_two_pi: said_of("[states]\nphi = 'rad'\n[parameters]\nomega = '3 rad/s'\n[derivative]\nphi = '2*pi*omega'\n[measure]\ny = 'phi in rad'\n");
+    resonance_with_two_pi_is_right: small("f = '10 kHz'\n[let]\nw = '2*pi*f'\n[derivative]\nx = '-w*x + (2*pi*f)^2*x/w - w^2*x/(3*w) + p*sin(2*pi*f*1[s])*rate'\n");
     unit_of_a_noise: scanner("1e8[rad^2/s^3]", "1e8[rad/s^2]");
     unit_of_a_measurement_noise: scanner("1.92e-4[V^2]", "1.92e-4[V]");
     unit_of_a_period: said("piston_mirror", &[("phi = \"2*pi\"", "phi = \"1[m]\"")]);

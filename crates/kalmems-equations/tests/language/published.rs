@@ -366,7 +366,7 @@ fn a_new_value_of_a_parameter_is_taken_by_the_same_program() {
 }
 
 #[test]
-fn outside_of_the_domain_a_flag_says_so() {
+fn a_flag_marks_arguments_outside_of_the_domain() {
     let text = "[states]\nx = '1'\n[derivative]\nx = '-1[1/s]*sqrt(x)'\n[measure]\ny = 'ln(x) in 1'\n";
     let device = device(text);
     let motion = device.motion(&[]).unwrap();

@@ -1,4 +1,4 @@
-//! A device whose named expressions hang on each other, with a function, a curve, a lag, parameters and an input.
+//! A device whose named expressions depend on each other, with a function, a curve, a lag, parameters and an input.
 
 use super::expression::{Expression, expression};
 use kalmems_core::{Dual, Nodes, Scalar};
@@ -80,7 +80,7 @@ impl RandomDevice {
             };
             writeln!(text, "l{place} = '{written}'").unwrap();
             if place == 0 {
-                // The rate of what hangs on an input is not known.
+                // The rate of what depends on an input is not known.
                 names.push("u".to_owned());
             }
             names.push(format!("l{place}"));

@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_last_line_without_end_is_told_and_utf_16_is_read_as_text() {
+    fn a_last_line_without_end_is_reported_and_utf_16_is_read_as_text() {
         for (text, open) in [("a\nb", true), ("a\nb\n", false), ("", false), ("a", true)] {
             let wide = std::iter::once(0xfeff).chain(text.encode_utf16());
             for bytes in [text.as_bytes().to_vec(), wide.flat_map(u16::to_le_bytes).collect()] {

@@ -35,7 +35,7 @@ fn lies_between(number: f64) -> bool {
 }
 
 #[test]
-fn a_number_between_two_is_told() {
+fn a_time_between_two_representable_numbers_is_reported() {
     assert!(
         lies_between(9_829_408_014.101_563) && !lies_between(8_862_752_833.759_203) && !lies_between(0.5)
     );

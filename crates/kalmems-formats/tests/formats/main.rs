@@ -475,7 +475,7 @@ fn stored_scales_and_missing_values_are_said() {
 }
 
 #[test]
-fn what_is_left_out_is_named_with_what_to_do() {
+fn columns_that_are_left_out_are_named_with_what_to_do() {
     for (name, words) in [
         ("refused.h5", "`gone` (a link to `/rig/cap`, which is not in the file)"),
         ("refused.h5", "`complex` (complex numbers)"),
@@ -508,7 +508,7 @@ fn what_is_left_out_is_named_with_what_to_do() {
 }
 
 #[test]
-fn texts_are_told_from_numbers_before_they_are_read() {
+fn columns_of_text_are_recognised_before_they_are_read() {
     for (name, texts) in [
         ("refused.h5", &["words"][..]),
         ("columns.h5", &["phase", "words"]),

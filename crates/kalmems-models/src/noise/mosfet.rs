@@ -23,7 +23,7 @@ pub struct Mosfet<P> {
     pub flicker_coefficient: P,
     /// I_leak in A.
     pub leakage_current: P,
-    /// C_total in F: all that hangs on the gate.
+    /// C_total in F: all that depends on the gate.
     pub gate_node_capacitance: P,
 }
 

@@ -6,7 +6,7 @@ use kalmems_macros::{Parameters, model};
 
 /// y = a·(C_x(θ_x) + C_y(θ_y)) + b in V, on states that begin with [θ_x, θ̇_x, θ_y].
 ///
-/// Both combs hang on one electrode, so that the carrier sees the sum of their capacitances (the readout is that of
+/// Both combs depend on one electrode, so that the carrier sees the sum of their capacitances (the readout is that of
 /// [`DemodulatedComb`](super::DemodulatedComb)). What does not move, the parasitic capacitance of the leads too, is
 /// part of either comb's bias or of b. y is even in each angle: the sign of neither motion can be known from it.
 ///

@@ -355,7 +355,7 @@ fn slow_a_settled_gain_costs_a_quarter_of_the_full_filter() {
 
 /// Closed loop, the settled gain in single precision: within 10 µg rms of double.
 #[test]
-fn a_settled_gain_in_single_precision_says_the_same() {
+fn a_settled_gain_in_single_precision_gives_the_same_estimate() {
     let bench = bench(4.0, 10.0, 0.1);
     let (model, recording) = (bench.scaled(), bench.record(20_000, 3));
     let double = model.steady_state(&recording);

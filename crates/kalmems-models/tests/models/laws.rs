@@ -148,7 +148,7 @@ fn the_scanner_in_its_natural_scales() {
 
 /// The drive between two samples matters more to a resonator than the order of the integrator.
 #[test]
-fn a_held_drive_costs_more_than_a_large_step() {
+fn a_held_drive_has_a_larger_error_than_a_large_step() {
     let drive = |t: f64| 90.0 + 90.0 * (std::f64::consts::TAU * 31_350.0 * t).sin();
     let noise = NoiseDensity::none();
     // 2 ms from a settled state; the phase of the motion as the angle of the scaled state.

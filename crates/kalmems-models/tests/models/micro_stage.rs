@@ -66,7 +66,7 @@ fn the_exact_step_is_what_the_equation_integrates_to() {
 /// A sampled sine as the mean of both ends gives the steady motion of the frequency response, without a phase error of
 /// first order; the later sample alone is ω·T/2 ahead, 8.5 mrad.
 #[test]
-fn a_sampled_sine_drives_it_as_the_response_says() {
+fn a_sampled_sine_drives_the_stage_as_its_frequency_response() {
     let (interval, rate) = (1.6e-6, TAU * 1700.0);
     let process = STAGE.exact(interval, 0.0);
     let (re, im) = STAGE.response(rate);

@@ -137,7 +137,7 @@ fn the_gain_of_fingers_is_the_jump_of_their_slope() {
 
 /// θ = A·e^{−ζω_n·t}·cos(…): the exact step keeps it to rounding, RK4 to 1e-9, and Euler's step does not.
 #[test]
-fn the_exact_step_decays_as_the_closed_form_says() {
+fn the_exact_step_decays_as_the_closed_form() {
     let (h, steps) = (2e-6, 40_000);
     let exact = MIRROR.exact(h, 1e3);
     let driven = CombDrivenMirror { resonator: MIRROR, comb: LOGISTIC, drive_gain: 30.0 };

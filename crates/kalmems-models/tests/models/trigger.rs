@@ -33,7 +33,7 @@ fn settings(rate: f64, mark: Mark<f64>, lead: f64) -> TriggerSettings<f64> {
 
 /// Without damping: θ = A·cos ωt exactly, from any point of the cycle to any phase, with the closed form of σ.
 #[test]
-fn a_harmonic_motion_passes_when_the_closed_form_says() {
+fn a_harmonic_motion_passes_the_level_at_the_time_of_the_closed_form() {
     let rate = TAU * 15_700.0;
     let spring = Duffing { damping: 0.0, stiffness: rate * rate, cubic: 0.0, gain: 0.0 };
     let process = Rk4::new(spring, INTERVAL, &NoiseDensity::none(), (&[0.0; 2], &0.0));
@@ -314,7 +314,7 @@ fn what_passes_in_a_gap_is_counted() {
 
 /// In f32 the event is told within nanoseconds of that in f64.
 #[test]
-fn single_precision_tells_the_same_time() {
+fn single_precision_predicts_the_same_time() {
     fn after<P: Scalar<Mask = bool> + Over<P>>() -> P {
         let p = |x: f64| P::of(x);
         let resonator =

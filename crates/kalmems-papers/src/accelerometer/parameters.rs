@@ -26,7 +26,7 @@ pub static TABLE_I: ItemHead = ItemHead {
 /// The noise.
 pub static TABLE_II: ItemHead = ItemHead {
     key: "table-ii",
-    title: "the noise that the filter is told",
+    title: "the noise of the filter's model",
     kind: ItemKind::Table,
     places: &[PaperPlace { paper: "Z", label: "Table II", page: "page 52" }],
     origin: ValueOrigin::Computed,

@@ -56,7 +56,7 @@ impl Structure {
         match self {
             Self::Open => "open loop",
             Self::Closed => "closed loop",
-            Self::Told => "observer in the loop, told the acceleration",
+            Self::Told => "observer in the loop, with the acceleration as an input",
             Self::Honest => "observer in the loop, honest",
         }
     }
@@ -191,7 +191,7 @@ fn table(runs: &StructureRuns) -> Item {
         .check(Check::claim(
             "the observer raises the signal to noise of the closed loop",
             "by 8 dB at 0.1 g and at 1 g",
-            format!("by {gained:.0} dB at 0.1 g, told the acceleration"),
+            format!("by {gained:.0} dB at 0.1 g, with the acceleration as an input"),
             gained > 3.0,
         ))
         .check(Check::claim(
@@ -206,7 +206,7 @@ fn table(runs: &StructureRuns) -> Item {
          the printed displacements alone the two are 25 dB apart.",
     )
     .remark(
-        "Told the acceleration, an observer needs the output for nothing but the molecules' push: what it gains over the \
+        "With the acceleration as an input, an observer needs the output for nothing but the molecules' push: what it gains over the \
          output says nothing of an instrument. The last column is one: the acceleration by a filter that has it as a state \
          of the signal's size and 50 Hz, from the same run.",
     )

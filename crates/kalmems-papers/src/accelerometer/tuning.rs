@@ -12,7 +12,7 @@ use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextT
 /// Numbers.
 pub static TABLE_IV: ItemHead = ItemHead {
     key: "table-iv",
-    title: "the filter told other noise than there is",
+    title: "the filter with other noise in its model than in the device",
     kind: ItemKind::Table,
     places: &[PaperPlace { paper: "Z", label: "Table IV", page: "page 69" }],
     origin: ValueOrigin::Computed,
@@ -21,7 +21,7 @@ pub static TABLE_IV: ItemHead = ItemHead {
 /// Pictures.
 pub static FIGURES: ItemHead = ItemHead {
     key: "figures-27-31",
-    title: "the estimated output, told other noise than there is",
+    title: "the estimated output, with other noise in the model than in the device",
     kind: ItemKind::Figure,
     places: &[
         PaperPlace { paper: "Z", label: "Figure 27", page: "page 64" },
@@ -155,9 +155,9 @@ type Spreads<'a> = &'a dyn Fn(usize, &dyn Fn(&TuningResult) -> f64) -> SeedSprea
 fn table(spread: Spreads, is_positive: bool) -> Item {
     let mut item = Item::new(&TABLE_IV);
     let mut rows = TextTable::new(
-        "Table IV, told the acceleration",
+        "Table IV, with the acceleration as an input",
         [
-            ColumnHead::text("told"),
+            ColumnHead::text("input"),
             ColumnHead::number("standard deviation, thesis", "pm"),
             ColumnHead::number("ours", "pm"),
             ColumnHead::number("largest error, thesis", "pm"),
@@ -188,7 +188,7 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
     let blind = sd(AccelerationModel::Nothing, -2) / sd(AccelerationModel::Nothing, 0);
     let honest = sd(AccelerationModel::ThatThereIsOne, lowest(AccelerationModel::ThatThereIsOne));
     item.check(Check::claim(
-        "told the acceleration, a smaller Q and a larger R are better",
+        "with the acceleration as an input, a smaller Q and a larger R are better",
         "section 5.3",
         "from one ratio to the next, over ten decades",
         falls(AccelerationModel::Acceleration),
@@ -215,7 +215,7 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
         !is_positive,
     ))
     .remark(format!(
-        "Why it falls: told the acceleration, and with nothing else to push the mass, the model alone is right, and every \
+        "Why it falls: with the acceleration as an input, and without another force on the mass, the model alone is right, and every \
          look at the noisy output makes it worse. The printed trend says that the filter was given the answer, not that it \
          is tuned better. With the acceleration as a state the error is {} pm at best, at {} decades, where the molecules that are not there \
          count for little.",
@@ -243,8 +243,8 @@ fn figure(spread: Spreads) -> Figure {
         Axis::new("rms error of the displacement", "m").log(),
     );
     for (knows, label, role) in [
-        (AccelerationModel::Acceleration, "told the acceleration", SeriesRole::Model),
-        (AccelerationModel::Nothing, "the same filter, not told", SeriesRole::Measured),
+        (AccelerationModel::Acceleration, "with the acceleration as an input", SeriesRole::Model),
+        (AccelerationModel::Nothing, "the same filter without it", SeriesRole::Measured),
         (AccelerationModel::ThatThereIsOne, "acceleration as a state", SeriesRole::Estimate),
     ] {
         let points =
@@ -267,7 +267,7 @@ fn figures(bench: &AccelerometerBench, record: &BenchRecord) -> Item {
     let mut figure = Figure::new(
         "figures-27-31_outputs",
         "Figures 27 to 31: error of the estimated output",
-        "Told the acceleration, and other Q and R than the stated. A sample of the output itself has an error of 221 µV rms.",
+        "With the acceleration as an input, and other Q and R than the stated. A sample of the output itself has an error of 221 µV rms.",
     );
     let mut left = Vec::new();
     for (place, row) in TUNINGS.iter().enumerate().skip(1) {
@@ -292,6 +292,6 @@ fn figures(bench: &AccelerometerBench, record: &BenchRecord) -> Item {
             format!("rms errors of {} pm", left.iter().map(|v| significant(1e12 * v)).collect::<Vec<_>>().join(", ")),
             left.last().is_some_and(|last| *last <= best),
         ))
-        .remark("In the order of the figures; all told the acceleration. Figure 31's caption is that of Figure 30.")
+        .remark("In the order of the figures; all with the acceleration as an input. Figure 31's caption is that of Figure 30.")
         .figure(figure)
 }

@@ -119,7 +119,7 @@ fn crest_distance() -> Item {
             is_monotonic,
         ))
         .remark(format!(
-            "At 1.3 V one sample of 1.6 us is {:.1} % of the gap: the distance has to be found to a fraction of a sample.",
+            "At 1.3 V one sample of 1.6 µs is {:.1} % of the gap: the distance has to be found to a fraction of a sample.",
             sample / slope
         ))
         .figure(

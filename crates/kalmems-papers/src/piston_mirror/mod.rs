@@ -22,7 +22,7 @@ pub const PROGRAM: PaperProgram = PaperProgram {
          parallel plate; the paper's own series for C(d), from field simulations, is not printed. The noise is \
          white, 0.151 aF/√Hz as printed and 0.393 aF/√Hz as the printed circuit has it. Phases are those at the \
          sample: P equations 15 and 18 to 20 take them one sample ahead.",
-        "The paper does not print the process noise of its filter. Where a figure hangs on it, what is stated is said \
+        "The paper does not print the process noise of its filter. Where a figure depends on it, what is stated is said \
          beside the figure.",
         "Not among these: P Figures 1 to 5, which are drawings, a photograph, a circuit and a flow chart.",
     ],

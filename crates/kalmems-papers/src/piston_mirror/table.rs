@@ -124,14 +124,14 @@ fn table() -> Item {
              tells.",
         )
         .remark(format!(
-            "The offset cannot be right: where the amplitude is told best, at the nearest turning point, ∂C/∂d₀ and \
+            "The offset cannot be right: where a sample determines the amplitude best, at the nearest turning point, ∂C/∂d₀ and \
              ∂C/∂A are equal but for the sign, so that its entry would have to be that of the amplitude. It is \
              {:.0} times smaller.",
             table_i::AMPLITUDE_NM / table_i::OFFSET_NM
         ))
         .remark(format!(
             "Nor can the frequency: ∂C/∂f = ∂C/∂φ·2πt grows with time, and a single sample says so little only \
-             {:.1} us after the phase was 0. Over one second the frequency is known to {:.1e} Hz.",
+             {:.1} µs after the phase was 0. Over one second the frequency is known to {:.1e} Hz.",
             when * 1e6,
             seconds[0][3]
         ))

@@ -309,7 +309,7 @@ fn estimators_table(rounds: &[ContestRound]) -> TextTable {
         "Every estimator under every belief: median over the seeds (smallest … largest) of the mean over the frequencies at \
          which it held",
         [
-            ColumnHead::text("what the estimators are told"),
+            ColumnHead::text("numbers of the estimators"),
             ColumnHead::text("estimator"),
             ColumnHead::number("angle RMSE", "deg"),
             ColumnHead::number("of p-p", "%"),

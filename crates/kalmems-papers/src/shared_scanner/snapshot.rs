@@ -90,7 +90,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let motions = Figure::new(
         "figure-8_motion",
         "Drive and angle",
-        "31.35 kHz; the stiffness that model and filters are told is 0.3 % too high. The UKF's points, every \
+        "31.35 kHz; the stiffness of model and filters is 0.3 % too high. The UKF's points, every \
          eighth sample, lie on the EKF's line, and both on the motion.",
     )
     .with(Panel::new(time(), Axis::new("drive", "V")).with(Series::line(

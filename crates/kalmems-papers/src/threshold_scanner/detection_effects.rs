@@ -83,7 +83,7 @@ fn slow_sixty_false_detections_do_no_harm_in_any_of_20_recordings() {
 /// quarters; on the way up and on the way down there is a bias beside it, the larger the more the curve bends while it is
 /// passed.
 #[test]
-fn zero_crossings_are_as_certain_as_is_told() {
+fn zero_crossings_scatter_with_the_claimed_variance() {
     let bench = ThresholdBench::new().unwrap();
     let settings = bench.settings_for(bench.device, &[]);
     // Of each quarter and direction: count, sum, sum of squares, sum of what was told.

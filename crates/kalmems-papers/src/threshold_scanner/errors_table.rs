@@ -128,7 +128,7 @@ fn table(trials: &[ErrorsTrial]) -> Item {
         (0..5).all(|c| hybrid[c] < ekf[c]),
     ))
     .remark(format!(
-        "The paper does not say how its model differs from its device. Ours is told a gain 10 % too large, a steepness 28 % \
+        "The paper does not say how its model differs from its device. Our filters have a gain 10 % too large, a steepness 28 % \
          too small, a resonance 0.8 % too high and a comb in the mirror's plane, with q = {} rad²/s³ and crossings of \
          {} mrad: one of several that fit, and not more than that.",
         PUBLISHED_LEVEL.density,
@@ -157,7 +157,7 @@ fn order(trials: &[ErrorsTrial]) -> Item {
         ))
         .table(table)
         .remark(
-            "With another mismatch of the same size, a comb told 4 mrad off its place instead of in the mirror's plane, the \
+            "With another mismatch of the same size, a comb that is stated 4 mrad off its place instead of in the mirror's plane, the \
              order is the opposite one: most where the amplitude is large. The order says which mismatch it was, not what \
              thresholds can do.",
         )
@@ -199,7 +199,7 @@ fn perfect(trials: &[ErrorsTrial]) -> Item {
         ))
         .table(table)
         .remark(
-            "Told the true device, the EKF is ten times better than anything published, and a crossing tells it nothing that \
-             the samples around it have not told already. What thresholds mend is a model that is wrong.",
+            "With the numbers of the true device the EKF is ten times better than anything published, and a crossing adds nothing that \
+             the samples around it do not contain already. What thresholds mend is a model that is wrong.",
         )
 }

@@ -54,7 +54,7 @@ struct FairTrial {
     /// The likeliest variant with its error, and the best error of any, told what was identified.
     chosen: (String, f64),
     best: f64,
-    /// The same, told a curve of another shape.
+    /// The same, with a curve of another shape.
     misled: (String, f64),
     misled_best: f64,
 }
@@ -177,8 +177,8 @@ fn item(trials: &[FairTrial]) -> Item {
         ("EKF with the true derivative", &|t| t.compared[1]),
         ("the likeliest variant", &|t| t.chosen.1),
         ("the best variant of each recording", &|t| t.best),
-        ("the likeliest, told a curve of another shape", &|t| t.misled.1),
-        ("the best, told a curve of another shape", &|t| t.misled_best),
+        ("the likeliest, with a curve of another shape", &|t| t.misled.1),
+        ("the best, with a curve of another shape", &|t| t.misled_best),
     ];
     let mut table = TextTable::new(
         format!("Root mean square error of the angle over {} recordings", trials.len()),
@@ -201,8 +201,8 @@ fn item(trials: &[FairTrial]) -> Item {
         "How often each was the likeliest",
         [
             ColumnHead::text("filter"),
-            ColumnHead::number("told what was identified", ""),
-            ColumnHead::number("told a curve of another shape", ""),
+            ColumnHead::number("with the identified numbers", ""),
+            ColumnHead::number("with a curve of another shape", ""),
         ],
     );
     for name in VARIANTS {
@@ -235,7 +235,7 @@ fn item(trials: &[FairTrial]) -> Item {
             trials.len()
         ))
         .remark(
-            "The last rows of the table are told the published level's mismatch in place of what was identified: the shape \
+            "The filters of the last rows have the mismatch of the published level in place of the identified numbers: the shape \
              of the curve is wrong, and likelihood is no guide.",
         )
         .table(table)

@@ -132,7 +132,7 @@ fn snapshots(trial: &SnapshotTrial) -> Figure {
     let mut figure = Figure::new(
         "figure-4-10_snapshots",
         "Four passes of the threshold",
-        "One pass in each quarter of the decay: the motion, both filters, and where the hybrid filter was told of the \
+        "One pass in each quarter of the decay: the motion, both filters, and where the hybrid filter used the \
          threshold's angle.",
     );
     let times = &trial.decay.time_s;

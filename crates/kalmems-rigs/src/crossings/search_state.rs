@@ -71,7 +71,7 @@ pub struct SearchState {
     pub crossings: Vec<LevelCrossing>,
     /// Rows of the segment before the new ones of the present part.
     rows: usize,
-    /// The usual interval in s, as the beginning of the segment showed it: how many samples a search needs hangs on it.
+    /// The usual interval in s, as the beginning of the segment showed it: how many samples a search needs depends on it.
     pub interval_s: f64,
 }
 

@@ -57,7 +57,7 @@ impl BackwardInterval {
 
 /// The expression of an event at its time, as a function of the present state: the motion is taken back to it.
 ///
-/// States that the event does not hang on stay as they are on the way back: a fast pole behind the motion would grow without bound.
+/// States that the event does not depend on stay as they are on the way back: a fast pole behind the motion would grow without bound.
 pub struct EventSensor<'a> {
     /// The equations.
     pub model: &'a EquationModel,

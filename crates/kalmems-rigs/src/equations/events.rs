@@ -215,7 +215,7 @@ pub fn uses(
                     ("lag", stated.lag.is_some()),
                 ];
                 if let Some((name, _)) = of_signals.into_iter().find(|(_, given)| *given) {
-                    let why = "a filter is told of a recorded event at the row that has it; leave it out";
+                    let why = "a recorded event corrects the filter at the row in which it stands; leave this key out";
                     return refuse(at.child(name), why);
                 }
                 if sd.is_none() && event.time_variance == 0.0 && event.variance == 0.0 {
@@ -229,7 +229,7 @@ pub fn uses(
             }
             EventTimeSource::Signal { .. } => {
                 if stated.lag.is_some() && stated.applied == Some(CrossingApplication::InPlace) {
-                    let why = "a filter that is told in place has no lag; leave it out, or write `applied = \"late\"`";
+                    let why = "a filter that uses an event at the time of the event has no lag; leave this key out, or write `applied = \"late\"`";
                     return refuse(at.child("lag"), why);
                 }
             }

@@ -233,18 +233,18 @@ fn events(
         };
         if matches!(event.source, EventTimeSource::Signal { .. }) {
             return refuse(
-                "the detector is not part of the source; leave `signal` out of `[estimate.events]`, and the source is told of it by its \
-                 caller",
+                "the detector is not part of the exported source; leave `signal` out of `[estimate.events]`, and the program that calls the \
+                 source passes the time of the event",
             );
         }
         if used.gate_nis.is_some() {
-            return refuse("the source believes every one; leave `gate` out");
+            return refuse("the exported source uses every event and has no gate; leave `gate` out");
         }
         let own = (event.time_variance == 0.0).then_some(event.variance);
         match used.variance.or(own) {
             Some(variance) => Ok(EmitEvent { event: event.event, variance }),
             None => refuse(
-                "the standard deviation hangs on the rate of its expression in each sample; give the filter a constant one by `sd`",
+                "the standard deviation depends on the rate of its expression in each sample; give the filter a constant one by `sd`",
             ),
         }
     };

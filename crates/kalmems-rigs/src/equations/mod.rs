@@ -37,7 +37,7 @@ use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress};
 use crate::recording::RecordingLayout;
 use crate::simulate::{SimulateError, Simulation};
-use crate::{Estimator, RecordingChannels, Rig, Template, TemplateChannel};
+use crate::{Estimator, Expansion, RecordingChannels, Rig, Template, TemplateChannel};
 use kalmems_equations::Named;
 use segment::EquationEstimator;
 use settings::{EquationSettings, OwnDevice};
@@ -140,6 +140,13 @@ impl Rig for EquationsRig {
                 }
             },
         )
+    }
+
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        let why = "the device is described by its differential equations already: change them in the table `[device.equations]`; \
+                   `kalmems expand` is for the devices that have a table of their own"
+            .to_owned();
+        Err(experiment.error(Key::from("device").child("equations"), ConfigFault::Value { why }))
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

@@ -30,7 +30,7 @@ pub struct EquationModel {
     events: Vec<ReadoutProgram>,
     /// Those of what follows from the states.
     quantities: Vec<Reading>,
-    /// Of each event, the states that it does not hang on, now or by its rates.
+    /// Of each event, the states that it does not depend on, now or by its rates.
     apart: Vec<Vec<bool>>,
     work: RefCell<Vec<ProgramNumbers>>,
     /// Value and scale of each parameter that is a state, and how it drifts.
@@ -47,7 +47,7 @@ pub struct EquationModel {
     pace: f64,
 }
 
-/// The states that an event does not hang on: neither by its expression nor by the rates of those that it hangs on.
+/// The states that an event does not depend on: neither by its expression nor by the rates of those that it depends on.
 fn apart(motion: &Motion, event: &ReadoutProgram) -> Vec<bool> {
     let mut apart = vec![true; motion.moving()];
     let mut found: Vec<usize> = event.sparsity().collect();
@@ -191,7 +191,7 @@ impl EquationModel {
         self.pace
     }
 
-    /// The states that an event does not hang on.
+    /// The states that an event does not depend on.
     pub fn apart_from(&self, event: usize) -> &[bool] {
         self.apart.get(event).map_or(&[], Vec::as_slice)
     }

@@ -32,10 +32,14 @@ fn fact(name: &'static str, values: Vec<f64>, text: String) -> Fact {
     Fact { name, values, text }
 }
 
-/// A value with its SI unit.
+/// A value in three digits.
+fn three_digits(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+/// A value with its unit in SI.
 fn in_si(value: f64, named: &Named) -> String {
-    let dimension = named.unit.dimension().to_string();
-    if dimension == "1" { short(value) } else { format!("{} {dimension}", short(value)) }
+    quantity(three_digits(value), &crate::units::si_text(&named.unit_text))
 }
 
 fn equations(own: &OwnDevice) -> OutlookTopic {
@@ -129,7 +133,10 @@ fn free_motion(own: &OwnDevice) -> OutlookTopic {
         } else {
             let time_s = mode.growth.abs().recip();
             let what = if grows(mode) { "grows" } else { "decays" };
-            let text = format!("A small deviation {what} with a time constant of {} s.", short(time_s));
+            let text = format!(
+                "A small deviation {what} with a time constant of {}.",
+                quantity(three_digits(time_s), "s")
+            );
             fact("mode_per_s", vec![mode.growth], text)
         });
     }

@@ -65,7 +65,7 @@ fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
     search
 }
 
-/// States that hang on each other both ways, such as a displacement and its rate: what may have another sign together.
+/// States that depend on each other both ways, such as a displacement and its rate: what may have another sign together.
 fn groups(states: usize, hangs_on: &[(usize, usize)]) -> Vec<Vec<usize>> {
     let mut reaches = [[false; MOST_STATES]; MOST_STATES];
     for (row, column) in hangs_on.iter().filter(|(row, column)| *row < states && *column < states) {

@@ -263,7 +263,7 @@ mod tests {
 
     /// A generator that drifts by a millihertz in a second is followed; one that jumps is told.
     #[test]
-    fn a_drift_is_followed_and_a_jump_told() {
+    fn a_drift_of_the_drive_is_followed_and_a_jump_is_reported() {
         let drifting = |t: f64| (TAU * (1700.0 * t + 0.5e-3 * (t - 3.0).powi(2)) + 0.3).cos();
         let (rms, _) = off(300 * BLOCK, 65_536, drifting, 1);
         println!("{rms:.3e} V rms");

@@ -146,7 +146,7 @@ impl StageFilterTask<'_> {
             let process = plants[0].over(interval_s).map_err(wrong)?;
             let nodes = Nodes::held(0.0);
             let (rest, sensor) = (plants[0].under(&process, &nodes), plants[0].sensor());
-            // Of the motion at rest: what a sample tells of the rate hangs on the angle by its square alone.
+            // Of the motion at rest: what a sample tells of the rate depends on the angle by its square alone.
             let at_rest = MeanAndCovariance::apart([(0.0, 0.0); 2]);
             let point = (&rest as _, &sensor as _, first.noise_variance);
             let filtering = AnyFilter::of_constant_gain((gain, interval_s), (&at_rest, &known), point);

@@ -110,8 +110,7 @@ impl ThresholdFilterSettings {
             && threshold.lag.is_some()
             && threshold.applied == CrossingApplication::InPlace
         {
-            let why =
-                "a filter that is told in place has no lag; leave it out, or write `applied = \"late\"`";
+            let why = "a filter that uses a crossing at the time of the crossing has no lag; leave this key out, or write `applied = \"late\"`";
             let key = at.clone().child("threshold").child("lag");
             return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }));
         }

@@ -246,7 +246,7 @@ impl Estimator for ThresholdEstimator<'_> {
         let first = kept.first(&segment);
         kept.require_around(needed(settings, kept.interval_s), &segment)?;
         let volts = without_drive(settings, &data, &drive_slope);
-        // The drive's slope at the last row hangs on the next one, but at the end of a segment.
+        // The drive's slope at the last row depends on the next one, but at the end of a segment.
         let until = if segment.ends { volts.len() } else { volts.len().saturating_sub(1) };
         let found = kept.look(&segment, &data.time_s[..until], &volts[..until]);
         if let Some((_, tally)) = found
@@ -400,7 +400,7 @@ fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
             [amplitude, rise],
             format!(
                 "At an amplitude of {amplitude} rad the signal rises by {rise:.3e} V/s where the threshold is passed: \
-                 noise of one sample, {noise:.3e} V, is {:.2} us there.",
+                 noise of one sample, {noise:.3e} V, is {:.2} µs there.",
                 1e6 * noise / rise.abs()
             ),
         )

@@ -44,7 +44,7 @@ fn the_order_of_the_file_is_kept_and_comes_back() {
 }
 
 #[test]
-fn a_mistake_is_told_with_its_line_and_a_mark() {
+fn a_mistake_in_the_equations_is_reported_with_its_line_and_a_mark() {
     let wrong = DEVICE.replace("\"-w^2*x\"", "\"-w^2*y\"");
     insta::assert_snapshot!(loaded(&wrong).unwrap_err());
     let wrong = DEVICE.replace("gain*x in V", "gain*a in V");

@@ -123,7 +123,7 @@ fn a_rig_refuses_the_values_it_does_not_know() {
         @"lab/experiment.toml:46: estimate.filter[1].start.angel: unknown key `angel`; did you mean `angle`? known keys: angle, rate"
     );
     insta::assert_snapshot!(with("{ angle = \"0.05 rad\" }"), @r#"lab/experiment.toml:46: estimate.filter[1].start.rate: the key is missing; write `rate = "0.1 deg/s"`"#);
-    insta::assert_snapshot!(with("{ angle = \"0.05 rad\", rate = \"0 Hz\" }"), @"lab/experiment.toml:46: estimate.filter[1].start.rate: `0 Hz` has the dimension s^-1; expected an angular rate (s^-1 rad), such as `0.1 deg/s`");
+    insta::assert_snapshot!(with("{ angle = \"0.05 rad\", rate = \"0 Hz\" }"), @"lab/experiment.toml:46: estimate.filter[1].start.rate: `0 Hz` has the dimension 1/s; expected an angular rate (rad/s), such as `0.1 deg/s`");
     insta::assert_snapshot!(with("{ angle = 0.05, rate = \"0 rad/s\" }"), @r#"lab/experiment.toml:46: estimate.filter[1].start.angle: `0.05` has no unit; expected an angle (rad), such as `"0.2 rad"`"#);
 }
 
@@ -295,7 +295,7 @@ fn what_a_number_or_a_list_should_be_is_said_in_words_of_this_program() {
 }
 
 #[test]
-fn a_second_filter_of_a_name_is_told_to_take_another() {
+fn a_second_filter_with_the_same_name_is_refused() {
     let text = format!(
         "{SCANNER}\n[[estimate.filter]]\nname = \"Twice\"\nmethod = \"model\"\nstart = {{ angle = \"0 rad\", rate = \
                         \"0 rad/s\" }}\n"

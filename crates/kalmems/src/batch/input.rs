@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_as_short_as_tells_files_apart() {
+    fn names_are_as_short_as_distinguishes_files() {
         let names = |files: &[&str]| names_of(&files.iter().map(PathBuf::from).collect::<Vec<_>>());
         assert_eq!(names(&["a/one.csv", "a/two.h5"]), ["one", "two"]);
         assert_eq!(names(&["lab/mon/scan.csv", "lab/tue/scan.csv"]), ["mon_scan", "tue_scan"]);

@@ -192,16 +192,21 @@ impl<'a> TrialBench<'a> {
         }
         let text = toml::to_string(&document).ok()?;
         let changed = self.workbench.parse(&text, self.experiment.path()).ok()?;
-        self.run_told(&changed, changes, judged)
+        self.run_experiment(&changed, changes, judged)
     }
 
     /// What the filter says in each direction of what the experiment states as uncertain, with one standard deviation more there.
     pub(super) fn in_uncertain_directions(&self) -> impl Iterator<Item = DiagnosisTrial> {
-        self.varied.iter().filter_map(|told| self.run_told(told, &[], Judged::No))
+        self.varied.iter().filter_map(|told| self.run_experiment(told, &[], Judged::No))
     }
 
     /// What it says where it is told this, of recordings with these changes.
-    fn run_told(&self, told: &Experiment, changes: &[TrialChange], judged: Judged) -> Option<DiagnosisTrial> {
+    fn run_experiment(
+        &self,
+        told: &Experiment,
+        changes: &[TrialChange],
+        judged: Judged,
+    ) -> Option<DiagnosisTrial> {
         let rig = self.workbench.rig(told).ok()?;
         let mut trial = DiagnosisTrial::default();
         for (index, recording) in &self.recordings {

@@ -24,6 +24,8 @@ pub struct Assigned {
 /// A channel whose column is not known.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Question {
+    /// The recording, by the name of its file.
+    pub file: String,
     /// The channel.
     pub meaning: &'static str,
     /// What it is.
@@ -36,26 +38,56 @@ const STATED: &str = "as stated";
 const BY_NAME: &str = "by its name";
 const LEFT: &str = "the only column with its unit that is left";
 
-/// Finds the columns of a template's channels: stated ones first, then by their names, then what is left.
+/// The channels of a template, and whether each is a reference.
+fn channels_of(template: &Template) -> Vec<(&'static TemplateChannel, bool)> {
+    let channels = template.channels.iter().map(|one| (one, false));
+    channels.chain(template.references.iter().map(|one| (one, true))).collect()
+}
+
+/// Whether each stated channel is one of the template, and each stated column is in one of the recordings.
+pub(super) fn check(
+    stated: &[(String, String)],
+    template: &Template,
+    recordings: &[&[InspectedChannel]],
+) -> Result<(), DraftError> {
+    let wanted = channels_of(template);
+    for (meaning, column) in stated {
+        if wanted.iter().all(|(channel, _)| channel.meaning != meaning) {
+            let known = wanted.iter().map(|(channel, _)| channel.meaning).collect();
+            return Err(DraftError::Meaning { found: meaning.clone(), known });
+        }
+        let mut columns = recordings.iter().flat_map(|columns| columns.iter());
+        if columns.all(|one| one.column != *column) {
+            let mut known: Vec<String> = Vec::new();
+            for one in recordings.iter().flat_map(|columns| columns.iter()) {
+                if !known.contains(&one.column) {
+                    known.push(one.column.clone());
+                }
+            }
+            return Err(DraftError::Column { meaning: meaning.clone(), found: column.clone(), known });
+        }
+    }
+    Ok(())
+}
+
+/// Finds the columns of a template's channels: stated ones first, then by their names, then what is left. Of a channel that is stated several
+/// times the first column counts that is there, as recordings of a device may have other names for it. `needs` is whether a recording of this
+/// kind needs a channel that an estimate needs.
 pub(super) fn sort(
+    file: &str,
     columns: &[InspectedChannel],
     template: &Template,
     stated: &[(String, String)],
-) -> Result<(Vec<Assigned>, Vec<Question>), DraftError> {
-    let wanted: Vec<(&'static TemplateChannel, bool)> = (template.channels.iter().map(|one| (one, false)))
-        .chain(template.references.iter().map(|one| (one, true)))
-        .collect();
+    needs: impl Fn(&TemplateChannel) -> bool,
+) -> (Vec<Assigned>, Vec<Question>) {
+    let wanted = channels_of(template);
     let mut sorting = Sorting { columns, free: vec![true; columns.len()], assigned: Vec::new() };
     for (meaning, column) in stated {
-        let Some(channel) = wanted.iter().find(|(channel, _)| channel.meaning == meaning) else {
-            let known = wanted.iter().map(|(channel, _)| channel.meaning).collect();
-            return Err(DraftError::Meaning { found: meaning.clone(), known });
-        };
-        let Some(place) = columns.iter().position(|one| one.column == *column) else {
-            let known = columns.iter().map(|one| one.column.clone()).collect();
-            return Err(DraftError::Column { meaning: meaning.clone(), found: column.clone(), known });
-        };
-        sorting.assign(*channel, place, STATED);
+        let channel = wanted.iter().find(|(channel, _)| channel.meaning == meaning);
+        let place = columns.iter().position(|one| one.column == *column);
+        if let (Some(channel), Some(place), false) = (channel, place, sorting.has(meaning)) {
+            sorting.assign(*channel, place, STATED);
+        }
     }
     // What the longest word of a name says goes first: `cap_out` is rather a `cap` than an `out`.
     for length in (1..=LONGEST_WORD).rev() {
@@ -67,14 +99,17 @@ pub(super) fn sort(
         }
     }
     let mut questions = Vec::new();
-    for channel in wanted.iter().filter(|(channel, _)| channel.needed) {
+    let is_needed = |channel: &TemplateChannel| channel.needed && needs(channel);
+    for channel in wanted.iter().filter(|(channel, _)| is_needed(channel)) {
         if sorting.has(channel.0.meaning) {
             continue;
         }
-        let others = wanted.iter().filter(|(other, _)| other.needed && !sorting.has(other.meaning)).count();
+        let others =
+            wanted.iter().filter(|(other, _)| is_needed(other) && !sorting.has(other.meaning)).count();
         match sorting.only(channel.0, |_| true).filter(|_| others == 1) {
             Some(place) => sorting.assign(*channel, place, LEFT),
             None => questions.push(Question {
+                file: file.to_owned(),
                 meaning: channel.0.meaning,
                 what: channel.0.what,
                 candidates: sorting
@@ -84,14 +119,14 @@ pub(super) fn sort(
             }),
         }
     }
-    Ok((sorting.assigned, questions))
+    (sorting.assigned, questions)
 }
 
 /// No word of a template is longer.
-const LONGEST_WORD: usize = 16;
+pub(super) const LONGEST_WORD: usize = 16;
 
 /// Whether the name of a column has one of these words of this length.
-fn is_named(column: &str, words: &[&str], length: usize) -> bool {
+pub(super) fn is_named(column: &str, words: &[&str], length: usize) -> bool {
     let name = column.to_lowercase();
     words.iter().filter(|word| word.len() == length).any(|word| match word.len() {
         // A letter or two has to stand by itself.
@@ -115,13 +150,8 @@ impl Sorting<'_> {
 
     /// The free columns whose unit does not speak against a channel.
     fn candidates(&self, channel: &TemplateChannel) -> impl Iterator<Item = usize> {
-        let dimension = |unit: &str| Unit::parse(&ascii(unit)).map(|unit| unit.dimension()).ok();
-        let wanted = dimension(channel.unit);
-        let fits = move |column: &InspectedChannel| {
-            column.si_unit.is_empty() || dimension(&column.si_unit) == wanted
-        };
         let places = (0..self.columns.len()).filter(|place| self.free[*place]);
-        places.filter(move |place| fits(&self.columns[*place]))
+        places.filter(move |place| unit_fits(&self.columns[*place], channel))
     }
 
     /// The only column that may be this channel and of which this is true.
@@ -146,6 +176,12 @@ impl Sorting<'_> {
             is_reference,
         });
     }
+}
+
+/// Whether the unit of a column does not speak against a channel.
+pub(super) fn unit_fits(column: &InspectedChannel, channel: &TemplateChannel) -> bool {
+    let dimension = |unit: &str| Unit::parse(&ascii(unit)).map(|unit| unit.dimension()).ok();
+    column.si_unit.is_empty() || dimension(&column.si_unit) == dimension(channel.unit)
 }
 
 /// A unit as an inspection writes it, as a reader of units takes it.
@@ -174,6 +210,7 @@ mod tests {
             statistics: statistics.clone(),
             spectrum: None,
             no_spectrum: None,
+            course: crate::inspect::ChannelCourse::default(),
         };
         names.iter().map(channel).collect()
     }
@@ -190,12 +227,12 @@ mod tests {
     ) -> (Vec<(&'static str, String)>, Vec<Question>) {
         let stated: Vec<(String, String)> =
             stated.iter().map(|(meaning, column)| ((*meaning).to_owned(), (*column).to_owned())).collect();
-        let (assigned, questions) = sort(&columns(names), &TEMPLATE, &stated).unwrap();
+        let (assigned, questions) = sort("scope.csv", &columns(names), &TEMPLATE, &stated, |_| true);
         (assigned.into_iter().map(|one| (one.meaning, one.column)).collect(), questions)
     }
 
     #[test]
-    fn names_and_units_tell_the_columns() {
+    fn columns_are_recognised_by_names_and_units() {
         let (assigned, questions) =
             sorted(&[("theta_mrad", "rad"), ("Vdrive_V", "V"), ("CapSense_V", "V")], &[]);
         let expected = [("signal", "CapSense_V"), ("angle", "theta_mrad"), ("drive", "Vdrive_V")]
@@ -209,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn what_names_do_not_tell_is_asked_for() {
+    fn a_channel_that_no_name_identifies_is_asked_for() {
         let (assigned, questions) = sorted(&[("ch1_V", "V"), ("ch2_V", "V"), ("laser_m", "m")], &[]);
         assert!(assigned.is_empty());
         let candidates = vec!["ch1_V".to_owned(), "ch2_V".to_owned()];
@@ -223,10 +260,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stated_has_to_be_there() {
+    fn a_stated_channel_or_column_that_does_not_exist_is_refused() {
         let columns = columns(&[("ch1_V", "V")]);
         let state = |meaning: &str, column: &str| {
-            sort(&columns, &TEMPLATE, &[(meaning.to_owned(), column.to_owned())]).unwrap_err().to_string()
+            check(&[(meaning.to_owned(), column.to_owned())], &TEMPLATE, &[&columns]).unwrap_err().to_string()
         };
         let found = state("sgnal", "ch1_V");
         assert_eq!(found, "found the channel `sgnal`; the device has `drive`, `signal`, `angle` and `rate`");
@@ -235,5 +272,17 @@ mod tests {
             found,
             "`signal` is assigned to the column `ch7_V`, which does not exist; the recording has `ch1_V`"
         );
+    }
+
+    #[test]
+    fn a_recording_without_a_drive_needs_none_and_of_several_stated_columns_the_first_that_exists_counts() {
+        let columns = columns(&[("vo1_V", "V")]);
+        let (assigned, questions) =
+            sort("decay.csv", &columns, &TEMPLATE, &[], |channel| channel.meaning != "drive");
+        assert_eq!((assigned.len(), assigned[0].meaning, questions.len()), (1, "signal", 0));
+        let stated = [("drive", "CH1_V"), ("drive", "vo1_V")].map(|(a, b)| (a.to_owned(), b.to_owned()));
+        let (assigned, questions) = sort("decay.csv", &columns, &TEMPLATE, &stated, |_| true);
+        assert_eq!((assigned[0].meaning, &*assigned[0].column, assigned[0].why), ("drive", "vo1_V", STATED));
+        assert_eq!((questions[0].meaning, questions[0].candidates.len()), ("signal", 0));
     }
 }

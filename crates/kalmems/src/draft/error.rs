@@ -1,6 +1,8 @@
 //! Why there is no draft.
 
 use super::Question;
+use crate::config::ConfigError;
+use crate::inspect::UnitlessTime;
 use crate::recording::ReadError;
 use crate::simulate::SimulateError;
 use std::fmt;
@@ -35,6 +37,37 @@ pub enum DraftError {
         /// The file.
         file: PathBuf,
     },
+    /// A column may be the time, but nothing says its unit.
+    #[error("`{}`: {}", file.display(), Unitless(found))]
+    TimeWithoutUnit {
+        /// The file.
+        file: PathBuf,
+        /// The column.
+        found: UnitlessTime,
+    },
+    /// A column of times is stated that the recording does not have.
+    #[error("`{}` has no column `{found}` with times; its other columns are {}", file.display(), named(known))]
+    TimeColumn {
+        /// The file.
+        file: PathBuf,
+        /// What was stated.
+        found: String,
+        /// Those that it has.
+        known: Vec<String>,
+    },
+    /// A number is stated that the device does not have, or that may be several of its numbers.
+    #[error("{}", number(found, several, known))]
+    Number {
+        /// What was stated.
+        found: String,
+        /// Those that it may be.
+        several: Vec<String>,
+        /// Those that the device has.
+        known: Vec<String>,
+    },
+    /// The experiment with the stated numbers is refused.
+    #[error("{}: {}", .0.place.key, .0.fault)]
+    Experiment(Box<ConfigError>),
     /// A channel is stated that the device does not have.
     #[error("found the channel `{found}`; the device has {}", named(known))]
     Meaning {
@@ -74,20 +107,47 @@ fn named(names: &[impl fmt::Display]) -> String {
     }
 }
 
+/// Why a stated number has no place.
+fn number(found: &str, several: &[String], known: &[String]) -> String {
+    if several.is_empty() {
+        format!("found the number `{found}`; the device has {}", named(known))
+    } else {
+        format!("found the number `{found}`, which may be {}; write more of its key", named(several))
+    }
+}
+
+/// A column that may be the time, with what to state for each unit that it may be in.
+struct Unitless<'a>(&'a UnitlessTime);
+
+impl fmt::Display for Unitless<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let column = &self.0.column;
+        write!(f, "{} State its unit:", self.0.sentence())?;
+        for unit in self.0.units() {
+            let rate = self.0.rate_in(unit).unwrap_or_default();
+            write!(f, "\n  `--time {column}={unit}` if the samples follow each other at {rate}")?;
+        }
+        write!(f, "\nIf it is not the time, state the sampling rate, such as `--rate \"1 MHz\"`")
+    }
+}
+
 struct Questions<'a>(&'a [Question]);
 
 impl fmt::Display for Questions<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (index, question) in self.0.iter().enumerate() {
             let joint = if index == 0 { "" } else { "\n" };
-            let Question { meaning, what, candidates } = question;
+            let Question { file, meaning, what, candidates } = question;
             if candidates.is_empty() {
-                write!(f, "{joint}no column can be `{meaning}`, {what}: no remaining column has its unit")?;
+                write!(
+                    f,
+                    "{joint}`{file}`: no column can be `{meaning}`, {what}: no remaining column has its unit"
+                )?;
             } else {
                 let (columns, first) = (named(candidates), &candidates[0]);
                 write!(
                     f,
-                    "{joint}`{meaning}`, {what}, may be {columns}; say which, such as `--channel {meaning}={first}`"
+                    "{joint}`{file}`: `{meaning}`, {what}, may be {columns}; state which, such as `--channel {meaning}={first}`"
                 )?;
             }
         }

@@ -1,8 +1,12 @@
-//! The text of an experiment file with a recording in the place of a template's simulation.
+//! The text of an experiment file with recordings in the place of a template's simulation.
 
-use super::{Assigned, DraftRequest, SortedRecording};
-use crate::config::FROM_RECORDING;
-use crate::inspect::{Inspection, quantity};
+use super::{
+    Assigned, DraftError, DraftRequest, ReadoutNoise, RecordingKind, SortedRecording, SortedRecordings,
+    numbers,
+};
+use crate::config::{FROM_RECORDING, RecordingRole};
+use crate::inspect::quantity;
+use crate::rigs::Template;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -12,68 +16,118 @@ const SETTLING: f64 = 0.2;
 /// The longest name of an experiment.
 const LONGEST_NAME: usize = 64;
 
-/// What a recording seems to hold, in sentences.
-pub(super) fn recognised(inspection: &Inspection) -> Vec<String> {
-    let mut sentences = inspection.recognised.clone();
-    if let Some(longest) = inspection.longest_segment()
-        && let (Some(rate), Some(duration)) = (longest.rate_hz, longest.duration_s)
-        && inspection.time.is_some()
-    {
-        let of = if inspection.segments.len() > 1 { "The longest of its records has" } else { "It has" };
-        let (rate, duration) = (quantity(rate, "Hz"), quantity(duration, "s"));
-        sentences.push(format!("{of} {} samples at {rate}, {duration}.", longest.rows));
-    }
-    for channel in &inspection.channels {
-        if let Some(character) = inspection.character(channel) {
-            let says = character.sentence(&channel.si_unit, inspection.frequency_unit);
-            sentences.push(format!("`{}`: {says}.", channel.column));
+/// What the recordings seem to hold, in sentences; of several each under the name of its file.
+pub(super) fn recognised(sorted: &SortedRecordings) -> Vec<String> {
+    let several = sorted.recordings.len() > 1;
+    let of = |recording: &SortedRecording| {
+        let mut sentences = recording.examined.recognised(&recording.assigned, &recording.kind_sentence);
+        if several {
+            sentences.insert(
+                0,
+                format!("{}, with the role `{}`:", recording.examined.name(), recording.role.key()),
+            );
         }
-    }
-    sentences
+        if let Some(why) = unused(recording, &sorted.template) {
+            sentences.push(why);
+        }
+        sentences
+    };
+    sorted.recordings.iter().flat_map(of).collect()
+}
+
+/// Why a recording is not used, where it lacks a channel without which its role is of no use.
+fn unused(recording: &SortedRecording, template: &Template) -> Option<String> {
+    let moves = matches!(recording.role, RecordingRole::RingDown);
+    let is_there = |meaning: &str| recording.assigned.iter().any(|one| one.meaning == meaning);
+    let lacking = template.channels.iter().find(|one| moves && one.needed && !is_there(one.meaning))?;
+    let (meaning, what) = (lacking.meaning, lacking.what);
+    Some(format!(
+        "It is not used, as it has no column for `{meaning}`, {what}, which this device needs: add one, of zeros where there was none."
+    ))
 }
 
 /// The file.
-pub(super) fn written(sorted: &SortedRecording, wanted: &DraftRequest, recognised: &[String]) -> String {
+pub(super) fn written(
+    sorted: &SortedRecordings,
+    wanted: &DraftRequest,
+    recognised: &[String],
+    noise: ReadoutNoise,
+) -> Result<String, DraftError> {
     let template = sorted.template.text;
     let (device, rest) = template.split_once("\n[simulate]\n").unwrap_or((template, ""));
     let estimate = rest.split_once("\n[estimate]\n").map_or("", |(_, estimate)| estimate);
-    let name = name(wanted.recording);
-    let device = of_recording(device);
+    let Some(first) = sorted.recordings.first() else { return Ok(template.to_owned()) };
+    let name = name(&first.examined.path);
+    let device = numbers::with(&of_recording(device, noise), wanted.numbers)?;
     let mut text = String::new();
-    let file = wanted.recording.file_name().map_or_else(|| "it".into(), |name| name.to_string_lossy());
-    let _ = writeln!(text, "# From {file}, which holds:");
+    let files: Vec<String> = sorted.recordings.iter().map(|one| one.examined.name()).collect();
+    let holds = if files.len() == 1 { "holds" } else { "hold" };
+    let _ = writeln!(text, "# From {}, which {holds}:", files.join(", "));
     for sentence in recognised {
         let _ = writeln!(text, "#   {sentence}");
     }
     let _ = writeln!(text, "#");
-    for step in steps(&device) {
+    for step in steps(&device, sorted) {
         let _ = writeln!(text, "# {step}");
     }
     let _ = writeln!(text, "\nname = {}", quoted(&name));
     let _ = writeln!(text, "{device}");
     recordings(&mut text, sorted, wanted);
-    let _ = write!(text, "[estimate]\n{}", settling(estimate, sorted));
-    text
+    let _ = write!(text, "[estimate]\n{}", settling(estimate, first));
+    Ok(text)
 }
 
 /// The table in which a template names the numbers that a recording tells.
 const IDENTIFY: &str = "\n[identify]\n";
 
-/// What to do with the file, in order.
-fn steps(device: &str) -> Vec<&'static str> {
+/// What to do with the file, in order, and which recording to take next.
+fn steps(device: &str, sorted: &SortedRecordings) -> Vec<String> {
     let mut steps = vec![
-        "1. Replace the numbers of the published device by those of yours. `must be known` marks numbers that no recording tells.",
+        "1. Replace the numbers of the published device by those of yours. `must be known` marks numbers that no recording shows.".to_owned(),
     ];
     if device.contains(IDENTIFY) {
-        steps.push("2. `kalmems identify` with this file finds the numbers that `[identify]` names, and writes an experiment with them.");
+        steps.push("2. `kalmems identify` with this file finds the numbers that `[identify]` names, and writes an experiment with them.".to_owned());
         steps.push(
-            "3. `kalmems estimate` with that experiment estimates the motion, and says whether to trust it.",
+            "3. `kalmems estimate` with that experiment estimates the motion, and reports whether to trust it."
+                .to_owned(),
         );
     } else {
-        steps
-            .push("2. `kalmems estimate` with this file estimates the motion, and says whether to trust it.");
+        steps.push(
+            "2. `kalmems estimate` with this file estimates the motion, and reports whether to trust it."
+                .to_owned(),
+        );
     }
+    let next = next_recording(sorted);
+    steps.push(format!("{}. {next}", steps.len() + 1));
     steps
+}
+
+/// Which recording to take next, and why.
+fn next_recording(sorted: &SortedRecordings) -> String {
+    let has = |kind: RecordingKind| sorted.recordings.iter().any(|one| one.kind == kind);
+    let identifies = sorted.template.text.contains(IDENTIFY);
+    let is_driven = sorted.template.channels.iter().any(|one| one.meaning == "drive");
+    if has(RecordingKind::Still) && sorted.recordings.len() == 1 {
+        return "Record the moving device next: this recording shows the noise of the readout and no motion."
+            .to_owned();
+    }
+    if identifies && is_driven && !has(RecordingKind::RingDown) {
+        return "Record a free decay next, with the drive switched off: it shows damping and resonance without the drive.".to_owned();
+    }
+    if identifies && is_driven && !(has(RecordingKind::Steady) || has(RecordingKind::Sweep)) {
+        return "Record the driven device next: a decay shows nothing of how the drive acts.".to_owned();
+    }
+    let references: Vec<String> =
+        sorted.template.references.iter().map(|one| format!("`{}` ({})", one.meaning, one.what)).collect();
+    if references.is_empty()
+        || sorted.recordings.iter().any(|one| one.assigned.iter().any(|one| one.is_reference))
+    {
+        return "Record the device at rest next: what its signal shows then is the noise of the readout alone.".to_owned();
+    }
+    let references = references.join(" or ");
+    format!(
+        "Record a reference next, {references}: it alone shows an error of the numbers marked `must be known`."
+    )
 }
 
 /// The name of an experiment with this recording: results have it as the name of their folder.
@@ -85,8 +139,8 @@ fn name(recording: &Path) -> String {
 }
 
 /// The device's tables without the name and the description of a published one, and with noises of its readout that are found from the
-/// recording.
-fn of_recording(device: &str) -> String {
+/// recording, or are left as they are.
+fn of_recording(device: &str, noise: ReadoutNoise) -> String {
     let (mut text, mut table) = (String::new(), "");
     for line in
         device.lines().skip_while(|line| line.starts_with("name =") || line.starts_with("description ="))
@@ -102,7 +156,7 @@ fn of_recording(device: &str) -> String {
             _ => false,
         };
         let key = line.split_once(" =").map_or(line, |(key, _)| key);
-        let _ = if is_noise {
+        let _ = if is_noise && noise == ReadoutNoise::FromRecording {
             writeln!(text, "{key} = \"{FROM_RECORDING}\" # or a number, where it is known")
         } else {
             writeln!(text, "{line}")
@@ -111,34 +165,51 @@ fn of_recording(device: &str) -> String {
     text
 }
 
-fn recordings(text: &mut String, sorted: &SortedRecording, wanted: &DraftRequest) {
-    let further = wanted.further.iter().map(|(role, path)| (role.key(), path.as_path()));
-    for (place, (role, path)) in std::iter::once(("test", wanted.recording)).chain(further).enumerate() {
-        let _ = writeln!(text, "[[recording]]\nrole = \"{role}\"");
-        // Several recordings are told apart by their names.
-        if !wanted.further.is_empty() {
-            let _ = writeln!(text, "name = \"{role}-{}\"", place + 1);
-        }
-        let _ = writeln!(text, "file = {}", quoted(&from_folder(path, wanted.folder)));
-        if let Some(column) = &sorted.inspection.segment_column {
-            let _ = writeln!(text, "segments = {{ column = {} }}", quoted(column));
-        }
-        let clock = match (&sorted.inspection.time, wanted.rate) {
-            (Some(column), None) => format!("column = {}", quoted(column)),
-            (Some(column), Some(rate)) => format!("column = {}, rate = {}", quoted(column), quoted(rate)),
-            (None, rate) => format!("rate = {}", quoted(rate.unwrap_or_default())),
-        };
-        let _ = writeln!(text, "clock = {{ {clock} }}");
-        let _ = writeln!(text, "channels = {{ {} }}", channels(&sorted.assigned, false));
-        let references = channels(&sorted.assigned, true);
-        if !references.is_empty() {
-            let _ = writeln!(
-                text,
-                "# Read by the evaluation alone.\nreference = {{ channels = {{ {references} }} }}"
-            );
+fn recordings(text: &mut String, sorted: &SortedRecordings, wanted: &DraftRequest) {
+    for (place, recording) in sorted.recordings.iter().enumerate() {
+        let table = recording_table(recording, wanted, (sorted.recordings.len() > 1).then_some(place + 1));
+        match unused(recording, &sorted.template) {
+            None => text.push_str(&table),
+            Some(why) => {
+                let _ = writeln!(text, "# {why}");
+                table.lines().for_each(|line| _ = writeln!(text, "# {line}"));
+            }
         }
         text.push('\n');
     }
+}
+
+/// The table of a recording, with a name where there are several.
+fn recording_table(recording: &SortedRecording, wanted: &DraftRequest, place: Option<usize>) -> String {
+    let (role, inspection) = (recording.role.key(), &recording.examined.inspection);
+    let mut text = format!("[[recording]]\nrole = \"{role}\"\n");
+    if let Some(place) = place {
+        let _ = writeln!(text, "name = \"{role}-{place}\"");
+    }
+    let _ = writeln!(text, "file = {}", quoted(&from_folder(&recording.examined.path, wanted.folder)));
+    if let Some(column) = &inspection.segment_column {
+        let _ = writeln!(text, "segments = {{ column = {} }}", quoted(column));
+    }
+    let mut clock = Vec::new();
+    if let Some(column) = &inspection.time {
+        clock.push(format!("column = {}", quoted(column)));
+    }
+    if let Some(stated) = &recording.examined.time {
+        clock.push(format!("unit = {}", quoted(&stated.unit_text)));
+    }
+    if let Some(rate) = wanted.rate {
+        clock.push(format!("rate = {}", quoted(rate)));
+    }
+    let _ = writeln!(text, "clock = {{ {} }}", clock.join(", "));
+    let _ = writeln!(text, "channels = {{ {} }}", channels(&recording.assigned, false));
+    let references = channels(&recording.assigned, true);
+    if !references.is_empty() {
+        let _ = writeln!(
+            text,
+            "# Read by the evaluation alone.\nreference = {{ channels = {{ {references} }} }}"
+        );
+    }
+    text
 }
 
 fn channels(assigned: &[Assigned], references: bool) -> String {
@@ -153,8 +224,8 @@ fn channels(assigned: &[Assigned], references: bool) -> String {
 }
 
 /// The table of the estimate, with a settling time that leaves most of a short recording.
-fn settling(estimate: &str, sorted: &SortedRecording) -> String {
-    let duration = sorted.inspection.longest_segment().and_then(|segment| segment.duration_s);
+fn settling(estimate: &str, first: &SortedRecording) -> String {
+    let duration = first.examined.inspection.longest_segment().and_then(|segment| segment.duration_s);
     let mut text = String::new();
     for line in estimate.lines() {
         let stated = line.strip_prefix("skip = \"").and_then(|rest| rest.split_once('"'));

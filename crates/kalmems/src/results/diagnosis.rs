@@ -1,9 +1,10 @@
 //! A diagnosis in words.
 
-use super::summary::shown;
+use super::summary::{shown, significant_value};
 use crate::diagnose::{
     AnswerChange, CauseReport, Diagnosis, DiagnosisFinding, Edit, FoundNoise, Proposal, ScaleNote,
 };
+use crate::inspect::quantity;
 use crate::topics::{explained, link};
 use kalmems_figures::{
     ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
@@ -178,7 +179,7 @@ fn effect(change: &AnswerChange, answer: &str, unit: &'static str) -> String {
         }
         if parts.is_empty() && change.early_s != 0.0 {
             let earlier = if change.early_s < 0.0 { "later" } else { "earlier" };
-            parts.push(format!("{} us {earlier}", significant(1e6 * change.early_s.abs())));
+            parts.push(format!("{} {earlier}", quantity(significant_value(change.early_s.abs()), "s")));
         }
         if !parts.is_empty() {
             text += &format!(" ({})", parts.join(", "));

@@ -179,9 +179,9 @@ pub struct EstimatorMetrics {
     /// What its answer rests on.
     #[serde(skip)]
     pub kind: TrajectoryKind,
-    /// What its mean NIS, its lock and its sign say.
+    /// The result of its mean NIS, its lock and its sign alone, one of the parts of the grade; kept for programs that read it.
     pub verdict: Verdict,
-    /// How far its answer can be trusted, by all that is known; `None` of what makes no claim.
+    /// How far its answer can be trusted, by all tests; `None` of a method that claims no standard deviation. Tables and `--strict` use it.
     pub grade: Option<Grade>,
     /// What the tests of its innovations find after the settling time; none of what makes no claim.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_test")]

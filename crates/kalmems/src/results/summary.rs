@@ -385,7 +385,7 @@ pub fn is_unexplained(metrics: &Metrics) -> bool {
 /// what is the same of several filters once; each explanation named once.
 pub fn notices_in_short(metrics: &Metrics) -> Vec<Notice> {
     let is_alone = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>() == 1;
-    let mut short = worst_of_each_filter(told_once(notices(metrics)));
+    let mut short = worst_of_each_filter(without_repeats(notices(metrics)));
     let mut explained = Vec::new();
     for notice in &mut short {
         if is_alone && !notice.filter.is_empty() {
@@ -401,7 +401,7 @@ pub fn notices_in_short(metrics: &Metrics) -> Vec<Notice> {
 }
 
 /// One sentence for all filters of which the same is said of the same segment.
-fn told_once(notices: Vec<Notice>) -> Vec<Notice> {
+fn without_repeats(notices: Vec<Notice>) -> Vec<Notice> {
     let mut once: Vec<Notice> = Vec::new();
     for notice in notices {
         let same = once.iter_mut().find(|known| {
@@ -534,7 +534,7 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<Notice> 
 }
 
 /// A value with three digits, for a sentence.
-fn significant_value(value: f64) -> f64 {
+pub(super) fn significant_value(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
@@ -725,8 +725,11 @@ fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &NisConsistency) -
     let NisConsistency { mean_nis, lower, upper, .. } = consistency;
     match (estimator.grade, estimator.verdict) {
         (Some(Grade::Passes), _) => {
-            let tests = estimator.tests.len();
-            format!("{tests} tests of the innovations find no contradiction; the mean NIS is {mean_nis:.3}")
+            let tests = match estimator.tests.len() {
+                1 => "1 test of the innovations finds".to_owned(),
+                tests => format!("{tests} tests of the innovations find"),
+            };
+            format!("{tests} no contradiction; the mean NIS is {mean_nis:.3}")
         }
         (_, Verdict::Consistent) => format!(
             "the innovations of the accepted samples agree with the model, with a mean NIS of {mean_nis:.3}"

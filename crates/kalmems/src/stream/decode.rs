@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_without_its_end_is_no_sample_and_counted_where_it_could_be_one() {
+    fn an_unfinished_frame_is_no_sample_and_is_counted() {
         let format = StreamFormat::Text { columns: vec!["time_s".to_owned(), "cap_mV".to_owned()] };
         for (end, cut_off) in
             [("", 0), ("1", 1), ("2,1.0288", 1), (" ", 0), ("# a com", 0), ("time_s,cap_mV", 0)]

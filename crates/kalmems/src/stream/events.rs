@@ -343,7 +343,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     #[test]
-    fn zeros_and_alarms_are_told_once_whatever_the_pieces() {
+    fn zeros_and_alarms_are_reported_once_for_any_division_of_the_stream() {
         let (hz, h) = (15_675.0, 1e-6);
         let time: Vec<f64> = (0..5000).map(|k| f64::from(k) * h).collect();
         let states = [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn zeros_of_a_motion_that_may_be_noise_are_counted_and_not_told() {
+    fn zeros_of_a_motion_that_may_be_noise_are_counted_and_not_reported() {
         let (hz, h) = (1000.0, 1e-5);
         let time: Vec<f64> = (0..10_000).map(|k| f64::from(k) * h).collect();
         let states = [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];

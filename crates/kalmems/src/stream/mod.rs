@@ -266,7 +266,8 @@ fn heartbeat(experiment: &Experiment, described: &StreamTable) -> Result<Option<
     match Duration::try_from_secs_f64(every.si()) {
         Ok(every) if every >= SHORTEST_BEAT => Ok(Some(every)),
         _ => {
-            let why = format!("a health line every {} s is not told; expected 0.1 s or more", every.si());
+            let why =
+                format!("found a health line every {} s; expected an interval of 0.1 s or more", every.si());
             Err(experiment.error(Key::from("stream").child("heartbeat"), ConfigFault::Value { why }))
         }
     }
@@ -284,7 +285,7 @@ fn channel(
     for ((on, there), name) in on.into_iter().zip(there).zip(["lines", "frames"]) {
         if on && !there {
             let why = format!(
-                "zero phases are to be told among the {name}, and no {name} are written; give `--{name} FILE`, or change this"
+                "zero phases are to be written among the {name}, and no {name} are written; add `--{name} FILE`, or change this key"
             );
             let key = Key::from("stream").child("trigger").child("on");
             return Err(experiment.error(key, ConfigFault::Value { why }).into());
@@ -354,7 +355,7 @@ fn keeper(
     };
     let Some(time) = time else {
         let why =
-            "samples without a column of times cannot be told from those that were taken before".to_owned();
+            "without a column of times, samples cannot be distinguished from those that were taken before; record one, or leave `--state` out".to_owned();
         return Err(StreamError::State { path: path.display().to_string(), why });
     };
     Ok(StateWriter::new(path.to_owned(), experiment, columns, RecentSamples::new(time, kept)))

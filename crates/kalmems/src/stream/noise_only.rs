@@ -285,7 +285,7 @@ mod tests {
     /// By the share of the motion in the signal's variance, at the second harmonic, with a frequency that is known well and
     /// one that is 2 % off.
     #[test]
-    fn a_motion_is_taken_for_noise_as_seldom_as_the_book_says() {
+    fn a_motion_is_taken_for_noise_as_seldom_as_the_book_states() {
         let mut chance = Pcg64::new(5, 6);
         for (hz, share, lowest, highest) in [
             (MOTION_HZ, 0.5, 0.0, 0.0),

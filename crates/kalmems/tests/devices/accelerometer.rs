@@ -480,7 +480,7 @@ fn wrong_mechanics_are_no_wrong_wiring() {
     }
 }
 
-/// The example moves by 1 g at 10 Hz, far smoother than is stated, without a feedback: what the mechanics are hangs on what is taken for the
+/// The example moves by 1 g at 10 Hz, far smoother than is stated, without a feedback: what the mechanics are depends on what is taken for the
 /// acceleration, and is not put into the experiment.
 #[test]
 fn a_smoother_acceleration_is_no_softer_spring() {
@@ -826,7 +826,7 @@ fn electrostatic_spring() -> f64 {
 /// Spring, damping and mass from a recording with a dither, by a laboratory that had all wrong by 20 %; the experiment
 /// that comes out is as good as one that knows the truth. Without the dither it says what it does not know.
 #[test]
-fn a_dithered_recording_tells_spring_damping_and_mass() {
+fn a_dithered_recording_determines_spring_damping_and_mass() {
     let folder = tempfile::tempdir().unwrap();
     let (recorded, truth) = dithered(3, true);
     let here = |experiment: &Experiment| from_files(folder.path(), experiment, &recorded, &truth);

@@ -359,7 +359,7 @@ fn asked(acceleration_density: f64) -> AdequacySettings {
 
 /// The published poles are not to be left out; poles and high-pass far away are.
 #[test]
-fn what_the_affine_model_costs() {
+fn error_of_the_affine_model_of_the_circuit() {
     let published = circuit(4);
     let quick = Circuit {
         high_pass: HighPass::new(4, 100e3).unwrap(),

@@ -324,7 +324,7 @@ fn an_unknown_phase_hides_what_is_in_quadrature() {
 
 /// A sine with noise: its parts and what they are known to.
 #[test]
-fn a_tone_is_known_to_what_it_says() {
+fn a_tone_scatters_with_its_claimed_standard_deviation() {
     let vibration = about(0, 0.0, 20.0);
     let mut inside = 0;
     for seed in 0..100 {

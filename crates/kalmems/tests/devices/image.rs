@@ -100,7 +100,7 @@ fn shifts_and_blur_are_those_of_the_phase_error() {
 }
 
 /// The figure closes after 50 ms, as 27.68 and 6.54 kHz have 20 Hz in common. How much of 400 × 400 pixels it covers
-/// hangs on the phases: 92.6 %, measured by another program at phases that are not known, lies within.
+/// depends on the phases: 92.6 %, measured by another program at phases that are not known, lies within.
 #[test]
 fn the_published_figure_closes_and_covers() {
     let published = Lissajous::published(10e6);

@@ -648,7 +648,7 @@ const ARRIVING: &str = "[stream]\nrate = \"625 kHz\"\n[stream.input.text]\n\
      columns = [\"time_s\", \"drive_V\", \"c1A_V\", \"c1B_V\", \"c2A_V\", \"c2B_V\"]\n";
 
 #[test]
-fn a_stream_says_what_an_estimate_says_and_goes_on_after_a_kill() {
+fn a_stream_equals_the_estimate_and_goes_on_after_a_kill() {
     let folder = tempfile::tempdir().unwrap();
     let lagged = ESTIMATE.replacen("method", "smooth_lag = \"0.2 ms\"\nmethod", 1) + ARRIVING;
     let experiment = goes_on(folder.path(), true, |_, line| Some(line), &lagged);

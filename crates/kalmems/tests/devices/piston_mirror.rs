@@ -553,7 +553,7 @@ fn a_recording_too_slow_for_the_motion_is_refused() {
 
 /// What is said of the example before it is recorded, against figures that were computed otherwise.
 #[test]
-fn the_outlook_says_what_the_signal_can_tell() {
+fn the_outlook_lists_the_numbers_that_the_signal_determines() {
     let filters = format!("{}\n{}", "", THREE);
     let experiment = driven(&[("[[estimate.filter]]", &format!("{filters}\n[[estimate.filter]]"))]);
     let rig = published().rig(&experiment).unwrap();
@@ -667,7 +667,7 @@ const ARRIVING: &str = "[stream]\nrate = \"20 kHz\"\n\
      [stream.input.text]\ncolumns = [\"time_s\", \"cap_F\", \"trigger_V\"]\n";
 
 #[test]
-fn a_stream_says_what_an_estimate_says_and_goes_on_after_a_kill() {
+fn a_stream_equals_the_estimate_and_goes_on_after_a_kill() {
     let folder = tempfile::tempdir().unwrap();
     let (experiment, path) = recorded(folder.path(), |_, y| Some(y), &format!("{ALL_KINDS}{ARRIVING}"));
     let (recording, bytes) = (read(&experiment, &path), std::fs::read(&path).unwrap());

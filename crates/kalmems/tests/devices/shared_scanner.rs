@@ -77,7 +77,7 @@ fn with_a_wrong_stiffness_the_filter_is_ten_times_better_than_the_model_alone() 
 }
 
 #[test]
-fn a_model_that_is_trusted_too_far_loses_lock_and_says_so() {
+fn a_filter_with_too_small_process_noise_loses_lock_and_reports_it() {
     let (_, metrics) = run(&changed("experiment.toml", &[(Q, "1e2 rad^2/s^3")]));
     for estimator in metrics.estimators() {
         let expected = if estimator.key == "model_alone" { Verdict::Astray } else { Verdict::LostLock };

@@ -172,7 +172,7 @@ fn a_sweep_captures_and_a_cut_off_frees() {
 
 /// Told late, a filter that goes back to the crossing loses nothing up to 195 samples.
 #[test]
-fn going_back_costs_nothing_up_to_195_samples() {
+fn going_back_up_to_195_samples_adds_no_error() {
     let recording = simulated(1, "");
     let error = |lag: f64| {
         let threshold = format!(

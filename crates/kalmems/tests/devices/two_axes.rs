@@ -260,7 +260,7 @@ fn a_conflict_is_found_and_is_one() {
 }
 
 #[test]
-fn a_suggestion_keeps_what_it_says() {
+fn suggested_drives_keep_their_stated_bands() {
     let scanner = hardware().scanner;
     let plan = BandPlan::of(&scanner, &planned(DRIVES_HZ), 6000.0);
     assert!(!plan.is_clear() && plan.to_string().contains("move a resonance"), "{plan}");
@@ -321,7 +321,7 @@ fn sines_are_found_as_they_are() {
 }
 
 #[test]
-fn what_tells_no_start_is_refused() {
+fn a_signal_that_determines_no_start_is_refused() {
     let hardware = hardware();
     let recorded = record(hardware.scanner, [0.15, 0.0, 0.0, 0.0], 0, 3000, 1);
     let of = |n: usize| {

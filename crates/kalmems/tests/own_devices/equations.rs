@@ -292,7 +292,7 @@ fn a_lock_in_reads_from_the_equations_what_the_rig_reads_by_its_own_law() {
 }
 
 /// How far the mean of a state is from that of its rig where each interval is cut into so many parts at least, by a lag that nothing
-/// hangs on: one number for each filter.
+/// depends on: one number for each filter.
 fn apart_in<const N: usize>(preset: &Preset, state: &str, parts: [f64; N]) -> [Vec<f64>; N] {
     let folder = tempfile::tempdir().unwrap();
     let experiment = preset.experiment(folder.path());
@@ -315,7 +315,7 @@ fn apart_in<const N: usize>(preset: &Preset, state: &str, parts: [f64; N]) -> [V
 }
 
 #[test]
-fn what_is_left_between_a_rig_and_its_equations_is_the_error_of_a_step() {
+fn a_rig_and_its_equations_differ_by_the_error_of_a_step() {
     let of = |example: &str| PRESETS.into_iter().find(|preset| preset.example == example).unwrap();
     let preset = Preset { methods: &["model", "ekf"], states: "", ..of("micro_stage/experiment.toml") };
     let [coarse, fine, finest] = apart_in(&preset, "angle", [8.0, 16.0, 256.0]);
@@ -329,7 +329,7 @@ fn what_is_left_between_a_rig_and_its_equations_is_the_error_of_a_step() {
 }
 
 #[test]
-fn what_equations_do_not_have_is_told_where_an_experiment_is_expanded() {
+fn keys_that_equations_do_not_have_are_reported_by_expand() {
     let mut told = String::new();
     for preset in &PRESETS {
         let experiment = published().load(&example(preset.example)).unwrap();

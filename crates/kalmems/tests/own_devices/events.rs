@@ -291,7 +291,7 @@ fn is_share(count: usize, of: usize, expected: f64) -> bool {
 }
 
 #[test]
-fn events_tell_what_theory_says_and_errors_are_as_large_as_is_claimed() {
+fn events_reduce_the_error_as_theory_predicts_and_errors_agree_with_the_claim() {
     const SEEDS: std::ops::Range<u64> = 71_000..71_250;
     let folder = tempfile::tempdir().unwrap();
     // Of each filter: ends within 1.96 standard deviations, and the sum of squared errors over their variances.
@@ -425,7 +425,7 @@ fn simulated(experiment: &Experiment) -> Vec<Row> {
 }
 
 #[test]
-fn an_expanded_threshold_scanner_is_simulated_as_by_its_rig_and_tells_when_it_crossed() {
+fn an_expanded_threshold_scanner_is_simulated_as_by_its_rig_with_its_crossings() {
     let [rig, text] =
         simulated_scanners(false, &[("told", "ekf", TOLD)]).map(|experiment| simulated(&experiment));
     assert_eq!(rig.len(), text.len());
@@ -507,7 +507,7 @@ fn recorded_events_correct_a_stream_to_the_last_bit_as_an_estimate() {
 }
 
 #[test]
-fn what_an_event_lacks_is_told_with_what_to_write() {
+fn a_key_that_an_event_lacks_is_reported_with_what_to_write() {
     let folder = tempfile::tempdir().unwrap();
     let (experiment, ..) = oscillator((3, ROWS), folder.path());
     let text = experiment.to_toml().unwrap();

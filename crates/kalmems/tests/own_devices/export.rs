@@ -186,7 +186,7 @@ fn an_exported_threshold_filter_estimates_nearly_what_the_program_does() {
 }
 
 #[test]
-fn what_cannot_be_exported_says_why() {
+fn a_filter_that_cannot_be_exported_is_refused_with_the_reason() {
     let why = |file: &str, request: &ExportRequest| export(&example(file), request).unwrap_err().to_string();
     let scanner = "shared_scanner/experiment.toml";
     for (file, request, expected) in [

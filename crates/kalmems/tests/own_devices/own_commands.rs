@@ -37,7 +37,7 @@ fn simulated(text: &str) -> (Experiment, ComputedRecording) {
 }
 
 #[test]
-fn a_study_varies_a_parameter_that_the_filter_is_told() {
+fn a_study_varies_a_parameter_of_the_filter_alone() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("simulation.toml"), comb()).unwrap();
     let study = "name = \"spring\"\nexperiment = \"simulation.toml\"\nrepeats = 1\nseed = 3\n\
@@ -113,7 +113,7 @@ fn cardano(t: f64, y: f64) -> f64 {
 }
 
 #[test]
-fn each_sample_tells_the_state_that_its_measurement_is_of() {
+fn each_measurement_corrects_its_own_state() {
     let (experiment, all) = simulated(STAGE);
     let outcome: Outcome = estimate_computed(published(), &experiment, &all, &Silent).unwrap();
     let segment = &outcome.recordings[0].segments[0];
@@ -167,7 +167,7 @@ fn a_filter_of_equations_is_smoothed_with_a_lag_and_over_all_samples() {
 }
 
 #[test]
-fn an_outlook_says_how_a_device_moves_and_what_its_signal_does_not_tell() {
+fn an_outlook_predicts_the_motion_and_names_undetermined_numbers() {
     // Without a drive nothing tells how strongly it would pull.
     let text = comb()
         .replace(

@@ -70,7 +70,7 @@ fn parse(text: &str, folder: &Path) -> Result<Experiment, String> {
     published().parse(text, &folder.join("experiment.toml")).map_err(|error| error.to_string())
 }
 
-/// Splitmix64: numbers that do not hang on each other, summed to normal ones.
+/// Splitmix64: numbers that do not depend on each other, summed to normal ones.
 fn noise(seed: &mut u64) -> f64 {
     let mut uniform = || {
         *seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -181,7 +181,7 @@ fn a_curve_from_a_file_stands_for_the_law_that_it_was_computed_from() {
 }
 
 /// The comb resonator of the example, simulated with a seed, told with parameters that are wrong.
-fn told_wrong(seed: u64, further_noise: &str) -> (Experiment, ComputedRecording) {
+fn with_wrong_numbers(seed: u64, further_noise: &str) -> (Experiment, ComputedRecording) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/comb_resonator/simulation.toml");
     let text = std::fs::read_to_string(&file).unwrap().replace("seed = 1", &format!("seed = {seed}"));
     let text = text.replace("signal = \"1e-6[V^2]\"", &format!("signal = \"1e-6[V^2]\"\n{further_noise}"));
@@ -202,7 +202,7 @@ const SOUGHT: [(&str, &str, &str, f64); 3] = [
 /// What is identified of `parameters` from a recording of this seed, of an experiment with these changes of its text.
 fn identified(seed: u64, changes: &[(&str, &str, &str)], parameters: &str) -> Identification {
     // The filter's process noise acts on the device as well: a filter with more than its device claims larger errors than it makes.
-    let (told, simulated) = told_wrong(seed, "v = \"1e-7[m^2/s^3]\"");
+    let (told, simulated) = with_wrong_numbers(seed, "v = \"1e-7[m^2/s^3]\"");
     let folder = tempfile::tempdir().unwrap();
     let layout = published().rig(&told).unwrap().layout(&told, 0).unwrap();
     let recording: SampledRecording = simulated.recorded(&layout).unwrap();
@@ -238,7 +238,7 @@ fn off(seed: u64) -> [f64; 3] {
 }
 
 #[test]
-fn parameters_that_are_told_wrong_are_identified_from_one_recording() {
+fn parameters_with_wrong_stated_values_are_identified_from_one_recording() {
     for off in off(11) {
         assert!(off.abs() < 4.0, "{off}");
     }
@@ -279,7 +279,7 @@ fn slow_identified_parameters_have_the_standard_errors_that_they_claim() {
 }
 
 #[test]
-fn what_a_device_of_ones_own_lacks_is_told_with_what_to_write() {
+fn a_key_that_an_own_device_lacks_is_reported_with_what_to_write() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), 2000, 0..0);
     let text = format!("{MIRROR}{RECORDING}");
@@ -339,7 +339,7 @@ fn what_a_device_of_ones_own_lacks_is_told_with_what_to_write() {
 
 #[test]
 fn an_unwritten_simulation_is_estimated_as_a_recording() {
-    let (experiment, simulated) = told_wrong(3, "");
+    let (experiment, simulated) = with_wrong_numbers(3, "");
     let outcome = estimate_computed(published(), &experiment, &simulated, &Silent).unwrap();
     for (_, within) in errors(&outcome, "x") {
         assert!(within > 0.99, "{within}");

@@ -272,7 +272,7 @@ fn what_was_simulated_under_several_inputs_is_estimated_again() {
 }
 
 #[test]
-fn a_mistake_in_an_input_or_in_a_channel_is_told_with_what_to_write() {
+fn a_mistake_in_an_input_or_in_a_channel_is_reported_with_what_to_write() {
     let with = |from: &str, to: &str| {
         assert!(SENSOR.contains(from), "{from}");
         SENSOR.replace(from, to)

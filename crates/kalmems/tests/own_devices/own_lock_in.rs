@@ -58,7 +58,7 @@ fn a_lock_in_gives_the_same_bits_in_a_stream_as_over_a_whole_recording() {
 }
 
 #[test]
-fn a_device_that_does_not_have_what_a_lock_in_needs_is_told_what_it_lacks() {
+fn a_device_without_what_a_lock_in_needs_is_refused_with_the_reason() {
     let mut told = String::new();
     for (what, name, oscillation) in [
         ("a state that is not there", "comb_resonator", "of = \"y\""),

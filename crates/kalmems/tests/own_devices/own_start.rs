@@ -122,7 +122,7 @@ fn a_recording_in_parts_starts_from_its_signal_to_the_last_bit() {
     same_bits_in_parts(&experiment, &recording(&experiment, &all), &[1000, 7000]);
 }
 
-/// A resonator that is measured by the square of its motion, with a state that nothing hangs on.
+/// A resonator that is measured by the square of its motion, with a state that nothing depends on.
 const SQUARE: &str = r#"
 name = "square"
 [device.equations]
@@ -146,7 +146,7 @@ skip = "10 ms"
 "#;
 
 #[test]
-fn what_the_signal_does_not_tell_of_the_start_is_told_with_what_to_write() {
+fn a_start_that_the_signal_does_not_determine_is_reported_with_what_to_write() {
     let resonator = SQUARE
         .replace(", hidden = \"K\"", "")
         .replace("hidden = \"0[K/s]\"\n", "")
@@ -155,7 +155,7 @@ fn what_the_signal_does_not_tell_of_the_start_is_told_with_what_to_write() {
     let mut filtered = comb(FROM_SIGNAL).replace("40 ms", "4 ms");
     filtered = filtered.replace("sensitivity*x in V", "sensitivity*0*x in V");
     let cases = [
-        ("a state that nothing hangs on", format!("{SQUARE}{FROM_SIGNAL}")),
+        ("a state that nothing depends on", format!("{SQUARE}{FROM_SIGNAL}")),
         ("a sign that a square does not tell", format!("{resonator}{FROM_SIGNAL}")),
         ("a signal that shows no motion", filtered),
     ];

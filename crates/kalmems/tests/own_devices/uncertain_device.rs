@@ -226,7 +226,7 @@ fn the_claim_is_the_filters_own_and_what_the_numbers_add() {
 
 /// The devices that are drawn from their table: coverage and NEES are held in the suite of the verdict; here one that is off.
 #[test]
-fn a_device_that_is_off_is_covered_and_its_budget_says_by_what() {
+fn a_device_off_its_stated_numbers_is_covered_and_the_budget_names_the_number() {
     let path = example("shared_scanner/simulation.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     // From its motion on.

@@ -161,7 +161,7 @@ fn a_masked_sample_is_missing_whatever_number_stands_there() {
 }
 
 #[test]
-fn units_clock_and_rate_may_be_said_beside_the_arrays() {
+fn units_clock_and_rate_may_be_stated_beside_the_arrays() {
     let (mut plain, recording, reference) = short();
     plain.recording(None, &given(&recording)).unwrap();
     plain.reference(None, &given(&reference)).unwrap();

@@ -2,7 +2,7 @@
 
 use kalmems::config::Experiment;
 use kalmems::diagnose::load_with_noise;
-use kalmems::draft::{self, DraftError, DraftRequest};
+use kalmems::draft::{self, DraftError, DraftRequest, ExaminedRecording, RecordingToExamine};
 use kalmems::evaluate::Grade;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics};
@@ -48,7 +48,7 @@ fn what_a_template_simulates_its_filters_estimate() {
 
 /// Every key of a device in its template has a value that its own parser takes, and a reader finds a word on where numbers come from.
 #[test]
-fn a_template_says_whose_numbers_it_has() {
+fn a_template_names_the_source_of_its_numbers() {
     for rig in published().rigs() {
         let text = template(rig.name());
         assert!(text.contains("# "), "{}", rig.name());
@@ -75,6 +75,11 @@ fn simulated_files(device: &str, folder: &Path) {
     fs::write(folder.join("shake 1.csv"), rows).unwrap();
 }
 
+fn examined(path: &Path) -> ExaminedRecording {
+    let recording = RecordingToExamine { path: path.to_owned(), role: None, time: None };
+    draft::examine(&recording, &mut |_, _| ControlFlow::Continue(())).unwrap()
+}
+
 /// From a recording alone, whose columns have the names that a simulation gives them, comes an experiment whose filters pass.
 #[test]
 fn a_recording_gives_an_experiment_that_runs() {
@@ -84,17 +89,18 @@ fn a_recording_gives_an_experiment_that_runs() {
         let folder = tempfile::tempdir().unwrap();
         simulated_files(device, folder.path());
         let recording = folder.path().join("shake 1.csv");
+        let recordings = [examined(&recording)];
         let wanted = DraftRequest {
             device,
-            recording: &recording,
-            further: &[],
+            recordings: &recordings,
             channels: &[],
+            numbers: &[],
             rate: None,
             folder: folder.path(),
         };
-        let sorted = draft::sort(published(), &wanted, &mut |_, _| ControlFlow::Continue(())).unwrap();
+        let sorted = draft::sort(published(), &wanted).unwrap();
         assert!(sorted.questions.is_empty(), "{device}: {:?}", sorted.questions);
-        let draft = draft::write(sorted, &wanted).unwrap();
+        let draft = draft::write(published(), sorted, &wanted).unwrap();
         let path = folder.path().join("shake.toml");
         fs::write(&path, &draft.text).unwrap();
         let (experiment, noises) = load_with_noise(published(), &path, &Silent).unwrap();
@@ -112,34 +118,34 @@ fn a_recording_gives_an_experiment_that_runs() {
 }
 
 #[test]
-fn what_a_recording_does_not_tell_is_asked_for() {
+fn a_channel_that_the_recording_does_not_determine_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let recording = folder.path().join("scope.csv");
     let rows: Vec<String> = (0..200).map(|k| format!("{k}e-6,{},{}\n", k % 7, k % 5)).collect();
     fs::write(&recording, format!("time_s,CH1_V,CH2_V\n{}", rows.concat())).unwrap();
+    let recordings = [examined(&recording)];
     let mut wanted = DraftRequest {
         device: "shared_scanner",
-        recording: &recording,
-        further: &[],
+        recordings: &recordings,
         channels: &[],
+        numbers: &[],
         rate: None,
         folder: folder.path(),
     };
-    let mut go_on = |_, _| ControlFlow::Continue(());
-    let sorted = draft::sort(published(), &wanted, &mut go_on).unwrap();
-    let open = draft::write(sorted, &wanted).unwrap_err();
+    let sorted = draft::sort(published(), &wanted).unwrap();
+    let open = draft::write(published(), sorted, &wanted).unwrap_err();
     assert_eq!(
         open.to_string(),
-        "`drive`, the voltage that drives the device, may be `CH1_V` and `CH2_V`; say which, such as `--channel drive=CH1_V`\n\
-         `signal`, the output of the readout, may be `CH1_V` and `CH2_V`; say which, such as `--channel signal=CH1_V`"
+        "`scope.csv`: `drive`, the voltage that drives the device, may be `CH1_V` and `CH2_V`; state which, such as `--channel drive=CH1_V`\n\
+         `scope.csv`: `signal`, the output of the readout, may be `CH1_V` and `CH2_V`; state which, such as `--channel signal=CH1_V`"
     );
     let stated = [("signal".to_owned(), "CH1_V".to_owned())];
     wanted.channels = &stated;
-    let sorted = draft::sort(published(), &wanted, &mut go_on).unwrap();
-    let draft = draft::write(sorted, &wanted).unwrap();
+    let sorted = draft::sort(published(), &wanted).unwrap();
+    let draft = draft::write(published(), sorted, &wanted).unwrap();
     assert!(draft.text.contains("noise_variance = \"from_recording\""), "{}", draft.text);
     assert!(draft.text.contains("channels = { signal = \"CH1_V\", drive = \"CH2_V\" }"), "{}", draft.text);
     wanted.device = "piston";
-    let unknown = draft::sort(published(), &wanted, &mut go_on).unwrap_err();
+    let unknown = draft::sort(published(), &wanted).unwrap_err();
     assert!(matches!(&unknown, DraftError::Device { found, .. } if found == "piston"), "{unknown}");
 }

@@ -69,7 +69,7 @@ fn the_written_form_keeps_the_words_of_the_file() {
 }
 
 #[test]
-fn every_broken_file_says_what_is_wrong() {
+fn every_broken_file_is_refused_with_the_reason() {
     let mut settings = insta::Settings::clone_current();
     settings.set_snapshot_path("../experiments/broken/messages");
     settings.set_prepend_module_to_snapshot(false);

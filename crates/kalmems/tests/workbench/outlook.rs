@@ -35,7 +35,7 @@ fn near(found: f64, expected: f64, by: f64) {
 
 /// The published 0 to 60 V: 4.5 times too shallow; b below about 1.3e-12 would do.
 #[test]
-fn a_device_that_cannot_oscillate_is_told_so_and_by_how_much() {
+fn a_device_that_cannot_oscillate_is_reported_with_the_missing_voltage() {
     let outlook = outlook_of(|toml| toml.replace("\"90 V\"", "\"30 V\""));
     println!("{}", outlook.to_text());
     assert!(

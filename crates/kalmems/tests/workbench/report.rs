@@ -312,7 +312,7 @@ fn what_a_fixed_range_hides_is_said() {
 }
 
 #[test]
-fn no_data_says_so() {
+fn a_page_without_data_states_this() {
     let axes = || (Axis::new("time", "s"), Axis::new("y", "V"));
     let panel = |series: Vec<Series>| {
         let mut panel = Panel::new(axes().0, axes().1);

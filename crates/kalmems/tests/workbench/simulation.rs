@@ -205,7 +205,7 @@ fn the_amplitude_depends_on_where_the_sweep_came_from() {
 
 /// From a thousandth of its final amplitude the motion takes as long as its growth rate says.
 #[test]
-fn the_start_takes_as_long_as_the_growth_rate_says() {
+fn the_start_of_the_oscillation_takes_the_time_of_its_growth_rate() {
     let drive = sine(90.0, 31_350.0);
     let begun = |displacement: f64| start_up(SCANNER, &drive, displacement, 2e6, 0.12).unwrap();
     let (near, far) = (begun(1e-4), begun(1e-6));

@@ -315,7 +315,7 @@ impl SpectrumMetrics {
             text += "\n";
         }
         if self.delay_is_hidden {
-            text += "whether the detector is late is not told: the correction of the phase takes a delay away with it; `phase = \"none\"` tells it\n";
+            text += "the delay of the detector is not determined, as the correction of the phase removes it as well; `phase = \"none\"` determines it\n";
         }
         if self.inverted {
             text += "the light lowers the detector's value: the sign was turned\n";
@@ -340,7 +340,7 @@ impl SpectrumMetrics {
                     recalibration.lines - 1
                 );
             }
-            text += "  not told by lines: where the electrode is (a constant is lost in the zero path), gain and reference \
+            text += "  not determined by lines: where the electrode is (a constant is lost in the zero path), gain and reference \
                      distance apart (they are one factor), a cone of light (state `half_angle`)\n";
         }
         if let Some(correction) = &self.correction {

@@ -67,11 +67,11 @@ impl DriveBlock {
     }
 }
 
-/// Rows by which a drive that is no more than a constant and noise may hang on itself.
+/// Rows by which a drive that is no more than a constant and noise may depend on itself.
 const LAGS: usize = 8;
 
 /// The constant that a drive is, such as that of a free decay, which is nothing: a sine without amplitude. `None` where its
-/// rows hang on each other, so that they tell more than their mean does.
+/// rows depend on each other, so that they tell more than their mean does.
 fn level(volts: &[f64]) -> Option<Sine> {
     let known = || volts.iter().copied().filter(|v| v.is_finite());
     let count = known().count();
@@ -389,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_comes_from_the_sine_and_is_told() {
+    fn missing_samples_of_the_drive_come_from_its_sine_and_are_reported() {
         let time: Vec<f64> = (0..3000).map(|i| f64::from(i) * 1e-6).collect();
         let mut v: Vec<f64> = time.iter().map(|t| volts(*t)).collect();
         v[1000..1040].fill(f64::NAN);
@@ -411,7 +411,7 @@ mod tests {
         let time: Vec<f64> =
             (0..9000).map(|k| f64::from(k) * 1e-6 + if k > 6000 { 2e-4 } else { 0.0 }).collect();
         // Exactly nothing, a constant, and the noise of a converter about it.
-        // Splitmix64: numbers that do not hang on each other.
+        // Splitmix64: numbers that do not depend on each other.
         let noise = |k: u32| {
             let z = u64::from(k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
             let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

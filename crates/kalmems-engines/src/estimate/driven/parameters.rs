@@ -53,7 +53,7 @@ impl ParameterIndices {
     }
 }
 
-/// The step of parameters that are states behind those of a motion: each hangs on itself alone.
+/// The step of parameters that are states behind those of a motion: each depends on itself alone.
 #[derive(Clone, Copy, Debug)]
 pub struct ParameterStep {
     count: usize,

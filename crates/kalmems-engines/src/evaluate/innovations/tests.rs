@@ -60,7 +60,7 @@ fn shares(count: usize, sets: u64) -> BTreeMap<InnovationTest, [usize; 3]> {
 }
 
 #[test]
-fn each_test_finds_something_in_white_noise_as_seldom_as_it_says() {
+fn each_test_has_its_stated_rate_of_false_alarms_on_white_noise() {
     let sets = 1000;
     for (count, named) in [(2000, 10), (200, 7)] {
         let below = shares(count, sets);

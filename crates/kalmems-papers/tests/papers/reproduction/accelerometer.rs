@@ -84,7 +84,7 @@ fn slow_the_thesis_is_reproduced_where_the_answer_is_given() {
     for row in ["exact Q, R", "Q × 10", "Q / 10", "R × 10", "R / 10"] {
         assert!(holds(&found, &format!("standard deviation, {row}")), "{row}");
     }
-    assert!(holds(&found, "told the acceleration, a smaller Q and a larger R are better"));
+    assert!(holds(&found, "with the acceleration as an input, a smaller Q and a larger R are better"));
     assert!(!holds(&found, "more than ten times changes nothing"));
     assert!(!holds(&found, "better where the acceleration is not known"));
     assert!(!holds(&found, "lose the positive covariance"));

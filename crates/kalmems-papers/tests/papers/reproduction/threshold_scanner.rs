@@ -77,8 +77,8 @@ fn slow_on_equal_terms_the_likeliest_filter_is_far_better_than_either_ekf() {
     assert!(chosen <= 1.5 * best, "{chosen} {best}");
     // With a curve of another shape it does not, and that is what identification mends.
     let [astray, astray_best] = [
-        mean("the likeliest, told a curve of another shape"),
-        mean("the best, told a curve of another shape"),
+        mean("the likeliest, with a curve of another shape"),
+        mean("the best, with a curve of another shape"),
     ];
     assert!(astray > 5.0 * astray_best, "{astray} {astray_best}");
 }

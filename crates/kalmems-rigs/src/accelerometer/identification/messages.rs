@@ -103,8 +103,8 @@ fn undetermined(identification: &mut Identification, outcome: &AccelerometerOutc
         let why = match outcome.standings[index] {
             NumberStatus::Determined => continue,
             NumberStatus::DependsOn(other) => format!(
-                "it hangs on the {}, which the recording does not tell: both keep what the experiment says, since one without the other would \
-                 be wrong; {HELP}",
+                "it depends on the {}, which the recording does not determine: both keep the values of the experiment, since a change of one of them \
+                 alone would be wrong; {HELP}",
                 NAMES[other].0
             ),
             NumberStatus::Undetermined if outcome.found.at_bound[index] => format!(

@@ -15,7 +15,7 @@ pub struct LikelihoodMaximum {
     /// The logarithms of the factors.
     pub logs: [f64; COUNT],
     /// Their covariance: the inverse of Fisher's information and of how far a search may go. What the recording does not tell is known to
-    /// that alone, and so is what hangs on it.
+    /// that alone, and so is what depends on it.
     pub covariance: Covariance<f64, COUNT>,
     /// Which ran to their bound: the recording does not tell them.
     pub at_bound: [bool; COUNT],

@@ -205,7 +205,7 @@ fn vertices_beside_gaps_are_as_far_off_as_claimed() {
 }
 
 #[test]
-fn zeros_of_a_strong_signal_are_told_as_they_are() {
+fn zeros_of_a_strong_signal_are_delivered_unchanged() {
     let decay = ThresholdDecay::of(0.15, 0.2, 20_000, (NOISE, 9_000));
     let found = found(&decay, NOISE, (comb(), mirror()), 4.0);
     let inner = found.iter().filter(|crossing| (200..19_800).contains(&crossing.index));

@@ -62,7 +62,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         index(RecordingRole::ZeroDrive)?,
     );
     if sweep.is_none() && on.is_none() && still.is_none() {
-        let why = "no recording has the role `sweep`, `bias_on` or `zero_drive`; parameters are identified from those";
+        let why = "no recording has the role `sweep`, `bias_on` or `zero_drive`; parameters are identified from those, or \
+                   from any moving recording where `[identify]` names them, such as `parameters = [\"resonator.natural_frequency\"]`";
         return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
     }
     let mut device = (*experiment.device::<MicroStage>()?).clone();

@@ -237,7 +237,7 @@ pub fn steady_state(
         ),
     );
     found.notes.push(format!(
-        "{place}: without the reference gain and amplitude are hardly told apart: {}; here, at {:.1} deg, {:.0}",
+        "{place}: without the reference the recording hardly distinguishes gain and amplitude: {}; here, at {:.1} deg, {:.0}",
         ambiguity(record.comb.angular_width),
         fitted.amplitude.to_degrees(),
         gain_ambiguity(fitted.amplitude, record.comb.angular_width)
@@ -297,7 +297,7 @@ pub fn recorded_bias(found: &mut Identification, material: &Material, (stated, r
     if (stated / recorded - 1.0).abs() > SAME_BIAS {
         found.warnings.push(format!(
             "{place}: `identify.ring_down.bias` says {stated} V, and the recording's channel `bias` shows {recorded:.4} V in the mean, \
-             {:+.2} % from it: the recorded one is used, as C0 and theta0 hang on it; correct the file, or leave the channel out",
+             {:+.2} % from it: the recorded one is used, as C0 and theta0 depend on it; correct the file, or leave the channel out",
             100.0 * (recorded / stated - 1.0)
         ));
     } else {
@@ -316,7 +316,10 @@ pub fn no_reference(found: &mut Identification, material: Option<&Material>, wid
     undetermined(
         found,
         "circuit gain a and offset b",
-        format!("{lacks}; without the angle gain and amplitude are hardly told apart: {}", ambiguity(width)),
+        format!(
+            "{lacks}; without the angle the recording hardly distinguishes gain and amplitude: {}",
+            ambiguity(width)
+        ),
     );
 }
 

@@ -62,7 +62,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     )?;
     if decay.is_none() && steady.is_none() && still.is_none() {
         let why = "no recording has the role `ring_down`, `steady_state` or `zero_drive`; parameters are identified \
-                   from those";
+                   from those, or from any moving recording where `[identify]` names them, such as `parameters = [\"resonator.stiffness\"]`";
         return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
     }
     let mut device = (*experiment.device::<SharedScanner>()?).clone();

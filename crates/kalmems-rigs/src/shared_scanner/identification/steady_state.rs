@@ -308,7 +308,7 @@ mod tests {
 
     /// Told 10 % too wide, and 3 % too narrow: found to what noise allows, with the error of the fit of three parameters.
     #[test]
-    fn a_motion_with_a_reference_tells_the_width_of_the_comb() {
+    fn a_motion_with_a_reference_determines_the_width_of_the_comb() {
         let comb = GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 };
         let time: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-6).collect();
         let angle: Vec<f64> = time.iter().map(|t| 0.12 * (TAU * 15_675.0 * t).sin()).collect();

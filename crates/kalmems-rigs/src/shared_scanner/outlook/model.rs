@@ -75,7 +75,7 @@ fn facts(topic: OutlookTopic, hardware: &ScannerHardware, adequacy: &Adequacy) -
         first / 1e3,
         second / 1e3
     );
-    let told = match hardware.delay_s {
+    let stated = match hardware.delay_s {
         0.0 => "states no delay".to_owned(),
         delay_s => format!("says {:.2} µs", delay_s * 1e6),
     };
@@ -84,7 +84,7 @@ fn facts(topic: OutlookTopic, hardware: &ScannerHardware, adequacy: &Adequacy) -
         Some(CircuitKnowledge::Affine) => format!("y = a·C + b will do ({permitted}° permitted)."),
         Some(CircuitKnowledge::Poles) => format!("The poles are needed ({permitted}° permitted): {poles}."),
         Some(CircuitKnowledge::PolesAndDelay) => format!(
-            "Poles and delay are needed ({permitted}° permitted): {poles}, and `delay = \"{delay_us:.2} us\"` (the file {told})."
+            "Poles and delay are needed ({permitted}° permitted): {poles}, and `delay = \"{delay_us:.2} us\"` (the file {stated})."
         ),
         None => format!("None of these will do ({permitted}° permitted); another detector or high-pass may."),
     };

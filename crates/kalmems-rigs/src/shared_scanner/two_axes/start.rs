@@ -48,7 +48,7 @@ pub enum StartError {
         /// Cycles of the slower motion.
         cycles: f64,
     },
-    /// The lines of both axes cannot be told apart in it.
+    /// The lines of both axes cannot be distinguished in it.
     #[error(
         "the window does not tell the lines of the two axes apart; lengthen it, or move the drives apart"
     )]

@@ -49,7 +49,9 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     )?
     .ok_or_else(|| {
         let why =
-            "no recording has the role `ring_down`; parameters are identified from a free decay".to_owned();
+            "no recording has the role `ring_down`; parameters are identified from a free decay, or from any moving recording where \
+             `[identify]` names them, such as `parameters = [\"resonator.natural_frequency\"]`"
+                .to_owned();
         experiment.error("recording", ConfigFault::Value { why })
     })?;
     if material.angle.is_empty() {

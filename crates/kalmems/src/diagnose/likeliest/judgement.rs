@@ -42,7 +42,7 @@ pub(super) enum NumberVerdict {
     Written,
     /// The recordings do not tell it.
     Untold,
-    /// It hangs on another, at this place, that is not told.
+    /// It depends on another, at this place, that is not told.
     HangsOn(usize),
     /// The recordings agree with what is stated, and tell it too badly to improve the answer.
     Agrees,

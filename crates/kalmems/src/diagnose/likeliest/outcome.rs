@@ -10,6 +10,7 @@ use crate::diagnose::search::MostLikelySizes;
 use crate::diagnose::suspect::{NumberRole, Suspect};
 use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
 use crate::identify::{Correlated, Identification, Identified, IdentifyError, TWO_SIDED, Undetermined};
+use crate::inspect::quantity;
 use crate::progress::Progress;
 use crate::rigs::Workbench;
 use crate::units;
@@ -52,23 +53,23 @@ impl LikelihoodOutcome<'_> {
         Some(match self.judgement.verdicts[place] {
             NumberVerdict::Written => return None,
             NumberVerdict::Untold if self.spread(place).is_finite() => format!(
-                "the recordings tell it to {} % only, and {} % is the worst that is put into an experiment",
+                "the recordings determine it to {} % only, and no number is written that is known to less than {} %",
                 digits(100.0 * self.spread(place), 2),
                 digits(100.0 * DETERMINED, 2)
             ),
-            NumberVerdict::Untold => "the recordings do not tell it: its likelihood has no end on one side".to_owned(),
+            NumberVerdict::Untold => "the recordings do not determine it: its likelihood has no maximum on one side".to_owned(),
             NumberVerdict::HangsOn(other) => format!(
-                "what the recordings tell of it hangs on `{}`, which they do not determine: beside what the experiment says of that it would be \
+                "its value depends on `{}`, which the recordings do not determine: with another value of that number it would be \
                  another",
                 self.name(other)
             ),
             NumberVerdict::Agrees => format!(
-                "the recordings agree with what the experiment says, and know it themselves to {} % only: the answer would not become better",
+                "the recordings agree with the value of the experiment, and determine it to {} % only: the estimate would not become better",
                 digits(100.0 * self.spread(place), 2)
             ),
             NumberVerdict::NotConfirmed => {
-                "with what one half of the recordings says of it the other half is less likely than before: the device has more to it than its \
-                 numbers, and `kalmems diagnose` looks for what"
+                "with the value that one half of the recordings determines, the other half is less likely than before: the equations of the device \
+                 lack something, and `kalmems diagnose` looks for what"
                     .to_owned()
             }
         })
@@ -106,13 +107,12 @@ impl LikelihoodOutcome<'_> {
             let value = number.written * unit.factor() * Scalar::exp(*size);
             let mut interval = [-below, above].map(|by| value * Scalar::exp(by));
             interval.sort_by(f64::total_cmp);
-            let dimension = unit.dimension().to_string();
             found.parameters.push(Identified {
                 name: suspect.name(),
                 value,
                 standard_error: (value * sd).abs(),
                 interval,
-                unit: if dimension == "1" { "" } else { units::name(&dimension) },
+                unit: units::name(&units::si_text(&number.unit)),
                 recording: place.clone(),
             });
             if let Some(why) = self.why_not(index) {
@@ -163,8 +163,10 @@ impl LikelihoodOutcome<'_> {
         let (rows, long_s) = self.sought.bench.extent();
         let gained = self.found.log_likelihood - self.sought.base.log_likelihood(TrialBlocks::All);
         found.notes.push(format!(
-            "{place}: ln p of the innovations of `{}` rose by {gained:.1} over {rows} rows, {long_s:.4} s",
-            self.sought.bench.filter_name
+            "{place}: the log-likelihood of the innovations of `{}` rose by {} over {rows} rows, {}",
+            self.sought.bench.filter_name,
+            quantity(digits(gained, 3), ""),
+            quantity(long_s, "s")
         ));
         for (place, suspect) in self.suspects.iter().enumerate() {
             if let Some(sd) = self.sought.prior.deviation(place) {
@@ -177,14 +179,14 @@ impl LikelihoodOutcome<'_> {
         }
         if let (Some(moves), Some(remains)) = (&self.judgement.moves, self.judgement.remains) {
             let base = self.sought.base;
+            let shown = |value: f64| quantity(digits(value, 2), base.answer_unit);
             found.notes.push(format!(
-                "{place}: with the numbers that are written the {} moves by {} {} rms; what remains unknown of them moves it by {}, and the \
-                 filter claims {}",
+                "{place}: with the identified numbers the estimate of `{}` changes by {} rms; their standard errors change it by {}, and the \
+                 filter claims a standard deviation of {}",
                 base.answer_name,
-                digits(moves.rms, 2),
-                units::name(base.answer_unit),
-                digits(remains, 2),
-                digits(moves.claimed, 2)
+                shown(moves.rms),
+                shown(remains),
+                shown(moves.claimed)
             ));
         }
         let trial = self.trial();
@@ -226,7 +228,7 @@ impl LikelihoodOutcome<'_> {
                 .iter()
                 .map(|place| format!("`{}` to {} %", self.name(*place), digits(100.0 * there.sd[*place], 2)));
             found.notes.push(format!(
-                "another recording would tell {} ({}); as a table, to be tried with `kalmems simulate`:\n\n{}",
+                "another recording would determine {} ({}); as a table, to be tried with `kalmems simulate`:\n\n{}",
                 each.collect::<Vec<_>>().join(", "),
                 there.what,
                 there.simulate.trim_end()

@@ -127,7 +127,7 @@ fn cross_axis_terms_have_the_alignment_of_the_axes_in_full() {
     let scale = with.scale_factor.uncertainty;
     let expected = (1e-3 * 0.0085_f64).hypot(1.4e-6).hypot(with.scale_factor.by_records);
     assert!((0.5..1.5).contains(&(scale / expected)), "{scale} {expected}");
-    // The turn of the case hangs on it, and the squareness of the axes on two of them.
+    // The turn of the case depends on it, and the squareness of the axes on two of them.
     let [_, angles, mounting] = with.alignment.unwrap();
     assert!(angles.iter().all(|angle| (angle.uncertainty / 1.414e-3 - 1.0).abs() < 0.01), "{angles:?}");
     assert!(mounting.iter().all(|angle| angle.uncertainty > 0.7e-3), "{mounting:?}");

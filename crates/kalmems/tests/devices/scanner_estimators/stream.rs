@@ -26,7 +26,7 @@ fn experiment(changes: &[(&str, &str)]) -> Experiment {
 }
 
 #[test]
-fn a_stream_says_what_an_estimate_says_sample_by_sample() {
+fn a_stream_equals_the_estimate_sample_by_sample() {
     let experiment = experiment(&[("every = 10", "every = 1")]);
     let rig = published().rig(&experiment).unwrap();
     let path = example("recording.csv");
@@ -492,7 +492,7 @@ fn noise(rows: usize) -> Vec<u8> {
 }
 
 #[test]
-fn a_stream_of_noise_says_so_and_tells_no_zero_phases() {
+fn a_stream_of_noise_is_reported_as_such_without_zero_phases() {
     let run = streamed(&experiment(&[]), Pieces::of(noise(24_001), 5000), None);
     let summary = run.ended.unwrap_or_else(|e| panic!("{e}"));
     let count = |kind: &str| run.events.iter().filter(|event| event["event"] == kind).count();

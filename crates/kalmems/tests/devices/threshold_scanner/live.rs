@@ -71,7 +71,7 @@ fn told_otherwise() -> String {
 /// A filter that was told of a decay and is given noise follows what is left of it: it says so, and tells no zero phases. Of the decay itself
 /// it tells them all.
 #[test]
-fn zero_phases_of_noise_are_not_told() {
+fn zero_phases_of_noise_are_not_reported() {
     let folder = tempfile::tempdir().unwrap();
     let experiment = experiment(folder.path(), &[], "");
     let mut noise = kalmems::simulate::WhiteNoise::new(20_261_124, 1);
@@ -201,7 +201,7 @@ fn a_driven_motion_in_parts_gives_the_same_bits() {
 }
 
 #[test]
-fn a_stream_says_what_an_estimate_says_and_tells_the_crossings() {
+fn a_stream_equals_the_estimate_and_reports_the_crossings() {
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let folder = example("");
     for (filters, longest) in [(String::new(), 60), (told_otherwise().replace("smooth = true\n", ""), 30_000)]

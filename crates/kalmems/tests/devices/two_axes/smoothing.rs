@@ -22,7 +22,7 @@ fn moving(samples: usize) -> Recorded {
 
 /// The smoothed state of sample k with a lag of L is what smoothing all of a recording that ends at k + L says.
 #[test]
-fn a_fixed_lag_of_both_axes_knows_what_a_shorter_recording_would_have_told() {
+fn a_fixed_lag_of_both_axes_equals_the_smoother_of_a_shorter_recording() {
     let (settings, long) = (smoothed(1e-3), moving(5000));
     let [_, whole, lagged] = <[_; 3]>::try_from(run(&settings, &long)).unwrap();
     assert_eq!((whole.key.as_str(), lagged.key.as_str()), ("ekf_smoothed", "ekf_lagged"));

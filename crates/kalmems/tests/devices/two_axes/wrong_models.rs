@@ -284,7 +284,7 @@ fn cases() -> Vec<Case> {
 #[test]
 #[ignore = "a study of a minute"]
 fn slow_wrong_models_are_tracked_on_both_axes() {
-    println!("| told wrong | filter | x | worst | over bound | y | worst | over bound | declared |");
+    println!("| wrong number | filter | x | worst | over bound | y | worst | over bound | declared |");
     println!("|---|---|---|---|---|---|---|---|---|");
     for case in cases() {
         let all = study(&case, SEEDS);

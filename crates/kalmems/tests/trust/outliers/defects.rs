@@ -73,7 +73,7 @@ fn a_step_of_the_signal_opens_the_gate_and_is_named() {
 
 /// Noise that is told a hundred times too small makes every innovation large, and none an outlier: the mean NIS says so.
 #[test]
-fn noise_that_is_told_too_small_is_no_set_of_outliers() {
+fn a_stated_noise_that_is_too_small_is_no_set_of_outliers() {
     for (of, key, value) in [
         (ACCELEROMETER, "device.accelerometer.readout.noise_variance", "4.88e-11 V^2"),
         (Of::Published("shared scanner"), "device.shared_scanner.readout.noise_variance", "1.92e-6 V^2"),

@@ -148,7 +148,7 @@ fn print(words: &str, StudyCalibrationSummary { filters }: &StudyCalibrationSumm
 }
 
 #[test]
-fn claims_of_an_accelerometer_hold_over_devices_as_it_is_told() {
+fn claims_of_an_accelerometer_hold_over_devices_drawn_from_its_stated_uncertainty() {
     let summary = CASES[4].calibrated(40);
     assert_eq!((summary.runs, summary.failed()), (40, 0));
     let calibration = summary.calibration.unwrap();
@@ -191,7 +191,7 @@ fn slow_what_wide_priors_make_of_the_claim_of_a_gain() {
 
 #[test]
 #[ignore = "10 minutes in a release build"]
-fn slow_verdicts_and_claims_hold_over_devices_as_filters_are_told() {
+fn slow_verdicts_and_claims_hold_over_devices_drawn_from_their_stated_uncertainty() {
     let (mut runs, mut doubted) = (0, 0);
     println!(
         "| device | filter | quantity | independent errors | within 1 sd | within 2 sd | within 3 sd | rms | p | finding |"

@@ -63,7 +63,7 @@ fn rmse_deg(estimator: &EstimatorMetrics) -> f64 {
 
 /// The comb's curve is wrong. A filter that believes the signal as it stands moves its gain by a third, and is 1.3° off.
 #[test]
-fn a_filter_that_believes_a_wrong_curve_is_not_the_one_to_trust() {
+fn a_filter_with_a_wrong_curve_is_not_recommended() {
     let segment = threshold(|text| {
         let without = text.replace("signal_variance = \"0.2 V^2\"\n", "");
         assert_ne!(without, text);

@@ -43,7 +43,7 @@ struct Point {
 struct Curve {
     kind: &'static Kind,
     /// Whether the filter can be told what is true.
-    can_be_told: bool,
+    can_be_detected: bool,
     /// Whether the innovations hold it at any size.
     is_visible: bool,
     points: Vec<Point>,
@@ -64,7 +64,7 @@ fn fails_by_itself(metrics: Option<&Metrics>) -> bool {
 
 impl Kind {
     /// Whether a filter can be told of it: what the simulation alone has is in no model.
-    fn can_be_told(&self) -> bool {
+    fn can_be_detected(&self) -> bool {
         self.key.starts_with("device.")
     }
 
@@ -73,7 +73,7 @@ impl Kind {
         let setting: [Setting; 1] = [self.setting(size)];
         let none: &[Setting] = &[];
         let device = Device::named(self.device);
-        match (self.of_truth, self.can_be_told()) {
+        match (self.of_truth, self.can_be_detected()) {
             (false, _) => device.estimated_by(none, [none, &setting], seed),
             (true, true) => device.estimated_by(&setting, [&setting, none], seed),
             (true, false) => device.estimated_by(&setting, [none, none], seed),
@@ -129,17 +129,17 @@ impl Kind {
                 estimates += 1;
             }
         }
-        let held = if self.can_be_told() { self.held(size) } else { f64::NAN };
+        let held = if self.can_be_detected() { self.held(size) } else { f64::NAN };
         Point { size, held, failed, error: error / f64::from(estimates) }
     }
 
     fn curve(&'static self) -> Curve {
-        let can_be_told = self.can_be_told();
-        let held = if can_be_told { self.smallest_held() } else { None };
+        let can_be_detected = self.can_be_detected();
+        let held = if can_be_detected { self.smallest_held() } else { None };
         // What they never hold is shown about the size from which on a reference sees it.
         let at = held.or_else(|| size(self)).unwrap_or(self.from);
         let points = SIZES.map(|factor| self.point(factor * at)).into_iter().collect();
-        Curve { kind: self, can_be_told, is_visible: held.is_some(), points }
+        Curve { kind: self, can_be_detected, is_visible: held.is_some(), points }
     }
 }
 
@@ -204,7 +204,7 @@ fn print(curves: &[&Curve]) {
 
 /// How many runs fail of those whose d² is in a range, and of how many.
 fn share(curves: &[Curve], from: f64, to: f64) -> (usize, usize) {
-    let points = curves.iter().filter(|curve| curve.can_be_told).flat_map(|curve| &curve.points);
+    let points = curves.iter().filter(|curve| curve.can_be_detected).flat_map(|curve| &curve.points);
     let points = points.filter(|point| from <= point.held && (point.held < to || to.is_infinite()));
     points.fold((0, 0), |(failed, all), point| (failed + point.failed, all + JUDGING.count()))
 }
@@ -232,11 +232,11 @@ fn slow_power_without_a_reference() {
     let curves = curves(&KINDS);
     let select = |wanted: &dyn Fn(&Curve) -> bool| curves.iter().filter(|c| wanted(c)).collect::<Vec<_>>();
     println!("What the innovations hold:");
-    print(&select(&|c| c.can_be_told && c.is_visible));
+    print(&select(&|c| c.can_be_detected && c.is_visible));
     println!("What they do not, at the sizes from which on a reference tells:");
-    print(&select(&|c| c.can_be_told && !c.is_visible));
+    print(&select(&|c| c.can_be_detected && !c.is_visible));
     println!("What no model can be told:");
-    print(&select(&|c| !c.can_be_told));
+    print(&select(&|c| !c.can_be_detected));
     for (from, to) in
         [(0.0, HELD), (HELD, HELD_IN_A_HUNDRED), (HELD_IN_A_HUNDRED, 1000.0), (1000.0, f64::INFINITY)]
     {

@@ -194,7 +194,7 @@ fn a_scale_and_a_stiffness_that_are_wrong_fail_by_the_reference() {
 /// A noise variance that is told too small makes innovations large; it does not lose a motion that is 0.7° off at most, where the noise is
 /// half of the signal.
 #[test]
-fn a_noise_that_is_told_a_hundred_times_too_small_loses_no_lock() {
+fn a_stated_noise_a_hundred_times_too_small_loses_no_lock() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/threshold_scanner/experiment.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let told = text.replace("1.89225e-3 V^2", "1.89225e-5 V^2");
@@ -210,7 +210,7 @@ fn a_noise_that_is_told_a_hundred_times_too_small_loses_no_lock() {
 
 #[test]
 #[ignore = "10 minutes in a release build"]
-fn slow_whatever_is_told_wrong_fails_by_the_reference() {
+fn slow_every_wrong_number_fails_by_the_reference() {
     let (mut failed, mut all) = ([0; 2], [0; 2]);
     for (place, kind) in KINDS.iter().enumerate() {
         let half = usize::from(is_set_aside(place));

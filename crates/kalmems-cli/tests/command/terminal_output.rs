@@ -169,3 +169,63 @@ fn a_ring_down_of_an_amplifier_that_inverts_is_refused_with_the_resistance_to_wr
 fn text_of(output: &Output) -> String {
     text(&output.stderr) + &text(&output.stdout)
 }
+
+/// In a copy of a folder of the examples that holds its experiment files alone.
+fn in_a_copy(of: &str, arguments: &[&str]) -> Output {
+    let folder = tempfile::tempdir().unwrap();
+    let copy = folder.path().join("examples").join(of);
+    std::fs::create_dir_all(&copy).unwrap();
+    for entry in std::fs::read_dir(root().join("examples").join(of)).unwrap() {
+        let file = entry.unwrap().path();
+        if file.extension().is_some_and(|extension| extension == "toml") {
+            std::fs::copy(&file, copy.join(file.file_name().unwrap())).unwrap();
+        }
+    }
+    Command::new(env!("CARGO_BIN_EXE_kalmems")).current_dir(folder.path()).args(arguments).output().unwrap()
+}
+
+#[test]
+fn a_file_that_another_command_makes_is_named_with_that_command() {
+    let output = in_a_copy("piston_mirror", &["spectrum", "examples/piston_mirror/two_lines_spectrum.toml"]);
+    let said = text(&output.stderr);
+    assert!(
+        said.contains("there is no file `examples/piston_mirror/../../out/simulated/two-lines/"),
+        "{said}"
+    );
+    assert!(said.contains("`kalmems simulate examples/piston_mirror/two_lines.toml` makes it"), "{said}");
+    let output = in_a_copy("shared_scanner", &["estimate", "examples/shared_scanner/recording.csv"]);
+    let said = text(&output.stderr);
+    assert!(said.contains("there is no such file"), "{said}");
+    let recording = root().join("examples/shared_scanner/recording.csv").display().to_string();
+    let said = text(&run(&["estimate", &recording]).stderr);
+    assert!(
+        said.contains(&format!("if it is a recording, `kalmems new {recording}` describes it")),
+        "{said}"
+    );
+}
+
+#[test]
+fn an_identification_prints_numbers_in_the_units_of_the_experiment() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("identified").display().to_string();
+    let output = run(&["identify", "examples/comb_resonator/experiment.toml", "--out", &out]);
+    let printed = text(&output.stdout);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    for shown in [" nN/V²", " N/m ", " nN s/m", " 1/m²", " µs", "the estimate of `x` changes by 1.1 µm rms"]
+    {
+        assert!(printed.contains(shown), "{shown}: {printed}");
+    }
+    assert!(!printed.contains("^-"), "{printed}");
+}
+
+#[test]
+fn a_start_of_a_simulation_is_asked_for_without_the_states_of_another_device() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mirror.toml").display().to_string();
+    let template = text(&run(&["new", "--device", "accelerometer"]).stdout);
+    let line = template.lines().find(|line| line.starts_with("start = { displacement")).unwrap();
+    std::fs::write(&file, template.replacen(line, "start = \"1 m\"", 1)).unwrap();
+    let said = text(&run(&["simulate", &file]).stderr);
+    assert!(said.contains("add the table `[simulate.start]` with a value for each name"), "{said}");
+    assert!(said.contains("`kalmems help device NAME` lists") && !said.contains("angle"), "{said}");
+}
