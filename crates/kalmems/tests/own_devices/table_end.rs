@@ -64,11 +64,11 @@ fn a_simulation_that_leaves_a_table_names_it_and_not_the_rate_of_integration() {
 
 #[test]
 fn a_filter_that_leaves_a_table_is_said_to() {
-    let (right, told) = (experiment(", outside = \"linear\""), experiment(""));
-    let simulation = published().rig(&right).unwrap().simulate(&right).unwrap();
+    let (extended, ended) = (experiment(", outside = \"linear\""), experiment(""));
+    let simulation = published().rig(&extended).unwrap().simulate(&extended).unwrap();
     let all = ComputedRecording::of(simulation.as_ref(), &Silent).unwrap();
     let outcome =
-        estimate_computed(published(), &described(&told, simulation.as_ref()), &all, &Silent).unwrap();
+        estimate_computed(published(), &described(&ended, simulation.as_ref()), &all, &Silent).unwrap();
     let estimate = &outcome.recordings[0].segments[0].estimate;
     let text = format!("{:?} {:?}", estimate.remarks, estimate.trajectories[0].failure);
     assert!(estimate.remarks.iter().any(|remark| remark.contains("it leaves the table `C`")), "{text}");
