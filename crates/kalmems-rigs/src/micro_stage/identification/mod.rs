@@ -66,9 +66,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         index(RecordingRole::ZeroDrive)?,
     );
     if sweep.is_none() && on.is_none() && still.is_none() {
-        return Err(experiment
-            .error("recording", ConfigFault::Value { why: NO_RECORDING.to_owned() })
-            .into());
+        let fault = ConfigFault::Value { why: NO_RECORDING.to_owned() };
+        return Err(experiment.error("recording", fault).into());
     }
     let mut device = (*experiment.device::<MicroStage>()?).clone();
     let mut entries = Entries::default();
