@@ -84,7 +84,7 @@ mod tests {
             .map(|k| (TAU * 0.1 * f64::from(k)).sin() + 0.1 * (f64::from(k * 7919 % 1000) / 500.0 - 1.0))
             .collect();
         assert_eq!(sweep(&part_frequencies(&sine, 1e4)), None);
-        assert_eq!(sweep(&part_frequencies(&[0.0; 8000], 1e4)), None);
+        assert_eq!(sweep(&part_frequencies(&vec![0.0; 8000], 1e4)), None);
     }
 
     #[test]

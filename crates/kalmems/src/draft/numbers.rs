@@ -84,15 +84,12 @@ impl<'t> Line<'t> {
             }
             let (name, rest) = line.split_once(" = ")?;
             let from = start + name.len() + " = ".len();
-            let (value, is_quoted, length) = match rest.strip_prefix('"') {
-                Some(quoted) => {
-                    let value = quoted.split('"').next()?;
-                    (value, true, value.len() + 2)
-                }
-                None => {
-                    let value = rest.split(" #").next()?.trim_end();
-                    (value, false, value.len())
-                }
+            let (value, is_quoted, length) = if let Some(quoted) = rest.strip_prefix('"') {
+                let value = quoted.split('"').next()?;
+                (value, true, value.len() + 2)
+            } else {
+                let value = rest.split(" #").next()?.trim_end();
+                (value, false, value.len())
             };
             let comment = rest.get(length..)?.trim_start().trim_start_matches('#').trim();
             let is_number = is_quoted || value.parse::<f64>().is_ok();

@@ -519,5 +519,5 @@ fn events_that_a_source_cannot_have_are_refused() {
     );
     let shown = published().parse(&text, experiment.path()).unwrap();
     let said = refused(&shown, "told");
-    assert!(said.contains("the detector is not part of the source"), "{said}");
+    assert!(said.contains("the detector is not part of the exported source"), "{said}");
 }

@@ -56,14 +56,11 @@ fn with_time(
         return Err(wrong(error));
     }
     let file = recording.path.display().to_string();
-    let answer = match &error {
-        DraftError::TimeWithoutUnit { found, .. } => {
-            ask::time(&file, found)?.map(|answer| (answer, &found.column))
-        }
-        _ => {
-            *rate = ask::rate(&file)?;
-            None
-        }
+    let answer = if let DraftError::TimeWithoutUnit { found, .. } = &error {
+        ask::time(&file, found)?.map(|answer| (answer, &found.column))
+    } else {
+        *rate = ask::rate(&file)?;
+        None
     };
     match answer {
         Some((ask::TimeAnswer::Unit(unit), column)) => {

@@ -40,6 +40,10 @@ use crate::micro_stage::device::MicroStage;
 use crate::progress::Progress;
 use std::f64::consts::TAU;
 
+/// What keeps an identification from its beginning.
+const NO_RECORDING: &str = "no recording has the role `sweep`, `bias_on` or `zero_drive`; parameters are identified from those, or \
+    from any moving recording where `[identify]` names them, such as `parameters = [\"resonator.natural_frequency\"]`";
+
 /// Identifies what the recordings' roles allow.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
     let mut hardware = StageHardware::of(experiment)?;
@@ -62,9 +66,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         index(RecordingRole::ZeroDrive)?,
     );
     if sweep.is_none() && on.is_none() && still.is_none() {
-        let why = "no recording has the role `sweep`, `bias_on` or `zero_drive`; parameters are identified from those, or \
-                   from any moving recording where `[identify]` names them, such as `parameters = [\"resonator.natural_frequency\"]`";
-        return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
+        let fault = ConfigFault::Value { why: NO_RECORDING.to_owned() };
+        return Err(experiment.error("recording", fault).into());
     }
     let mut device = (*experiment.device::<MicroStage>()?).clone();
     let mut entries = Entries::default();
