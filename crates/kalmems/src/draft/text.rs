@@ -97,8 +97,13 @@ fn steps(device: &str, sorted: &SortedRecordings) -> Vec<String> {
                 .to_owned(),
         );
     }
-    let next = next_recording(sorted);
-    steps.push(format!("{}. {next}", steps.len() + 1));
+    let then = [
+        "Where the verdict is `doubtful` or worse, `kalmems diagnose` with that experiment looks for the cause, and `--write` writes an experiment with what it finds, such as a number as a state.".to_owned(),
+        next_recording(sorted),
+    ];
+    for step in then {
+        steps.push(format!("{}. {step}", steps.len() + 1));
+    }
     steps
 }
 
