@@ -2,7 +2,7 @@
 
 use super::any_filter::StateFilter;
 use super::error_memory::ErrorMemory;
-use super::gate::{Decisions, Rejection, SampleGate};
+use super::gate::{Decisions, NEVER, Rejection, SampleGate};
 use super::linked::LinkedFilter;
 use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::transition::{Sensor, Transition};
@@ -172,9 +172,6 @@ pub fn by_signals<S: Sensor>(
     Ok(first)
 }
 
-/// A normalised innovation squared that no innovation is below.
-const NEVER: f64 = -1.0;
-
 /// Corrects a filter by a signal that it takes for another variance than that of the signal's noise, or not at all; the innovation is
 /// judged by the variance of the noise all the same, so that those of all filters are of the same signal.
 pub fn by_signal_taken_for(
@@ -226,6 +223,17 @@ impl DerivedQuantities {
     pub(super) fn after(derived: Option<&Self>, states: &[StateName]) -> Vec<StateName> {
         states.iter().chain(derived.iter().flat_map(|derived| &derived.names)).copied().collect()
     }
+}
+
+/// The standard deviation of a quantity with this gradient by the states, √(gᵀ·P·g), from the entries of their covariance.
+pub fn deviation(gradient: &[f64], p: &dyn Fn(usize, usize) -> f64) -> f64 {
+    let mut variance = 0.0;
+    for (i, one) in gradient.iter().enumerate() {
+        for (j, other) in gradient.iter().enumerate() {
+            variance += one * p(i, j) * other;
+        }
+    }
+    variance.sqrt()
 }
 
 impl Trajectory {

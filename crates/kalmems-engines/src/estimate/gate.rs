@@ -399,7 +399,7 @@ impl SampleGate {
 }
 
 /// A normalised innovation squared that no innovation is below.
-const NEVER: f64 = -1.0;
+pub const NEVER: f64 = -1.0;
 
 /// How much of a sample is believed.
 struct SampleWeight {

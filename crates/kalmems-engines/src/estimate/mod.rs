@@ -42,13 +42,15 @@ pub(crate) use considered::DirectionInformation;
 pub use constant_gain::{ConstantGain, GainOf, HeldSamples, Never, kalman_bucy};
 pub use engine::{
     Compute, Course, DerivedQuantities, Filtering, StateName, by_signal, by_signal_taken_for, by_signals,
+    deviation,
 };
 pub use error::EstimateError;
 pub use error_memory::ErrorSpan;
 pub use filter_basics::{FilterBasics, process_noise};
 pub use from_signal::{SignalStart, StartedCourse, begun, rows_for_start, start_from_signal};
 pub use gate::{
-    Decisions, EVENTS, FALSE_REJECTIONS, GateMode, GateTurn, Rejection, SampleGate, UpdateLaw, largest_nis,
+    Decisions, EVENTS, FALSE_REJECTIONS, GateMode, GateTurn, NEVER, Rejection, SampleGate, UpdateLaw,
+    largest_nis,
 };
 pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;

@@ -7,7 +7,7 @@ use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval};
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
-    Bridge, Course, DerivedQuantities, EVENTS, Filtering, SampleCounts, SampleSelection, StateName,
+    Bridge, Course, DerivedQuantities, EVENTS, Filtering, NEVER, SampleCounts, SampleSelection, StateName,
     Trajectory, by_signal_taken_for, by_signals,
 };
 use kalmems_core::{FilterError, Innovation, Nodes};
@@ -73,9 +73,6 @@ pub struct EquationCourse<'a> {
     /// The variance that a sample of its one signal is taken for, where that is not the noise's.
     signal_variance: Option<f64>,
 }
-
-/// A normalised innovation squared that no innovation is below.
-const NEVER: f64 = -1.0;
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it.
 const SAME: f64 = 1e-6;

@@ -1,7 +1,7 @@
 //! A device's equations as filters run them: the step over an interval, and what is read.
 
 use crate::estimate::driven::{ParameterStep, SegmentDrive};
-use crate::estimate::{DerivedQuantities, Sensor, StateName, Tracked, Transition};
+use crate::estimate::{DerivedQuantities, Sensor, StateName, Tracked, Transition, deviation};
 use kalmems_core::augmentation::AddedState;
 use kalmems_core::discretize::discretize;
 use kalmems_core::{Mat, Nodes, NoiseDensity, ProcessNoise};
@@ -271,12 +271,7 @@ impl EquationModel {
                 for (slope, (_, added)) in slopes.iter_mut().skip(moving).zip(&free) {
                     *slope *= added.scale;
                 }
-                let of_row = |i: usize| {
-                    slopes.iter().enumerate().map(move |(j, slope)| slope * covariance(i.max(j), i.min(j)))
-                };
-                let variance: f64 =
-                    slopes.iter().enumerate().map(|(i, slope)| slope * of_row(i).sum::<f64>()).sum();
-                to(place, (value, variance.sqrt()));
+                to(place, (value, deviation(slopes, covariance)));
             }
         }))
     }

@@ -1,7 +1,7 @@
 //! The models of the motion: what a filter knows of a phasor.
 
 use super::plates::{COEFFICIENTS, Plates};
-use crate::estimate::{DerivedQuantities, StateName};
+use crate::estimate::{DerivedQuantities, StateName, deviation};
 use crate::units::kind;
 use kalmems_core::Portable;
 use kalmems_core::{Measurement, NoiseDensity, Process};
@@ -134,17 +134,6 @@ pub fn position_and_velocity(&[a, f, phase, rest, drift]: &[f64; 5]) -> ([f64; 2
     let gradients =
         [[c, 0.0, -a * s, 1.0, 0.0], [-rate * s, -TAU * a * s, -drift * s - rate * a * c, 0.0, c]];
     (values, gradients)
-}
-
-/// √(gᵀ·P·g).
-fn deviation(gradient: &[f64], p: &dyn Fn(usize, usize) -> f64) -> f64 {
-    let mut variance = 0.0;
-    for (i, one) in gradient.iter().enumerate() {
-        for (j, other) in gradient.iter().enumerate() {
-            variance += one * p(i, j) * other;
-        }
-    }
-    variance.sqrt()
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use crate::config::{CrossingTiming, Method, Variant};
 use crate::crossings::{CrossingDelivery, CrossingReading, LevelCrossing};
 use crate::estimate::driven::{DrivenCourse, DrivenSegment, HYBRID_STEPS, Plant};
 use crate::estimate::{
-    Course, EVENTS, Filtering, MOST_STATES, SampleCounts, Sensor, Trajectory, Transition, by_signal_taken_for,
+    Course, EVENTS, Filtering, MOST_STATES, NEVER, SampleCounts, Sensor, Trajectory, Transition,
+    by_signal_taken_for,
 };
 use crate::signal::cubic_between;
 use kalmems_core::augmentation::AugmentationError;
@@ -49,9 +50,6 @@ const STEP_BACK_S: f64 = 32e-6;
 /// The smallest variance of an angle at a crossing whose own follows from its time, in rad²: what the threshold itself is
 /// known to, (0.01 mrad)².
 pub const LEAST_VARIANCE: f64 = 1e-10;
-
-/// A normalised innovation squared that no innovation is below.
-const NEVER: f64 = -1.0;
 
 impl<'a> ThresholdCourse<'a> {
     /// A way through these rows of a segment, of which `first` is the place of the first; `angle` is that which is passed, for

@@ -1,5 +1,6 @@
 //! A device of one's own whose signal has what the rate of its drive makes of it, and quantities that follow from its states.
 
+use crate::own_inputs::Rows;
 use crate::parts::same_bits_in_parts;
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
@@ -8,7 +9,6 @@ use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
 use kalmems::workflow::{Outcome, estimate_computed};
 use std::f64::consts::TAU;
-use std::ops::ControlFlow;
 use std::path::Path;
 
 /// A plate on a spring whose pick-up current has the drive's displacement current through a stray capacitance in it.
@@ -64,20 +64,6 @@ fn parse(text: &str) -> Experiment {
     parsed.unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
-/// Rows of time, of what is recorded and of what is true.
-fn rows(text: &str) -> Vec<(f64, Vec<f64>, Vec<f64>)> {
-    let experiment = parse(text);
-    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-    let mut rows = Vec::new();
-    simulation
-        .run(&mut |sample| {
-            rows.push((sample.time_s, sample.recorded.to_vec(), sample.truth.to_vec()));
-            ControlFlow::Continue(())
-        })
-        .unwrap();
-    rows
-}
-
 fn simulated(text: &str) -> (Experiment, ComputedRecording) {
     let experiment = parse(text);
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
@@ -93,8 +79,8 @@ fn outcome(text: &str) -> Outcome {
 #[test]
 fn a_simulated_signal_has_the_rate_of_the_drive_and_the_truth_the_quantities() {
     let text = format!("{}{SINE}", PLATE.replace("seed = 1\n", "seed = 1\nnoise = false\n"));
-    let rows = rows(&text);
-    for (time_s, recorded, truth) in &rows {
+    let rows = Rows::of(&text, Path::new("nowhere"));
+    for (time_s, recorded, truth) in &rows.samples {
         let ([drive, current], [x, v, energy, twice]) =
             (recorded[..].try_into().unwrap(), truth[..].try_into().unwrap());
         let (sine, cosine) = (TAU * 900.0 * time_s).sin_cos();

@@ -52,14 +52,14 @@ fn parse(text: &str, folder: &Path) -> Result<Experiment, String> {
 }
 
 /// Rows of time, of what is recorded and of what is true, with their columns.
-struct Rows {
+pub(crate) struct Rows {
     recorded: Vec<&'static str>,
     truth: Vec<&'static str>,
-    samples: Vec<(f64, Vec<f64>, Vec<f64>)>,
+    pub(crate) samples: Vec<(f64, Vec<f64>, Vec<f64>)>,
 }
 
 impl Rows {
-    fn of(text: &str, folder: &Path) -> Self {
+    pub(crate) fn of(text: &str, folder: &Path) -> Self {
         let experiment = parse(text, folder).unwrap_or_else(|error| panic!("{error}"));
         let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
         let names =
