@@ -97,7 +97,7 @@ impl<T: Scalar<Mask = bool>> Run<T> for Threshold<T> {
     const STEPS: usize = threshold_samples::SIGNAL_V.len() - 1;
 
     fn begin() -> Option<Self> {
-        let mut estimator = threshold::Estimator::new().ok()?;
+        let mut estimator = threshold::Estimator::new();
         estimator.step(at(&threshold_samples::SIGNAL_V, 0), true).ok()?;
         Some(Self(estimator))
     }

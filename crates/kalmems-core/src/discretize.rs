@@ -104,8 +104,11 @@ fn series<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>, h: T) -> (Ma
     let ah = a.scaled(h);
     // ∫ = h·(1 + Ah/2·(1 + Ah/3·(1 + …)))
     let mut inner = Mat::identity();
-    for k in (2..=TERMS).rev() {
-        inner = Mat::identity().plus(&ah.times(&inner).scaled(T::of(1.0 / k as f64)));
+    // Counted in T: a microcontroller would divide by an integer in software.
+    let mut k = T::of(TERMS as f64);
+    for _ in 2..=TERMS {
+        inner = Mat::identity().plus(&ah.times(&inner).scaled(k.recip()));
+        k = k - T::of(1.0);
     }
     (Mat::identity().plus(&ah.times(&inner)), inner.scaled(h))
 }
@@ -119,8 +122,10 @@ fn noise_series<T: Scalar<Mask = bool>, const N: usize>(
     let mut term = lower!(|i, j| density.get(i, j) * h);
     let mut total = term;
     // Twice the terms: ‖L‖ ≤ 2·‖A‖.
-    for k in 2..=(TERMS + 4) {
-        let factor = h * T::of(1.0 / k as f64);
+    let mut k = T::of(2.0);
+    for _ in 2..=(TERMS + 4) {
+        let factor = h * k.recip();
+        k = k + T::of(1.0);
         let ax: [[T; N]; N] = vector!(|i| vector!(|j| sum!(N, |l| a.0[i][l] * term.get(l, j))));
         term = lower!(|i, j| (ax[i][j] + ax[j][i]) * factor);
         total = total.plus(&term);

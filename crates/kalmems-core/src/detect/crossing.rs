@@ -42,7 +42,8 @@ pub struct CubicFit<T, const REACH: usize> {
 /// The numbers of a [`CubicFit`] for any reach, in f64: for a table that is made before a program is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CubicDesign {
-    width: f64,
+    /// The standard deviation of the Gaussian in samples.
+    pub width: f64,
     /// Σ w·u^(2i) over all samples, i = 0 … 3.
     pub moments: [f64; 4],
     /// Σk₀²: the variance of the fitted value at the centre, per variance of white noise.
@@ -89,14 +90,21 @@ impl<T: Scalar<Mask = bool>, const REACH: usize> CubicFit<T, REACH> {
     /// # Errors
     /// Where the width is not a positive number.
     pub fn new(width: f64) -> Result<Self, DetectError> {
-        const { assert!(REACH > 1, "a cubic needs four samples") };
         let design = CubicDesign::new(width, REACH)?;
         let mut weights = [T::of(0.0); REACH];
         for (i, weight) in weights.iter_mut().enumerate() {
             *weight = T::of(design.weight(i + 1));
         }
+        Ok(Self::of_table(weights, &design))
+    }
+
+    /// The fit of a design whose Gaussian at 1 … `REACH` stands in a table. A microcontroller then computes no
+    /// exponential before its first sample.
+    #[inline(always)]
+    pub fn of_table(weights: [T; REACH], design: &CubicDesign) -> Self {
+        const { assert!(REACH > 1, "a cubic needs four samples") };
         let (moments, noise_gain) = (design.moments.map(T::of), T::of(design.noise_gain));
-        Ok(Self { weights, scale: T::of(1.0 / width), moments, noise_gain })
+        Self { weights, scale: T::of(1.0 / design.width), moments, noise_gain }
     }
 
     /// The zero of `signal` − `offset` near the sample `centre`.

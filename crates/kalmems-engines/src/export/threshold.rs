@@ -1,7 +1,8 @@
 //! The filter of a threshold-sensing scanner in units of its own.
 
-use super::{fill, number};
+use super::{ExportError, fill, number};
 use kalmems_core::Mat;
+use kalmems_core::detect::{CubicDesign, SlopeDesign};
 use kalmems_models::capacitance::CurveShape;
 use kalmems_models::dynamics::MirrorResonator;
 use kalmems_models::readout::CurrentReadout;
@@ -152,9 +153,32 @@ impl ThresholdFilter {
 }
 
 impl ScaledThreshold {
+    /// The kernel of the slope for the edge that a passed angle gives: its weights, and the design behind them.
+    pub fn slope(&self) -> Result<(Vec<f64>, SlopeDesign), ExportError> {
+        let (width, half) = self.kernel;
+        let design = SlopeDesign::new(width, half)?;
+        let sign = if self.falls { -1.0 } else { 1.0 };
+        Ok(((1..=half).map(|n| sign * design.weight(n)).collect(), design))
+    }
+
+    /// The weights of the cubic, and the design behind them.
+    pub fn cubic(&self) -> Result<(Vec<f64>, CubicDesign), ExportError> {
+        let (width, reach) = self.fit;
+        let design = CubicDesign::new(width, reach)?;
+        Ok(((1..=reach).map(|n| design.weight(n)).collect(), design))
+    }
+
     /// The module behind its heading, for Rust.
-    pub fn to_rust(&self) -> String {
+    pub fn to_rust(&self) -> Result<String, ExportError> {
         let of = |x: f64| format!("of({})", number(x));
+        let list = |values: &[f64], of: &dyn Fn(f64) -> String| {
+            values.iter().map(|x| of(*x)).collect::<Vec<_>>().join(", ")
+        };
+        let plain = |x: f64| number(x).to_string();
+        let table = |values: Vec<f64>| {
+            values.chunks(4).map(|row| format!("        {},\n", list(row, &of))).collect::<String>()
+        };
+        let ((slope_weights, slope), (fit_weights, cubic)) = (self.slope()?, self.cubic()?);
         let [[f00, f01], [f10, f11]] = self.transition.map(|row| row.map(of));
         let [[_, a01], [a10, a11]] = self.system.0.map(|row| row.map(of));
         let [q00, q10, q11] = self.noise.map(of);
@@ -168,8 +192,7 @@ impl ScaledThreshold {
             CurveShape::Logistic => "Logistic",
             CurveShape::Gaussian => "Gaussian",
         };
-        let falling = if self.falls { ".falling()" } else { "" };
-        fill(
+        Ok(fill(
             MODULE,
             &[
                 ("a01", &a01),
@@ -184,9 +207,11 @@ impl ScaledThreshold {
                 ("f01", &f01),
                 ("f10", &f10),
                 ("f11", &f11),
-                ("falling", &falling),
                 ("fit", &self.fit.1),
-                ("fit_width", &number(self.fit.0)),
+                ("fit_moments", &list(&cubic.moments, &plain)),
+                ("fit_noise_gain", &number(cubic.noise_gain)),
+                ("fit_weights", &table(fit_weights)),
+                ("fit_width", &number(cubic.width)),
                 ("gain", &number(self.gain)),
                 ("gate", &gate),
                 ("half", &self.kernel.1),
@@ -206,15 +231,16 @@ impl ScaledThreshold {
                 ("reach", &self.reach),
                 ("shape", &shape),
                 ("threshold", &number(self.angle)),
+                ("slope_moments", &list(&slope.moments(), &plain)),
+                ("slope_weights", &table(slope_weights)),
                 ("variance", &number(self.variance)),
-                ("width", &number(self.kernel.0)),
             ],
-        )
+        ))
     }
 }
 
 /// The module, with the places of its constants.
-const MODULE: &str = r"use kalmems_core::detect::{CubicFit, DetectError, Detector, SlopeKernel, Threshold, angle_at, angle_variance};
+const MODULE: &str = r"use kalmems_core::detect::{CubicDesign, CubicFit, Detector, SlopeKernel, Threshold, angle_at, angle_variance};
 use kalmems_core::update::@policy@;
 use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearProcess, Mat, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
@@ -256,6 +282,25 @@ pub fn readout<T: Scalar>() -> CurrentReadout<T> {
     CurrentReadout { comb, offset: of(@offset@) }
 }
 
+/// What smooths a signal and takes its slope.
+#[inline(always)]
+fn slope_kernel<T: Scalar>() -> SlopeKernel<T, @half@> {
+    let of = T::of;
+    let weights = [
+@slope_weights@    ];
+    SlopeKernel::of_table(weights, [@slope_moments@])
+}
+
+/// The cubic around a crossing.
+#[inline(always)]
+fn cubic_fit<T: Scalar<Mask = bool>>() -> CubicFit<T, @fit@> {
+    let of = T::of;
+    let weights = [
+@fit_weights@    ];
+    let moments = [@fit_moments@];
+    CubicFit::of_table(weights, &CubicDesign { width: @fit_width@, moments, noise_gain: @fit_noise_gain@ })
+}
+
 /// The detector and the filter on their way.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimator<T: Scalar> {
@@ -267,17 +312,17 @@ pub struct Estimator<T: Scalar> {
 
 impl<T: Scalar<Mask = bool>> Estimator<T> {
     /// Before the first sample.
-    pub fn new() -> Result<Self, DetectError> {
+    pub fn new() -> Self {
         let of = T::of;
-        let kernel = SlopeKernel::new(@width@)?@falling@;
+        let kernel = slope_kernel();
         let threshold = Threshold::fixed(kernel.noise_deviation(of(1.0)) * of(@deviations@));
         let start = Covariance::from_standard_deviations([of(@angle_sd@), of(@rate_sd@)]);
-        Ok(Self {
+        Self {
             finder: Finder::new(kernel, threshold, of(1.0)),
-            fit: CubicFit::new(@fit_width@)?,
+            fit: cubic_fit(),
             filter: Ekf::new([of(@angle@), of(@rate@)], start),
             crossings: 0,
-        })
+        }
     }
 
     /// Goes on to the next sample, a signal in V; the first is at the start.

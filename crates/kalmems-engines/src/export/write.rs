@@ -90,7 +90,10 @@ pub fn export(
         }
         (ExportableFilter::Threshold(filter), SourceLanguage::Rust) => {
             let what = "The filter of a threshold-sensing scanner and its detector, for a microcontroller.";
-            vec![("filter.rs".to_owned(), rust::module(what, &heading, &filter.scaled(interval_s).to_rust()))]
+            vec![(
+                "filter.rs".to_owned(),
+                rust::module(what, &heading, &filter.scaled(interval_s).to_rust()?),
+            )]
         }
         (ExportableFilter::Threshold(filter), SourceLanguage::C) => {
             let name = c_name(&experiment.name.to_string());

@@ -171,7 +171,7 @@ fn an_exported_filter_of_the_scanner_estimates_what_the_program_does() {
 fn an_exported_threshold_filter_estimates_nearly_what_the_program_does() {
     let (recording, estimate) = estimated(&example(THRESHOLD));
     let signal = recording.column("cap_V").unwrap().of(&recording.segments()[0]);
-    let mut filter = threshold::Estimator::<f64>::new().unwrap();
+    let mut filter = threshold::Estimator::<f64>::new();
     let mut angle = Vec::new();
     for (k, volts) in signal.iter().enumerate() {
         filter.step(*volts, k == 0).unwrap();

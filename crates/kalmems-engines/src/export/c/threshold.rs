@@ -3,7 +3,7 @@
 use super::super::ExportError;
 use super::super::threshold::ScaledThreshold;
 use super::{PRELUDE, comment, constants, float};
-use kalmems_core::detect::{CubicDesign, SlopeDesign, angle_at};
+use kalmems_core::detect::angle_at;
 use kalmems_models::capacitance::CurveShape;
 
 /// Header and source; `name` begins the names of types and functions and is a C name.
@@ -14,9 +14,8 @@ pub fn files(
     heading: &[String],
 ) -> Result<(String, String), ExportError> {
     let (upper, comment) = (name.to_uppercase(), comment(heading));
-    let ((width, half), (fit_width, fit)) = (scaled.kernel, scaled.fit);
-    let kernel = SlopeDesign::new(width, half)?;
-    let cubic = CubicDesign::new(fit_width, fit)?;
+    let (half, (fit_width, fit)) = (scaled.kernel.1, scaled.fit);
+    let ((slope_weights, kernel), (fit_weights, cubic)) = (scaled.slope()?, scaled.cubic()?);
     let constants = constants(&upper, [scaled.angle_unit, scaled.rate_unit, scaled.per_volt, interval_s]);
     let fill = |text: &str| {
         text.replace("@name@", name)
@@ -27,9 +26,7 @@ pub fn files(
             .replace("@reach@", &scaled.reach.to_string())
             .replace("@look_ahead@", &scaled.look_ahead.to_string())
     };
-    let sign = if scaled.falls { -1.0 } else { 1.0 };
-    let slope_weights = table((1..=half).map(|n| sign * kernel.weight(n)));
-    let fit_weights = table((1..=fit).map(|n| cubic.weight(n)));
+    let [slope_weights, fit_weights] = [slope_weights, fit_weights].map(|weights| table(weights.into_iter()));
     let [m0, m2, m4, m6] = cubic.moments;
     // The last sample that a crossing is about is so far back; from there on by the fit's displacement.
     #[allow(clippy::cast_precision_loss)] // a few hundred
