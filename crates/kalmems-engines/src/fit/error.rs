@@ -46,4 +46,7 @@ pub enum FitError {
         /// The sum of squares there.
         sum_of_squares: f64,
     },
+    /// It was stopped.
+    #[error("the fit was interrupted")]
+    Interrupted,
 }

@@ -2,6 +2,7 @@
 
 use super::triangle::Triangle;
 use super::{Fit, FitError, Regression};
+use crate::progress::{Progress, Silent};
 
 /// An interval that a parameter may not leave.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +58,17 @@ pub fn fit<R: Regression<P>, const P: usize>(
     regression: &R,
     settings: &FitSettings<P>,
 ) -> Result<Fit<P>, FitError> {
+    fit_until(regression, settings, &Silent)
+}
+
+/// The same, which asks before each pass over the data whether it is to stop.
+pub fn fit_until<R: Regression<P>, const P: usize>(
+    regression: &R,
+    settings: &FitSettings<P>,
+    progress: &dyn Progress,
+) -> Result<Fit<P>, FitError> {
     check(settings)?;
+    let go_on = || if progress.reached(0).is_break() { Err(FitError::Interrupted) } else { Ok(()) };
     let mut x = settings.start;
     let mut at = linearize(regression, &x, settings)?;
     let mut scale = [0.0_f64; P];
@@ -89,6 +100,7 @@ pub fn fit<R: Regression<P>, const P: usize>(
                 moved.clamp(settings.bounds[i].low, settings.bounds[i].high)
             });
             let step: [f64; P] = std::array::from_fn(|i| next[i] - x[i]);
+            go_on()?;
             let size_of_step = length(&d, &step);
             let cost = cost(regression, &next);
             let linear = triangle.square_of(&step);
@@ -114,6 +126,7 @@ pub fn fit<R: Regression<P>, const P: usize>(
             let taken = ratio >= 1e-4 && cost.is_finite();
             if taken {
                 x = next;
+                go_on()?;
                 at = linearize(regression, &x, settings)?;
             }
             let still = predicted <= settings.tolerance * at.cost

@@ -13,7 +13,7 @@ mod tests;
 mod triangle;
 
 pub use error::FitError;
-pub use levenberg::{FitSettings, ParameterBounds, fit};
+pub use levenberg::{FitSettings, ParameterBounds, fit, fit_until};
 pub use likelihood::{InnovationScore, Innovations, MostLikely, most_likely};
 pub use outcome::{DerivedNumber, Fit, ParameterDirection};
 pub use outliers::{outliers, outliers_of_stated};

@@ -47,6 +47,7 @@ impl IdentifyError {
         matches!(
             self,
             Self::Interrupted
+                | Self::Fit { source: FitError::Interrupted, .. }
                 | Self::Read(ReadError::Interrupted { .. })
                 | Self::Reference(ReferenceError::Read(ReadError::Interrupted { .. }))
         )

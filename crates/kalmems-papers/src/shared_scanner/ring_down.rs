@@ -8,6 +8,7 @@ use crate::identify::fit_free_decay;
 use crate::program::{
     Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
 };
+use crate::progress::Silent;
 use crate::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_core::{Measurement, Over};
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -158,15 +159,16 @@ fn identified(
     record: &RingDownRecord,
     with_reference: bool,
 ) -> Result<[RingDownConstants; 2], ReproduceError> {
-    let fitted = fit_ring_down(&RingDown {
+    let record = RingDown {
         interval_s: 1.0 / SAMPLING_HZ,
         signal: &record.signal,
         angle: if with_reference { &record.angle } else { &[] },
         scanner: believed(&bench.scanner()),
         bias: s_table_i::BIAS_V,
         gain: CURRENT_GAIN,
-    })
-    .map_err(|e| failed("the ring-down by shooting")(e.into()))?;
+    };
+    let fitted =
+        fit_ring_down(&record, &Silent).map_err(|e| failed("the ring-down by shooting")(e.into()))?;
     let all = PLACES.map(|place| fitted.fit.parameter(place));
     Ok([all.map(|one| one.value), all.map(|one| one.deviation)])
 }

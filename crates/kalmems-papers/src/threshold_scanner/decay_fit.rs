@@ -5,6 +5,7 @@ use super::published::identified as published;
 use crate::program::{
     Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
 };
+use crate::progress::Silent;
 use crate::simulate::WhiteNoise;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use kalmems_models::capacitance::CurveShape;
@@ -130,7 +131,7 @@ fn trial(bench: &ThresholdBench, i: usize, seed: u64) -> Option<DecayFitTrial> {
             multiple: 1.0,
             shape,
         };
-        fit_decay(&record).ok()
+        fit_decay(&record, &Silent).ok()
     };
     let found = fitted(CurveShape::Logistic)?;
     let gaussian = fitted(CurveShape::Gaussian)?;

@@ -7,6 +7,7 @@ use crate::estimate::Trajectory;
 use crate::program::{
     Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
 };
+use crate::progress::Silent;
 use crate::simulate::WhiteNoise;
 use kalmems_figures::significant;
 use kalmems_figures::{ColumnHead, TextTable};
@@ -137,7 +138,7 @@ fn identify(bench: &ThresholdBench, i: usize, seed: u64) -> Option<ThresholdHard
         multiple: 1.0,
         shape: bench.device.readout.comb.shape,
     };
-    let found = fit_decay(&record).ok()?;
+    let found = fit_decay(&record, &Silent).ok()?;
     let p = &found.fit.parameters;
     let mut device = bench.device;
     device.readout.comb = found.comb();

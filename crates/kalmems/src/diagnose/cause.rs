@@ -8,8 +8,8 @@ use super::suspect::Suspect;
 pub(super) enum Cause {
     /// Numbers of the device, or of what was recorded, by their places among the suspects, with their sizes.
     Numbers(Vec<(usize, f64)>),
-    /// A line in the signal: its frequency in Hz, and the amplitudes of cosine and sine.
-    Line { signal: String, frequency_hz: f64, amplitude: [f64; 2] },
+    /// A line in the signal: its frequency in Hz, the amplitudes of cosine and sine, and which harmonic of the motion it is, if it is one.
+    Line { signal: String, frequency_hz: f64, amplitude: [f64; 2], harmonic: Option<usize> },
     /// Samples of a signal that are none of its noise, by their times in s.
     Outliers { signal: String, times: Vec<f64> },
 }
@@ -26,7 +26,7 @@ impl Cause {
                 }
                 Some(changes)
             }
-            Self::Line { signal, frequency_hz, amplitude } => of(
+            Self::Line { signal, frequency_hz, amplitude, .. } => of(
                 signal,
                 ChannelAlteration::WithoutLine { frequency_hz: *frequency_hz, amplitude: *amplitude },
             ),
@@ -40,10 +40,13 @@ impl Cause {
             Self::Numbers(numbers) => {
                 Self::Numbers(numbers.iter().zip(sizes).map(|((place, _), size)| (*place, *size)).collect())
             }
-            Self::Line { signal, frequency_hz, .. } => match *sizes {
-                [a, b] => {
-                    Self::Line { signal: signal.clone(), frequency_hz: *frequency_hz, amplitude: [a, b] }
-                }
+            Self::Line { signal, frequency_hz, harmonic, .. } => match *sizes {
+                [a, b] => Self::Line {
+                    signal: signal.clone(),
+                    frequency_hz: *frequency_hz,
+                    amplitude: [a, b],
+                    harmonic: *harmonic,
+                },
                 _ => self.clone(),
             },
             Self::Outliers { .. } => self.clone(),

@@ -17,6 +17,7 @@
 //! ```
 
 mod answer;
+mod as_state;
 mod bench;
 mod cause;
 mod change;

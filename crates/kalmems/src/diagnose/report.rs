@@ -1,6 +1,7 @@
 //! What is told of a diagnosis.
 
 use super::answer::AnswerChange;
+use super::as_state;
 use super::bench::TrialBench;
 use super::cause::Cause;
 use super::change::{ChannelAlteration, TrialChange};
@@ -78,6 +79,9 @@ pub struct CauseReport {
     pub answer_unit: &'static str,
     /// What to change in the experiment; nothing where the file cannot say it.
     pub edits: Vec<Edit>,
+    /// The same as entries of the filter's `states`, where it can estimate them, such as `stiffness = { start_sd = "0.6 %" }`: of a number
+    /// that is not known, or that changes.
+    pub states: Vec<String>,
     /// What cannot be said in the experiment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
@@ -146,8 +150,15 @@ fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -
         answer_name: found.trial.answer_name,
         answer_unit: found.trial.answer_unit,
         edits: edits(bench, &changes, &found.cause, (suspects, &found.sd)),
-        remedy: remedy(&changes),
+        states: states(bench, &found.cause, suspects).unwrap_or_default(),
+        remedy: remedy(&found.cause, &changes),
     }
+}
+
+/// The numbers of a cause as states of the filter; `None` where one of them cannot be.
+fn states(bench: &TrialBench, cause: &Cause, suspects: &[Suspect]) -> Option<Vec<String>> {
+    let Cause::Numbers(numbers) = cause else { return None };
+    numbers.iter().map(|(place, size)| as_state::entry(bench, suspects.get(*place)?, *size)).collect()
 }
 
 fn name(cause: &Cause, suspects: &[Suspect]) -> String {
@@ -157,8 +168,11 @@ fn name(cause: &Cause, suspects: &[Suspect]) -> String {
                 numbers.iter().filter_map(|(place, _)| suspects.get(*place)).map(Suspect::name).collect();
             names.join(" and ")
         }
-        Cause::Line { frequency_hz, amplitude: [a, b], .. } => {
-            format!("a line of {} in the signal, {:.3e} in SI", hertz(*frequency_hz), a.portable_hypot(*b))
+        Cause::Line { frequency_hz, amplitude: [a, b], harmonic, .. } => {
+            let harmonic =
+                harmonic.map_or_else(String::new, |number| format!(", harmonic {number} of the motion"));
+            let amplitude = a.portable_hypot(*b);
+            format!("a line of {} in the signal, {amplitude:.3e} in SI{harmonic}", hertz(*frequency_hz))
         }
         Cause::Outliers { times, .. } => {
             format!("{} samples of the signal that are none of its noise", times.len())
@@ -278,7 +292,13 @@ pub(super) fn digits(number: f64, count: usize) -> f64 {
 }
 
 /// What the experiment cannot say.
-fn remedy(changes: &[TrialChange]) -> Option<String> {
+fn remedy(cause: &Cause, changes: &[TrialChange]) -> Option<String> {
+    if matches!(cause, Cause::Line { harmonic: Some(_), .. }) {
+        return Some(
+            "the readout distorts the motion, or the motion is not quite the model's: describe either with more terms"
+                .to_owned(),
+        );
+    }
     changes.iter().find_map(|change| match change {
         TrialChange::Channel { meaning, how: ChannelAlteration::Later(samples) } => Some(format!(
             "the {meaning}'s column shows the {meaning} {:.3} samples too {}: correct its time in the file, or how it is recorded",

@@ -174,7 +174,8 @@ impl CauseSearch<'_> {
     /// frequency.
     fn tuned(&self, frequency_hz: f64, resolution_hz: f64) -> Option<FittedCause> {
         let fitted = |frequency_hz: f64| {
-            let cause = Cause::Line { signal: self.bench.signal.clone(), frequency_hz, amplitude: [0.0; 2] };
+            let (signal, harmonic) = (self.bench.signal.clone(), self.harmonic(frequency_hz, resolution_hz));
+            let cause = Cause::Line { signal, frequency_hz, amplitude: [0.0; 2], harmonic };
             let cause = cause.resized(&self.fit(&cause, TrialBlocks::Fitted)?.0);
             let trial = self.run_unjudged(&cause)?;
             Some((trial.log_likelihood(TrialBlocks::Fitted), frequency_hz, cause))
@@ -191,6 +192,18 @@ impl CauseSearch<'_> {
             }
         }
         self.refined(&best.2)
+    }
+
+    /// Which harmonic of the motion a frequency is, by the motion's frequency in the test of harmonics.
+    fn harmonic(&self, frequency_hz: f64, resolution_hz: f64) -> Option<usize> {
+        let of_hz = self.base.tests.iter().find_map(|test| match &test.place {
+            Some(TestPlace::Harmonic { of_hz, .. }) => Some(*of_hz),
+            _ => None,
+        })?;
+        let number = (frequency_hz / of_hz).round();
+        let is_near = (frequency_hz - number * of_hz).abs() < 0.5 * resolution_hz;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a few
+        (is_near && (1.0..1e3).contains(&number)).then_some(number as usize)
     }
 
     /// The frequency in a range at which the innovations of the first signal, over their standard deviations, have most.

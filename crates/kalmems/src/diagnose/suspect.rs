@@ -189,7 +189,7 @@ impl Suspect {
 }
 
 /// A key without the way to the device's table, or to that of the estimate.
-fn below_device(key: &Key) -> String {
+pub(super) fn below_device(key: &Key) -> String {
     let of_estimate = key.steps().first() == Some(&KeyStep::Name("estimate".to_owned()));
     let steps = key.steps().iter().skip(if of_estimate { 1 } else { 2 });
     steps

@@ -98,7 +98,7 @@ fn steps(device: &str, sorted: &SortedRecordings) -> Vec<String> {
         );
     }
     let then = [
-        "Where the verdict is `doubtful` or worse, `kalmems diagnose` with that experiment looks for the cause, and `--write` writes an experiment with what it finds, such as a number as a state.".to_owned(),
+        "Where the verdict is `doubtful` or worse, `kalmems diagnose` with that experiment looks for the cause. It prints what to write: another value of a number, or the number as a state of the filter; `--write` writes an experiment with that value.".to_owned(),
         next_recording(sorted),
     ];
     for step in then {

@@ -81,6 +81,12 @@ impl Diagnosis {
 }
 
 impl CauseReport {
+    /// The entry of a filter with which it estimates the numbers itself.
+    fn as_states(&self) -> Option<String> {
+        let states = self.states.join(", ");
+        (!states.is_empty()).then(|| format!("in the filter: states = {{ {states} }}"))
+    }
+
     fn to_text(&self) -> String {
         let mut text = format!(
             "{}: the log-likelihood of the blocks that were not fitted rises by {:.0}",
@@ -96,6 +102,9 @@ impl CauseReport {
             let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
             let sd = sd.map_or_else(String::new, |sd| format!(", known to {} %", significant(100.0 * sd)));
             let _ = write!(text, "\n     {key} = {to}  # {was}{sd}");
+        }
+        if let Some(states) = self.as_states() {
+            let _ = write!(text, "\n     or, of a number that is not known or that changes, {states}");
         }
         if let Some(remedy) = &self.remedy {
             let _ = write!(text, "\n     {remedy}");
@@ -242,7 +251,8 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
             let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
             format!("`{key} = {to}` ({was})")
         });
-        let write = edits.chain(cause.remedy.clone()).collect::<Vec<_>>().join("; ");
+        let states = cause.as_states().map(|states| format!("or {states}"));
+        let write = edits.chain(states).chain(cause.remedy.clone()).collect::<Vec<_>>().join("; ");
         let answer = cause.answer.as_ref().map(|answer| effect(answer, cause.answer_name, cause.answer_unit));
         table.push([cause.name.clone(), format!("{:.0}", cause.gain), write, answer.unwrap_or_default()]);
     }

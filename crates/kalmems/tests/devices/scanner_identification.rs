@@ -4,6 +4,7 @@
 //! differences: neither uses the models, the integrator or the derivatives of the fit.
 
 use kalmems::identify::fit_affine;
+use kalmems::progress::Silent;
 use kalmems::rigs::shared_scanner::identification::{
     RingDown, RingDownError, RingDownFit, SteadyState, fit_ring_down, fit_steady_state,
     integrated_capacitance, unknown,
@@ -114,7 +115,7 @@ fn fitted(record: &Record, interval_s: f64, with_reference: bool) -> RingDownFit
     let angle = if with_reference { &record.angle[..] } else { &[] };
     let scanner = believed();
     let signal = &record.signal;
-    fit_ring_down(&RingDown { interval_s, signal, angle, scanner, bias: BIAS, gain: GAIN }).unwrap()
+    fit_ring_down(&RingDown { interval_s, signal, angle, scanner, bias: BIAS, gain: GAIN }, &Silent).unwrap()
 }
 
 /// Errors in units of the bound, and whether each 95 % interval held the truth.
@@ -186,7 +187,7 @@ fn a_bias_that_is_ignored_lands_in_the_stiffness() {
             let scanner = believed();
             let record =
                 RingDown { interval_s: 1e-6, signal: &signal, angle: &angle, scanner, bias, gain: GAIN };
-            fit_ring_down(&record).unwrap().fit.parameters[unknown::STIFFNESS] / k - 1.0
+            fit_ring_down(&record, &Silent).unwrap().fit.parameters[unknown::STIFFNESS] / k - 1.0
         };
         // The amplitude falls to 0.6 meanwhile: a fit weighs its square as 0.65 of the first, or so.
         let weakened = 1.0 - 0.75 * 0.65 * (amplitude / width).powi(2);
@@ -262,8 +263,11 @@ fn charge_walks_away_and_the_fit_does_not() {
 fn what_is_no_ring_down_is_refused() {
     let attempt = |signal: &[f64]| {
         let scanner = believed();
-        fit_ring_down(&RingDown { interval_s: 1e-6, signal, angle: &[], scanner, bias: BIAS, gain: GAIN })
-            .map(|found| found.fit.parameters)
+        fit_ring_down(
+            &RingDown { interval_s: 1e-6, signal, angle: &[], scanner, bias: BIAS, gain: GAIN },
+            &Silent,
+        )
+        .map(|found| found.fit.parameters)
     };
     assert!(matches!(attempt(&[0.1; 100]), Err(RingDownError::TooShort { .. })));
     assert!(matches!(attempt(&[]), Err(RingDownError::TooShort { .. })));
@@ -330,12 +334,12 @@ fn only_the_products_are_observable() {
     let mut noise = WhiteNoise::new(5, 12);
     let y: Vec<f64> = c.iter().map(|c| CIRCUIT[0] * c + CIRCUIT[1] + 0.0139 * noise.sample()).collect();
     let mut record = steady(&time, &angle, &y);
-    let plain = fit_steady_state(&record).unwrap().unwrap();
+    let plain = fit_steady_state(&record, &Silent).unwrap().unwrap();
     assert!(plain.poles.is_none());
     record.comb.nominal *= 1.01;
     record.comb.bias *= 1.5;
     record.comb_covariance = Covariance::from_standard_deviations([0.01 * COMB.nominal, 0.0]);
-    let other = fit_steady_state(&record).unwrap().unwrap();
+    let other = fit_steady_state(&record, &Silent).unwrap().unwrap();
     assert!((other.gain.value / plain.gain.value * 1.01 - 1.0).abs() < 1e-9);
     assert!((other.swing.value / plain.swing.value - 1.0).abs() < 1e-9);
     assert!((other.level.value - plain.level.value).abs() < 1e-9);
@@ -372,7 +376,7 @@ fn the_poles_of_the_demodulator_are_found() {
     let mut noise = WhiteNoise::new(6, 13);
     let y: Vec<f64> =
         (0..COUNT).map(|k| CIRCUIT[0] * filtered[k % PERIOD] + CIRCUIT[1] + 2e-3 * noise.sample()).collect();
-    let found = fit_steady_state(&steady(&time, &angle, &y)).unwrap().unwrap();
+    let found = fit_steady_state(&steady(&time, &angle, &y), &Silent).unwrap().unwrap();
     let poles = found.poles.as_ref().unwrap();
     let frequency = poles.frequency_hz();
     println!("poles {frequency:?}, gain {:?}, offset {:?}", poles.fit.parameter(1), poles.fit.parameter(2));

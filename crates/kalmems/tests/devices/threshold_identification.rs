@@ -119,13 +119,14 @@ impl Device {
 
 impl Record {
     fn fitted(&self) -> Result<DecayFit, DecayError> {
-        fit_decay(&DecayRecord {
+        let record = DecayRecord {
             interval_s: self.interval_s,
             signal: &self.signal,
             angle: &self.angle,
             multiple: 1.0,
             shape: CurveShape::Logistic,
-        })
+        };
+        fit_decay(&record, &Silent)
     }
 
     fn curve(&self, fitted: &DecayFit) -> Vec<CurvePoint> {

@@ -1,7 +1,7 @@
 //! Experiment files to begin with.
 
 use kalmems::config::Experiment;
-use kalmems::diagnose::load_with_noise;
+use kalmems::diagnose::{DiagnosisFinding, diagnose_recording, load_with_noise};
 use kalmems::draft::{self, DraftError, DraftRequest, ExaminedRecording, RecordingToExamine};
 use kalmems::evaluate::Grade;
 use kalmems::progress::Silent;
@@ -43,6 +43,36 @@ fn what_a_template_simulates_its_filters_estimate() {
             let outcome = estimate_computed(published(), &told, &simulated, &Silent).unwrap();
             assert_passes(&Metrics::of(&outcome), &format!("{}, seed {seed}", rig.name()));
         }
+    }
+}
+
+/// A device whose resonance is not quite the stated one: the diagnosis offers a number as a state, and a filter of the template has it.
+#[test]
+fn a_template_has_a_filter_with_the_state_that_a_diagnosis_asks_for() {
+    let wrong = [
+        ("shared_scanner", "1.10e-4 N m", "1.104e-4 N m"),
+        ("two_axes", "1.10e-4 N m", "1.101e-4 N m"),
+        ("threshold_scanner", "624.6 Hz", "626.5 Hz"),
+        ("micro_stage", "1714.5 Hz", "1790 Hz"),
+        ("equations", "4.7374 N/m", "4.7474 N/m"),
+    ];
+    for (device, right, wrong) in wrong {
+        let rig = published().rigs().find(|rig| rig.name() == device).unwrap();
+        let text = template(device);
+        let real = parsed(&text, Path::new("own.toml"));
+        let simulation = rig.simulate(&real).unwrap();
+        let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
+        let told = parsed(&text.replacen(right, wrong, 1), Path::new("own.toml"));
+        let told = described(&told, &*simulation);
+        let layout = rig.layout(&told, rig.wanted(&told).unwrap()[0]).unwrap();
+        let recording = simulated.recorded(&layout).unwrap();
+        let found = diagnose_recording(published(), &told, None, recording, &Silent).unwrap();
+        assert_eq!(found.finding, DiagnosisFinding::Explained, "{device}: {:?}", found.tests);
+        let offered = found.causes.iter().flat_map(|cause| &cause.states);
+        let offered: Vec<&str> = offered.filter_map(|entry| entry.split(' ').next()).collect();
+        let filters = &told.estimate.as_ref().unwrap().filters;
+        let has = |name: &str| filters.iter().any(|filter| filter.states.contains_key(name));
+        assert!(offered.iter().any(|name| has(name)), "{device}: {offered:?}");
     }
 }
 

@@ -78,7 +78,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                 settings.bias = bias;
             }
             let record = ring_down_of(&hardware, &material, &settings);
-            let fitted = decay_of(&record, &material)?;
+            let fitted = decay_of(&record, &material, progress)?;
             messages::ring_down(&mut found, &material, &record, &fitted);
             figures::ring_down(&mut found, &material, &record, &fitted);
             comb = apply_ring_down(experiment, &mut device, (&mut entries, &fitted), comb.0)?;
@@ -100,7 +100,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
                 comb_covariance: comb.1,
             };
             let fit = |record: &SteadyState| {
-                let found = fit_steady_state(record).ok_or_else(|| {
+                let found = fit_steady_state(record, progress).ok_or_else(|| {
                     material.unfit("the reference shows no motion to fit the signal to".to_owned())
                 })?;
                 found.map_err(|source| IdentifyError::Fit { recording: material.name.clone(), source })
@@ -199,10 +199,14 @@ fn ring_down_of<'a>(
 const CLEARLY: f64 = 1.5;
 
 /// The fit of a ring-down. Where it leaves residuals that are not white, a signal of the other sign is tried as well.
-fn decay_of(record: &RingDown, material: &Material) -> Result<RingDownFit, IdentifyError> {
-    let found = fit_ring_down(record);
+fn decay_of(
+    record: &RingDown,
+    material: &Material,
+    progress: &dyn Progress,
+) -> Result<RingDownFit, IdentifyError> {
+    let found = fit_ring_down(record, progress);
     if !found.as_ref().is_ok_and(|fit| fit.whiteness[0].is_white())
-        && let Ok(turned) = fit_ring_down(&RingDown { gain: -record.gain, ..*record })
+        && let Ok(turned) = fit_ring_down(&RingDown { gain: -record.gain, ..*record }, progress)
         && found.as_ref().map_or(f64::INFINITY, |fit| fit.deviations[0]) > CLEARLY * turned.deviations[0]
     {
         return Err(material.unfit(format!(

@@ -1,9 +1,11 @@
 //! The mechanics and the electrodes from a free decay under a bias.
 
 use crate::fit::{
-    ByDual, Fit, FitError, FitSettings, ParameterBounds, Regression, Shooting, ShootingError, Unknown, fit,
+    ByDual, Fit, FitError, FitSettings, ParameterBounds, Regression, Shooting, ShootingError, Unknown,
+    fit_until,
 };
 use crate::identify::Whiteness;
+use crate::progress::Progress;
 use kalmems_core::Portable;
 use kalmems_core::{Nodes, NoiseDensity, Rk4};
 use kalmems_models::dynamics::ParametricScanner;
@@ -128,6 +130,7 @@ const GROWTH: f64 = 5.0;
 ///
 /// ```
 /// use kalmems_rigs::shared_scanner::identification::{RingDown, fit_ring_down, unknown};
+/// use kalmems_engines::progress::Silent;
 /// use kalmems_engines::simulate::{Drive, Simulator};
 /// use kalmems_models::{capacitance::GaussianComb, dynamics::{ParametricScanner, TorsionalResonator}};
 /// let comb = GaussianComb { nominal: 5.71e-12, angular_width: 0.2, bias: 9.79e-12 };
@@ -144,11 +147,11 @@ const GROWTH: f64 = 5.0;
 /// }
 /// let mut scanner = truth;
 /// scanner.resonator.stiffness *= 1.003;
-/// let found = fit_ring_down(&RingDown { interval_s: 5e-7, signal: &signal, angle: &angle, scanner, bias, gain })?;
+/// let found = fit_ring_down(&RingDown { interval_s: 5e-7, signal: &signal, angle: &angle, scanner, bias, gain }, &Silent)?;
 /// assert!((found.fit.parameters[unknown::STIFFNESS] / 1.10e-4 - 1.0).abs() < 1e-7);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn fit_ring_down(record: &RingDown) -> Result<RingDownFit, RingDownError> {
+pub fn fit_ring_down(record: &RingDown, progress: &dyn Progress) -> Result<RingDownFit, RingDownError> {
     let samples: Vec<[f64; 2]> = (0..record.signal.len())
         .map(|k| [record.signal[k], record.angle.get(k).copied().unwrap_or(f64::NAN)])
         .collect();
@@ -172,7 +175,7 @@ pub fn fit_ring_down(record: &RingDown) -> Result<RingDownFit, RingDownError> {
     let mut deviations = sizes;
     let mut rounds = 0;
 
-    let start = record.search(first, deviations, with_reference, per_cycle)?;
+    let start = record.search((first, deviations), with_reference, per_cycle, progress)?;
     let mut settings = settings_from(start, with_reference);
     let all_free = settings.free;
     let mut window = SEARCH_CYCLES;
@@ -186,7 +189,7 @@ pub fn fit_ring_down(record: &RingDown) -> Result<RingDownFit, RingDownError> {
         settings.free[NOMINAL] &= window > SEARCH_CYCLES;
         settings.free[WIDTH] &= whole || (with_reference && window > SEARCH_CYCLES);
         settings.tolerance = if whole { 1e-9 } else { 1e-6 };
-        let (found, left) = record.fit(part, deviations, &settings)?;
+        let (found, left) = record.fit((part, deviations), &settings, progress)?;
         settings.start = found.parameters;
         // An exact record leaves nothing, and nothing cannot weigh.
         let next = [0, 1].map(|i| left[i].max(1e-9 * sizes[i]));
@@ -274,10 +277,10 @@ impl RingDown<'_> {
     /// The best start of a grid of amplitudes and phases, by the first cycles.
     fn search(
         &self,
-        first: &[[f64; 2]],
-        deviations: [f64; 2],
+        (first, deviations): (&[[f64; 2]], [f64; 2]),
         with_reference: bool,
         per_cycle: f64,
+        progress: &dyn Progress,
     ) -> Result<[f64; COUNT], RingDownError> {
         const AMPLITUDES: i32 = 32;
         const PHASES: i32 = 24;
@@ -293,6 +296,9 @@ impl RingDown<'_> {
         let turn = if with_reference { TAU } else { PI };
         let mut best = (f64::INFINITY, nominal);
         for i in 0..AMPLITUDES {
+            if progress.reached(0).is_break() {
+                return Err(FitError::Interrupted.into());
+            }
             // From a fortieth of the width to three times it.
             let amplitude = width / 40.0 * 120_f64.portable_powf(f64::from(i) / f64::from(AMPLITUDES - 1));
             for j in 0..PHASES {
@@ -311,12 +317,12 @@ impl RingDown<'_> {
     /// One fit, and the noise that it leaves in each channel.
     fn fit(
         &self,
-        samples: &[[f64; 2]],
-        deviations: [f64; 2],
+        (samples, deviations): (&[[f64; 2]], [f64; 2]),
         settings: &FitSettings<COUNT>,
+        progress: &dyn Progress,
     ) -> Result<(Fit<COUNT>, [f64; 2]), RingDownError> {
         let shooting = self.shooting(samples, 1.0, deviations)?;
-        let found = fit(&ByDual(shooting), settings)?;
+        let found = fit_until(&ByDual(shooting), settings, progress)?;
         let mut left = Vec::with_capacity(samples.len());
         shooting.run(&found.parameters, samples.len(), |k, output| {
             left.push([samples[k][0] - output[0], samples[k][1] - output[1]]);

@@ -1,9 +1,11 @@
 //! Gain and offset of the circuit from a motion that a reference shows.
 
 use crate::fit::{
-    ByDual, DerivedNumber, Fit, FitError, FitSettings, ParameterBounds, Shooting, ShootingError, Unknown, fit,
+    ByDual, DerivedNumber, Fit, FitError, FitSettings, ParameterBounds, Shooting, ShootingError, Unknown,
+    fit_until,
 };
 use crate::identify::{AffineFit, Whiteness, fit_affine};
+use crate::progress::Progress;
 use crate::signal::{GAP, cubic_between, usual_interval};
 use kalmems_core::Portable;
 use kalmems_core::{Covariance, Nodes, NoiseDensity, Rk4, Scalar};
@@ -107,7 +109,10 @@ pub(super) fn before<'a>(time_s: &[f64], angle: &'a [f64], delay_s: f64) -> Cow<
 /// The reference's own noise is taken as small against the comb's width: noise of variance σ² makes C larger or smaller by
 /// ½·C″·σ². The poles stay out where they do not make the sum of squares smaller by more than chance would: the criterion
 /// is Schwarz's (Annals of Statistics 6, 461, 1978), n·ln(S₁/S₂) > 3·ln n. `None` where there is no motion to fit.
-pub fn fit_steady_state(record: &SteadyState) -> Option<Result<SteadyStateFit, FitError>> {
+pub fn fit_steady_state(
+    record: &SteadyState,
+    progress: &dyn Progress,
+) -> Option<Result<SteadyStateFit, FitError>> {
     let line = |comb: &GaussianComb<f64>| fit_affine(&record.capacitance(comb), record.signal);
     let affine = line(&record.comb)?;
     let amplitude = record.angle.iter().filter(|a| a.is_finite()).fold(0.0_f64, |m, a| m.max(a.abs()));
@@ -143,7 +148,7 @@ pub fn fit_steady_state(record: &SteadyState) -> Option<Result<SteadyStateFit, F
             + by_width * by_width * c.get(1, 1);
         DerivedNumber { value: values[i], deviation: (own[i] * own[i] + from_comb).sqrt() }
     };
-    let poles = match record.poles(&affine) {
+    let poles = match record.poles(&affine, progress) {
         Ok(poles) => poles,
         Err(PolesError::Fit(error)) => return Some(Err(error)),
         // A line that leaves nothing has no residuals for poles to explain.
@@ -238,7 +243,7 @@ impl SteadyState<'_> {
     }
 
     /// The fit with poles, where it is the better one. Needs the angle throughout.
-    fn poles(&self, affine: &AffineFit) -> Result<Option<PolesFit>, PolesError> {
+    fn poles(&self, affine: &AffineFit, progress: &dyn Progress) -> Result<Option<PolesFit>, PolesError> {
         if self.angle.iter().any(|a| !a.is_finite()) {
             return Ok(None);
         }
@@ -278,7 +283,7 @@ impl SteadyState<'_> {
             )?;
             let mut settings = FitSettings::from_start(shooting.nominal());
             settings.bounds[0] = ParameterBounds { low: 1e-3 * fastest, high: fastest };
-            let found = match fit(&ByDual(shooting), &settings) {
+            let found = match fit_until(&ByDual(shooting), &settings, progress) {
                 Ok(found) => found,
                 // Another start may do.
                 Err(FitError::NotConverged { .. }) => continue,
@@ -305,6 +310,7 @@ impl SteadyState<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::progress::Silent;
 
     /// Told 10 % too wide, and 3 % too narrow: found to what noise allows, with the error of the fit of three parameters.
     #[test]
@@ -351,7 +357,7 @@ mod tests {
             let (interval_s, comb_covariance) = (1e-6, Covariance::zero());
             let record =
                 SteadyState { time_s: &time, interval_s, signal: &signal, angle, comb, comb_covariance };
-            fit_steady_state(&record).unwrap().unwrap().affine.slope / -0.3574e12
+            fit_steady_state(&record, &Silent).unwrap().unwrap().affine.slope / -0.3574e12
         };
         let then = before(&time, &angle, DELAY_S);
         assert_eq!(then.iter().filter(|a| a.is_nan()).count(), 4, "two at the start, two after the gap");

@@ -1,7 +1,10 @@
 //! Mechanics, comb and delay from a free decay that both channels saw.
 
-use crate::fit::{ByDual, Fit, FitError, FitSettings, ParameterBounds, ResidualLaw, fit, outliers_of_stated};
+use crate::fit::{
+    ByDual, Fit, FitError, FitSettings, ParameterBounds, ResidualLaw, fit_until, outliers_of_stated,
+};
 use crate::identify::{Whiteness, fit_free_decay};
+use crate::progress::Progress;
 use kalmems_core::Portable;
 use kalmems_core::{Over, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
@@ -125,21 +128,21 @@ const LEAST_EXPLAINED: f64 = 0.1;
 /// of the reference is left out, since a late one shows there what was before the decay.
 ///
 /// Samples that are more than 5.33 standard deviations off, by the median of what is left, are left out, and the fit is done anew.
-pub fn fit_decay(record: &DecayRecord) -> Result<DecayFit, DecayError> {
-    let mut found = fit_samples(record)?;
+pub fn fit_decay(record: &DecayRecord, progress: &dyn Progress) -> Result<DecayFit, DecayError> {
+    let mut found = fit_samples(record, progress)?;
     for _ in 0..ROUNDS {
         let Some((channels, left_out)) = record.without_outliers(&found) else { break };
         if left_out == found.left_out {
             break;
         }
         let [signal, angle] = &channels;
-        found = DecayFit { left_out, ..fit_samples(&DecayRecord { signal, angle, ..*record })? };
+        found = DecayFit { left_out, ..fit_samples(&DecayRecord { signal, angle, ..*record }, progress)? };
     }
     Ok(found)
 }
 
 /// The fit of all samples.
-fn fit_samples(record: &DecayRecord) -> Result<DecayFit, DecayError> {
+fn fit_samples(record: &DecayRecord, progress: &dyn Progress) -> Result<DecayFit, DecayError> {
     let count = record.signal.len().min(record.angle.len());
     for (channel, values) in [("signal", record.signal), ("reference", record.angle)] {
         let mut finite = values.iter().filter(|value| value.is_finite());
@@ -163,7 +166,7 @@ fn fit_samples(record: &DecayRecord) -> Result<DecayFit, DecayError> {
     law.deviations = weights(law.left(&start));
     let mut rounds = 0;
     let found = loop {
-        let found = fit(&ByDual(&law), &settings)?;
+        let found = fit_until(&ByDual(&law), &settings, progress)?;
         settings.start = found.parameters;
         let next = weights(law.left(&found.parameters));
         let settled = (0..2).all(|i| (next[i] / law.deviations[i] - 1.0).abs() < 1e-4);

@@ -72,7 +72,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         DecayError::Fit(source) => IdentifyError::Fit { recording: material.name.clone(), source },
         error => material.unfit(error.to_string()),
     };
-    let decay = fit_decay(&record).map_err(unfit)?;
+    let decay = fit_decay(&record, progress).map_err(unfit)?;
     if progress.reached(0).is_break() {
         return Err(IdentifyError::Interrupted);
     }

@@ -3,7 +3,8 @@
 use crate::devices::{Device, Setting};
 use kalmems::config::Experiment;
 use kalmems::diagnose::{Diagnosis, diagnose_recording};
-use kalmems::evaluate::{SegmentJudge, TestResult};
+use kalmems::estimate::SegmentEstimate;
+use kalmems::evaluate::{SegmentJudge, TestPlace, TestResult};
 use kalmems::progress::{Interruption, Silent};
 use kalmems::recording::SampledRecording;
 use kalmems::results::Metrics;
@@ -106,19 +107,48 @@ impl Faulty {
         diagnose_recording(published(), &self.told, None, self.recording.clone(), &Silent).unwrap()
     }
 
-    /// Whether the innovations of the first filter show anything.
-    fn is_seen(&self) -> bool {
+    /// For each segment whether the first filter holds the lock, and the tests of its innovations; `None` where it refuses the recording.
+    fn tests(&self) -> Option<Vec<(bool, Vec<TestResult>)>> {
         let rig = published().rig(&self.told).unwrap();
         let index = rig.wanted(&self.told).unwrap()[0];
-        // A filter that refuses the recording sees that something is wrong.
-        let Ok(estimates) = rig.estimate(&self.told, index, &self.recording, &Silent) else { return true };
-        estimates.iter().any(|estimate| {
+        let estimates = rig.estimate(&self.told, index, &self.recording, &Silent).ok()?;
+        let of = |estimate: &SegmentEstimate| {
             let mut judge = SegmentJudge::default();
             judge.take(estimate, &Interruption::never());
-            let key = &estimate.trajectories[0].key;
-            !estimate.trajectories[0].lock.held()
-                || judge.of(key).is_some_and(|judgement| judgement.tests.iter().any(TestResult::fails))
+            let first = &estimate.trajectories[0];
+            (first.lock.held(), judge.of(&first.key).map_or_else(Vec::new, |judgement| judgement.tests))
+        };
+        Some(estimates.iter().map(of).collect())
+    }
+
+    /// Whether the innovations of the first filter show anything. A filter that refuses the recording sees that something is wrong.
+    fn is_seen(&self) -> bool {
+        self.tests().is_none_or(|segments| {
+            segments.iter().any(|(held, tests)| !held || tests.iter().any(TestResult::fails))
         })
+    }
+
+    /// The frequency of the motion, as the tests of the innovations have it.
+    pub fn motion_hz(&self) -> f64 {
+        let tests = self.tests().unwrap().remove(0).1;
+        let of = |test: &TestResult| match test.place {
+            Some(TestPlace::Harmonic { of_hz, .. }) => Some(of_hz),
+            _ => None,
+        };
+        tests.iter().find_map(of).unwrap()
+    }
+
+    /// A line of so many standard deviations of the noise in the signal.
+    pub fn put_line(&mut self, hz: f64, size: f64) {
+        let described =
+            self.told.recording(published().rig(&self.told).unwrap().wanted(&self.told).unwrap()[0]).unwrap();
+        let (_, column) = described.channels.iter().find(|(own, _)| *own == "signal").unwrap();
+        self.recording = self.recording.what_if(column, |times, values| {
+            let amplitude = size * noise(values);
+            for (value, time) in values.iter_mut().zip(times) {
+                *value += amplitude * (std::f64::consts::TAU * hz * time + 1.0).sin();
+            }
+        });
     }
 
     /// The error of the first filter if it is told what a cause says.

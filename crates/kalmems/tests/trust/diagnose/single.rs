@@ -217,6 +217,31 @@ fn a_stiffness_is_named_with_the_inertia_that_the_recording_cannot_tell_from_it(
 }
 
 #[test]
+fn a_wrong_number_is_offered_as_a_state_where_the_filter_can_estimate_it() {
+    let found = FAULTS[0].of_size(0.003, 31).diagnosis();
+    let states = |name: &str| &found.causes.iter().find(|cause| cause.name == name).unwrap().states;
+    assert_eq!(states("resonator.stiffness"), &["stiffness = { start_sd = \"0.6 %\" }"]);
+    // The inertia is no parameter of a filter: the stiffness stands for both.
+    assert!(states("resonator.inertia").is_empty());
+    assert!(found.to_text().contains("in the filter: states = { stiffness = { start_sd = \"0.6 %\" } }"));
+}
+
+#[test]
+fn a_harmonic_of_the_motion_in_the_signal_is_named() {
+    let right = Fault { device: SHARED, does: Does::Has("simulate.seed", ""), is_named: "", sizes: [1.0; 2] };
+    let mut faulty = right.of_size(31.0, 31);
+    let motion_hz = faulty.motion_hz();
+    faulty.put_line(3.0 * motion_hz, 0.5);
+    let found = faulty.diagnosis();
+    let names: Vec<&str> = found.causes.iter().map(|cause| cause.name.as_str()).collect();
+    assert!(
+        names.len() == 1 && names[0].ends_with("harmonic 3 of the motion"),
+        "{names:?} {:?}",
+        found.tests
+    );
+}
+
+#[test]
 #[ignore = "10 seconds in a release build"]
 fn slow_hum_is_named_with_its_frequency() {
     let place = FAULTS.iter().position(|fault| fault.is_named == LINE && fault.device == THRESHOLD).unwrap();
