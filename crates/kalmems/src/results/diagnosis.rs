@@ -84,7 +84,7 @@ impl CauseReport {
     /// The entry of a filter with which it estimates the numbers itself.
     fn as_states(&self) -> Option<String> {
         let states = self.states.join(", ");
-        (!states.is_empty()).then(|| format!("in the filter: states = {{ {states} }}"))
+        (!states.is_empty()).then(|| format!("as a state of the filter: states = {{ {states} }}"))
     }
 
     fn to_text(&self) -> String {
@@ -104,7 +104,7 @@ impl CauseReport {
             let _ = write!(text, "\n     {key} = {to}  # {was}{sd}");
         }
         if let Some(states) = self.as_states() {
-            let _ = write!(text, "\n     or, of a number that is not known or that changes, {states}");
+            let _ = write!(text, "\n     or, where it is not known well or changes, {states}");
         }
         if let Some(remedy) = &self.remedy {
             let _ = write!(text, "\n     {remedy}");

@@ -47,32 +47,41 @@ fn what_a_template_simulates_its_filters_estimate() {
 }
 
 /// A device whose resonance is not quite the stated one: the diagnosis offers a number as a state, and a filter of the template has it.
+fn assert_a_filter_has_the_state_that_is_offered(device: &str, right: &str, wrong: &str) {
+    let rig = published().rigs().find(|rig| rig.name() == device).unwrap();
+    let text = template(device);
+    let real = parsed(&text, Path::new("own.toml"));
+    let simulation = rig.simulate(&real).unwrap();
+    let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
+    let [right, wrong] = [right, wrong].map(|number| format!("= \"{number}\""));
+    let told = parsed(&text.replacen(&right, &wrong, 1), Path::new("own.toml"));
+    let told = described(&told, &*simulation);
+    let layout = rig.layout(&told, rig.wanted(&told).unwrap()[0]).unwrap();
+    let recording = simulated.recorded(&layout).unwrap();
+    let found = diagnose_recording(published(), &told, None, recording, &Silent).unwrap();
+    assert_eq!(found.finding, DiagnosisFinding::Explained, "{device}: {:?}", found.tests);
+    let offered = found.causes.iter().flat_map(|cause| &cause.states);
+    let offered: Vec<&str> = offered.filter_map(|entry| entry.split(' ').next()).collect();
+    let filters = &told.estimate.as_ref().unwrap().filters;
+    let has = |name: &str| filters.iter().any(|filter| filter.states.contains_key(name));
+    assert!(offered.iter().any(|name| has(name)), "{device}: {offered:?}");
+}
+
 #[test]
 fn a_template_has_a_filter_with_the_state_that_a_diagnosis_asks_for() {
-    let wrong = [
-        ("shared_scanner", "1.10e-4 N m", "1.104e-4 N m"),
-        ("two_axes", "1.10e-4 N m", "1.101e-4 N m"),
+    assert_a_filter_has_the_state_that_is_offered("shared_scanner", "1.10e-4 N m", "1.104e-4 N m");
+    assert_a_filter_has_the_state_that_is_offered("equations", "4.7374 N/m", "4.7474 N/m");
+}
+
+#[test]
+#[ignore = "a minute"]
+fn slow_templates_of_all_devices_have_the_states_that_a_diagnosis_asks_for() {
+    for (device, right, wrong) in [
+        ("shared_scanner.second_axis", "1.10e-4 N m", "1.101e-4 N m"),
         ("threshold_scanner", "624.6 Hz", "626.5 Hz"),
         ("micro_stage", "1714.5 Hz", "1790 Hz"),
-        ("equations", "4.7374 N/m", "4.7474 N/m"),
-    ];
-    for (device, right, wrong) in wrong {
-        let rig = published().rigs().find(|rig| rig.name() == device).unwrap();
-        let text = template(device);
-        let real = parsed(&text, Path::new("own.toml"));
-        let simulation = rig.simulate(&real).unwrap();
-        let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
-        let told = parsed(&text.replacen(right, wrong, 1), Path::new("own.toml"));
-        let told = described(&told, &*simulation);
-        let layout = rig.layout(&told, rig.wanted(&told).unwrap()[0]).unwrap();
-        let recording = simulated.recorded(&layout).unwrap();
-        let found = diagnose_recording(published(), &told, None, recording, &Silent).unwrap();
-        assert_eq!(found.finding, DiagnosisFinding::Explained, "{device}: {:?}", found.tests);
-        let offered = found.causes.iter().flat_map(|cause| &cause.states);
-        let offered: Vec<&str> = offered.filter_map(|entry| entry.split(' ').next()).collect();
-        let filters = &told.estimate.as_ref().unwrap().filters;
-        let has = |name: &str| filters.iter().any(|filter| filter.states.contains_key(name));
-        assert!(offered.iter().any(|name| has(name)), "{device}: {offered:?}");
+    ] {
+        assert_a_filter_has_the_state_that_is_offered(device, right, wrong);
     }
 }
 
