@@ -174,9 +174,9 @@ impl ScaledThreshold {
         let list = |values: &[f64], of: &dyn Fn(f64) -> String| {
             values.iter().map(|x| of(*x)).collect::<Vec<_>>().join(", ")
         };
-        let plain = |x: f64| number(x).to_string();
         let table = |values: Vec<f64>| {
-            values.chunks(4).map(|row| format!("        {},\n", list(row, &of))).collect::<String>()
+            let rows: Vec<String> = values.chunks(4).map(|row| list(row, &of)).collect();
+            rows.join(",\n        ")
         };
         let ((slope_weights, slope), (fit_weights, cubic)) = (self.slope()?, self.cubic()?);
         let [[f00, f01], [f10, f11]] = self.transition.map(|row| row.map(of));
@@ -208,7 +208,7 @@ impl ScaledThreshold {
                 ("f10", &f10),
                 ("f11", &f11),
                 ("fit", &self.fit.1),
-                ("fit_moments", &list(&cubic.moments, &plain)),
+                ("fit_moments", &list(&cubic.moments, &number)),
                 ("fit_noise_gain", &number(cubic.noise_gain)),
                 ("fit_weights", &table(fit_weights)),
                 ("fit_width", &number(cubic.width)),
@@ -231,7 +231,7 @@ impl ScaledThreshold {
                 ("reach", &self.reach),
                 ("shape", &shape),
                 ("threshold", &number(self.angle)),
-                ("slope_moments", &list(&slope.moments(), &plain)),
+                ("slope_moments", &list(&slope.moments(), &number)),
                 ("slope_weights", &table(slope_weights)),
                 ("variance", &number(self.variance)),
             ],
@@ -287,7 +287,8 @@ pub fn readout<T: Scalar>() -> CurrentReadout<T> {
 fn slope_kernel<T: Scalar>() -> SlopeKernel<T, @half@> {
     let of = T::of;
     let weights = [
-@slope_weights@    ];
+        @slope_weights@,
+    ];
     SlopeKernel::of_table(weights, [@slope_moments@])
 }
 
@@ -296,7 +297,8 @@ fn slope_kernel<T: Scalar>() -> SlopeKernel<T, @half@> {
 fn cubic_fit<T: Scalar<Mask = bool>>() -> CubicFit<T, @fit@> {
     let of = T::of;
     let weights = [
-@fit_weights@    ];
+        @fit_weights@,
+    ];
     let moments = [@fit_moments@];
     CubicFit::of_table(weights, &CubicDesign { width: @fit_width@, moments, noise_gain: @fit_noise_gain@ })
 }

@@ -223,7 +223,11 @@ fn a_wrong_number_is_offered_as_a_state_where_the_filter_can_estimate_it() {
     assert_eq!(states("resonator.stiffness"), &["stiffness = { start_sd = \"0.6 %\" }"]);
     // The inertia is no parameter of a filter: the stiffness stands for both.
     assert!(states("resonator.inertia").is_empty());
-    assert!(found.to_text().contains("as a state of the filter: states = { stiffness = { start_sd = \"0.6 %\" } }"));
+    assert!(
+        found
+            .to_text()
+            .contains("as a state of the filter: states = { stiffness = { start_sd = \"0.6 %\" } }")
+    );
 }
 
 #[test]
