@@ -1,7 +1,7 @@
 //! Where the panels of a figure lie, what their axes show, and where the legends stand.
 
 use crate::axis::{Range, Ticks};
-use crate::figure::{Axis, Figure, Panel, Series, Shape};
+use crate::figure::{Axis, AxisScale, Figure, Panel, Series, Shape};
 use crate::map::ColourBar;
 use crate::scene::Rect;
 use crate::text::Ruler;
@@ -41,6 +41,8 @@ pub(crate) struct PanelPlace<'a> {
     pub(crate) legend: Vec<LegendEntry>,
     /// Beside a map.
     pub(crate) bar: Option<ColourBar>,
+    /// Whether both axes have the same scale, as both are the same quantity.
+    pub(crate) is_isotropic: bool,
 }
 
 /// A series in the legend.
@@ -91,6 +93,8 @@ impl<'a> FigureLayout<'a> {
         for (((panel, axes), y_title), bar) in figure.panels.iter().zip(axes).zip(y_titles).zip(bars) {
             let (legend, rows) = legend(ruler, panel, [left, top], width);
             top = (top + if rows > 0 { rows as f64 * LEGEND_LINE + 5.0 } else { 10.0 }).ceil();
+            let isotropic = isotropic(panel, &axes, width);
+            let [width, height] = isotropic.unwrap_or([width, height]);
             let frame = Rect { left, top, width, height };
             let x_ticks =
                 axes.x.map_or_else(|| Ticks::none(axes.x_axis), |x| x_ticks(ruler, axes.x_axis, x, width));
@@ -107,6 +111,7 @@ impl<'a> FigureLayout<'a> {
                 labels_x: axes.labels_x,
                 legend,
                 bar,
+                is_isotropic: isotropic.is_some(),
             });
         }
         Self { title, places, bottom: top }
@@ -175,6 +180,25 @@ fn y_range(panel: &Panel, x: Option<Range>) -> Option<Range> {
     Range::around(panel.y.scale, values.chain(levels), margin)
 }
 
+/// The size of a panel in which a unit of x is as long as one of y, at most this wide: where both axes are the same quantity, so that a circle
+/// is round and a slope of one is diagonal. `None` where they are not, or where one span is much longer than the other.
+fn isotropic(panel: &Panel, axes: &Axes, width: f64) -> Option<[f64; 2]> {
+    const HEIGHT: f64 = 420.0;
+    const LONGEST: f64 = 3.0;
+    let Panel { x: x_axis, y: y_axis, shares_x, series } = panel;
+    let is_quantity = !matches!(x_axis.unit.as_str(), "" | "1");
+    let are_alike = is_quantity && x_axis.unit == y_axis.unit && !shares_x && axes.labels_x;
+    let is_flat = series.iter().all(|series| !matches!(series.shape(), Shape::Map(_)));
+    let (x, y) = (axes.x?, axes.y?);
+    let is_linear = [x.scale, y.scale] == [AxisScale::Linear; 2];
+    let ratio = (x.high - x.low) / (y.high - y.low);
+    if !(are_alike && is_flat && is_linear && (LONGEST.recip()..=LONGEST).contains(&ratio)) {
+        return None;
+    }
+    let width = width.min(HEIGHT * ratio);
+    Some([width, width / ratio])
+}
+
 /// All points as x, lowest and highest value; a level has no x and so none.
 pub(crate) fn extent(series: &Series) -> Box<dyn Iterator<Item = [f64; 3]> + '_> {
     match series.shape() {
@@ -239,4 +263,42 @@ fn legend(ruler: &Ruler, panel: &Panel, corner: [f64; 2], width: f64) -> (Vec<Le
         x += needed + ENTRY_ROOM;
     }
     (entries, rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::figure::SeriesRole;
+
+    fn frame(x: Axis, y: Axis, radii: [f64; 2]) -> (Rect, [Range; 2], bool) {
+        let at = |k: u32| f64::from(k) * std::f64::consts::TAU / 200.0;
+        let points = (0..=200).map(|k| (1.0 + radii[0] * at(k).cos(), radii[1] * at(k).sin()));
+        let panel = Panel::new(x, y).with(Series::line("circle", SeriesRole::Measured, points));
+        let figure = Figure::new("circle", "", "").with(panel);
+        let place = FigureLayout::of(&figure, &Ruler::new()).places.remove(0);
+        (place.frame, [place.x.unwrap(), place.y.unwrap()], place.is_isotropic)
+    }
+
+    #[test]
+    fn a_circle_of_one_quantity_is_round() {
+        for radii in [[1.0, 1.0], [2.0, 1.0], [1.0, 2.5]] {
+            let (frame, [x, y], is_isotropic) =
+                frame(Axis::new("real", "rad/s"), Axis::new("imaginary", "rad/s"), radii);
+            let per_unit = [frame.width / (x.high - x.low), frame.height / (y.high - y.low)];
+            assert!(is_isotropic && (per_unit[0] / per_unit[1] - 1.0).abs() < 1e-12, "{per_unit:?}");
+            assert!(frame.width <= WIDTH && frame.height <= 420.0 + 1e-9);
+        }
+    }
+
+    #[test]
+    fn other_quantities_and_long_spans_fill_the_width() {
+        let wide = |x, y, radii| {
+            let (frame, _, is_isotropic) = frame(x, y, radii);
+            assert!(!is_isotropic && frame.width > 700.0);
+        };
+        wide(Axis::new("voltage", "V"), Axis::new("angle", "rad"), [1.0, 1.0]);
+        wide(Axis::new("ratio", "1"), Axis::new("ratio", "1"), [1.0, 1.0]);
+        wide(Axis::new("real", "V"), Axis::new("error", "V"), [1.0, 1e-3]);
+        wide(Axis::new("real", "V").log(), Axis::new("other", "V").log(), [0.5, 0.5]);
+    }
 }

@@ -40,6 +40,8 @@ struct Panelled {
     y: Value,
     /// The x axis that it is linked by.
     link: String,
+    /// Whether both axes have the same scale.
+    is_isotropic: bool,
     series: Vec<LiveSeries>,
 }
 
@@ -78,6 +80,7 @@ impl LiveFigures {
                     } else {
                         format!("{number} {link}")
                     },
+                    is_isotropic: place.is_isotropic,
                     series: series
                         .into_iter()
                         .map(|(series, colour)| drawn_as(series, &hex(colour)))
@@ -110,7 +113,7 @@ impl LiveFigures {
                                 known
                             })
                             .collect();
-                        json!({ "label": panel.label, "x": panel.x, "y": panel.y, "link": panel.link, "series": series })
+                        json!({ "label": panel.label, "x": panel.x, "y": panel.y, "link": panel.link, "isIsotropic": panel.is_isotropic, "series": series })
                     })
                     .collect();
                 json!({ "number": figure.number, "group": figure.group, "panels": panels })

@@ -420,7 +420,7 @@
       this.link = link(known.link);
       this.key = known.link;
       this.isLowest = isLowest;
-      this.height = count === 1 ? 320 : count === 2 ? 220 : 180;
+      this.height = this.isIsotropic ? 420 : count === 1 ? 320 : count === 2 ? 220 : 180;
     }
 
     /** Reads the samples, and from where to where they go. */
@@ -461,8 +461,19 @@
       return [low - room, high + room];
     }
 
+    /** Both ranges with as much more of one that a unit of x is as long as one of y. */
+    isotropic([from, to], [low, high]) {
+      const { width, height } = this.plot.bbox;
+      const perPixel = Math.max((to - from) / width, (high - low) / height);
+      const around = (start, end, size) => [(start + end - perPixel * size) / 2, (start + end + perPixel * size) / 2];
+      return [around(from, to, width), around(low, high, height)];
+    }
+
     show(from, to) {
-      const [low, high] = this.range(from, to);
+      let [low, high] = this.range(from, to);
+      // A part of a circle would leave no room for what is above and below it.
+      const isWhole = from <= this.x.from && to >= this.x.to;
+      if (this.isIsotropic && isWhole) [[from, to], [low, high]] = this.isotropic([from, to], [low, high]);
       this.plot.batch(() => {
         this.plot.setScale("x", { min: from, max: to });
         this.plot.setScale("y", { min: low, max: high });
@@ -542,10 +553,14 @@
       into.append(legend, this.holder);
       this.plot = new uPlot(this.options(), [[this.x.from, this.x.to], [null, null]], this.holder);
       if (this.link.view) this.show(...this.link.view);
+      else if (this.isIsotropic) this.show(this.x.from, this.x.to);
       this.listen(say);
       new ResizeObserver(() => {
         const width = this.width();
-        if (width !== this.plot.width) this.plot.setSize({ width, height: this.outer() });
+        if (width === this.plot.width) return;
+        this.plot.setSize({ width, height: this.outer() });
+        const { min, max } = this.plot.scales.x;
+        if (this.isIsotropic) this.show(min, max);
       }).observe(this.holder);
     }
 
@@ -558,7 +573,8 @@
     }
 
     outer() {
-      return (this.isNarrow() ? Math.min(this.height, 200) : this.height) + (this.isLowest ? 50 : 12);
+      const mostNarrow = this.isIsotropic ? 300 : 200;
+      return (this.isNarrow() ? Math.min(this.height, mostNarrow) : this.height) + (this.isLowest ? 50 : 12);
     }
 
     options() {

@@ -3,7 +3,7 @@
 use super::figures::SegmentFigures;
 use super::long_estimate::PICTURED;
 use super::names::prefix;
-use super::summary::{segment_name, shown, summary_grades};
+use super::summary::{segment_name, shown, summary_grades, without_repeats};
 use super::tracks::Tracks;
 use super::{
     EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, is_unexplained,
@@ -93,7 +93,7 @@ pub(super) fn page_with(
 /// Whether the filters are to be trusted, and why.
 fn verdict(metrics: &Metrics) -> PageSection {
     let (notes, reasons): (Vec<Notice>, Vec<Notice>) =
-        notices(metrics).into_iter().partition(|notice| notice.severity == NoticeSeverity::Note);
+        without_repeats(notices(metrics)).into_iter().partition(|notice| notice.severity == NoticeSeverity::Note);
     let mut notes: Vec<String> = notes.iter().map(Notice::sentence).collect();
     if is_unexplained(metrics) {
         notes.push("`kalmems diagnose` with the same experiment file looks for the cause".to_owned());

@@ -401,7 +401,7 @@ pub fn notices_in_short(metrics: &Metrics) -> Vec<Notice> {
 }
 
 /// One sentence for all filters of which the same is said of the same segment.
-fn without_repeats(notices: Vec<Notice>) -> Vec<Notice> {
+pub fn without_repeats(notices: Vec<Notice>) -> Vec<Notice> {
     let mut once: Vec<Notice> = Vec::new();
     for notice in notices {
         let same = once.iter_mut().find(|known| {
