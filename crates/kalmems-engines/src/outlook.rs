@@ -29,7 +29,7 @@ pub struct Outlook {
     /// Responses and noise over frequency, for an instrument that measures by following.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frequencies: Vec<AtFrequency>,
-    /// What the signal tells over the amplitude of the motion.
+    /// What the signal determines over the amplitude of the motion.
     pub information: Vec<AmplitudeDeviations>,
 }
 

@@ -55,6 +55,7 @@ mistakes! {
 
     // Units.
     unit_of_a_sum: scanner("b*omega - k*theta)", "b*theta - k*theta)");
+    rates_of_two_states_in_the_other_order: said("shared_scanner", &[("theta = \"omega\"", "was = \"omega\""), ("omega = \"(", "theta = \"("), ("was = ", "omega = ")]);
     unit_of_a_parameter: scanner("J = \"1.15e-14 kg m^2\"", "J = \"1.15e-14 kg m\"");
     unit_that_is_none: scanner("b = \"5.95e-12 N m s\"", "b = \"5.95e-12 N m sec\"");
     value_without_a_number: scanner("J = \"1.15e-14 kg m^2\"", "J = \"small\"");

@@ -1,4 +1,4 @@
-//! What the signal tells of a device along a motion, before anything is recorded.
+//! What the signal determines of a device along a motion, before anything is recorded.
 
 use super::simulation::EquationSimulation;
 use super::{EquationsRig, EquationsTable, short};
@@ -50,7 +50,7 @@ pub fn visibility(experiment: &Experiment) -> Result<Option<OutlookTopic>, Simul
     let (_, device) = EquationsTable::of(experiment)?;
     let facts: Vec<Fact> =
         trajectories.filter_map(|trajectory| of_filter(trajectory, device.quantities())).collect();
-    Ok((!facts.is_empty()).then_some(OutlookTopic { title: "What the signal tells", facts }))
+    Ok((!facts.is_empty()).then_some(OutlookTopic { title: "What the signal determines", facts }))
 }
 
 /// What a filter knows of its states at the end; what follows from them is known by them.

@@ -1,4 +1,4 @@
-//! What the signal cannot tell, and what that does to the position.
+//! What the signal does not determine, and what that does to the position.
 
 use super::plates::Plates;
 use kalmems_core::Scalar;

@@ -266,7 +266,7 @@ fn signal(
     let of = if is_given { "" } else { " (taken for this; neither the file nor a recording says a rate)" };
     let sample = hardware.noise_variance(1.0 / rate_hz).sqrt();
     let one = distances(&stated.motion).map(|d| sample / hardware.plates.slope(d).abs() * NM);
-    let mut topic = OutlookTopic::new("What the signal tells").with(
+    let mut topic = OutlookTopic::new("What the signal determines").with(
         "one_sample_nm",
         one,
         format!(
@@ -440,7 +440,7 @@ fn unseen(hardware: &PistonHardware, stated: &StatedMotion, rate_hz: f64) -> Out
             per * unseen.rest_m * NM,
         ]
     };
-    OutlookTopic::new("What it cannot tell")
+    OutlookTopic::new("What the signal does not determine")
         .with("gain_nm_per_1e_4", values(1e-4, &gain), of("A gain that is 1e-4 too high", 1e-4, &gain))
         .with("offset_nm_per_af", values(1e-18, &offset), of("An offset of 1 aF", 1e-18, &offset))
         .with(

@@ -35,7 +35,7 @@ pub fn of(experiment: &Experiment, settings: &ScannerSettings) -> Result<SideOut
     if matches!(basics.method, Method::Model | Method::LockIn) {
         let name = &basics.name;
         let why = format!(
-            "`{name}` cannot tell when the motion will pass zero, or how sure that is; name a filter with a model and a sensor"
+            "`{name}` cannot predict when the motion will pass zero, nor how certain that is; name a filter with a model and a sensor"
         );
         return Err(wrong("filter", why));
     }

@@ -393,7 +393,7 @@ fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
             1e3 * decay_s
         ),
     );
-    let signal = [0.15_f64, 0.05, 0.02].into_iter().fold(OutlookTopic::new("What the signal tells"), |topic, amplitude| {
+    let signal = [0.15_f64, 0.05, 0.02].into_iter().fold(OutlookTopic::new("What the signal determines"), |topic, amplitude| {
         let rise = flank(amplitude);
         topic.with(
             "flank_v_per_s",

@@ -18,7 +18,7 @@ const ROWS: TestedRows = TestedRows(25_000);
 /// What the innovations say of the numbers that filters are told.
 #[derive(Clone, Debug, Default)]
 pub struct NumberCheck {
-    /// What the signal cannot tell of the first filter's device, and by how much that changes its answer; nothing where the innovations say
+    /// What the signal does not determine of the first filter's device, and by how much that changes its answer; nothing where the innovations say
     /// that something is wrong, as it is a question about a model that is right.
     pub notes: Vec<ScaleNote>,
     /// For each filter, by its name, whether its innovations ask for another number; without those in which another test finds something, and

@@ -117,7 +117,7 @@ fn of_bench(
     let mut notes = Vec::new();
     if base.passes() {
         let numbers = take_numbers(bench, &suspects, &mut base, progress)?;
-        // What the signal cannot tell is a question about a model that is right.
+        // What the signal does not determine is a question about a model that is right.
         if base.passes() {
             notes = invisible_parameters::notes(&numbers, &base);
         }

@@ -44,7 +44,7 @@ pub struct Diagnosis {
     pub proposal: Option<Proposal>,
     /// Where nothing explains it: what explains most.
     pub closest: Vec<CauseReport>,
-    /// What the signal cannot tell, and what it does to the answer.
+    /// What the signal does not determine, and what it does to the answer.
     pub notes: Vec<ScaleNote>,
 }
 

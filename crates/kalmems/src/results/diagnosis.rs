@@ -282,7 +282,7 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
         page = page.with(found.tests.iter().fold(section, |section, test| section.paragraph(test.as_str())));
     }
     if !found.notes.is_empty() {
-        let section = PageSection::new("What the signal cannot tell").part(PagePart::Budget);
+        let section = PageSection::new("What the signal does not determine").part(PagePart::Budget);
         page =
             page.with(found.notes.iter().fold(section, |section, note| section.paragraph(note.to_string())));
     }

@@ -31,7 +31,7 @@ pub struct Metrics {
     /// The numbers of the device's table that are stated without an uncertainty, by their keys below it: no answer takes into account that
     /// they may be others.
     pub held_as_exact: Vec<String>,
-    /// What the signal cannot tell of the device, and what that does to the answer; of the first filter that it could tell it.
+    /// What the signal does not determine of the device, and what that does to the answer; of the first filter that it could tell it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub scale_notes: Vec<ScaleNote>,
     /// Noises that the experiment left to its recording.

@@ -92,8 +92,9 @@ pub(super) fn page_with(
 
 /// Whether the filters are to be trusted, and why.
 fn verdict(metrics: &Metrics) -> PageSection {
-    let (notes, reasons): (Vec<Notice>, Vec<Notice>) =
-        without_repeats(notices(metrics)).into_iter().partition(|notice| notice.severity == NoticeSeverity::Note);
+    let (notes, reasons): (Vec<Notice>, Vec<Notice>) = without_repeats(notices(metrics))
+        .into_iter()
+        .partition(|notice| notice.severity == NoticeSeverity::Note);
     let mut notes: Vec<String> = notes.iter().map(Notice::sentence).collect();
     if is_unexplained(metrics) {
         notes.push("`kalmems diagnose` with the same experiment file looks for the cause".to_owned());
@@ -118,7 +119,7 @@ fn budget(metrics: &Metrics) -> PageSection {
         section = section.paragraph(format!("{text}{}.", metrics.held_as_exact.join(", ")));
     }
     for note in &metrics.scale_notes {
-        section = section.paragraph(format!("What the signal cannot tell: {note}."));
+        section = section.paragraph(format!("What the signal does not determine: {note}."));
     }
     section
 }

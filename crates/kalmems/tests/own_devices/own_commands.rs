@@ -186,6 +186,6 @@ fn an_outlook_predicts_the_motion_and_names_undetermined_numbers() {
     // sqrt(k/m)/2π and b/2·sqrt(k·m): 10 kHz, and half of one part in 250.
     let motion = said("Free motion");
     assert!(motion.contains("oscillates at 10 kHz") && motion.contains("quality factor 250"), "{motion}");
-    let told = said("What the signal tells");
+    let told = said("What the signal determines");
     assert!(told.contains("k to ") && told.contains("does not tell force (± 3.00 %)"), "{told}");
 }

@@ -121,7 +121,7 @@ fn signal(
         0.5 * ratio / period
     });
     let of = if is_given { "" } else { " (taken for this; neither the file nor a recording says a rate)" };
-    let mut topic = OutlookTopic::new("What the signal tells").with(
+    let mut topic = OutlookTopic::new("What the signal determines").with(
         "sign",
         [],
         "The sign of the motion is not observable at any amplitude: with θ also −θ moves the device and reads the same. \
@@ -174,6 +174,6 @@ fn signal(
     .with(
         "bias_capacitance",
         [],
-        "The bias capacitance C_b and the offset are one number, a·C_b + b: the signal cannot tell them apart.",
+        "The bias capacitance C_b and the offset enter the signal as one number, a·C_b + b: the signal does not determine either alone.",
     )
 }

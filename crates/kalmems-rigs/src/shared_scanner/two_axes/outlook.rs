@@ -24,7 +24,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     Ok(Outlook {
         experiment: experiment.name.to_string(),
         device: "shared_scanner with a second axis",
-        topics: vec![topic, OutlookTopic::new("What the signal tells").with("sign", [], sign)],
+        topics: vec![topic, OutlookTopic::new("What the signal determines").with("sign", [], sign)],
         response: None,
         start: None,
         frequencies: Vec::new(),
