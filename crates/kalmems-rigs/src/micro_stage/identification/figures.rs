@@ -55,7 +55,7 @@ pub fn sweep(points: &[StageSweepPoint], fitted: &SweepFit) -> Figure {
     let plane: Vec<(f64, f64)> = points.iter().map(|p| (p.re, p.im)).collect();
     let caption = "The angular rate per volt of drive, the vibrometer's stated delay taken off: amplitude and phase over the \
                    drive's frequency with the fitted response, and the same points in the complex plane with the fitted \
-                   circle, its axes not to one scale.";
+                   circle.";
     Figure::new("resonance", "Tilting mode: response to the drive", caption)
         .with(
             Panel::new(Axis::new("frequency", "Hz"), Axis::new("amplitude", "rad/s/V"))
