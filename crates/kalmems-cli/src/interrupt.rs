@@ -2,11 +2,14 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-// A browser ends the worker that a command runs in.
 #[cfg(not(target_family = "wasm"))]
 mod handler;
 #[cfg(not(target_family = "wasm"))]
 pub use handler::listen;
+
+/// Does nothing: a browser ends the worker that a command runs in.
+#[cfg(target_family = "wasm")]
+pub const fn listen() {}
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 

@@ -77,7 +77,6 @@ fn run_arguments(workbench: &Workbench, arguments: Vec<OsString>, owns_process: 
         }
     };
     tell::set_quiet(arguments.quiet);
-    #[cfg(not(target_family = "wasm"))]
     if owns_process {
         interrupt::listen();
     }

@@ -9,14 +9,17 @@ use std::ops::ControlFlow;
 #[cfg_attr(target_family = "wasm", path = "progress/lines.rs")]
 #[cfg_attr(not(target_family = "wasm"), path = "progress/terminal.rs")]
 mod shown;
-use shown::TerminalBar;
+#[cfg(target_family = "wasm")]
+use shown::BrowserLines as ShownProgress;
+#[cfg(not(target_family = "wasm"))]
+use shown::TerminalBar as ShownProgress;
 
 /// Work below this many units is over before a bar could be read; a browser takes longer, and has no cursor that blinks.
 const LONG: u64 = if cfg!(target_family = "wasm") { 100_000 } else { 2_000_000 };
 
 /// Shows progress where somebody sees it, and passes interruptions on.
 pub struct ProgressDisplay {
-    shown: RefCell<Option<TerminalBar>>,
+    shown: RefCell<Option<ShownProgress>>,
     shortest: u64,
 }
 
@@ -39,7 +42,7 @@ impl Progress for ProgressDisplay {
         // One is gone before the next is there.
         *shown = None;
         if total >= self.shortest && !is_quiet() {
-            *shown = TerminalBar::begin(what, total);
+            *shown = ShownProgress::begin(what, total);
         }
     }
 

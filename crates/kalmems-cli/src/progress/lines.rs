@@ -6,13 +6,13 @@ use std::cell::Cell;
 /// What such a line begins with; no other line does.
 const MARK: &str = "\u{1}progress";
 
-pub struct Shown {
+pub struct BrowserLines {
     what: String,
     total: u64,
     told: Cell<u64>,
 }
 
-impl Shown {
+impl BrowserLines {
     // The same as of a bar on a terminal, which is not always there.
     #[allow(clippy::unnecessary_wraps)]
     pub fn begin(what: &str, total: u64) -> Option<Self> {
