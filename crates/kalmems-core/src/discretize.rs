@@ -104,7 +104,7 @@ fn series<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>, h: T) -> (Ma
     let ah = a.scaled(h);
     // ∫ = h·(1 + Ah/2·(1 + Ah/3·(1 + …)))
     let mut inner = Mat::identity();
-    // Counted in T: a microcontroller would divide by an integer in software.
+    // Counted in T: 1/k in f64 would be a division in software on a microcontroller.
     let mut k = T::of(TERMS as f64);
     for _ in 2..=TERMS {
         inner = Mat::identity().plus(&ah.times(&inner).scaled(k.recip()));

@@ -93,8 +93,8 @@ impl<'a> FigureLayout<'a> {
         for (((panel, axes), y_title), bar) in figure.panels.iter().zip(axes).zip(y_titles).zip(bars) {
             let (legend, rows) = legend(ruler, panel, [left, top], width);
             top = (top + if rows > 0 { rows as f64 * LEGEND_LINE + 5.0 } else { 10.0 }).ceil();
-            let isotropic = isotropic(panel, &axes, width);
-            let [width, height] = isotropic.unwrap_or([width, height]);
+            let equal_scales = isotropic(panel, &axes, width);
+            let [width, height] = equal_scales.unwrap_or([width, height]);
             let frame = Rect { left, top, width, height };
             let x_ticks =
                 axes.x.map_or_else(|| Ticks::none(axes.x_axis), |x| x_ticks(ruler, axes.x_axis, x, width));
@@ -111,7 +111,7 @@ impl<'a> FigureLayout<'a> {
                 labels_x: axes.labels_x,
                 legend,
                 bar,
-                is_isotropic: isotropic.is_some(),
+                is_isotropic: equal_scales.is_some(),
             });
         }
         Self { title, places, bottom: top }

@@ -202,7 +202,7 @@ impl CauseSearch<'_> {
         })?;
         let number = (frequency_hz / of_hz).round();
         let is_near = (frequency_hz - number * of_hz).abs() < 0.5 * resolution_hz;
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a few
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 1 to below 1000
         (is_near && (1.0..1e3).contains(&number)).then_some(number as usize)
     }
 

@@ -110,8 +110,7 @@ impl Faulty {
     /// For each segment whether the first filter holds the lock, and the tests of its innovations; `None` where it refuses the recording.
     fn tests(&self) -> Option<Vec<(bool, Vec<TestResult>)>> {
         let rig = published().rig(&self.told).unwrap();
-        let index = rig.wanted(&self.told).unwrap()[0];
-        let estimates = rig.estimate(&self.told, index, &self.recording, &Silent).ok()?;
+        let estimates = rig.estimate(&self.told, self.place(), &self.recording, &Silent).ok()?;
         let of = |estimate: &SegmentEstimate| {
             let mut judge = SegmentJudge::default();
             judge.take(estimate, &Interruption::never());
@@ -138,17 +137,17 @@ impl Faulty {
         tests.iter().find_map(of).unwrap()
     }
 
+    /// The place of the recording in the experiment.
+    fn place(&self) -> usize {
+        published().rig(&self.told).unwrap().wanted(&self.told).unwrap()[0]
+    }
+
     /// A line of so many standard deviations of the noise in the signal.
     pub fn put_line(&mut self, hz: f64, size: f64) {
-        let described =
-            self.told.recording(published().rig(&self.told).unwrap().wanted(&self.told).unwrap()[0]).unwrap();
+        let described = self.told.recording(self.place()).unwrap();
         let (_, column) = described.channels.iter().find(|(own, _)| *own == "signal").unwrap();
-        self.recording = self.recording.what_if(column, |times, values| {
-            let amplitude = size * noise(values);
-            for (value, time) in values.iter_mut().zip(times) {
-                *value += amplitude * (std::f64::consts::TAU * hz * time + 1.0).sin();
-            }
-        });
+        self.recording =
+            self.recording.what_if(column, |times, values| add_line(values, times, hz, size, 1.0));
     }
 
     /// The error of the first filter if it is told what a cause says.
@@ -185,7 +184,12 @@ fn noise(values: &[f64]) -> f64 {
 pub fn hum(values: &mut [f64], times: &[f64], size: f64, seed: u64) {
     let long_s = times[times.len() - 1] - times[0];
     let hz = if long_s > 0.04 { 50.0 } else { 2.0 / long_s };
-    let (amplitude, phase) = (size * noise(values), seed as f64);
+    add_line(values, times, hz, size, seed as f64);
+}
+
+/// A sine of so many standard deviations of the noise.
+fn add_line(values: &mut [f64], times: &[f64], hz: f64, size: f64, phase: f64) {
+    let amplitude = size * noise(values);
     for (value, time) in values.iter_mut().zip(times) {
         *value += amplitude * (std::f64::consts::TAU * hz * time + phase).sin();
     }
