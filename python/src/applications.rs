@@ -17,7 +17,7 @@ fn json(py: Python<'_>, value: &impl Serialize) -> PyResult<String> {
 
 /// Calibrates a gyroscope: the figures as JSON, and as text.
 #[pyfunction]
-#[pyo3(signature = (path, progress=None))]
+#[pyo3(signature = (path, progress: "_Progress" = None))]
 pub fn calibrate(py: Python<'_>, path: PathBuf, progress: Option<Py<PyAny>>) -> PyResult<(String, String)> {
     let file = GyroscopeCalibration::load(&path).map_err(|error| error.raise(py))?;
     let found =
@@ -31,12 +31,12 @@ type Grey<'py> = Bound<'py, PyArray2<f64>>;
 
 /// Puts an image together: the figures as JSON, as text, and the image.
 #[pyfunction]
-#[pyo3(signature = (path, progress=None))]
-pub fn image<'py>(
-    py: Python<'py>,
+#[pyo3(signature = (path, progress: "_Progress" = None) -> "tuple[str, str, _Numbers]")]
+pub fn image(
+    py: Python<'_>,
     path: PathBuf,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, String, Grey<'py>)> {
+) -> PyResult<(String, String, Grey<'_>)> {
     let file = Image::load(&path).map_err(|error| error.raise(py))?;
     let outcome =
         done(py, progress, move |watch| reconstruct(&file, watch))?.map_err(|error| failed(py, &error))?;
@@ -52,13 +52,13 @@ type Numbers<'py> = Bound<'py, PyArray1<f64>>;
 
 /// Computes a spectrum: the figures as JSON, as text, the wavenumbers in 1/m, the spectrum and its standard error.
 #[pyfunction]
-#[pyo3(signature = (path, progress=None))]
+#[pyo3(signature = (path, progress: "_Progress" = None) -> "tuple[str, str, _Numbers, _Numbers, _Numbers | None]")]
 #[allow(clippy::type_complexity)] // a tuple for one caller
-pub fn spectrum<'py>(
-    py: Python<'py>,
+pub fn spectrum(
+    py: Python<'_>,
     path: PathBuf,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, String, Numbers<'py>, Numbers<'py>, Option<Numbers<'py>>)> {
+) -> PyResult<(String, String, Numbers<'_>, Numbers<'_>, Option<Numbers<'_>>)> {
     let file = SpectrumFile::load(&path).map_err(|error| error.raise(py))?;
     let outcome = done(py, progress, move |watch| measure(published(), &file, watch))?
         .map_err(|error| failed(py, &error))?;

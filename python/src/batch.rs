@@ -40,7 +40,7 @@ pub fn batch_files(py: Python<'_>, patterns: Vec<String>) -> PyResult<Vec<(Strin
 /// Estimates recordings and writes the results into a folder: the summary as JSON and as text, how many were estimated now and how many
 /// before, and whether a reference was left out.
 #[pyfunction]
-#[pyo3(signature = (text, path, has_lines, recordings, folder, of=None, reference=None, threads=None, force=false, progress=None))]
+#[pyo3(signature = (text, path, has_lines, recordings, folder, of=None, reference=None, threads=None, force=false, progress: "_Progress" = None))]
 #[allow(clippy::too_many_arguments)] // named in Python
 pub fn estimate_many(
     py: Python<'_>,

@@ -39,18 +39,21 @@ pub fn without_lines(mut error: ConfigError, has_lines: bool) -> ConfigError {
 
 /// The text of an experiment of a dictionary.
 #[pyfunction]
+#[pyo3(signature = (document: "dict[str, Any]"))]
 pub fn to_toml(document: &Bound<'_, PyDict>) -> PyResult<String> {
     Ok(table(document, "")?.to_string())
 }
 
 /// The text of an experiment as a dictionary.
 #[pyfunction]
+#[pyo3(signature = (text, path) -> "dict[str, Any]")]
 pub fn to_dict<'py>(py: Python<'py>, text: &str, path: PathBuf) -> PyResult<Bound<'py, PyAny>> {
     object(py, &Value::Table(parsed(py, text, &path)?))
 }
 
 /// The text of an experiment with other values at some keys, such as `recording[0].clock.rate`; without those that become `None`.
 #[pyfunction]
+#[pyo3(signature = (text, path, changes: "dict[str, Any]"))]
 pub fn replaced(py: Python<'_>, text: &str, path: PathBuf, changes: &Bound<'_, PyDict>) -> PyResult<String> {
     let mut document = parsed(py, text, &path)?;
     for (key, new) in changes {

@@ -21,7 +21,7 @@ use numpy::PyArray1;
 use numpy::ndarray::ArrayView1;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
@@ -31,7 +31,7 @@ pub type Recordings = Vec<(Option<String>, Py<Columns>)>;
 /// An experiment that is ready for work, with these recordings and references in the place of its files.
 pub fn ready(
     text: &str,
-    path: &PathBuf,
+    path: &Path,
     (recordings, references): (&Recordings, &Recordings),
     has_lines: bool,
     watch: &Watch,
@@ -52,7 +52,7 @@ pub fn ready(
 
 /// Estimates an experiment.
 #[pyfunction]
-#[pyo3(signature = (text, path, has_lines, recordings, references, progress=None))]
+#[pyo3(signature = (text, path, has_lines, recordings, references, progress: "_Progress" = None))]
 pub fn estimate(
     py: Python<'_>,
     text: String,
@@ -155,6 +155,7 @@ impl Outcome {
     }
 
     /// The segments with their trajectories, as dictionaries; see `kalmems._result`.
+    #[pyo3(signature = () -> "list[dict[str, Any]]")]
     fn segments<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyList>> {
         let all = PyList::empty(slf.py());
         for recording in &slf.get().estimated.outcome.recordings {
@@ -171,6 +172,7 @@ impl Outcome {
     }
 
     /// The pictures of the report by their names, as SVG and as PNG.
+    #[pyo3(signature = () -> "dict[str, bytes]")]
     fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let files = PyDict::new(py);
         let (_, figures) = self.drawn(py)?;

@@ -294,19 +294,16 @@ fn follow<F: Filter<f64, N>, const N: usize, const M: usize>(mut filter: F, job:
         };
         run.x.extend(filter.mean());
         run.p.extend(filter.covariance().to_full().0.as_flattened());
-        match seen {
-            Some(seen) => {
-                run.innovation.extend(seen.residual);
-                run.s.extend(seen.covariance.to_full().0.as_flattened());
-                run.nis.push(seen.nis);
-                run.log_likelihood.push(seen.log_likelihood());
-            }
-            None => {
-                run.innovation.extend([f64::NAN; M]);
-                run.s.extend([f64::NAN; M].iter().cycle().take(M * M));
-                run.nis.push(f64::NAN);
-                run.log_likelihood.push(f64::NAN);
-            }
+        if let Some(seen) = seen {
+            run.innovation.extend(seen.residual);
+            run.s.extend(seen.covariance.to_full().0.as_flattened());
+            run.nis.push(seen.nis);
+            run.log_likelihood.push(seen.log_likelihood());
+        } else {
+            run.innovation.extend([f64::NAN; M]);
+            run.s.extend([f64::NAN; M].iter().cycle().take(M * M));
+            run.nis.push(f64::NAN);
+            run.log_likelihood.push(f64::NAN);
         }
     }
     if job.smooths && rows > 0 {
@@ -476,7 +473,10 @@ impl Given {
 
 /// The linear Kalman filter over arrays.
 #[pyfunction]
-#[pyo3(signature = (z, f, h, q, r, x0, p0, b=None, u=None, smooth=false))]
+#[pyo3(signature = (
+    z: "_Numbers", f: "_Numbers", h: "_Numbers", q: "_Numbers", r: "_Numbers", x0: "_Numbers", p0: "_Numbers",
+    b: "_Numbers | None" = None, u: "_Numbers | None" = None, smooth=false
+) -> "dict[str, _Numbers]")]
 #[allow(clippy::too_many_arguments)] // the letters of the equations
 pub fn kalman<'py>(
     py: Python<'py>,
@@ -511,7 +511,10 @@ type Functions<'py> = [Option<(Option<usize>, Option<Bound<'py, PyAny>>)>; 4];
 
 /// The extended Kalman filter of a model of functions, or with the spread (α, β, κ) of its points the unscented one.
 #[pyfunction]
-#[pyo3(signature = (z, functions, q, r, x0, p0, u=None, points=None, smooth=false))]
+#[pyo3(signature = (
+    z: "_Numbers", functions: "Sequence[_Function]", q: "_Numbers", r: "_Numbers", x0: "_Numbers", p0: "_Numbers",
+    u: "_Numbers | None" = None, points: "tuple[float, float, float] | None" = None, smooth=false
+) -> "dict[str, _Numbers]")]
 #[allow(clippy::too_many_arguments)] // the letters of the equations
 pub fn nonlinear<'py>(
     py: Python<'py>,

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 /// Identifies parameters: what was found as JSON, as text, and the experiment with it.
 #[pyfunction]
-#[pyo3(signature = (text, path, has_lines, recordings, references, progress=None))]
+#[pyo3(signature = (text, path, has_lines, recordings, references, progress: "_Progress" = None))]
 pub fn identify(
     py: Python<'_>,
     text: String,
@@ -35,7 +35,7 @@ pub fn identify(
 
 /// Finds what of an experiment is wrong: what was found as JSON, as text, and the experiment with the first cause that it could say.
 #[pyfunction]
-#[pyo3(signature = (text, path, has_lines, recordings, filter=None, progress=None))]
+#[pyo3(signature = (text, path, has_lines, recordings, filter=None, progress: "_Progress" = None))]
 pub fn diagnose(
     py: Python<'_>,
     text: String,

@@ -46,12 +46,13 @@ mod _kalmems {
     #[pymodule_export]
     use super::study::{study_check, study_merge, study_run};
 
-    use super::*;
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)] // as Python calls it
+    const __version__: &str = env!("CARGO_PKG_VERSION");
 
     #[pymodule_init]
-    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    fn init() {
         // A damaged file makes a reader's library panic; that is told as the error that it becomes.
         kalmems_cli::tell_of_unexpected_panics_alone();
-        module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

@@ -30,7 +30,7 @@ impl Columns {
     /// Columns with what is said of them: units by the column, the column of the segments' labels, the column of the times or the rate
     /// in Hz.
     #[new]
-    #[pyo3(signature = (columns, units, segments=None, clock=None, rate_hz=None))]
+    #[pyo3(signature = (columns: "Sequence[_Column]", units, segments=None, clock=None, rate_hz=None))]
     fn new(
         py: Python<'_>,
         columns: Vec<Column<'_>>,

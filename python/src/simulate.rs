@@ -15,14 +15,14 @@ type Simulated<'py> = (Bound<'py, PyDict>, Bound<'py, PyDict>, String);
 
 /// Simulates the recording that an experiment describes.
 #[pyfunction]
-#[pyo3(signature = (text, path, has_lines, progress=None))]
-pub fn simulate<'py>(
-    py: Python<'py>,
+#[pyo3(signature = (text, path, has_lines, progress: "_Progress" = None) -> "tuple[dict[str, _Numbers], dict[str, _Numbers], str]")]
+pub fn simulate(
+    py: Python<'_>,
     text: String,
     path: PathBuf,
     has_lines: bool,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Simulated<'py>> {
+) -> PyResult<Simulated<'_>> {
     let found = done(py, progress, move |watch| {
         let experiment = published()
             .parse(&text, &path)

@@ -36,7 +36,7 @@ pub fn study_check(py: Python<'_>, texts: Texts) -> PyResult<(String, u64, u64)>
 
 /// Runs a part of a study that its journal does not have yet; the journal, which stands beside the folder of the results.
 #[pyfunction]
-#[pyo3(signature = (texts, folder, part, of, threads=None, progress=None))]
+#[pyo3(signature = (texts, folder, part, of, threads=None, progress: "_Progress" = None))]
 pub fn study_run(
     py: Python<'_>,
     texts: Texts,
