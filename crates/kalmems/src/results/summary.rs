@@ -573,7 +573,7 @@ fn of_the_choice(likeliest: &FilterSelection) -> String {
 pub fn parameters_table(metrics: &Metrics) -> Option<TextTable> {
     let words =
         ["estimator", "parameter", "known before", "at the end", "sd at the end"].map(ColumnHead::text);
-    let change = ColumnHead::number("change", "sd of before");
+    let change = ColumnHead::number("change in sd before", "");
     let mut table = TextTable::new("Parameters as states", words.into_iter().chain([change]));
     for recording in &metrics.recordings {
         for segment in &recording.segments {
