@@ -15,7 +15,8 @@
 
 use super::driven::PHASE;
 use super::{StateSeries, Trajectory};
-use kalmems_core::Scalar;
+use kalmems_core::{Covariance, Scalar};
+use kalmems_models::control::MotionPhase;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -124,6 +125,25 @@ impl Trajectory {
         for (place, one) in self.considered.iter_mut().enumerate() {
             one.told = [learnt.mean[place], learnt.covariance[place * (directions + 1)].max(0.0).sqrt()];
         }
+    }
+
+    /// By how much one standard deviation in each direction of the device's uncertainty moves the phase in rad, at a sample of which this is the time
+    /// in s, of a motion of which the first states are the angle and the rate, at this rate in rad/s. Nothing where there is no such sample.
+    pub(crate) fn moved_phases(&self, time_s: f64, rate: f64) -> Vec<f64> {
+        let k = self.time_s.partition_point(|time| *time < time_s);
+        let [angle, velocity, ..] = &*self.states else { return Vec::new() };
+        let (Some(angle), Some(velocity)) = (angle.mean.get(k), velocity.mean.get(k)) else {
+            return Vec::new();
+        };
+        let phase = |angle: f64, velocity: f64| {
+            MotionPhase::of(&[angle, velocity], &Covariance::from_standard_deviations([0.0; 2]), rate).phase
+        };
+        let moved = |one: &Contribution| {
+            let of = |place: usize| Some(*one.states.get(place)?.get(k)?);
+            let apart = phase(angle + of(0)?, velocity + of(1)?) - phase(*angle, *velocity);
+            Some(apart - TAU * (apart / TAU).round())
+        };
+        self.considered.iter().filter_map(moved).collect()
     }
 
     /// Gives the innovations that of the stated device.

@@ -113,6 +113,8 @@ pub struct PhasePredictor {
     key: String,
     settings: PhasePrediction,
     interval_s: f64,
+    /// The rate of the motion, about, in rad/s.
+    rate: f64,
     /// Of zero phases on their way up and down, as the filter has them.
     triggers: [Trigger<f64>; 2],
     told_s: [Option<f64>; 2],
@@ -151,6 +153,7 @@ impl PhasePredictor {
             key: key.to_owned(),
             settings,
             interval_s,
+            rate,
             triggers: [trigger(Mark::Rising)?, trigger(Mark::Falling)?],
             told_s,
             last_s: None,
@@ -180,6 +183,16 @@ impl PhasePredictor {
     fn directions(&self, mirrored: bool) -> [bool; 2] {
         let [rising, falling] = self.settings.directions;
         if mirrored { [falling, rising] } else { [rising, falling] }
+    }
+
+    /// Adds to the standard deviations of the times that are not handed on yet what is uncertain of the device: by how much each direction of that moves
+    /// the phase at the sample that a time was told from, in rad. The phase at the zero is off by as much where the motion is steady.
+    pub(crate) fn consider(&mut self, moves: impl Fn(f64, f64) -> Vec<f64>) {
+        for event in &mut self.events {
+            let moved =
+                moves(event.told_s, self.rate).iter().map(|phase| (phase / self.rate).powi(2)).sum::<f64>();
+            event.sd_s = (event.sd_s * event.sd_s + moved).sqrt();
+        }
     }
 
     /// Compares the drive, in units of its amplitude, with what had been foreseen of it; whether it can be relied on.

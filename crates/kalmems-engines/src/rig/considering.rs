@@ -201,6 +201,11 @@ impl Estimator for Considering<'_> {
             let considered = self.considered(trajectory, &varied);
             trajectory.consider(&considered, self.learnt(&trajectory.key.clone()), from_s);
         }
+        if let Some((predictor, _)) = self.own.past().phase_predictor()
+            && let Some(trajectory) = estimate.trajectories.iter().find(|one| one.key == predictor.key())
+        {
+            predictor.consider(|told_s, rate| trajectory.moved_phases(told_s, rate));
+        }
         Ok(estimate)
     }
 

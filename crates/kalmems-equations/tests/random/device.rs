@@ -155,22 +155,22 @@ impl RandomDevice {
         })
     }
 
-    /// Whether each choice in it is clear at this point.
-    pub fn is_decided(&self, x: &[f64; SIZE], u: f64) -> bool {
+    /// Whether rounding matters little to all of its expressions at this point.
+    pub fn is_well_conditioned(&self, x: &[f64; SIZE], u: f64) -> bool {
         let mut known = x.to_vec();
         self.parts.iter().zip(self.parts(x, u)).enumerate().all(|(place, (part, value))| {
-            let is_decided = match part {
-                Part::Plain(e) | Part::Curve(e) => e.is_decided(&known),
+            let is_well_conditioned = match part {
+                Part::Plain(e) | Part::Curve(e) => e.is_well_conditioned(&known),
                 Part::Call(both) => {
-                    both.iter().all(|e| e.is_decided(&known))
-                        && self.function.is_decided(&both.each_ref().map(|e| e.value(&known)))
+                    both.iter().all(|e| e.is_well_conditioned(&known))
+                        && self.function.is_well_conditioned(&both.each_ref().map(|e| e.value(&known)))
                 }
             };
             if place == 0 {
                 known.push(u);
             }
             known.push(value);
-            is_decided
+            is_well_conditioned
         })
     }
 }

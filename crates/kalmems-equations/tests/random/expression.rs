@@ -5,6 +5,9 @@ use kalmems_models::capacitance::{CombCurve, CurveShape, GaussianComb};
 use proptest::prelude::*;
 use std::fmt::Write;
 
+/// What a part may be at most: rounding it is 10⁻¹² then.
+const LARGEST: f64 = 1e4;
+
 /// An expression of any number of variables. Of moderate variables its values are moderate.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Expression {
@@ -131,9 +134,10 @@ impl Expression {
         }
     }
 
-    /// Whether each of its choices is the same however its sides are rounded. Two sides that are equal but for rounding, such as 0 and
-    /// a − 2 + 2 − a, have no side that is right.
-    pub fn is_decided(&self, x: &[f64]) -> bool {
+    /// Whether rounding matters little to it: each of its choices is the same however its sides are rounded, as two sides that are equal but for
+    /// rounding, such as 0 and a − 2 + 2 − a, have no side that is right; and no part is so large that its last digits are those that a
+    /// sine of it shows, or a difference over a step of 10⁻⁴.
+    pub fn is_well_conditioned(&self, x: &[f64]) -> bool {
         let apart = |a: &Self, b: &Self| {
             let values = [a.value(x), b.value(x)];
             let size = 1.0 + values[0].abs() + values[1].abs();
@@ -144,7 +148,9 @@ impl Expression {
             X::Abs(a) => apart(a, &X::Number(0.0)),
             _ => true,
         };
-        is_clear && self.parts().into_iter().all(|part| part.is_decided(x))
+        is_clear
+            && self.value(x).abs() < LARGEST
+            && self.parts().into_iter().all(|part| part.is_well_conditioned(x))
     }
 
     fn parts(&self) -> Vec<&Self> {

@@ -45,7 +45,7 @@ proptest! {
         expression in expression(),
         x in [-2.0..2.0, -2.0..2.0, -2.0..2.0_f64],
     ) {
-        prop_assume!(expression.is_decided(&x));
+        prop_assume!(expression.is_well_conditioned(&x));
         let text = text(&expression);
         let device = device(&text);
         let motion = device.motion(&[]).unwrap();
@@ -77,7 +77,7 @@ proptest! {
         expression in expression(),
         x in [-2.0..2.0, -2.0..2.0, -2.0..2.0_f64],
     ) {
-        prop_assume!(expression.is_decided(&x));
+        prop_assume!(expression.is_well_conditioned(&x));
         let device = device(&text(&expression));
         let motion = device.motion(&[]).unwrap();
         let mut work = motion.work(&[]);
@@ -114,7 +114,7 @@ proptest! {
             let point: Vec<f64> = x.iter().copied().chain(values).collect();
             let all: [f64; SIZE] = std::array::from_fn(|i| x.get(i).copied().unwrap_or_else(|| PARAMETERS[i - STATES]));
             let size = random.size(&all, u[0]);
-            prop_assume!(size < 1e6 && random.is_decided(&all, u[0]));
+            prop_assume!(size < 1e6 && random.is_well_conditioned(&all, u[0]));
             let variables = Dual::<f64, SIZE>::variables(&all);
             // The variables of the reference that the device has as states.
             let columns: Vec<usize> = (0..STATES).chain(free.iter().map(|place| STATES + place)).collect();

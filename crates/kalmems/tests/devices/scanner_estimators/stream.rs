@@ -477,6 +477,39 @@ fn slow_the_times_ahead_are_as_uncertain_as_they_say() {
     }
 }
 
+/// The second way: the times that two filters predict of the same passage, one of them with a damping that is one standard deviation larger.
+#[test]
+fn uncertain_numbers_of_the_device_enter_the_times_that_are_predicted() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let told = |damping: &str| {
+        let changes = [("damping = \"5.95e-12 N m s\"", damping)];
+        let (events, _) = run(&prediction("270 us", "", &changes), Pieces::of(bytes.clone(), 1000));
+        ahead(&events).into_iter().filter(|told| told.time_s > 12e-3).collect::<Vec<ZeroPhase>>()
+    };
+    let exact = told("damping = \"5.95e-12 N m s\"");
+    let larger = told("damping = \"6.05e-12 N m s\"");
+    let uncertain = told("damping = \"5.95e-12 N m s ± 1e-13 N m s\"");
+    assert!(exact.len() > 100 && exact.len() == uncertain.len(), "{} {}", exact.len(), uncertain.len());
+    let mut largest = 0.0_f64;
+    for (exact, uncertain) in exact.iter().zip(&uncertain) {
+        assert_eq!(
+            (exact.told_s, exact.time_s, exact.rising),
+            (uncertain.told_s, uncertain.time_s, uncertain.rising)
+        );
+        let near = |other: &&ZeroPhase| (other.time_s - exact.time_s).abs() < 1e-6;
+        let moved = larger.iter().find(near).unwrap().time_s - exact.time_s;
+        let added = (uncertain.sd_s * uncertain.sd_s - exact.sd_s * exact.sd_s).sqrt();
+        assert!(
+            (added - moved.abs()).abs() < 0.1 * moved.abs() + 1e-10,
+            "{added:e} {moved:e} {:e}",
+            exact.sd_s
+        );
+        largest = largest.max(moved.abs() / exact.sd_s);
+    }
+    // The noise does not hide it.
+    assert!(largest > 0.3, "{largest}");
+}
+
 /// The example's drive with this signal, made of nothing but noise.
 fn noise(rows: usize) -> Vec<u8> {
     let text = std::fs::read_to_string(example("recording.csv")).unwrap();
