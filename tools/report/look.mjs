@@ -1,11 +1,14 @@
 // Looks into reports as a reader does, and says what is not as it should be.
-// Usage: node look.mjs FOLDER BROWSER, where FOLDER has node_modules and pages (see .ci/report).
+// Usage: node look.mjs FOLDER BROWSER COMMAND, where FOLDER has node_modules and pages (see .ci/report), and COMMAND is kalmems.
+import { spawn } from "node:child_process";
+import { once } from "node:events";
 import { createRequire } from "node:module";
+import { request } from "node:http";
 import { mkdirSync, readFileSync, readdirSync, statSync, existsSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
 
-const [folder, executablePath] = process.argv.slice(2).map((path) => resolve(path));
+const [folder, executablePath, kalmems] = process.argv.slice(2).map((path) => resolve(path));
 const require = createRequire(join(folder, "node_modules", "x.js"));
 const { chromium } = require("playwright-core");
 const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
@@ -31,21 +34,23 @@ const browser = await chromium.launch({
 });
 
 /** A page with all of its figures there; what it asked for and what it complained of is checked. */
-async function open(name, { width = 1200, height = 900, scheme = "light", script = true, touch = false } = {}) {
+async function open(name, { width = 1200, height = 900, scheme = "light", script = true, touch = false, address = pathToFileURL(pages[name]).href } = {}) {
   const context = await browser.newContext({ viewport: { width, height }, colorScheme: scheme, javaScriptEnabled: script, hasTouch: touch });
   const page = await context.newPage();
   const asked = [];
   page.on("request", (request) => /^(data|blob):/.test(request.url()) || asked.push(request.url()));
   page.on("pageerror", (error) => check(`${name}: the script runs`, false, error.message));
   page.on("console", (message) => message.type() === "error" && check(`${name}: the script is content`, false, message.text()));
-  await page.goto(pathToFileURL(pages[name]).href);
+  await page.goto(address);
   if (script) {
     await page.evaluate(() => window.figures?.all());
     await page.waitForFunction(() => [...document.querySelectorAll(".live")].every((one) => one.dataset.ready || one.style.display === "none"));
     // Sizes are observed once more before anything is looked at.
     await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
   }
-  check(`${name}: nothing is asked for but the page`, asked.length === 1, asked.join(" "));
+  const beside = new URL("report_samples.bin", address).href;
+  const foreign = asked.slice(1).filter((url) => !address.startsWith("http://127.0.0.1:") || url !== beside);
+  check(`${name}: nothing is asked for but the page, and where it is served its samples`, asked[0] === address && foreign.length === 0, asked.join(" "));
   return page;
 }
 
@@ -192,6 +197,204 @@ for (const name of Object.keys(pages)) {
   }));
   check("on paper there are the pictures", printed);
   await page.context().close();
+}
+
+// ---- How long it takes -----------------------------------------------------------------------------------------------
+
+/** Measures in ms what the thread that runs a page computes: what else the machine does is none of it. */
+async function threadTime(page) {
+  const remote = await page.context().newCDPSession(page);
+  await remote.send("Performance.enable", { timeDomain: "threadTicks" });
+  return async () => 1000 * (await remote.send("Performance.getMetrics")).metrics.find(({ name }) => name === "ThreadTime").value;
+}
+
+{
+  const turns = [];
+  for (let turn = 0; turn < 5; turn++) {
+    const context = await browser.newContext({ viewport: { width: 1200, height: 900 } });
+    const page = await context.newPage();
+    const time = await threadTime(page);
+    await page.goto(pathToFileURL(pages.estimate).href, { waitUntil: "commit" });
+    await page.waitForSelector(".live[data-ready]");
+    turns.push(await time());
+    await context.close();
+  }
+  turns.sort((a, b) => a - b);
+  const told = `${turns.map(Math.round).join(" ")} ms`;
+  check("the first plot of a page of 24 000 samples takes at most 300 ms", turns[2] <= 300, told);
+  if (process.env.VERBOSE) console.log(`first plot, median of five: ${told}`);
+}
+
+// ---- Single samples of a long recording -------------------------------------------------------------------------------
+
+/** The motion's last panel, which has the angle, and its series of the filter. */
+const angleSeries = (page) =>
+  page.evaluate(() => {
+    const { panels } = window.figures.shown.find((figure) => figure.panels.some((panel) => panel.label === "angle"));
+    window.anglePanel = panels.find((panel) => panel.label === "angle");
+    window.angleSeries = window.anglePanel.series.find((one) => one.track?.endsWith("ekf, angle") && !one.isBand);
+    return { per: window.angleSeries.samples.per, last: window.angleSeries.samples.last };
+  });
+
+/** Shows a part of the time and waits until single samples of it are drawn; what is drawn of the angle there. */
+const lookAt = (page, from, to) =>
+  page.evaluate(
+    async ([from, to]) => {
+      window.anglePanel.link.show(from, to);
+      const covers = () => window.angleSeries.close?.covers;
+      for (let turn = 0; turn < 500 && !(covers()?.[0] <= from && covers()[1] >= to); turn++) await new Promise((done) => setTimeout(done, 10));
+      const { x, low, per } = window.angleSeries.close ?? window.angleSeries.samples;
+      const within = [...x.keys()].filter((i) => x[i] >= from && x[i] <= to);
+      return { per, x: within.map((i) => x[i]), low: within.map((i) => low[i]) };
+    },
+    [from, to],
+  );
+
+/** Checks that a page shows single samples that are those of its trajectory. */
+async function checkSamples(page, how, name) {
+  const trajectory = rows(join(folder, "pages", name, "trajectory_ekf.csv"));
+  const time = trajectory("time_s");
+  const degrees = trajectory("angle_rad").map((angle) => (angle * 180) / Math.PI);
+  const range = degrees.reduce((most, value) => Math.max(most, value), -Infinity) - degrees.reduce((least, value) => Math.min(least, value), Infinity);
+  const { per } = await angleSeries(page);
+  check(`${how}: the page alone has groups`, per > 1, per);
+  // The beginning, the end, the ends of a block, and somewhere.
+  for (const first of [0, 16_384 - 20, 100_003, time.length - 40]) {
+    const [from, to] = [time[first], time[Math.min(first + 39, time.length - 1)]];
+    const { per, x, low } = await lookAt(page, from - 1e-9, to + 1e-9);
+    check(`${how}: single samples from ${first} on`, per === 1 && x.length === 40, `${per} ${x.length}`);
+    const off = Math.max(...low.map((value, k) => Math.abs(value - degrees[first + k]) / range));
+    const late = Math.max(...x.map((at, k) => Math.abs(at - time[first + k])));
+    check(`${how}: they are those of the trajectory within 1e-4 of its range`, off <= 1e-4 && late <= 1e-9, `${off} ${late}`);
+  }
+  return { time, degrees };
+}
+
+const samplesOf = (name) => join(folder, "pages", name, "report_samples.bin");
+const said = (page) => page.locator(".samples output").first().textContent();
+
+{
+  const page = await open("long");
+  const input = page.locator(".samples input").first();
+  check("a page of groups asks for the file with each sample", (await page.locator(".samples").first().textContent()).includes("report_samples.bin"));
+
+  // Files that are not its own.
+  const own = readFileSync(samplesOf("long"));
+  const other = { name: "other.bin", mimeType: "application/octet-stream" };
+  await input.setInputFiles({ ...other, buffer: own.subarray(0, 1000) });
+  await page.waitForFunction(() => /cannot be used/.test(document.querySelector(".samples output").textContent));
+  check("a file of another length is refused", /1000 bytes/.test(await said(page)), await said(page));
+  const altered = Buffer.from(own);
+  altered[altered.length - 40] ^= 1;
+  await input.setInputFiles({ ...other, buffer: altered });
+  await page.waitForFunction(() => /changed/.test(document.querySelector(".samples output").textContent));
+  check("a file with another description is refused", true);
+  const damaged = Buffer.from(own);
+  damaged.fill(0, 16, damaged.length >> 1);
+  await input.setInputFiles({ ...other, buffer: damaged });
+  await page.waitForFunction(() => /Zooming in/.test(document.querySelector(".samples output").textContent));
+  await angleSeries(page);
+  await lookAt(page, 0.001, 0.00105);
+  check("a file whose samples were changed is noticed where it is read", /was changed/.test(await said(page)), await said(page));
+  await page.context().close();
+}
+{
+  const page = await open("long");
+  // How much of a file is read is counted: never the whole.
+  await page.evaluate(() => {
+    const slice = Blob.prototype.slice;
+    window.bytesRead = 0;
+    Blob.prototype.slice = function (from, to) {
+      window.bytesRead += to - from;
+      return slice.call(this, from, to);
+    };
+  });
+  await page.locator(".samples input").first().setInputFiles(samplesOf("long"));
+  await page.waitForFunction(() => /Zooming in/.test(document.querySelector(".samples output").textContent));
+  const { time, degrees } = await checkSamples(page, "a chosen file", "long");
+  const [read, size] = [await page.evaluate(() => window.bytesRead), statSync(samplesOf("long")).size];
+  check("of the file only pieces are read", read > 0 && read < size / 2, `${read} of ${size}`);
+
+  // The wheel goes on to single samples, and the value under the cursor is the sample's.
+  const place = await page.evaluate(() => {
+    const figure = window.figures.shown.find(({ panels }) => panels.includes(window.anglePanel));
+    return [figure.number, figure.panels.indexOf(window.anglePanel)];
+  });
+  const { box } = await plot(page, ...place);
+  await page.mouse.click(box.x + 0.5 * box.width, box.y + 0.5 * box.height);
+  for (let turn = 0; turn < 80; turn++) await page.mouse.wheel(0, -100);
+  const close = await view(page, ...place);
+  check("the wheel zooms to single samples of the file", close[1] - close[0] < 10 * (time[1] - time[0]), close[1] - close[0]);
+  await page.waitForTimeout(300);
+  await page.mouse.move(box.x + 0.51 * box.width, box.y + 0.5 * box.height);
+  const texts = (await page.locator(`.live[data-figure="${place[0]}"] .legend`).nth(place[1]).locator("button output").allTextContents()).filter(Boolean);
+  const at = close[0] + 0.51 * (close[1] - close[0]);
+  const sample = time.reduce((best, value, k) => (Math.abs(value - at) < Math.abs(time[best] - at) ? k : best), 0);
+  const values = texts.map((text) => Number(text.split(/[\u00a0 ]/)[0].replace("\u2212", "-")));
+  check("the value under the cursor is that of a single sample", values.some((value) => Math.abs(value - degrees[sample]) < 6e-3), `${texts} ${degrees[sample]}`);
+  await page.screenshot({ path: join(shots, "long-single-samples.png") });
+
+  // Zooming, over all samples of all series of the file, the reading of single samples included.
+  const clock = await threadTime(page);
+  const samples = await page.evaluate(() => {
+    const series = window.figures.shown.flatMap(({ panels }) => panels.flatMap(({ series }) => series.filter((one) => one.track && !one.isBand)));
+    return series.reduce((sum, { samples }) => sum + samples.x.length * samples.per, 0);
+  });
+  const turns = [];
+  for (let share = 1; share > 1e-4; share *= 0.6) {
+    const before = await clock();
+    await page.evaluate(async (share) => {
+      const [from, to] = window.anglePanel.link.whole();
+      window.anglePanel.link.show(from + 0.3 * (1 - share) * (to - from), from + (0.3 + 0.7 * share) * (to - from));
+      // The plots are drawn behind this turn; reading a pixel waits until they are.
+      await new Promise((done) => setTimeout(done));
+      window.anglePanel.plot.ctx.getImageData(0, 0, 1, 1);
+    }, share);
+    turns.push((await clock()) - before);
+  }
+  const sorted = [...turns].sort((a, b) => a - b);
+  const told = `${samples} samples: median ${Math.round(sorted[sorted.length >> 1])} ms, of ${turns.map(Math.round).join(" ")}`;
+  check("zooming over 3e6 samples takes at most 60 ms", samples >= 3e6 && sorted[sorted.length >> 1] <= 60, told);
+  if (process.env.VERBOSE) console.log(`zoom over ${told}`);
+  await page.context().close();
+}
+
+// ---- Served ----------------------------------------------------------------------------------------------------------
+{
+  const server = spawn(kalmems, ["view", join(folder, "pages")], { stdio: ["ignore", "pipe", "ignore"] });
+  const [printed] = await once(server.stdout, "data");
+  const address = String(printed).trim();
+  const page = await open("long", { address: `${address}long/report.html` });
+  await page.waitForFunction(() => /Zooming in/.test(document.querySelector(".samples output").textContent));
+  check("a served page asks for no file", (await page.locator(".samples input:visible").count()) === 0);
+  await checkSamples(page, "a served page", "long");
+  await page.context().close();
+
+  const listing = await (await browser.newContext()).newPage();
+  await listing.goto(address);
+  check("the list has the results with their verdicts", (await listing.locator("li b.doubtful, li b.passes").count()) > 0 && (await listing.locator("li").count()) > 3);
+  await listing.evaluate(axe);
+  const serious = await listing.evaluate(async () => (await window.axe.run()).violations.filter((one) => ["serious", "critical"].includes(one.impact)).map((one) => one.id));
+  check("axe finds nothing serious in the list", serious.length === 0, serious.join(" "));
+  await listing.screenshot({ path: join(shots, "view.png") });
+  await listing.getByRole("link", { name: "estimate", exact: true }).click();
+  await listing.waitForSelector("figure");
+  check("a link leads to the report", listing.url().endsWith("/estimate/report.html"), listing.url());
+  await listing.context().close();
+
+  const answer = async (path, headers = {}) => {
+    const sent = request(new URL(path, address), { headers });
+    sent.end();
+    const [got] = await once(sent, "response");
+    got.resume();
+    return got.statusCode;
+  };
+  check("without the token nothing is served", (await answer("/long/report.html")) === 403);
+  check("nor to another name of this machine", (await answer(address, { Host: "rebound.example" })) === 421);
+  const started = Date.now();
+  server.kill("SIGINT");
+  const [code] = await once(server, "exit");
+  check("Ctrl-C ends it at once", code === 0 && Date.now() - started < 1000, `${code} ${Date.now() - started} ms`);
 }
 
 // ---- What is missing is seen ------------------------------------------------------------------------------------------

@@ -70,6 +70,9 @@ pub enum Command {
     Stream(StreamArguments),
     /// Simulate and estimate an experiment many times, over a grid or with random parameters, and compare the filters or test their claims.
     Study(StudyArguments),
+    /// Serve the results of a folder to the browsers of this machine: their verdicts, and their reports down to single samples.
+    #[cfg(not(target_family = "wasm"))]
+    View(ViewArguments),
 }
 
 /// What stands below the help of `batch`.
@@ -214,7 +217,7 @@ pub struct EstimateArguments {
     /// End with exit code 3 if the answer of a filter is doubtful or worse.
     #[arg(long)]
     pub strict: bool,
-    /// Do not write the trajectories, which are several times as large as a long recording.
+    /// Do not write the trajectories and the single samples of a long recording's report, which are several times as large as the recording.
     #[arg(long)]
     pub no_trajectories: bool,
 }
@@ -349,7 +352,8 @@ pub struct StreamArguments {
     #[arg(long, value_name = "FILE")]
     pub frames: Option<PathBuf>,
     /// Send estimates and events as JSON to a program that draws them, such as PlotJuggler: `udp-json://HOST:PORT`, a datagram for each
-    /// line; `udp-json://` alone is port 9870 of this machine. Lines are then written only where `--lines` is given as well.
+    /// line; `udp-json://` alone is port 9870 of this machine. Or write them to an MCAP file, for Foxglove and others: `mcap://FILE`. Lines
+    /// are then written only where `--lines` is given as well.
     #[arg(long, value_name = "ADDRESS")]
     pub to: Option<String>,
     /// Put aside, as FILE.previous, also files that no stream wrote; what one wrote is always kept so.
@@ -362,6 +366,17 @@ pub struct StreamArguments {
     /// Print the summary at the end as JSON instead of text.
     #[arg(long)]
     pub json: bool,
+}
+
+#[cfg(not(target_family = "wasm"))]
+#[derive(Args)]
+pub struct ViewArguments {
+    /// The folder with the results; what is below it is found, and what links lead to is not served.
+    #[arg(default_value = "out")]
+    pub folder: PathBuf,
+    /// The port on 127.0.0.1 [default: one that is free].
+    #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
+    pub port: u16,
 }
 
 #[derive(Args)]

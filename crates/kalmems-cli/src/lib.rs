@@ -104,6 +104,8 @@ fn run_arguments(workbench: &Workbench, arguments: Vec<OsString>, owns_process: 
         Command::Spectrum(arguments) => commands::spectrum::run(workbench, arguments),
         Command::Stream(arguments) => commands::stream::run(workbench, arguments),
         Command::Study(arguments) => commands::study::run(workbench, arguments),
+        #[cfg(not(target_family = "wasm"))]
+        Command::View(arguments) => commands::view::run(arguments),
     };
     let (message, code) = match ending {
         Ok(()) => return 0,

@@ -10,9 +10,9 @@ use crate::layout::{
 };
 use crate::map::{cells, contour};
 use crate::notes::notes;
+use crate::ruler::Ruler;
 use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneMark, Stroke};
 use crate::style::{self, BAND_OPACITY, FAINT_INK, FRAME, GRID, INK};
-use crate::text::Ruler;
 
 const NOTE_SIZE: f64 = 10.0;
 const NOTE_LINE: f64 = 14.0;

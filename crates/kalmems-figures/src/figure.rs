@@ -181,6 +181,16 @@ pub struct Series {
     not_positive: usize,
     thinning: Thinning,
     record: Option<Arc<Record>>,
+    place: Option<SamplesPlace>,
+}
+
+/// Where all samples of a series are, in a file beside the page (see [`SamplesWriter`](crate::SamplesWriter)).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SamplesPlace {
+    /// The name of the track.
+    pub track: Arc<str>,
+    /// Whether the series is the band of the track, and not its value.
+    pub is_band: bool,
 }
 
 impl Series {
@@ -236,6 +246,7 @@ impl Series {
             not_positive: 0,
             thinning: Thinning::None,
             record: None,
+            place: None,
             shape: Shape::Map(grid),
         }
     }
@@ -261,6 +272,13 @@ impl Series {
         self
     }
 
+    /// Says where all of its samples are, for a page that has groups of them alone.
+    #[must_use]
+    pub fn with_samples_in(mut self, place: SamplesPlace) -> Self {
+        self.place = Some(place);
+        self
+    }
+
     fn reduced<T>(
         (label, role, record): (String, SeriesRole, Option<Arc<Record>>),
         data: DecimatedSignal<T>,
@@ -274,6 +292,7 @@ impl Series {
             not_positive: data.not_positive,
             thinning: data.thinning,
             record,
+            place: None,
             shape: shape(data.runs),
         }
     }
@@ -310,6 +329,11 @@ impl Series {
 
     pub(crate) fn thinning(&self) -> Thinning {
         self.thinning
+    }
+
+    /// Where all of its samples are, beside a page.
+    pub(crate) fn place(&self) -> Option<&SamplesPlace> {
+        self.place.as_ref()
     }
 
     /// What a page has of it to look into.

@@ -3,8 +3,8 @@
 use crate::axis::{Range, Ticks};
 use crate::figure::{Axis, AxisScale, Figure, Panel, Series, Shape};
 use crate::map::ColourBar;
+use crate::ruler::Ruler;
 use crate::scene::Rect;
-use crate::text::Ruler;
 
 pub(crate) const WIDTH: f64 = 900.0;
 pub(crate) const EDGE: f64 = 12.0;

@@ -1,5 +1,7 @@
 //! Figures, tables and report pages as plain data, drawn as SVG, PNG and HTML.
 //!
+//! Without the feature `draw` (on unless it is left out) there are the data alone, and tables as text: nothing of what draws is built.
+//!
 //! Nothing here knows a device or an estimate: others hand over series, tables and text. A [`Figure`] becomes SVG or PNG
 //! from the same drawing, laid out once; a [`Page`] becomes one HTML file that needs nothing else. The same data give the
 //! same bytes on every machine, without fonts or libraries of the system.
@@ -19,35 +21,61 @@
 //! # Ok::<(), kalmems_figures::ReportError>(())
 //! ```
 
-mod axis;
-mod clip;
+// Without the feature `draw` there are the data of figures, tables and pages alone; what only drawing asks of them is unused then.
+#![cfg_attr(not(feature = "draw"), allow(dead_code))]
+
 mod decimate;
-mod draw;
-mod error;
 mod figure;
-mod files;
-mod layout;
-mod live;
-mod map;
-mod notes;
 mod page;
-mod pages;
-mod png;
 mod prefix;
 mod record;
-mod render;
 mod scene;
 mod significant;
 mod style;
-mod svg;
 mod table;
 mod text;
 
+#[cfg(feature = "draw")]
+mod axis;
+#[cfg(feature = "draw")]
+mod clip;
+#[cfg(feature = "draw")]
+mod draw;
+#[cfg(feature = "draw")]
+mod error;
+#[cfg(feature = "draw")]
+mod files;
+#[cfg(feature = "draw")]
+mod html;
+#[cfg(feature = "draw")]
+mod layout;
+#[cfg(feature = "draw")]
+mod live;
+#[cfg(feature = "draw")]
+mod map;
+#[cfg(feature = "draw")]
+mod notes;
+#[cfg(feature = "draw")]
+mod pages;
+#[cfg(feature = "draw")]
+mod png;
+#[cfg(feature = "draw")]
+mod render;
+#[cfg(feature = "draw")]
+mod ruler;
+#[cfg(feature = "draw")]
+mod samples;
+#[cfg(feature = "draw")]
+mod svg;
+
 pub use decimate::{DecimatedSignal, Thinning, decimate, decimate_band, pairs, triples};
+#[cfg(feature = "draw")]
 pub use error::ReportError;
-pub use figure::{Axis, AxisScale, Figure, MapGrid, Panel, Series, SeriesRole, Shape};
-pub use page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection};
-pub use record::Track;
+pub use figure::{Axis, AxisScale, Figure, MapGrid, Panel, SamplesPlace, Series, SeriesRole, Shape};
+pub use page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection, SamplesLink};
+pub use record::{BandCentre, SampledQuantity, Track};
+#[cfg(feature = "draw")]
+pub use samples::SamplesWriter;
 pub use significant::{number, significant, with_short_numbers};
 pub use style::SeriesStyle;
 pub use table::{ColumnHead, TextTable};

@@ -1,13 +1,15 @@
 //! Figures as data that the script of a page draws: axes, series, and their samples as text.
 
 use crate::axis::Range;
-use crate::figure::{Axis, AxisScale, Figure, Series, SeriesRole, Shape};
+use crate::figure::{Axis, AxisScale, Figure, SamplesPlace, Series, SeriesRole, Shape};
 use crate::layout::FigureLayout;
+use crate::page::SamplesLink;
 use crate::prefix::prefixed;
 use crate::record::{Abscissae, PackedValues, Record, RecordValues};
+use crate::ruler::Ruler;
 use crate::style;
 use crate::svg::hex;
-use crate::text::{Ruler, with_printed_unit};
+use crate::text::with_printed_unit;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::{Compression, write::DeflateEncoder};
@@ -49,6 +51,15 @@ struct Panelled {
 struct LiveSeries {
     known: Value,
     record: Option<Arc<Record>>,
+    place: Option<SamplesPlace>,
+}
+
+impl LiveSeries {
+    /// Where all of its samples are, if the page has groups of them.
+    fn place_of_more(&self) -> Option<&SamplesPlace> {
+        let is_thinned = self.record.as_ref().is_some_and(|record| record.per_group > 1);
+        self.place.as_ref().filter(|_| is_thinned)
+    }
 }
 
 impl LiveFigures {
@@ -93,8 +104,16 @@ impl LiveFigures {
         true
     }
 
-    /// All of it as JSON that can stand in HTML and in XML; none where there is no figure.
-    pub(crate) fn into_json(mut self) -> Option<String> {
+    /// Whether the page has groups of samples where a file beside it would have each.
+    pub(crate) fn leaves_out_samples(mut self) -> bool {
+        self.fit();
+        let mut series =
+            self.figures.iter().flat_map(|figure| &figure.panels).flat_map(|panel| &panel.series);
+        series.any(|series| series.place_of_more().is_some())
+    }
+
+    /// All of it as JSON that can stand in HTML and in XML; none where there is no figure. `beside` is the file that has each sample.
+    pub(crate) fn into_json(mut self, beside: Option<&SamplesLink>) -> Option<String> {
         if self.figures.is_empty() {
             return None;
         }
@@ -109,6 +128,10 @@ impl LiveFigures {
                                 let mut known = drawn.known.clone();
                                 if let (Some(record), Some(known)) = (&drawn.record, known.as_object_mut()) {
                                     known.insert("data".to_owned(), blobs.record(record));
+                                    if let (Some(place), Some(_)) = (drawn.place_of_more(), beside) {
+                                        known.insert("track".to_owned(), json!(&*place.track));
+                                        known.insert("isBand".to_owned(), json!(place.is_band));
+                                    }
                                 }
                                 known
                             })
@@ -119,7 +142,8 @@ impl LiveFigures {
                 json!({ "number": figure.number, "group": figure.group, "panels": panels })
             })
             .collect();
-        let all = json!({ "figures": figures, "blobs": blobs.texts });
+        let beside = beside.map(|it| json!({ "file": it.file, "bytes": it.bytes, "crc32": it.crc32 }));
+        let all = json!({ "figures": figures, "blobs": blobs.texts, "samples": beside });
         // Neither the end of the script nor markup can stand in it.
         Some(all.to_string().replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026"))
     }
@@ -182,7 +206,7 @@ fn drawn_as(series: &Series, colour: &str) -> LiveSeries {
         "dashed": stroke.dashed,
         "faint": matches!(series.role(), SeriesRole::Measured | SeriesRole::Reference),
     });
-    LiveSeries { known, record: series.record().cloned() }
+    LiveSeries { known, record: series.record().cloned(), place: series.place().cloned() }
 }
 
 /// Texts of samples, each once.
@@ -287,7 +311,7 @@ mod tests {
     fn every_sample_is_on_the_page_within_a_ten_thousandth_of_the_range_and_a_band_goes_along_its_line() {
         let mut live = LiveFigures::default();
         assert!(live.take(1, "", &figure(24_000, 1)));
-        let all: Value = serde_json::from_str(&live.into_json().unwrap()).unwrap();
+        let all: Value = serde_json::from_str(&live.into_json(None).unwrap()).unwrap();
         let series = &all["figures"][0]["panels"][0]["series"];
         let (band, line) = (&series[0]["data"], &series[1]["data"]);
         assert_eq!((line["per"].as_u64(), line["x"]["count"].as_u64()), (Some(1), Some(24_000)));
@@ -306,12 +330,36 @@ mod tests {
         for number in 1..=20 {
             assert!(live.take(number, "", &figure(30_000, 5)));
         }
-        let text = live.into_json().unwrap();
+        let text = live.into_json(None).unwrap();
         assert!(text.len() < 5_500_000, "{}", text.len());
         let all: Value = serde_json::from_str(&text).unwrap();
         let line = &all["figures"][19]["panels"][0]["series"][5]["data"];
         assert!(line["per"].as_u64().unwrap() > 1);
         assert_eq!(line["samples"].as_u64(), Some(30_000));
+    }
+
+    #[test]
+    fn a_series_of_groups_names_the_track_that_has_each_of_its_samples() {
+        let link = SamplesLink { file: "samples.bin".to_owned(), bytes: 7, crc32: 8 };
+        for (samples, is_thinned) in [(24_000, false), (100_000, true)] {
+            let points = (0..samples).map(|i| (1e-6 * f64::from(i), value(i)));
+            let place = SamplesPlace { track: "ekf, angle".into(), is_band: false };
+            let series = Series::line("estimate", SeriesRole::Estimate, points).with_samples_in(place);
+            let panel = Panel::new(Axis::new("time", "s"), Axis::new("value", "V")).with(series);
+            let taken = || {
+                let mut live = LiveFigures::default();
+                assert!(live.take(1, "", &Figure::new("figure", "", "").with(panel.clone())));
+                live
+            };
+            assert_eq!(taken().leaves_out_samples(), is_thinned);
+            let known =
+                |beside| -> Value { serde_json::from_str(&taken().into_json(beside).unwrap()).unwrap() };
+            let track = |all: &Value| all["figures"][0]["panels"][0]["series"][0]["track"].clone();
+            let expected = if is_thinned { json!("ekf, angle") } else { Value::Null };
+            let all = known(Some(&link));
+            assert_eq!((track(&all), &all["samples"]["bytes"]), (expected, &json!(7)));
+            assert_eq!(track(&known(None)), Value::Null);
+        }
     }
 
     #[test]
@@ -323,7 +371,7 @@ mod tests {
                 let panel = panel.with(Series::line("", SeriesRole::Other, [(0.0, 1.0), (1.0, 2.0)]));
                 assert!(live.take(number, group, &Figure::new("figure", "", "").with(panel)));
             }
-            let all: Value = serde_json::from_str(&live.into_json().unwrap()).unwrap();
+            let all: Value = serde_json::from_str(&live.into_json(None).unwrap()).unwrap();
             all["figures"][0]["panels"][0]["link"] == all["figures"][1]["panels"][0]["link"]
         };
         assert!(links("time", ["a", "a"]));

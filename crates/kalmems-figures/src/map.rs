@@ -4,9 +4,9 @@ use crate::axis::{Range, Ticks};
 use crate::decimate::is_drawable;
 use crate::figure::{Axis, AxisScale, MapGrid, Panel, Shape};
 use crate::layout::{AXIS_LINE, AXIS_SIZE, TICK_SIZE};
+use crate::ruler::Ruler;
 use crate::scene::{Anchor, Colour, MarkGroup, Rect, SceneMark};
 use crate::style::{self, FRAME, INK};
-use crate::text::Ruler;
 
 /// Colours between the lowest and the highest value.
 const STEPS: u32 = 40;

@@ -73,6 +73,124 @@
     return { x, low, high, per: data.per, rises: data.rises, last: data.last, levels: levelsOf(low, high) };
   }
 
+  // ---- Single samples, from a file beside the page ---------------------------------------------------------------------
+
+  /** Samples in sight up to which each is read; of more there are the groups on the page. */
+  const CLOSE = 1 << 16;
+  /** Blocks that are kept in memory. */
+  const KEPT = 160;
+
+  const crcTable = Uint32Array.from({ length: 256 }, (_, n) => {
+    for (let k = 0; k < 8; k++) n = n & 1 ? 0xedb88320 ^ (n >>> 1) : n >>> 1;
+    return n >>> 0;
+  });
+  function crc32(bytes) {
+    let crc = 0xffffffff;
+    for (let i = 0; i < bytes.length; i++) crc = crcTable[(crc ^ bytes[i]) & 0xff] ^ (crc >>> 8);
+    return (crc ^ 0xffffffff) >>> 0;
+  }
+
+  /** The file with each sample of each series: picked by the reader, or fetched where the page is served. Never read whole. */
+  const samplesFile = {
+    known: page.samples,
+    /** Reads bytes from and up to a place, once there is a file. */
+    read: null,
+    tracks: null,
+    blocks: new Map(),
+
+    /** Takes a file by what reads pieces of it; refuses one that is not that of this page. */
+    async take(read, size) {
+      const { bytes, crc32: expected } = this.known;
+      if (size !== bytes) throw new Error(`it has ${size} bytes, and that of this report has ${bytes}`);
+      const tail = new DataView(await read(bytes - 16, bytes));
+      const length = Number(tail.getBigUint64(0, true));
+      if (!(length <= bytes - 32)) throw new Error("its description is not where it should be");
+      const description = new Uint8Array(await read(bytes - 16 - length, bytes - 16));
+      if (crc32(description) !== expected) throw new Error("it belongs to another report, or was changed");
+      const { samples_of_a_block: perBlock, tracks } = JSON.parse(new TextDecoder().decode(description));
+      Object.assign(this, { perBlock, tracks, read });
+    },
+
+    /** A block of a track: abscissae, values, half widths. */
+    block(name, place) {
+      const key = `${place} ${name}`;
+      let found = this.blocks.get(key);
+      if (!found) {
+        found = this.readBlock(name, place);
+        found.catch(() => this.blocks.delete(key));
+      }
+      // What was asked for last is kept longest.
+      this.blocks.delete(key);
+      this.blocks.set(key, found);
+      if (this.blocks.size > KEPT) this.blocks.delete(this.blocks.keys().next().value);
+      return found;
+    },
+
+    async readBlock(name, place) {
+      const track = this.tracks[name];
+      const [at, size, expected] = track.blocks[place];
+      const buffer = await this.read(at, at + size);
+      if (buffer.byteLength !== size || crc32(new Uint8Array(buffer)) !== expected) throw new Error("the file was changed");
+      const count = Math.min(this.perBlock, track.samples - place * this.perBlock);
+      const view = new DataView(buffer);
+      const [first, step] = [view.getFloat64(0, true), view.getFloat64(8, true)];
+      let next = 16 + 16 * track.columns.length;
+      const x = new Float64Array(count);
+      for (let i = 0; i < count; i++) x[i] = step > 0 ? first + step * i : view.getFloat64(next + 8 * i, true);
+      if (!(step > 0)) next += 8 * count;
+      const columns = track.columns.map((_, column) => {
+        const [offset, unit] = [view.getFloat64(16 + 16 * column, true), view.getFloat64(24 + 16 * column, true)];
+        const values = new Float64Array(count).fill(NaN);
+        if (unit === 0) return values;
+        for (let i = 0; i < count; i++) values[i] = offset + unit * view.getFloat32(next + 4 * i, true);
+        next += 4 * count;
+        return values;
+      });
+      return { x, value: columns[0], half: columns[1] };
+    },
+
+    /** Each sample of a series between two values of x and some beside them; nothing where there are too many. */
+    async samplesOf(series, from, to) {
+      const groups = series.samples;
+      const [start, end] = within(groups, from, to);
+      const track = this.tracks[series.track];
+      const [first, last] = [start * groups.per, Math.min(end * groups.per, track.samples)];
+      if (last - first > CLOSE || first >= last) return null;
+      const places = [];
+      for (let place = Math.floor(first / this.perBlock); place * this.perBlock < last; place++) places.push(place);
+      const blocks = await Promise.all(places.map((place) => this.block(series.track, place)));
+      const joined = (of) => {
+        const all = new Float64Array(blocks.reduce((sum, block) => sum + block.x.length, 0));
+        let at = 0;
+        for (const block of blocks) {
+          all.set(of(block), at);
+          at += block.x.length;
+        }
+        return all;
+      };
+      const x = joined((block) => block.x);
+      const value = joined((block) => block.value);
+      let [low, high] = [value, value];
+      if (series.isBand) {
+        const half = joined((block) => block.half);
+        const about = (i) => (track.band_about === "zero" ? 0 : value[i]);
+        low = half.map((width, i) => about(i) - width);
+        high = half.map((width, i) => about(i) + width);
+      }
+      const covers = [
+        places[0] === 0 ? -Infinity : x[0],
+        (places[places.length - 1] + 1) * this.perBlock >= track.samples ? Infinity : x[x.length - 1],
+      ];
+      return { x, low, high, per: 1, rises: true, last: x[x.length - 1], levels: levelsOf(low, high), covers };
+    },
+  };
+
+  /** What is known of a series between two values of x: each sample where they were read, else what the page has. */
+  function samplesIn(series, from, to) {
+    const close = series.close;
+    return close && close.covers[0] <= from && close.covers[1] >= to ? close : series.samples;
+  }
+
   /** The first index whose x is not below the value. */
   function firstFrom(x, value) {
     let [a, b] = [0, x.length];
@@ -209,8 +327,8 @@
   }
 
   function drawSamples(context, plot, series, toX, toY, ratio) {
-    const samples = series.samples;
     const { min, max } = plot.scales.x;
+    const samples = samplesIn(series, min, max);
     const [start, end] = within(samples, min, max);
     const isSingle = samples.per === 1;
     const room = plot.bbox.width / ratio;
@@ -234,7 +352,7 @@
     if (series.kind === "band") context.globalAlpha = 0.25;
     context.lineWidth = ratio;
     context.setLineDash([]);
-    fillExtremes(context, series, start, end, toX, toY, ratio);
+    fillExtremes(context, series, samples, start, end, toX, toY, ratio);
   }
 
   function strokeLine(context, samples, start, end, toX, toY) {
@@ -267,8 +385,7 @@
   }
 
   /** Where many samples share a pixel: from the lowest to the highest of each column, filled, and never a line of extremes. */
-  function fillExtremes(context, series, start, end, toX, toY, ratio) {
-    const samples = series.samples;
+  function fillExtremes(context, series, samples, start, end, toX, toY, ratio) {
     const columns = Math.max(1, Math.round(Math.abs(toX(samples.x[end - 1]) - toX(samples.x[start])) / ratio));
     let level = 0;
     while (level + 1 < samples.levels.length && samples.levels[level + 1].size * 4 * columns < end - start) level++;
@@ -350,7 +467,7 @@
     show(from, to) {
       const [first, last] = this.whole();
       const isLog = this.panels[0].x.log;
-      const narrowest = Math.min(...this.panels.map((panel) => panel.closest)) * 4;
+      const narrowest = Math.min(...this.panels.map((panel) => (samplesFile.read ? panel.finest : panel.closest))) * 4;
       if (!(to - from >= narrowest) && !isLog) {
         const middle = (from + to) / 2;
         [from, to] = [middle - narrowest / 2, middle + narrowest / 2];
@@ -428,16 +545,22 @@
       await Promise.all(this.series.filter((s) => s.data).map(async (s) => (s.samples = await samplesOf(s.data))));
       this.whole = [Infinity, -Infinity];
       this.closest = Infinity;
-      for (const { samples } of this.series.filter((s) => s.samples)) {
+      /** The same where single samples can be read. */
+      this.finest = Infinity;
+      for (const { samples, track } of this.series.filter((s) => s.samples)) {
         const { x } = samples;
         let [first, last] = [x[0], samples.last];
         if (!samples.rises) for (const value of x) [first, last] = [Math.min(first, value), Math.max(last, value)];
-        if (x.length > 2 && samples.rises) this.closest = Math.min(this.closest, (x[x.length - 1] - x[0]) / (x.length - 1));
+        if (x.length > 2 && samples.rises) {
+          const spacing = (x[x.length - 1] - x[0]) / (x.length - 1);
+          this.closest = Math.min(this.closest, spacing);
+          this.finest = Math.min(this.finest, track ? spacing / samples.per : spacing);
+        }
         this.whole = [Math.min(this.whole[0], first), Math.max(this.whole[1], last)];
       }
       // Points at the ends are in sight whole.
       if (this.x.from < this.whole[0] && !this.x.fixed) this.whole = [this.x.from, Math.max(this.x.to, this.whole[1])];
-      if (!Number.isFinite(this.closest)) this.closest = (this.whole[1] - this.whole[0]) / 100;
+      if (!Number.isFinite(this.closest)) this.closest = this.finest = (this.whole[1] - this.whole[0]) / 100;
     }
 
     /** The range of y for what is in sight. */
@@ -449,7 +572,7 @@
         if (series.hidden) continue;
         if (series.kind === "level") [low, high] = [Math.min(low, series.level), Math.max(high, series.level)];
         if (!series.samples) continue;
-        const [a, b] = extremes(series.samples, from, to, this.y.log);
+        const [a, b] = extremes(samplesIn(series, from, to), from, to, this.y.log);
         [low, high] = [Math.min(low, a), Math.max(high, b)];
       }
       if (!(low <= high)) return [this.y.from, this.y.to];
@@ -478,6 +601,22 @@
         this.plot.setScale("x", { min: from, max: to });
         this.plot.setScale("y", { min: low, max: high });
       });
+      this.lookClosely(from, to);
+    }
+
+    /** Reads single samples where few enough are in sight, and draws once more when they are there. */
+    async lookClosely(from, to) {
+      if (!samplesFile.read) return;
+      const wanted = this.series.filter((s) => s.track && s.samples && !s.hidden && samplesIn(s, from, to) === s.samples);
+      try {
+        const read = await Promise.all(wanted.map((series) => samplesFile.samplesOf(series, from, to)));
+        wanted.forEach((series, i) => (series.close = read[i] ?? series.close));
+        const { min, max } = this.plot.scales.x;
+        const isNew = (one) => one && one.covers[0] <= min && one.covers[1] >= max;
+        if (read.some(isNew)) this.show(min, max);
+      } catch (error) {
+        sayOfFile(`Single samples cannot be read: ${error.message}.`);
+      }
     }
 
     /** Says what lies under the cursor. */
@@ -493,9 +632,12 @@
 
     valueText(series, at, span) {
       if (series.kind === "level") return quantity(this.y, series.level, span);
-      const place = this.nearest(series, at);
+      if (!series.samples) return "\u2013";
+      const { min, max } = this.plot.scales.x;
+      const samples = samplesIn(series, min, max);
+      const place = this.nearest(samples, at);
       if (place === null) return "\u2013";
-      const { low, high, per } = series.samples;
+      const { low, high, per } = samples;
       if (low[place] !== low[place]) return "\u2013";
       const first = quantity(this.y, low[place], span);
       if (series.kind !== "band" && per === 1) return first;
@@ -504,14 +646,14 @@
     }
 
     /** The index of the sample next to a value of x. */
-    nearest(series, at) {
-      const { x, rises, last } = series.samples;
+    nearest(samples, at) {
+      const { x, rises, last, per } = samples;
       if (!rises) {
         let best = 0;
         for (let i = 1; i < x.length; i++) if (Math.abs(x[i] - at) < Math.abs(x[best] - at)) best = i;
         return best;
       }
-      if (series.samples.per > 1) return at < x[0] || at > last ? null : Math.max(0, firstFrom(x, at * (1 + 1e-12)) - 1);
+      if (per > 1) return at < x[0] || at > last ? null : Math.max(0, firstFrom(x, at * (1 + 1e-12)) - 1);
       const after = firstFrom(x, at);
       const place = after > 0 && (after === x.length || at - x[after - 1] < x[after] - at) ? after - 1 : after;
       // Where a series has none the next sample of it is no value of this place.
@@ -699,7 +841,7 @@
       let at = this.cursor(min, max) ?? (min + max) / 2;
       const pixel = (max - min) / (this.plot.bbox.width / (devicePixelRatio || 1));
       if (series) {
-        const { x } = series.samples;
+        const { x } = samplesIn(series, min, max);
         const place = Math.max(0, Math.min(x.length - 1, firstFrom(x, at - 1e-9 * (max - min)) + move));
         at = Math.abs(x[place] - at) < pixel ? at + 4 * move * pixel : x[place];
       } else at += 4 * move * pixel;
@@ -713,6 +855,50 @@
   // ---- Figures -------------------------------------------------------------------------------------------------------
 
   const shown = [];
+
+  /** Says what is known of the file of single samples, wherever that is said. */
+  function sayOfFile(text) {
+    for (const one of document.querySelectorAll(".samples output")) one.textContent = text;
+  }
+
+  /** Shows single samples from now on, by what reads pieces of the file. */
+  async function lookInto(read, size) {
+    try {
+      await samplesFile.take(read, size);
+    } catch (error) {
+      // Where no server gives pieces of it, the reader can.
+      for (const label of document.querySelectorAll(".samples label")) label.hidden = false;
+      return sayOfFile(`${samplesFile.known.file} cannot be used: ${error.message}.`);
+    }
+    sayOfFile(`Zooming in shows single samples, from ${samplesFile.known.file}.`);
+    for (const { panels } of shown) for (const panel of panels) panel.lookClosely(panel.plot.scales.x.min, panel.plot.scales.x.max);
+  }
+
+  const pick = (file) => file && lookInto((from, to) => file.slice(from, to).arrayBuffer(), file.size);
+
+  /** A served page fetches pieces of the file by itself. */
+  async function fetchPieces() {
+    const address = new URL(samplesFile.known.file, location.href);
+    const read = async (from, to) => {
+      const answer = await fetch(address, { headers: { Range: `bytes=${from}-${to - 1}` } });
+      if (answer.status !== 206) {
+        answer.body?.cancel();
+        throw new Error(`the server answers ${answer.status} where a piece is asked for`);
+      }
+      return answer.arrayBuffer();
+    };
+    await lookInto(read, samplesFile.known.bytes);
+  }
+
+  /** Where a reader gives the page its file of single samples. */
+  function filePicker(panels) {
+    const per = Math.max(...panels.flatMap((panel) => panel.series.filter((s) => s.track).map((s) => s.samples.per)));
+    const input = element("input", { type: "file", accept: ".bin", onchange: () => pick(input.files[0]) });
+    const label = element("label", {}, `Single samples are in ${samplesFile.known.file}, beside this page: `, input);
+    label.hidden = /^http/.test(location.protocol);
+    const said = element("output", {}, samplesFile.read ? `Zooming in shows single samples, from ${samplesFile.known.file}.` : "");
+    return element("div", { class: "samples" }, `Drawn from groups of ${per} samples. `, label, said);
+  }
 
   async function build(figure, holder) {
     const panels = figure.panels.map((known, i) => {
@@ -739,6 +925,7 @@
       panel.link.panels.push(panel);
       panel.place(holder, say);
     }
+    if (panels.some((panel) => panel.series.some((s) => s.track))) holder.append(filePicker(panels));
     holder.style.minHeight = "";
     shown.push({ number: figure.number, panels });
     holder.dataset.ready = "true";
@@ -752,7 +939,7 @@
     for (const panel of panels) {
       const { min, max } = panel.plot.scales.x;
       for (const series of panel.series.filter((s) => s.samples && !s.hidden)) {
-        const { x, low, high } = series.samples;
+        const { x, low, high } = samplesIn(series, min, max);
         const names = `${cell(panel.y.title)},${cell(series.label)}`;
         for (let i = 0; i < x.length; i++) if (x[i] >= min && x[i] <= max) lines.push(`${names},${x[i]},${low[i]},${high[i]}`);
       }
@@ -779,6 +966,14 @@
       console.error(error);
     });
   };
+  if (samplesFile.known) {
+    document.addEventListener("dragover", (event) => event.preventDefault());
+    document.addEventListener("drop", (event) => {
+      event.preventDefault();
+      pick(event.dataTransfer.files[0]);
+    });
+    if (/^http/.test(location.protocol)) fetchPieces();
+  }
   const holders = [...document.querySelectorAll(".live")];
   for (const holder of holders) {
     const figure = numbered.get(holder.dataset.figure);

@@ -1,28 +1,7 @@
-//! The report page: one HTML file that needs nothing else.
+//! The report page as data.
 
-use crate::error::ReportError;
-use crate::figure::{Figure, Series};
-use crate::layout::extent;
-use crate::live::LiveFigures;
-use crate::notes::quantity;
-use crate::table::{ColumnHead, TextTable};
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
-use minijinja::{Environment, Value, context};
-
-const TEMPLATE: &str = include_str!("page.html");
-const STYLE: &str = include_str!("page.css");
-/// The library that draws axes and follows the mouse, and what of a page it needs.
-const PLOTS: [&str; 3] = [
-    include_str!("../assets/uplot.min.js"),
-    include_str!("../assets/uplot.min.css"),
-    include_str!("../assets/uplot-LICENSE.txt"),
-];
-const SCRIPT: &str = include_str!("page.js");
-/// A cell of so many letters is not broken.
-const SHORT: usize = 24;
-/// A table of so many columns becomes cards where the page is narrow.
-const CARDS: usize = 4;
+use crate::figure::Figure;
+use crate::table::TextTable;
 
 /// A report.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +14,19 @@ pub struct Page {
     pub sections: Vec<PageSection>,
     /// Explanations of words in the sections, which stand at the end.
     pub explanations: Vec<Explanation>,
+    /// The file beside the page that has each sample of its series, where there is one.
+    pub samples: Option<SamplesLink>,
+}
+
+/// What tells a page the file of its samples, and that it is this one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SamplesLink {
+    /// Its name, seen from the page.
+    pub file: String,
+    /// Its length.
+    pub bytes: u64,
+    /// The CRC-32 of its description, which has those of its blocks.
+    pub crc32: u32,
 }
 
 /// The text that explains a word, a name or a command of a page.
@@ -92,17 +84,6 @@ pub enum NoticeSeverity {
     Failure,
 }
 
-impl NoticeSeverity {
-    fn class(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Note => "note",
-            Self::Warning => "warning",
-            Self::Failure => "failure",
-        }
-    }
-}
-
 /// A piece of a section. All text is plain text.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PageBlock {
@@ -151,6 +132,7 @@ impl Page {
             subtitle: subtitle.into(),
             sections: Vec::new(),
             explanations: Vec::new(),
+            samples: None,
         }
     }
 
@@ -168,58 +150,12 @@ impl Page {
         self
     }
 
-    /// The page as HTML, its sections in the order of [`PagePart`]. The same page gives the same bytes.
-    ///
-    /// Figures are still pictures, which a script replaces by plots that can be looked into: all samples where they are few, else
-    /// the extremes of groups of them.
-    pub fn to_html(&self) -> Result<String, ReportError> {
-        let mut environment = Environment::new();
-        // The ending tells that values are escaped.
-        environment.add_template("page.html", TEMPLATE)?;
-        let mut order: Vec<&PageSection> = self.sections.iter().collect();
-        order.sort_by_key(|section| section.part);
-        let mut numbers = PageNumbering::default();
-        let sections: Vec<Value> = (order.iter().enumerate())
-            .map(|(index, section)| {
-                let blocks: Vec<Value> =
-                    section.blocks.iter().map(|block| numbers.block(section, block)).collect();
-                context! { title => section.title.as_str(), anchor => format!("section-{}", index + 1), blocks => blocks }
-            })
-            .collect();
-        let named: Vec<&Explanation> = self
-            .explanations
-            .iter()
-            .filter(|one| self.sections.iter().any(|section| section.names(&one.code)))
-            .collect();
-        let explanations: Vec<Value> = (named.iter().enumerate())
-            .map(|(index, one)| {
-                // The heading says what the first line of the text says.
-                let text = one.text.strip_prefix(one.title.as_str()).unwrap_or(&one.text).trim_matches('\n');
-                context! { anchor => explanation_anchor(index), title => one.title.as_str(), text }
-            })
-            .collect();
-        let data = numbers.live.into_json();
-        let page = context! {
-            title => self.title.as_str(),
-            subtitle => with_code(&self.subtitle),
-            warnings => numbers.warnings,
-            sections => sections,
-            explanations => explanations,
-            style => Value::from_safe_string(STYLE.to_owned()),
-            plots => PLOTS.map(|text| Value::from_safe_string(text.to_owned())).to_vec(),
-            script => Value::from_safe_string(SCRIPT.to_owned()),
-            data => data.map(Value::from_safe_string),
-        };
-        let html = environment.get_template("page.html")?.render(page)?;
-        Ok(named.iter().enumerate().fold(html, |html, (index, one)| {
-            let code = format!("<code>{}</code>", escaped(&one.code));
-            html.replace(&code, &format!("<a href=\"#{}\">{code}</a>", explanation_anchor(index)))
-        }))
+    /// Says which file beside the page has each sample of its series.
+    #[must_use]
+    pub fn beside(mut self, samples: Option<SamplesLink>) -> Self {
+        self.samples = samples;
+        self
     }
-}
-
-fn explanation_anchor(index: usize) -> String {
-    format!("explanation-{}", index + 1)
 }
 
 impl PageSection {
@@ -319,180 +255,4 @@ impl PageSection {
     pub fn preformatted(self, summary: impl Into<String>, text: impl Into<String>) -> Self {
         self.with(PageBlock::Preformatted { summary: summary.into(), text: text.into() })
     }
-}
-
-impl PageSection {
-    /// Whether its sentences name this in backticks.
-    fn names(&self, code: &str) -> bool {
-        let code = format!("`{code}`");
-        self.blocks.iter().any(|block| match block {
-            PageBlock::Paragraph(text) | PageBlock::Notice { text, .. } => text.contains(&code),
-            PageBlock::Notes(notes) => notes.iter().any(|note| note.contains(&code)),
-            PageBlock::KeyValues(pairs) => pairs.iter().any(|(_, value)| value.contains(&code)),
-            _ => false,
-        })
-    }
-}
-
-/// The beginning of a notice, up to where it goes into particulars.
-fn brief(text: &str) -> &str {
-    let ends = ["; ", ". "].iter().filter_map(|end| text.find(end));
-    ends.min().and_then(|end| text.get(..end)).unwrap_or(text)
-}
-
-/// Plain text as HTML.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-        .replace('\'', "&#x27;")
-}
-
-/// Plain text as HTML, what stands in backticks as code.
-fn with_code(text: &str) -> Value {
-    let parts: Vec<&str> = text.split('`').collect();
-    // One without a partner is no mark.
-    if parts.len().is_multiple_of(2) {
-        return Value::from_safe_string(escaped(text));
-    }
-    let html = parts.iter().enumerate().map(|(index, part)| {
-        if index % 2 == 1 { format!("<code>{}</code>", escaped(part)) } else { escaped(part) }
-    });
-    Value::from_safe_string(html.collect())
-}
-
-/// What is numbered throughout a page.
-#[derive(Default)]
-struct PageNumbering {
-    figures: usize,
-    anchors: usize,
-    warnings: Vec<Value>,
-    live: LiveFigures,
-}
-
-impl PageNumbering {
-    fn block(&mut self, section: &PageSection, block: &PageBlock) -> Value {
-        match block {
-            PageBlock::Paragraph(text) => context! { kind => "paragraph", text => with_code(text) },
-            PageBlock::Notice { severity, text } => self.notice(section.part, *severity, text),
-            PageBlock::Notes(notes) => {
-                let notes: Vec<Value> = notes.iter().map(|note| with_code(note)).collect();
-                context! { kind => "notes", notes }
-            }
-            PageBlock::KeyValues(pairs) => {
-                let pairs: Vec<[Value; 2]> =
-                    pairs.iter().map(|(name, value)| [with_code(name), with_code(value)]).collect();
-                context! { kind => "key-values", pairs }
-            }
-            PageBlock::Table(table) => table_value(table),
-            PageBlock::Figure(figure) => {
-                self.figures += 1;
-                let is_live = self.live.take(self.figures, &section.time_base, figure);
-                context! {
-                    kind => "figure",
-                    number => self.figures,
-                    title => figure.title.as_str(),
-                    caption => with_code(&figure.caption),
-                    svg => Value::from_safe_string(figure.to_svg()),
-                    numbers => is_live.then(|| table_value(&numbers_of(figure))),
-                }
-            }
-            PageBlock::Raster { png, alt, caption, bar } => context! {
-                kind => "raster",
-                // Letters, digits, `+`, `/` and `=`.
-                data => Value::from_safe_string(STANDARD.encode(png)),
-                alt,
-                caption => with_code(caption),
-                bar => bar.as_ref().map(|(share, length)| (format!("{:.3}", 100.0 * share), length)),
-            },
-            PageBlock::Preformatted { summary, text } => context! { kind => "preformatted", summary, text },
-        }
-    }
-
-    fn notice(&mut self, part: PagePart, severity: NoticeSeverity, text: &str) -> Value {
-        let word = match severity {
-            NoticeSeverity::Ok => "OK",
-            NoticeSeverity::Note => "Note",
-            NoticeSeverity::Warning => "Warning",
-            NoticeSeverity::Failure => "Failure",
-        };
-        let mut anchor = None;
-        // The verdict stands at the top itself.
-        if severity >= NoticeSeverity::Warning && part != PagePart::Verdict {
-            self.anchors += 1;
-            let name = format!("warning-{}", self.anchors);
-            let severity = severity.class();
-            self.warnings
-                .push(context! { anchor => name.as_str(), text => with_code(brief(text)), severity });
-            anchor = Some(name);
-        }
-        context! { kind => "notice", severity => severity.class(), word, text => with_code(text), anchor }
-    }
-}
-
-/// What the series of a figure come to, in words and numbers.
-fn numbers_of(figure: &Figure) -> TextTable {
-    let columns = [
-        ColumnHead::text("panel"),
-        ColumnHead::text("series"),
-        ColumnHead::number("samples", ""),
-        ColumnHead::text("from"),
-        ColumnHead::text("to"),
-        ColumnHead::text("lowest"),
-        ColumnHead::text("highest"),
-    ];
-    let mut table = TextTable::new("What the series of this figure come to", columns);
-    for panel in &figure.panels {
-        for series in panel.series.iter().filter(|series| series.record().is_some()) {
-            table.push(numbers_of_series(
-                panel.x.unit.as_str(),
-                panel.y.label.as_str(),
-                panel.y.unit.as_str(),
-                series,
-            ));
-        }
-    }
-    table
-}
-
-fn numbers_of_series(x_unit: &str, panel: &str, y_unit: &str, series: &Series) -> [String; 7] {
-    let ends = extent(series).fold(None, |ends: Option<[f64; 4]>, [x, low, high]| {
-        let [from, to, lowest, highest] = ends.unwrap_or([x, x, low, high]);
-        Some([from.min(x), to.max(x), lowest.min(low), highest.max(high)])
-    });
-    let text =
-        |place: usize, unit: &str| ends.map_or_else(|| "–".to_owned(), |ends| quantity(ends[place], unit));
-    [
-        panel.to_owned(),
-        series.label().to_owned(),
-        series.source_samples().to_string(),
-        text(0, x_unit),
-        text(1, x_unit),
-        text(2, y_unit),
-        text(3, y_unit),
-    ]
-}
-
-fn table_value(table: &TextTable) -> Value {
-    let class = |column| if table.is_numeric(column) { "number" } else { "text" };
-    let is_short = |text: &str| text.chars().count() <= SHORT;
-    let order: Vec<usize> = table.order().collect();
-    let heads: Vec<Value> = (order.iter())
-        .map(|column| context! { text => with_code(&table.head(*column)), class => class(*column) })
-        .collect();
-    let rows: Vec<Vec<Value>> = (table.rows.iter().enumerate())
-        .map(|(index, row)| {
-            (order.iter())
-                .map(|column| {
-                    let cell = row.get(*column).map_or("", String::as_str);
-                    let text = with_code(cell);
-                    let grade = table.grade(index, *column).map(NoticeSeverity::class);
-                    context! { text, class => class(*column), short => is_short(cell), head => table.head(*column), grade }
-                })
-                .collect()
-        })
-        .collect();
-    let is_cards = table.width() >= CARDS;
-    context! { kind => "table", caption => with_code(&table.caption), has_caption => !table.caption.is_empty(), heads, rows, is_cards }
 }

@@ -2,7 +2,7 @@
 
 use crate::figure::Figure;
 use crate::layout::FigureLayout;
-use crate::text::Ruler;
+use crate::ruler::Ruler;
 
 /// The height of a sheet in units of the drawing: half of the highest picture that is drawn.
 const SHEET: f64 = 4_000.0;

@@ -1,8 +1,8 @@
 //! A drawing as PNG, with the bundled font.
 
 use crate::error::ReportError;
+use crate::ruler::{Ruler, font};
 use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneMark};
-use crate::text::{Ruler, font};
 use tiny_skia::{
     FillRule, LineCap, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform,
 };

@@ -160,6 +160,24 @@ impl Track {
     }
 }
 
+/// About what a track has a band.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BandCentre {
+    /// About its value.
+    Value,
+    /// About zero.
+    Zero,
+}
+
+/// What the numbers of a track are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SampledQuantity<'a> {
+    /// The unit of value and half width; empty where it has no name.
+    pub unit: &'a str,
+    /// Where there is a half width of a band beside the value: about what the band lies.
+    pub band: Option<BandCentre>,
+}
+
 /// What a series keeps of its samples, each value to 2⁻¹⁶ of the span of all.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Record {
@@ -248,7 +266,7 @@ pub(crate) enum Abscissae {
 }
 
 impl Abscissae {
-    fn of(x: &[f64]) -> Self {
+    pub(crate) fn of(x: &[f64]) -> Self {
         let (Some(first), Some(last)) = (x.first(), x.last()) else { return Self::Each(Vec::new()) };
         let step = (last - first) / (x.len() - 1).max(1) as f64;
         let deviates = |(i, x): (usize, &f64)| (x - (first + step * i as f64)).abs() > EQUAL * step.abs();
@@ -270,21 +288,7 @@ pub(crate) struct PackedValues {
 
 impl PackedValues {
     pub(crate) fn of(values: &[f64]) -> Self {
-        let finite = values.iter().filter(|v| is_drawable(**v));
-        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
-        let span = high - low;
-        if span.is_nan() || span < 0.0 {
-            return Self { offset: 0.0, unit: 1.0, multiples: vec![NONE; values.len()] };
-        }
-        // What lies far from zero loses no digits to its distance.
-        let offset = if low.abs().max(high.abs()) > 8.0 * span { f64::midpoint(low, high) } else { 0.0 };
-        let largest = (high - offset).abs().max((low - offset).abs());
-        #[allow(clippy::cast_possible_truncation)] // the exponent of a number
-        let unit = if largest > 0.0 {
-            2_f64.powi(libm::log2(largest).floor().clamp(-1000.0, 1000.0) as i32)
-        } else {
-            1.0
-        };
+        let (offset, unit) = offset_and_unit(values);
         let multiples =
             values.iter().map(|v| if is_drawable(*v) { short((v - offset) / unit) } else { NONE });
         Self { offset, unit, multiples: multiples.collect() }
@@ -293,6 +297,26 @@ impl PackedValues {
     fn all(&self) -> impl Iterator<Item = f64> + '_ {
         self.multiples.iter().map(|multiple| self.offset + self.unit * f64::from(f32::from_bits(*multiple)))
     }
+}
+
+/// An offset and a power of two, by which numbers lose no digits to their distance from zero and none is too large for 32 bits. Numbers of which
+/// none can be drawn have 0 and 1.
+pub(crate) fn offset_and_unit(values: &[f64]) -> (f64, f64) {
+    let finite = values.iter().filter(|v| is_drawable(**v));
+    let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+    let span = high - low;
+    if span.is_nan() || span < 0.0 {
+        return (0.0, 1.0);
+    }
+    let offset = if low.abs().max(high.abs()) > 8.0 * span { f64::midpoint(low, high) } else { 0.0 };
+    let largest = (high - offset).abs().max((low - offset).abs());
+    #[allow(clippy::cast_possible_truncation)] // the exponent of a number
+    let unit = if largest > 0.0 {
+        2_f64.powi(libm::log2(largest).floor().clamp(-1000.0, 1000.0) as i32)
+    } else {
+        1.0
+    };
+    (offset, unit)
 }
 
 /// Not a number.

@@ -21,6 +21,7 @@ mod manifest;
 mod sealed;
 mod single;
 mod staging;
+mod stored;
 mod target_state;
 mod work;
 
@@ -32,6 +33,7 @@ pub use exchange::sync_folder;
 pub use manifest::MANIFEST;
 pub use sealed::ResultFile;
 pub use single::{create_file, keep_aside, write_file, write_page};
+pub use stored::StoredResult;
 pub use work::{Subject, Work, way_from};
 
 use manifest::Manifest;

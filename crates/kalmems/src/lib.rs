@@ -1,5 +1,7 @@
 //! The workbench of kalmems: from a recording of a MEMS device's capacitive signal to its motion.
 //!
+//! Without the feature `report` (on unless it is left out) there is what computes, in memory: no files of results, no studies, and nothing that draws is built.
+//!
 //! Data flows one way: `Experiment → Recording → Trajectory → Evaluation → Report`. [`workflow::estimate`] takes all
 //! steps in order; each can be taken by itself:
 //!
@@ -28,19 +30,26 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+// Without the feature `report` nothing is drawn and no result written; what only that asks of the rest is unused then.
+#![cfg_attr(not(feature = "report"), allow(dead_code))]
+
 pub mod array_experiment;
 #[cfg(feature = "parquet-results")]
 pub mod batch;
 pub mod diagnose;
 pub mod draft;
 pub mod expand;
+#[cfg(feature = "report")]
 mod journal;
 #[cfg(feature = "parquet-results")]
 mod parquet;
 pub mod results;
+#[cfg(feature = "report")]
 mod rows;
 pub mod stream;
+#[cfg(feature = "report")]
 pub mod study;
+#[cfg(feature = "report")]
 mod table;
 
 pub use kalmems_applications as applications;

@@ -7,6 +7,7 @@
 
 mod calibrate;
 mod centre;
+#[cfg(feature = "report")]
 mod certificate;
 mod comparison;
 mod cross_check;
@@ -22,6 +23,7 @@ mod outcome;
 mod peaks;
 mod rest;
 mod rest_record;
+#[cfg(feature = "report")]
 mod results;
 mod simulated;
 mod stretches;
@@ -29,6 +31,7 @@ mod tone;
 
 pub use calibrate::calibrate;
 pub use centre::{Centre, ShakenRecord};
+#[cfg(feature = "report")]
 pub use certificate::{Certificate, certificate_page};
 pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
@@ -45,6 +48,7 @@ pub use outcome::{
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
 pub use rest::AxisAtRest;
+#[cfg(feature = "report")]
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use simulated::{SimulatedInstrument, SimulatedUnit, Vibration};
 pub use tone::{AXES, AxisSignals, Component, FEWEST_PERIODS, FEWEST_SAMPLES, ToneError, VibrationTone};

@@ -29,6 +29,7 @@ mod merit;
 mod picture;
 mod raster;
 mod reconstruct;
+#[cfg(feature = "report")]
 mod results;
 mod scan;
 mod scene;
@@ -44,6 +45,7 @@ pub use merit::{edge_width, psnr_db, structural_similarity};
 pub use picture::Picture;
 pub use raster::{Passes, Raster};
 pub use reconstruct::{AxisOutcome, ImageError, ImageOutcome, reconstruct};
+#[cfg(feature = "report")]
 pub use results::{
     DevelopedImage, ImageAxisMetrics, ImageMetrics, ReferenceMetrics, image_page, write_image,
 };

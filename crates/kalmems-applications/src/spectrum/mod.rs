@@ -18,6 +18,7 @@ mod process;
 mod recalibrate;
 mod register;
 mod resample;
+#[cfg(feature = "report")]
 mod results;
 mod scans;
 mod track;
@@ -44,6 +45,7 @@ pub use process::{PathSample, ProcessedScans};
 pub use recalibrate::{KnownLine, Recalibration, recalibrate};
 pub use register::{shift_to, turn};
 pub use resample::{ResampleError, resample};
+#[cfg(feature = "report")]
 pub use results::{
     ContributionMetrics, CorrectionMetrics, JcampSpectrum, LineMetrics, SpectrumMetrics,
     SpectrumReferenceMetrics, spectrum_figures, spectrum_page, write_jcamp, write_spectrum,

@@ -22,3 +22,5 @@ pub mod simulate;
 pub mod spectrum;
 pub mod stream;
 pub mod study;
+#[cfg(not(target_family = "wasm"))]
+pub mod view;

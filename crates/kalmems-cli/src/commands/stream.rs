@@ -16,9 +16,15 @@ use std::io::{self, BufWriter, ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::time::Duration;
 
+#[cfg(all(feature = "mcap", not(target_family = "wasm")))]
+mod mcap_file;
+#[cfg(not(target_family = "wasm"))]
+mod messages;
 mod source;
 #[cfg(not(target_family = "wasm"))]
 mod viewer;
+#[cfg(not(target_family = "wasm"))]
+mod watch;
 #[cfg(not(target_family = "wasm"))]
 mod wires;
 
@@ -50,9 +56,11 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
         let failed = |e: io::Error| wrong(&format!("cannot make the folder {}: {e}", own_folder.display()));
         std::fs::create_dir_all(&own_folder).map_err(failed)?;
     }
-    let written = lines.map(|to| output(to, is_lines, arguments.force)).transpose()?;
+    let mut written = lines.map(|to| output(to, is_lines, arguments.force)).transpose()?;
+    let to = arguments.to.as_deref();
+    let finish = to.map(|to| watched(to, &mut written, arguments.force)).transpose()?;
     let outputs = StreamOutputs {
-        lines: watched(written, arguments.to.as_deref())?,
+        lines: written,
         frames: frames.map(|to| output(to, is_frames, arguments.force)).transpose()?,
         notices: Some(Box::new(StandardError)),
     };
@@ -78,6 +86,9 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
         Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
         ended => ended.map_err(|e| wrong(&e))?,
     };
+    if let Some(finish) = finish {
+        finish()?;
+    }
     if let (Some(path), Some(html)) = (&arguments.report, html) {
         write_page(path, &html, arguments.force)?;
         tell!("the report: {}", path.display());
@@ -102,30 +113,20 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
     }
 }
 
-/// What takes the lines: a file, and a program that draws them.
+/// Completes what `--to` names.
+type WatchEnd = Box<dyn FnOnce() -> Result<(), CommandEnding>>;
+
+/// Lets what `--to` names take the lines as well as where they are written to.
 #[cfg(not(target_family = "wasm"))]
-fn watched(
-    written: Option<Box<dyn Write>>,
-    to: Option<&str>,
-) -> Result<Option<Box<dyn Write>>, CommandEnding> {
-    let Some(to) = to else { return Ok(written) };
-    let viewer = viewer::open(to).map_err(|e| CommandEnding::Wrong(format!("`--to`: {e}")))?;
-    Ok(Some(match written {
-        Some(written) => Box::new(viewer::TwoWriters(written, viewer)),
-        None => Box::new(viewer),
-    }))
+fn watched(to: &str, written: &mut Option<Box<dyn Write>>, force: bool) -> Result<WatchEnd, CommandEnding> {
+    let watch = watch::Watch::open(to, written, force)?;
+    Ok(Box::new(move || watch.finish()))
 }
 
 /// A browser sends nothing.
 #[cfg(target_family = "wasm")]
-fn watched(
-    written: Option<Box<dyn Write>>,
-    to: Option<&str>,
-) -> Result<Option<Box<dyn Write>>, CommandEnding> {
-    if to.is_some() {
-        return Err(CommandEnding::Wrong("`--to`: a browser has no connections here".to_owned()));
-    }
-    Ok(written)
+fn watched(_: &str, _: &mut Option<Box<dyn Write>>, _: bool) -> Result<WatchEnd, CommandEnding> {
+    Err(CommandEnding::Wrong("`--to`: a browser has no connections here".to_owned()))
 }
 
 /// Opens what estimates go to; what another stream wrote there is kept beside it.

@@ -790,7 +790,7 @@ fn an_identification_that_cannot_be_is_refused() {
 }
 
 /// A recording of this many rows: the scanner's, again and again, and the experiment for it.
-fn long_recording(folder: &Path, rows: usize, reference: bool) -> PathBuf {
+pub fn long_recording(folder: &Path, rows: usize, reference: bool) -> PathBuf {
     let text =
         |file: &str| std::fs::read_to_string(root().join("examples/shared_scanner").join(file)).unwrap();
     // 20 000 rows are 627 cycles of the drive.
@@ -857,6 +857,7 @@ fn a_long_recording_in_parts_gives_the_trajectories_of_one_in_memory() {
         }
     }
     assert!(out.join("figures/course.png").is_file() && out.join("report.html").is_file());
+    crate::report_samples::agrees(&out, &outcome);
 }
 
 #[cfg(unix)]

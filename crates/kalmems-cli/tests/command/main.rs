@@ -13,6 +13,7 @@ mod image;
 mod interruption;
 mod new;
 mod readme;
+mod report_samples;
 mod rest;
 mod spectrum;
 mod store;

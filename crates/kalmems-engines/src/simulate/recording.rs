@@ -2,7 +2,7 @@
 
 use crate::config::{ConfigError, RecordingRole};
 use crate::recording::{ReadError, RecordingSource};
-use kalmems_figures::number;
+use kalmems_figures::{Figure, number};
 use std::ops::ControlFlow;
 
 /// A column of a simulated recording: what it means to the rig, and its name in the file.
@@ -30,6 +30,8 @@ pub struct SimulatedSample<'a> {
 pub struct Papers {
     /// Files beside the recording.
     pub files: Vec<RunFile>,
+    /// Pictures beside it, which are called as the figures are.
+    pub figures: Vec<Figure>,
     /// What to say, a line each.
     pub lines: Vec<String>,
 }

@@ -32,7 +32,8 @@ pub fn figures(
     prefix: &str,
     trusted: Option<&str>,
 ) -> Vec<Figure> {
-    let drawn = SegmentFigures::of(recording, segment, &Tracks::of(recording, segment), prefix, trusted);
+    let drawn =
+        SegmentFigures::of(recording, segment, &Tracks::of(recording, segment, prefix), prefix, trusted);
     drawn.pictured().cloned().collect()
 }
 

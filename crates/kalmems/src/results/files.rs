@@ -3,6 +3,7 @@
 use super::figure_files::write_figure;
 use super::names::prefix;
 use super::page::page;
+use super::samples::SamplesFile;
 use super::{Metrics, Output, OutputError, RunInfo, RunTiming};
 use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
@@ -17,7 +18,8 @@ use std::io::{self, Write};
 /// How results are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// Whether trajectories are written. Those of a long recording take several times its room.
+    /// Whether each sample is written: the trajectories, and the file of all samples of the report where the report shows groups of them. Those
+    /// of a long recording take several times its room.
     pub trajectories: bool,
 }
 
@@ -48,7 +50,8 @@ pub enum ResultWriteError {
 ///
 /// `trajectory_<filter>.csv`, with the recording's and the segment's name in front where there are several, and `stretch_2` and
 /// so on for the later stretches of a record;
-/// `metrics.json`; `run.toml`; `report.html`, and its pictures in `figures/`. Where `stop` says so in between, the
+/// `metrics.json`; `run.toml`; `report.html`, and its pictures in `figures/`; `report_samples.bin` where a series has more samples than the
+/// report. Where `stop` says so in between, the
 /// work ends.
 pub fn write_estimate(
     outcome: &Outcome,
@@ -81,7 +84,11 @@ pub fn write_estimate(
         serde_json::to_writer_pretty(&mut *w, metrics)?;
         writeln!(w)
     })?;
-    let (html, figures) = page(outcome, metrics)?;
+    let (mut page, figures) = page(outcome, metrics);
+    if options.trajectories && page.leaves_out_samples() {
+        page = page.beside(Some(SamplesFile::write(output, outcome)?));
+    }
+    let html = page.to_html()?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in figures {
         write_figure::<ResultWriteError>(output, &figure)?;

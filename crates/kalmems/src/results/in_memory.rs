@@ -1,13 +1,15 @@
 //! An estimate with all that is computed from it, without a file.
 
-use super::page::page;
-use super::{Metrics, Output, ResultWriteError, RunInfo, WriteOptions, write_estimate};
+use super::Metrics;
+#[cfg(feature = "report")]
+use super::{Output, ResultWriteError, RunInfo, WriteOptions, page::page, write_estimate};
 use crate::config::{Experiment, Recording};
 use crate::diagnose::{DiagnoseError, FoundNoise, NumberCheck, check_numbers, check_numbers_of};
 use crate::estimate::EstimateError;
 use crate::progress::Progress;
 use crate::rigs::Workbench;
 use crate::workflow::{self, Outcome, WorkflowError};
+#[cfg(feature = "report")]
 use kalmems_figures::{Figure, ReportError};
 
 /// An estimate and its figures.
@@ -35,11 +37,14 @@ impl Estimated {
     }
 
     /// The report as a page of HTML, and its figures.
+    #[cfg(feature = "report")]
     pub fn report(&self) -> Result<(String, Vec<Figure>), ReportError> {
-        page(&self.outcome, &self.metrics)
+        let (page, figures) = page(&self.outcome, &self.metrics);
+        Ok((page.to_html()?, figures))
     }
 
     /// Writes all of it into a result; see [`write_estimate`].
+    #[cfg(feature = "report")]
     pub fn write(
         &self,
         output: &Output,

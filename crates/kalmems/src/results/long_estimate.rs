@@ -6,7 +6,8 @@ use super::files::{columns, run_record, signal_unit, write_header, write_rows};
 use super::names::of_parts;
 use super::page::page_with;
 use super::pooled::PooledMetrics;
-use super::tracks::Tracks;
+use super::samples::SamplesFile;
+use super::tracks::{PartPlace, Tracks};
 use super::{Metrics, Output, ResultFile, ResultWriteError, RunInfo, SegmentMetrics, WriteOptions};
 use crate::config::Experiment;
 use crate::diagnose::{FoundNoise, NumberCheck};
@@ -33,6 +34,8 @@ pub struct LongEstimate<'a> {
     drawn: Vec<Vec<SegmentFigures>>,
     /// What has passed of the present segment.
     tracks: Tracks,
+    /// The file of all samples of the report, once there is a part.
+    samples: Option<SamplesFile<'a>>,
     /// The files of trajectories.
     files: BTreeMap<String, ResultFile>,
     /// Figures of the parts of the present segment.
@@ -70,6 +73,7 @@ impl<'a> LongEstimate<'a> {
             pooled: PooledMetrics::default(),
             drawn: Vec::new(),
             tracks: Tracks::default(),
+            samples: None,
             files: BTreeMap::new(),
             parts: Vec::new(),
             options,
@@ -91,10 +95,11 @@ impl<'a> LongEstimate<'a> {
         let last_s = time.at(time.len().saturating_sub(1));
         if part.begins {
             self.parts.clear();
-            self.tracks = Tracks::default();
+            self.tracks = Tracks::new(&self.prefix(part, &outcome.estimate.segment));
         }
         if self.is_drawn() {
-            self.tracks.take(&part.outcome, outcome);
+            self.tracks.take_part(&part.outcome, outcome, place_of(part));
+            self.samples(part, outcome)?;
         }
         self.parts.push(PartFigures::of(&figures, time.start_s().midpoint(last_s)));
         if self.options.trajectories {
@@ -133,6 +138,17 @@ impl<'a> LongEstimate<'a> {
                 return Err(ResultWriteError::Interrupted);
             }
         }
+        Ok(())
+    }
+
+    fn samples(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), ResultWriteError> {
+        if !self.options.trajectories {
+            return Ok(());
+        }
+        let prefix = self.prefix(part, &outcome.estimate.segment);
+        let mut file = self.samples.take().map_or_else(|| SamplesFile::begin(self.output), Ok)?;
+        file.take_part(&part.outcome, outcome, (place_of(part), &prefix))?;
+        self.samples = Some(file);
         Ok(())
     }
 
@@ -178,7 +194,9 @@ impl<'a> LongEstimate<'a> {
             serde_json::to_writer_pretty(&mut *w, &metrics)?;
             writeln!(w)
         })?;
-        let html = page_with((self.experiment, rig.name()), &metrics, &self.drawn)?;
+        let samples = self.samples.map(SamplesFile::finish).transpose()?;
+        let html =
+            page_with((self.experiment, rig.name()), &metrics, &self.drawn).beside(samples).to_html()?;
         self.output.write("report.html", |w| w.write_all(html.as_bytes()))?;
         let references = whole.iter().map(|whole| whole.reference.as_ref().map(|(source, _)| source));
         let sources = whole.iter().map(|whole| Some(&whole.source)).zip(references);
@@ -187,6 +205,10 @@ impl<'a> LongEstimate<'a> {
         self.output.write_run(&self.input_id, || run_record(self.experiment, &metrics, sources, info))?;
         Ok(metrics)
     }
+}
+
+fn place_of(part: &PartOutcome) -> PartPlace {
+    PartPlace { begins: part.begins, ends: part.ends }
 }
 
 impl PartFigures {

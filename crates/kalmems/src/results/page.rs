@@ -14,28 +14,26 @@ use crate::estimate::TrajectoryKind;
 use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
 use crate::topics::explained;
 use crate::workflow::{Outcome, SegmentOutcome};
-use kalmems_figures::{
-    ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable,
-};
+use kalmems_figures::{ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, TextTable};
 
 /// The page, and its figures once more by their name.
-pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> Result<(String, Vec<Figure>), ReportError> {
+pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> (Page, Vec<Figure>) {
     let drawn = outcome.recordings.iter().zip(&metrics.recordings).map(|(recording, judged)| {
         let of = |(segment, judged): (&SegmentOutcome, &SegmentMetrics)| {
             let own = &segment.estimate.segment;
-            let is_drawn = own.stretch.number <= PICTURED;
+            if own.stretch.number > PICTURED {
+                return SegmentFigures::default();
+            }
             let prefix = prefix(outcome, recording, own);
-            let tracks = Tracks::of(recording, segment);
-            let drawn =
-                is_drawn.then(|| SegmentFigures::of(recording, segment, &tracks, &prefix, judged.trusted()));
-            drawn.unwrap_or_default()
+            let tracks = Tracks::of(recording, segment, &prefix);
+            SegmentFigures::of(recording, segment, &tracks, &prefix, judged.trusted())
         };
         recording.segments.iter().zip(&judged.segments).map(of).collect()
     });
     let drawn: Vec<Vec<SegmentFigures>> = drawn.collect();
-    let html = page_with((&outcome.experiment, outcome.rig), metrics, &drawn)?;
+    let page = page_with((&outcome.experiment, outcome.rig), metrics, &drawn);
     let pictured = drawn.iter().flatten().flat_map(SegmentFigures::pictured);
-    Ok((html, pictured.cloned().collect()))
+    (page, pictured.cloned().collect())
 }
 
 /// The page with these figures, segment by segment of each recording.
@@ -43,7 +41,7 @@ pub(super) fn page_with(
     (experiment, rig): (&Experiment, &str),
     metrics: &Metrics,
     drawn: &[Vec<SegmentFigures>],
-) -> Result<String, ReportError> {
+) -> Page {
     let subtitle = experiment.description.clone().unwrap_or_default();
     let mut page = Page::new(experiment.name.to_string(), subtitle).with(verdict(metrics));
     let none = SegmentFigures::default();
@@ -87,7 +85,7 @@ pub(super) fn page_with(
                 ))
                 .preformatted("The experiment as it was understood", toml),
         );
-    explained(page).to_html()
+    explained(page)
 }
 
 /// Whether the filters are to be trusted, and why.

@@ -106,6 +106,9 @@ pub fn write_simulation(
     for paper in &papers.files {
         output.write(paper.name, |w| w.write_all(&paper.content))?;
     }
+    for figure in &papers.figures {
+        output.write(&format!("{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
+    }
     let (samples, outlook, told) = (simulation.samples(), simulation.outlook(), papers.lines);
     let summary = SimulationSummary { samples, largest, outlook, told, seed };
     let html = simulation_page(experiment, simulation, &summary, [&recorded, &truth])?;

@@ -5,9 +5,7 @@ use crate::config::Experiment;
 use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
 use crate::stream::StreamSummary;
 use crate::topics::{explained, link};
-use kalmems_figures::{
-    Axis, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole,
-};
+use kalmems_figures::{Axis, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole};
 
 /// What a page shows of a stream, in memory that does not grow with it.
 #[derive(Clone, Debug, Default)]
@@ -59,12 +57,8 @@ impl StreamTracks {
         panels.fold(Figure::new(id, title, caption), Figure::with)
     }
 
-    /// The page's text, which needs nothing else. How long samples took on their way is none of it, as it differs from run to run.
-    pub(crate) fn page(
-        &self,
-        experiment: &Experiment,
-        summary: &StreamSummary,
-    ) -> Result<String, ReportError> {
+    /// The page. How long samples took on their way is none of it, as it differs from run to run.
+    pub(crate) fn page(&self, experiment: &Experiment, summary: &StreamSummary) -> Page {
         let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
         for (severity, text) in reasons(summary) {
             verdict = verdict.notice(severity, text);
@@ -95,7 +89,7 @@ impl StreamTracks {
             .with(PageSection::new("Motion").figure(motion))
             .with(PageSection::new("Innovations").part(PagePart::Evidence).figure(innovations))
             .with(made);
-        explained(page).to_html()
+        explained(page)
     }
 }
 

@@ -34,6 +34,7 @@ use crate::estimate::{EstimateError, PhasePredictionCounts, StretchSummary};
 use crate::recording::{self, Finding, ReadError, Stretches, TimeOrigin, TimeSource};
 use crate::results::StreamTracks;
 use crate::rigs::Workbench;
+#[cfg(feature = "report")]
 use kalmems_figures::ReportError;
 use latency::ArrivalTimes;
 use live::LiveEstimate;
@@ -80,6 +81,7 @@ pub enum StreamError {
     #[error("the estimates cannot be written: {0}")]
     Output(#[from] io::Error),
     /// The report cannot be made.
+    #[cfg(feature = "report")]
     #[error(transparent)]
     Report(#[from] ReportError),
     /// The state cannot be written, or another run cannot go on from it.
@@ -174,6 +176,7 @@ pub fn stream(
 }
 
 /// Likewise, with a page of what was estimated: its text, which needs nothing else.
+#[cfg(feature = "report")]
 pub fn stream_with_page(
     workbench: &Workbench,
     experiment: &Experiment,
@@ -183,7 +186,7 @@ pub fn stream_with_page(
     stop: &dyn Fn() -> bool,
 ) -> Result<(StreamSummary, String), StreamError> {
     let (summary, seen) = estimated((workbench, experiment), connection, outputs, state, stop, true)?;
-    let html = seen.unwrap_or_default().page(experiment, &summary)?;
+    let html = seen.unwrap_or_default().page(experiment, &summary).to_html()?;
     Ok((summary, html))
 }
 

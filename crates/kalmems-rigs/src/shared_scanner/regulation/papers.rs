@@ -7,17 +7,15 @@ use std::fmt::Write as _;
 
 /// What is written beside recording and truth, and what is said.
 pub fn of(report: &RegulationReport) -> Papers {
-    let figure = figure(report);
     let json = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";
     let mut files = vec![
         RunFile { name: "regulation.csv", content: windows(report).into_bytes() },
         RunFile { name: "regulation.json", content: json.into_bytes() },
-        RunFile { name: "regulation.svg", content: figure.to_svg().into_bytes() },
     ];
     if report.trigger.is_some() {
         files.push(RunFile { name: "trigger.csv", content: events(report).into_bytes() });
     }
-    Papers { files, lines: lines(report) }
+    Papers { files, figures: vec![figure(report)], lines: lines(report) }
 }
 
 fn windows(report: &RegulationReport) -> String {
