@@ -1,14 +1,12 @@
 // Looks into reports as a reader does, and says what is not as it should be.
 // Usage: node look.mjs FOLDER BROWSER, where FOLDER has node_modules and pages (see .ci/report).
-import { createRequire } from "node:module";
-import { mkdirSync, readFileSync, readdirSync, statSync, existsSync } from "node:fs";
+import { readFileSync, readdirSync, statSync, existsSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
+import { begin } from "../look.mjs";
 
 const [folder, executablePath] = process.argv.slice(2).map((path) => resolve(path));
-const require = createRequire(join(folder, "node_modules", "x.js"));
-const { chromium } = require("playwright-core");
-const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+const { browser, shots, check, accessible, end } = await begin(folder, executablePath);
 
 const pages = {};
 for (const name of readdirSync(join(folder, "pages"))) {
@@ -16,19 +14,6 @@ for (const name of readdirSync(join(folder, "pages"))) {
   const file = name.endsWith(".html") ? path : join(path, "report.html");
   if (existsSync(file)) pages[name.replace(/\.html$/, "")] = file;
 }
-const shots = join(folder, "shots");
-mkdirSync(shots, { recursive: true });
-
-let failed = 0;
-function check(what, holds, found = "") {
-  if (!holds) failed += 1;
-  if (!holds || process.env.VERBOSE) console.log(`${holds ? "ok" : "FAILED"}: ${what}${found === "" ? "" : `: ${found}`}`);
-}
-
-const browser = await chromium.launch({
-  executablePath,
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"],
-});
 
 /** A page with all of its figures there; what it asked for and what it complained of is checked. */
 async function open(name, { width = 1200, height = 900, scheme = "light", script = true, touch = false } = {}) {
@@ -86,10 +71,7 @@ for (const name of Object.keys(pages)) {
       check(`${where}: is no wider than the screen`, wide <= 0, wide);
       check(`${where}: no table hides its verdict`, hidden === 0, hidden);
       if (width === 400 || width === 1200) {
-        await page.evaluate(axe);
-        const found = await page.evaluate(async () => (await window.axe.run()).violations.map((one) => [one.impact, one.id, one.nodes[0].html.slice(0, 160)]));
-        const serious = found.filter(([impact]) => impact === "serious" || impact === "critical");
-        check(`${where}: axe finds nothing serious`, serious.length === 0, JSON.stringify(serious));
+        await accessible(page, where);
         await page.screenshot({ path: join(shots, `${name}-${width}-${scheme}.png`), fullPage: true });
       }
       await page.context().close();
@@ -236,6 +218,4 @@ for (const name of Object.keys(pages)) {
   await page.context().close();
 }
 
-await browser.close();
-console.log(failed ? `${failed} checks failed` : `all checks passed; pictures of the screen are in ${shots}`);
-process.exit(failed ? 1 : 0);
+await end();
