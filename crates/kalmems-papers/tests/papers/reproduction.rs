@@ -10,8 +10,8 @@ use kalmems::progress::{Progress, Silent};
 use kalmems::results::{self, Output, RunInfo};
 use kalmems_papers::program::{
     Check, Effort, Item, ItemHead, ItemKind, ItemVerdict, Paper, PaperPlace, PaperProgram, PartWork,
-    ProgramPart, ReproduceError, Reproduction, ReproductionSettings, SeedSpread, ValueOrigin, reproduce,
-    write_reproduction,
+    ProgramPart, ReproduceError, Reproduction, ReproductionSettings, SeedSpread, Tolerance, ValueOrigin,
+    reproduce, write_reproduction,
 };
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -53,9 +53,9 @@ fn squares(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         Panel::new(Axis::new("x", ""), Axis::new("x²", "")).with(Series::line("", SeriesRole::Model, points));
     let table = TextTable::new("more, \"quoted\"", [ColumnHead::text("a,b")]).row(["1,5"]);
     Ok(vec![
-        Item::new(&TABLE).check(Check::value("sum", "m^2", 285.0, sum, 1e-9)).table(table),
+        Item::new(&TABLE).check(Check::value("sum", "m^2", 285.0, sum, Tolerance::COUNT)).table(table),
         Item::new(&FIGURE)
-            .check(Check::value("sum", "m^2", 28.5, sum, 0.1))
+            .check(Check::value("sum", "m^2", 28.5, sum, Tolerance::part(0.1, "chance")))
             .figure(Figure::new("squares_line", "Squares", "Squares.").with(panel)),
     ])
 }
@@ -122,10 +122,17 @@ fn what_is_written_is_whole_and_the_same_for_any_number_of_threads() {
     assert_eq!(json["items"][1]["places"][1]["label"], "Figure 2");
     assert_eq!(json["items"][0]["tables"][0]["rows"][0][0], "1,5");
     let row = text("tables/squares.csv").lines().nth(1).unwrap().to_owned();
-    assert_eq!(row, "sum,m^2,28.5,285,285,285,1,false,10.0 times larger");
+    assert_eq!(row, "sum,m^2,28.5,285,285,285,1,false,10.0 times larger,±10 %: chance");
     assert_eq!(text("tables/sums_2.csv"), "\"a,b\"\n\"1,5\"\n");
     let html = text("report.html");
-    for part in ["does not reproduce", "reproduced", "nobody, never", "page 4", "measured on the authors"] {
+    for part in [
+        "does not reproduce",
+        "reproduced",
+        "nobody, never",
+        "page 4",
+        "measured on the authors",
+        "±10 %: chance",
+    ] {
         assert!(html.contains(part), "{part}");
     }
 }
@@ -254,7 +261,8 @@ fn slow_the_estimators_reach_what_an_independent_prototype_reached() {
 fn slow_the_ring_down_gives_back_the_published_device() {
     for label in ["Figure 7", "Figure 5.6", "Figure 5.7"] {
         let found = scanner(Some(label), 2);
-        assert_eq!(found.items[0].verdict(), ItemVerdict::Reproduced, "{:?}", found.items[0].checks);
+        // The device was made with the published values: they come back, and that is all that they can do.
+        assert_eq!(found.items[0].verdict(), ItemVerdict::Circular, "{:?}", found.items[0].checks);
     }
 }
 
@@ -286,11 +294,11 @@ fn the_noise_of_the_piston_mirrors_front_end_does_not_reproduce() {
 /// C′ of 109.3 fF·mm/d² at 0.5 mm is 437 pF/m, and 6.75 aF behind 2 kHz are 15.4 nm of the amplitude and as much of
 /// the offset.
 #[test]
-fn table_i_of_the_piston_mirror_holds_in_two_entries_of_four() {
+fn table_i_of_the_piston_mirror_holds_in_no_entry() {
     let found = piston(Some("Table I"), 1);
     let [item] = found.items.as_slice() else { panic!() };
     let holds: Vec<bool> = item.checks.iter().map(Check::holds).collect();
-    assert_eq!(holds, [true, true, false, false], "{:?}", item.checks);
+    assert_eq!(holds, [false; 4], "{:?}", item.checks);
     let ours = values(item);
     assert!((ours[0].1 / 15.45 - 1.0).abs() < 2e-3 && ours[0].1 == ours[2].1, "{ours:?}");
     assert!(ours[3].1 < 2e-6, "{ours:?}");
