@@ -15,6 +15,7 @@ mod metrics;
 mod names;
 mod outlook;
 mod page;
+mod passings;
 mod pooled;
 mod simulation;
 mod streamed;
