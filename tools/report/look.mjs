@@ -64,12 +64,14 @@ for (const name of Object.keys(pages)) {
     for (const scheme of width === 400 || width === 1200 ? ["light", "dark"] : ["light"]) {
       const page = await open(name, { width, scheme });
       const where = `${name} at ${width} px, ${scheme}`;
-      const { wide, hidden } = await page.evaluate(() => ({
+      const { wide, tables, hidden } = await page.evaluate(() => ({
         wide: document.documentElement.scrollWidth - innerWidth,
+        tables: [...document.querySelectorAll(".scroll")].filter((one) => one.offsetParent && one.scrollWidth > one.clientWidth + 1).length,
         hidden: [...document.querySelectorAll(".grade")].filter((one) => one.offsetParent && one.getBoundingClientRect().right > innerWidth).length,
       }));
       check(`${where}: is no wider than the screen`, wide <= 0, wide);
       check(`${where}: no table hides its verdict`, hidden === 0, hidden);
+      check(`${where}: all tables are seen whole`, width < 1200 || tables === 0, tables);
       if (width === 400 || width === 1200) {
         await accessible(page, where);
         await page.screenshot({ path: join(shots, `${name}-${width}-${scheme}.png`), fullPage: true });
