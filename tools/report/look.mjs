@@ -64,13 +64,17 @@ for (const name of Object.keys(pages)) {
     for (const scheme of width === 400 || width === 1200 ? ["light", "dark"] : ["light"]) {
       const page = await open(name, { width, scheme });
       const where = `${name} at ${width} px, ${scheme}`;
-      const { wide, tables, hidden } = await page.evaluate(() => ({
+      const { wide, tables, hidden, ticks, twice } = await page.evaluate(() => ({
         wide: document.documentElement.scrollWidth - innerWidth,
         tables: [...document.querySelectorAll(".scroll")].filter((one) => one.offsetParent && one.scrollWidth > one.clientWidth + 1).length,
+        ticks: [...document.querySelectorAll("p, li, td, th, dt, dd, caption, figcaption, h1, h2")].filter((one) => one.textContent.includes("`")).length,
+        twice: (notices => notices.length - new Set(notices).size)([...document.querySelectorAll(":is(.warning, .failure):not(td)")].map((one) => one.textContent)),
         hidden: [...document.querySelectorAll(".grade")].filter((one) => one.offsetParent && one.getBoundingClientRect().right > innerWidth).length,
       }));
       check(`${where}: is no wider than the screen`, wide <= 0, wide);
       check(`${where}: no table hides its verdict`, hidden === 0, hidden);
+      check(`${where}: names are set as code and not in backticks`, ticks === 0, ticks);
+      check(`${where}: no warning stands twice`, twice === 0, twice);
       check(`${where}: all tables are seen whole`, width < 1200 || tables === 0, tables);
       if (width === 400 || width === 1200) {
         await accessible(page, where);

@@ -52,7 +52,7 @@ pub struct ProcessedScans {
 pub struct SpectrumPhase {
     /// Which it is, such as `removed, forward`.
     pub of: &'static str,
-    /// In rad, at the wavenumbers of the spectrum; NaN where less than a hundredth of the most light is.
+    /// In rad, at the wavenumbers of the spectrum; NaN where less than a twentieth of the most light is.
     pub rad: Vec<f64>,
 }
 
@@ -68,7 +68,7 @@ impl SpectrumPhase {
 }
 
 /// The share of the most light below which a phase is one of noise.
-const DARK: f64 = 0.01;
+const DARK: f64 = 0.05;
 
 /// A sample of a scan: its time and what it counts for.
 #[derive(Clone, Copy, Debug, PartialEq)]

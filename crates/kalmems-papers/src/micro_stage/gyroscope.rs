@@ -88,7 +88,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
                 format!("{full:.1} rad/s, and {:.1} rad/s from peak to peak", 2.0 * largest),
                 "the motion's amplitude is below the full scale",
                 largest < full,
-            ))
+            ).circular(MADE))
             .check(Check::claim(
                 "the bias is within the specification",
                 format!("±{BIAS_DPS} deg/s"),

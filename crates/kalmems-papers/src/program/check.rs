@@ -156,7 +156,9 @@ impl Check {
     pub fn ours(&self) -> String {
         match self {
             Self::Value { paper, ours, tolerance, .. } => {
-                let step = tolerance.in_units(*paper);
+                // Of a number that is far away no digit more is needed.
+                let near = (0.5..2.0).contains(&(ours.median / paper));
+                let step = if near { tolerance.in_units(*paper) } else { 0.0 };
                 ours.written(|value| to_step(value, step))
             }
             Self::Claim { ours, .. } => ours.clone(),
@@ -238,6 +240,8 @@ fn difference(paper: f64, ours: f64) -> String {
     let ratio = ours / paper;
     if !ratio.is_finite() {
         "cannot be compared".to_owned()
+    } else if ratio < 0.0 {
+        "of the other sign".to_owned()
     } else if ratio >= 2.0 {
         format!("{} times larger", readable(ratio, significant(ratio)))
     } else if ratio > 0.0 && ratio <= 0.5 {
@@ -349,6 +353,7 @@ mod tests {
             (0.38, 0.024, "15.8 times smaller"),
             (0.18, 1.116, "6.20 times larger"),
             (1.0, 0.7, "-30.0 %"),
+            (800.0, -9.95, "of the other sign"),
             (1.0, f64::NAN, "cannot be compared"),
             (0.0, 1.0, "cannot be compared"),
         ] {
@@ -388,6 +393,7 @@ mod tests {
         assert_eq!(ours(1.0008, 0.999_97, Tolerance::digit(1e-4)), "0.999970");
         assert_eq!(ours(0.38, 0.024_01, TENTH), "0.0240");
         assert_eq!(ours(11.62, 1.06e-6, TENTH), "1.06e-6");
+        assert_eq!(ours(4.034e-5, 15.445_849_2, TENTH), "15.4");
         assert_eq!(ours(2.0, 2.0, Tolerance::COUNT), "2.00");
     }
 

@@ -189,6 +189,42 @@ fn scanner(only: Option<&str>, threads: usize) -> Reproduction {
     .unwrap()
 }
 
+/// What a paper says in its text, draws for illustration, sets, or takes from a data sheet was not measured; the thesis and the piston mirror's paper
+/// are computed throughout.
+#[test]
+fn nothing_is_called_measured_that_was_not() {
+    let stated = ["settings", "table-3-1", "figure-4-2e", "temperature"];
+    for (device, program) in kalmems_papers::ALL {
+        for head in program.parts.iter().flat_map(|part| part.heads) {
+            if *device == "accelerometer" || *device == "piston_mirror" {
+                assert_eq!(head.origin, ValueOrigin::Computed, "{device}: {}", head.key);
+            }
+            let is_stated = head.origin == ValueOrigin::Stated;
+            assert_eq!(is_stated, stated.contains(&head.key), "{device}: {}", head.key);
+        }
+    }
+}
+
+/// A verdict stands beside the rule that leads to it, and what agrees because it was put in is called so.
+#[test]
+fn each_check_says_by_what_it_is_decided() {
+    let found = scanner(Some("S Table I"), 1);
+    let text_of = |item: &Item| kalmems_papers::program::checks_table(item).to_text();
+    for item in &found.items {
+        for check in &item.checks {
+            assert!(!check.criterion().is_empty() && text_of(item).contains(&check.criterion()), "{check:?}");
+        }
+    }
+    let [item] = reproduced_of("micro_stage", "Figure 3.11").items.try_into().unwrap();
+    assert_eq!(item.verdict(), ItemVerdict::Circular, "{:?}", item.checks);
+    assert!(item.checks.iter().all(Check::is_circular));
+    assert!(item.why().contains("circular"), "{}", item.why());
+}
+
+fn reproduced_of(device: &'static str, only: &str) -> Reproduction {
+    reproduce(device, kalmems_papers::of(device).unwrap(), settings(Some(only), 1), &Silent).unwrap()
+}
+
 /// Heads, and so files, are told apart by their keys, and figures by their names.
 #[test]
 fn no_two_items_share_a_name() {
