@@ -10,7 +10,7 @@ const PIECES: usize = 8;
 
 /// Half of a normal distribution's quartile distance: the floor of flicker noise in Allan's deviation by its bias
 /// instability, √(2·ln 2/π).
-const FLOOR: f64 = 0.664_280_6;
+pub(super) const FLOOR: f64 = 0.664_280_6;
 
 /// What one axis does at rest.
 #[derive(Clone, Debug, PartialEq, Serialize)]
