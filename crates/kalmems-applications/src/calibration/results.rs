@@ -385,7 +385,9 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> TextTable {
         ColumnHead::number("± 95 %", "mrad/s"),
         ColumnHead::number("rms noise", "mrad/s"),
         ColumnHead::number("angle random walk", "deg/√h"),
+        ColumnHead::number("95 %", "deg/√h"),
         ColumnHead::number("bias instability", "deg/h"),
+        ColumnHead::number("95 %", "deg/h"),
         ColumnHead::number("at", "s"),
     ];
     let mut table = TextTable::new("At rest", columns);
@@ -399,12 +401,22 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> TextTable {
             format!("{:.4}", 1e3 * half),
             format!("{:.4}", 1e3 * rest.noise),
             rest.angle_random_walk.map_or_else(dash, |walk| format!("{:.4}", walk.to_degrees() * 60.0)),
+            ends(rest.angle_random_walk_interval, 60.0, 4),
             rest.bias_instability
                 .map_or_else(dash, |[bias, _]| format!("{bound}{:.3}", bias.to_degrees() * 3600.0)),
+            ends(rest.bias_instability_interval, 3600.0, 2),
             rest.bias_instability.map_or_else(dash, |[_, time]| format!("{time:.3}")),
         ]);
     }
     table
+}
+
+/// An interval of 95 % in degrees, times a factor.
+fn ends(interval: Option<[f64; 2]>, factor: f64, digits: usize) -> String {
+    interval.map_or_else(
+        || "–".to_owned(),
+        |ends| ends.map(|end| format!("{:.digits$}", end.to_degrees() * factor)).join(" … "),
+    )
 }
 
 /// The pictures of a calibration.
@@ -493,8 +505,8 @@ fn of_rest(rests: &[AxisAtRest]) -> Figure {
     let figure = Figure::new(
         "allan",
         "At rest",
-        "Allan's deviation, overlapping, with the interval that holds the true one 95 times in 100 where the noise is what \
-         its exponent says.",
+        "Allan's deviation, overlapping, with the interval that holds the true one 95 times in 100, and the noise that was fitted to it: \
+         quantisation, white noise, flicker and a random walk.",
     );
     let per_hour = |rate: f64| rate.to_degrees() * 3600.0;
     rests.iter().fold(figure, |figure, rest| {
@@ -512,6 +524,10 @@ fn of_rest(rests: &[AxisAtRest]) -> Figure {
                 SeriesRole::Estimate,
                 known().map(|d| (d.averaged.time_s, per_hour(d.averaged.deviation))).collect::<Vec<_>>(),
             ));
+        if let Some(fit) = &rest.fit {
+            let line = known().map(|d| (d.averaged.time_s, per_hour(fit.variance(d.averaged.time_s).sqrt())));
+            panel = panel.with(Series::line("fitted noise", SeriesRole::Model, line.collect::<Vec<_>>()));
+        }
         if let Some(walk) = rest.angle_random_walk {
             let line = known().map(|d| (d.averaged.time_s, per_hour(walk / d.averaged.time_s.sqrt())));
             panel = panel.with(Series::line(
