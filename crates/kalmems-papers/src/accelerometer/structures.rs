@@ -250,11 +250,9 @@ fn over_acceleration(runs: &StructureRuns) -> Figure {
             rows.collect()
         };
         let name = structure.name();
-        ratio = ratio.with(Series::line(name, role, line(|f| f.snr_db))).with(Series::points(
-            format!("Table III, {name}"),
-            role,
-            points(|(snr_db, _)| snr_db),
-        ));
+        ratio = ratio
+            .with(Series::line(format!("{name} (points: Table III)"), role, line(|f| f.snr_db)))
+            .with(Series::points("", role, points(|(snr_db, _)| snr_db)));
         moved = moved.with(Series::line("", role, line(|f| f.largest_m))).with(Series::points(
             "",
             role,

@@ -168,8 +168,8 @@ fn errors_figure(medians: [[f64; 5]; 2]) -> Figure {
         .into_iter()
         .zip(medians.into_iter().zip([published::EKF, published::HYBRID]))
     {
-        panel = panel.with(Series::line(format!("{name}, simulated"), role, at_ratios(ours)));
-        panel = panel.with(Series::points(format!("{name}, T Table III"), role, at_ratios(paper)));
+        panel = panel.with(Series::line(format!("{name} (points: T Table III)"), role, at_ratios(ours)));
+        panel = panel.with(Series::points("", role, at_ratios(paper)));
     }
     Figure::new(
         "table-4-3_errors",
