@@ -3,8 +3,8 @@
 use super::bench::{AccelerometerBench, BenchRecord, SKIP_S, decibels};
 use super::published::device;
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use crate::signal::fit_sine_at;
 use kalmems_figures::significant;
@@ -87,7 +87,7 @@ fn electronics(bench: &AccelerometerBench) -> Item {
             "µg/√Hz",
             1e6 * device::ELECTRONIC_G_PER_ROOT_HZ,
             SeedSpread::exact(1e6 * at_input),
-            Tolerance::digit(10.0),
+            CheckTolerance::digit(10.0),
         ))
         .remark(
             "Equations 3-7 to 3-10, the leakage with the 2 that equation 3-9 has lost. The thesis gives no value of its \

@@ -3,7 +3,8 @@
 use super::bench::{AccelerometerBench, INTERVAL_S};
 use super::published::{device, noise};
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use kalmems_core::{Covariance, Exponential, Measurement, NoiseDensity, Observability, Process};
 use kalmems_figures::significant;
@@ -64,9 +65,9 @@ fn table_i(benches: &[AccelerometerBench; 2]) -> Item {
     row("displacement at 1 g, closed loop, nm", &|bench| 1e9 * at_one_g(bench));
     let film = 2.0 * 1.78e-5 * 0.42 * 1.2e-3_f64.powi(3) * 1.55e-3;
     Item::new(&TABLE_I)
-        .check(Check::value("slower eigenvalue", "rad/s", device::EIGENVALUES[0], exact(slow.0), Tolerance::digit(10.0)))
-        .check(Check::value("faster eigenvalue", "rad/s", device::EIGENVALUES[1], exact(fast.0), Tolerance::digit(10.0)))
-        .check(Check::value("rank of the observation matrix", "", 2.0, exact(rank(four)), Tolerance::COUNT))
+        .check(Check::value("slower eigenvalue", "rad/s", device::EIGENVALUES[0], exact(slow.0), CheckTolerance::digit(10.0)))
+        .check(Check::value("faster eigenvalue", "rad/s", device::EIGENVALUES[1], exact(fast.0), CheckTolerance::digit(10.0)))
+        .check(Check::value("rank of the observation matrix", "", 2.0, exact(rank(four)), CheckTolerance::COUNT))
         .check(Check::claim(
             "the device is under-damped",
             "\"we will consider the under-damped situation\" (page 13)",
@@ -135,21 +136,21 @@ fn table_ii(bench: &AccelerometerBench) -> Item {
             "µg/√Hz",
             1e6 * device::BROWNIAN_G,
             SeedSpread::exact(1e6 * brownian),
-            Tolerance::digit(100.0),
+            CheckTolerance::digit(100.0),
         ))
         .check(Check::value(
             "the same, against √Q of Table II",
             "µg/√Hz",
             1e6 * device::BROWNIAN_G,
             SeedSpread::exact(1e6 * stated_q),
-            Tolerance::digit(100.0),
+            CheckTolerance::digit(100.0),
         ))
         .check(Check::value(
             "electronic noise that is simulated, against √R of Table II",
             "g",
             device::ELECTRONIC_G,
             SeedSpread::exact(stated_r),
-            Tolerance::digit(0.01),
+            CheckTolerance::digit(0.01),
         ))
         .check(Check::claim(
             "the Brownian noise lies between 10 and 100 µg/√Hz",

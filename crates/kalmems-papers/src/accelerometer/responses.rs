@@ -3,7 +3,8 @@
 use super::bench::AccelerometerBench;
 use super::published::device;
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -71,7 +72,7 @@ fn open(benches: &[AccelerometerBench; 2]) -> Item {
     });
     let found = [&four, &one, &stiff].map(bandwidth);
     Item::new(&OPEN)
-        .check(Check::value("bandwidth, ε_r = 4", "Hz", device::OPEN_BANDWIDTH_HZ, SeedSpread::exact(found[0]), Tolerance::digit(10.0)))
+        .check(Check::value("bandwidth, ε_r = 4", "Hz", device::OPEN_BANDWIDTH_HZ, SeedSpread::exact(found[0]), CheckTolerance::digit(10.0)))
         .check(Check::claim(
             "the open loop is over-damped and a low-pass",
             "\"over-damped performance and works as a low pass filter\"",
@@ -115,14 +116,14 @@ fn closed(benches: &[AccelerometerBench; 2]) -> Item {
             "Hz",
             device::CLOSED_BANDWIDTH_HZ,
             SeedSpread::exact(found[0]),
-            Tolerance::digit(1e4),
+            CheckTolerance::digit(1e4),
         ))
         .check(Check::value(
             "sensitivity, ε_r = 1",
             "V/g",
             device::CLOSED_SENSITIVITY_V_PER_G,
             SeedSpread::exact(sensitivity[1]),
-            Tolerance::digit(1e-3),
+            CheckTolerance::digit(1e-3),
         ))
         .check(Check::claim(
             "K_p = 10 gives 80 kHz",

@@ -3,8 +3,8 @@
 use super::bench::{AccelerometerBench, BenchFilter, BenchRecord, SKIP_S, decibels, differences, rms};
 use super::published::{STRUCTURES, device};
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -75,12 +75,12 @@ impl Structure {
 }
 
 /// The table has whole decibels, of one run each.
-const WHOLE_DECIBELS: Tolerance = Tolerance::difference(1.0, "whole decibels of one run");
+const WHOLE_DECIBELS: CheckTolerance = CheckTolerance::difference(1.0, "whole decibels of one run");
 
 /// The table has one digit of each displacement, in nm.
-fn one_digit(nm: f64) -> Tolerance {
+fn one_digit(nm: f64) -> CheckTolerance {
     let last = [0.1, 1.0, 10.0].into_iter().rfind(|digit| *digit <= nm).unwrap_or(0.1);
-    Tolerance::digit(last)
+    CheckTolerance::digit(last)
 }
 
 /// One period of the signal after the settling.

@@ -4,8 +4,8 @@ use super::bench::{AccelerometerBench, BenchFilter, BenchRecord, SKIP_S, decibel
 use super::published::TUNINGS;
 use crate::estimate::Trajectory;
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -35,7 +35,7 @@ pub static FIGURES: ItemHead = ItemHead {
 };
 
 /// The table's rows of equal filters, Q × 10 and R / 10, and Q / 10 and R × 10, differ by up to 5 %: by chance.
-const OF_EQUAL_ROWS: Tolerance = Tolerance::part(0.1, "twice what rows of equal filters differ by");
+const OF_EQUAL_ROWS: CheckTolerance = CheckTolerance::part(0.1, "twice what rows of equal filters differ by");
 
 /// One period of the signal after the settling.
 const DURATION_S: f64 = SKIP_S + 0.1;

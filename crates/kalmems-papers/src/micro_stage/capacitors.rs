@@ -3,8 +3,8 @@
 use super::failed;
 use super::record_sets::{DRIVE_HZ, GAIN, GAP, NOISE_V, angle, channels, records};
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems_models::capacitance::TiltingPlate;
@@ -88,9 +88,9 @@ fn parameters(work: &PartWork) -> Result<Item, ReproduceError> {
     }
     let together = SeedSpread::of(together);
     Ok(Item::new(&PARAMETERS)
-        .check(Check::value("D_n of 2A by the waveforms", "um", 1e6 * GAP, SeedSpread::of(gaps), Tolerance::digit(0.1)).circular(MADE))
-        .check(Check::value("D_n of 2A by crest and trough", "um", 1e6 * GAP, SeedSpread::of(by_distance), Tolerance::digit(0.1)).circular(MADE))
-        .check(Check::value("eta of 2A by the waveforms", "V ohm", GAIN, SeedSpread::of(gains), Tolerance::part(3e-3, "three standard errors of a set")).circular(MADE))
+        .check(Check::value("D_n of 2A by the waveforms", "um", 1e6 * GAP, SeedSpread::of(gaps), CheckTolerance::digit(0.1)).circular(MADE))
+        .check(Check::value("D_n of 2A by crest and trough", "um", 1e6 * GAP, SeedSpread::of(by_distance), CheckTolerance::digit(0.1)).circular(MADE))
+        .check(Check::value("eta of 2A by the waveforms", "V ohm", GAIN, SeedSpread::of(gains), CheckTolerance::part(3e-3, "three standard errors of a set")).circular(MADE))
         .remark(format!(
             "Ours are simulated sets of the printed experiment, four drives with a vibrometer. Errors of gap and gain are \
              correlated by {}: the dissertation's two features decouple their search, not their errors.",
@@ -160,8 +160,13 @@ fn rejection() -> Item {
         let passed = 100.0 * (apart / alone).sqrt() / ratio;
         passed_by.push((100.0 * ratio, passed));
         let what = format!("100 % less the rejection at {} % off-axis motion", 100.0 * ratio);
-        item =
-            item.check(Check::value(what, "%", printed, SeedSpread::exact(passed), Tolerance::digit(0.01)));
+        item = item.check(Check::value(
+            what,
+            "%",
+            printed,
+            SeedSpread::exact(passed),
+            CheckTolerance::digit(0.01),
+        ));
     }
     item.figure(profiles()).figure(passed_figure(&passed_by)).remark(
         "The difference of the two signals is divided by the root mean square of the signal, which D (57) leaves out; without \

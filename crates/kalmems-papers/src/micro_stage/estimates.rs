@@ -3,7 +3,8 @@
 use super::failed;
 use super::record_sets::{DRIVE_HZ, DRIVES_V, PRINTED, experiment};
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use crate::progress::Silent;
 use crate::simulate::{ComputedRecording, SimulateError, described};
@@ -93,13 +94,13 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     }
     let (rmse, alpha, beta) = (SeedSpread::of(errors), SeedSpread::of(scales), SeedSpread::of(biases));
     let item = Item::new(&HEAD)
-        .check(Check::value("RMSE of the rate", "rad/s", RMSE, rmse, Tolerance::part(0.1, "four drives, and no spread is stated")))
+        .check(Check::value("RMSE of the rate", "rad/s", RMSE, rmse, CheckTolerance::part(0.1, "four drives, and no spread is stated")))
         .check(Check::value(
             "scale factor alpha, less 1",
             "ppm",
             (1e6 * (ALPHA - 1.0)).round(),
             alpha,
-            Tolerance::digit(100.0),
+            CheckTolerance::digit(100.0),
         ))
         .check(Check::claim(
             "the bias beta is a part in a thousand of the motion, or less",

@@ -3,7 +3,8 @@
 use super::failed;
 use super::record_sets::{DRIVE_HZ, DRIVES_V, angle};
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use crate::simulate::WhiteNoise;
 use kalmems_applications::calibration::{
@@ -67,20 +68,20 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let full = FULL_SCALE_DPS.to_radians();
     Ok(vec![
         Item::new(&HEAD)
-            .check(Check::value("largest full scale", "rad/s", 34.9, SeedSpread::exact(full), Tolerance::digit(0.1)).circular(MADE))
+            .check(Check::value("largest full scale", "rad/s", 34.9, SeedSpread::exact(full), CheckTolerance::digit(0.1)).circular(MADE))
             .check(Check::value(
                 "smallest full scale",
                 "rad/s",
                 4.4,
                 SeedSpread::exact(LEAST_SCALE_DPS.to_radians()),
-                Tolerance::digit(0.1),
+                CheckTolerance::digit(0.1),
             ).circular(MADE))
             .check(Check::value(
                 "total noise, of 8000 samples at rest",
                 "deg/s",
                 NOISE_DPS,
                 SeedSpread::exact(found.noise.to_degrees()),
-                Tolerance::part(0.05, "chance of the samples, and the steps of the converter"),
+                CheckTolerance::part(0.05, "chance of the samples, and the steps of the converter"),
             ).circular(MADE))
             .check(Check::claim(
                 "the full scale holds the motion",

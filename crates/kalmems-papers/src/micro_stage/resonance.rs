@@ -3,7 +3,8 @@
 use super::failed;
 use super::record_sets::{DAMPING_RATIO, DRIVE_GAIN, NATURAL_HZ, NOISE_V, VOLTS_PER_RATE, angle, stage};
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use crate::simulate::WhiteNoise;
 use kalmems_rigs::micro_stage::identification::{StageSweepPoint, fit_sweep, sweep_figure};
@@ -31,8 +32,8 @@ pub static HEAD: ItemHead = ItemHead {
 };
 
 /// The damping ratio is printed as 0.005: at resonance its rounding is worth 10 % of the motion.
-const DIGIT_OF_DAMPING: Tolerance =
-    Tolerance::part(0.05, "half of what the one digit of ζ is worth at resonance");
+const DIGIT_OF_DAMPING: CheckTolerance =
+    CheckTolerance::part(0.05, "half of what the one digit of ζ is worth at resonance");
 /// Why the fitted values agree.
 const MADE: &str = "the simulated sweep is one of the printed stage";
 /// D Table 3.2: peak to peak in rad/s, smallest and largest, over the sweep and with the sensors.
@@ -103,10 +104,10 @@ fn sweep(seed: u64) -> Result<Item, ReproduceError> {
         Check::value(what, unit, paper, SeedSpread::exact(ours), tolerance).circular(MADE)
     };
     Ok(Item::new(&HEAD)
-        .check(value("natural frequency by the circle", "Hz", NATURAL_HZ, fitted.circle_frequency_hz().value, Tolerance::digit(0.1)))
-        .check(value("damping ratio by the circle", "", DAMPING_RATIO, fitted.circle_damping_ratio().value, Tolerance::part(0.01, "noise of the sweep")))
-        .check(value("b_c by the circle", "rad/s^2/V", DRIVE_GAIN, fitted.circle_drive_gain().value, Tolerance::part(0.01, "noise of the sweep")))
-        .check(value("natural frequency by least squares", "Hz", NATURAL_HZ, fitted.natural_frequency_hz().value, Tolerance::digit(0.1)))
+        .check(value("natural frequency by the circle", "Hz", NATURAL_HZ, fitted.circle_frequency_hz().value, CheckTolerance::digit(0.1)))
+        .check(value("damping ratio by the circle", "", DAMPING_RATIO, fitted.circle_damping_ratio().value, CheckTolerance::part(0.01, "noise of the sweep")))
+        .check(value("b_c by the circle", "rad/s^2/V", DRIVE_GAIN, fitted.circle_drive_gain().value, CheckTolerance::part(0.01, "noise of the sweep")))
+        .check(value("natural frequency by least squares", "Hz", NATURAL_HZ, fitted.natural_frequency_hz().value, CheckTolerance::digit(0.1)))
         .remark(
             "Ours is a sweep of the printed stage, so that agreement says that the fits work on the printed steps, not that \
              the stage is right. The table calls b_c a DC gain; its unit is that of an angular acceleration per volt.",

@@ -9,8 +9,8 @@ use super::record_sets::{
 use crate::config::TrustedNumber;
 use crate::program::significance::{LEVEL, p_words};
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use crate::progress::Silent;
 use crate::signal::fit_sine_at;
@@ -300,8 +300,8 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let [room, warm] = [1, 3].map(|way| over(&|e| (e[way].by_sines - e[way - 1].by_sines).abs()));
     let (in_place, stale) = (over(&|e| e[4].by_sines.abs()), over(&|e| e[6].by_sines.abs()));
     let item = Item::new(&HEAD)
-        .check(Check::value("change by the vibrometer", "%", CHANGES[0], change(2, 0), Tolerance::difference(0.02, "noise of the records, 100 ppm at either temperature")).circular(PUT_IN))
-        .check(Check::value("change by the stage", "%", CHANGES[1], change(3, 1), Tolerance::difference(0.112, "twice what the printed differences add up to")).circular(PUT_IN))
+        .check(Check::value("change by the vibrometer", "%", CHANGES[0], change(2, 0), CheckTolerance::difference(0.02, "noise of the records, 100 ppm at either temperature")).circular(PUT_IN))
+        .check(Check::value("change by the stage", "%", CHANGES[1], change(3, 1), CheckTolerance::difference(0.112, "twice what the printed differences add up to")).circular(PUT_IN))
         .check(Check::claim(
             "stage and vibrometer differ by some hundred ppm at most",
             format!("{} and {} ppm", PRINTED_PPM[0], PRINTED_PPM[1]),

@@ -5,8 +5,8 @@ use super::bench::{
 };
 use super::published::{circuit, results};
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use kalmems_applications::spectrum::{line_height, line_shift};
 use kalmems_figures::significant;
@@ -167,7 +167,7 @@ fn snapshot(shown: &[PistonFilterResult], printed: &DriftErrors, computed: &Drif
             "nm",
             results::ERROR_NM,
             SeedSpread::exact(three.lag * NM),
-            Tolerance::digit(10.0),
+            CheckTolerance::digit(10.0),
         ).circular("the process noise was chosen for this lag"))
         .check(Check::claim(
             "the position is known to less than 50 nm",
@@ -286,7 +286,7 @@ fn rates(work: &PartWork, density: f64) -> Result<Item, ReproduceError> {
     let [drift, printed] = results::LARGEST;
     let turns = at_turns(&found[3]);
     Ok(Item::new(&RATES)
-        .check(Check::value("error at 27 %/min", "nm", printed, SeedSpread::exact(lag(drift)), Tolerance::digit(10.0)))
+        .check(Check::value("error at 27 %/min", "nm", printed, SeedSpread::exact(lag(drift)), CheckTolerance::digit(10.0)))
         .check(Check::claim(
             "the error is largest at the turning points, 27 %/min",
             "largest there",

@@ -3,7 +3,8 @@
 use super::bench::{COMPUTED_NOISE, MIRROR, plates};
 use super::published::{circuit, results, table_i};
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use kalmems_applications::spectrum::line_height;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -30,7 +31,7 @@ pub static WANTED: ItemHead = ItemHead {
 };
 
 /// What a plate may be taken for the paper's series for C(d).
-const PLATE: Tolerance = Tolerance::part(0.05, "a parallel plate in place of the series");
+const PLATE: CheckTolerance = CheckTolerance::part(0.05, "a parallel plate in place of the series");
 
 /// The largest of a function of the phase over a cycle.
 fn largest(of: impl Fn(f64, f64) -> f64) -> f64 {
@@ -150,8 +151,8 @@ fn wanted() -> Item {
     let resolution = |stroke_m: f64| 0.01 / (2.0 * stroke_m);
     let kept = line_height(2000e2, results::WANTED_NM * 1e-9);
     Item::new(&WANTED)
-        .check(Check::value("resolution at 200 um", "1/cm", 25.0, SeedSpread::exact(resolution(200e-6)), Tolerance::digit(1.0)))
-        .check(Check::value("resolution at ±0.5 mm", "1/cm", 10.0, SeedSpread::exact(resolution(500e-6)), Tolerance::digit(1.0)))
+        .check(Check::value("resolution at 200 um", "1/cm", 25.0, SeedSpread::exact(resolution(200e-6)), CheckTolerance::digit(1.0)))
+        .check(Check::value("resolution at ±0.5 mm", "1/cm", 10.0, SeedSpread::exact(resolution(500e-6)), CheckTolerance::digit(1.0)))
         .check(Check::claim(
             "50 nm are enough for 10 1/cm",
             "res_pos < 50 nm is necessary",

@@ -1,6 +1,6 @@
 //! One statement of a paper against what was computed.
 
-use super::Tolerance;
+use super::CheckTolerance;
 use kalmems_core::Portable;
 use kalmems_figures::{significant, with_short_numbers};
 use serde::Serialize;
@@ -68,7 +68,7 @@ pub enum Check {
         /// Ours.
         ours: SeedSpread,
         /// Up to which difference the two count as the same.
-        tolerance: Tolerance,
+        tolerance: CheckTolerance,
         /// Why ours had to come out so, where it was put in: then it shows that the computation is right, and nothing of the paper.
         given: Option<&'static str>,
     },
@@ -96,7 +96,7 @@ impl Check {
         unit: &'static str,
         paper: f64,
         ours: SeedSpread,
-        tolerance: Tolerance,
+        tolerance: CheckTolerance,
     ) -> Self {
         Self::Value { quantity: quantity.into(), unit, paper, ours, tolerance, given: None }
     }
@@ -311,7 +311,7 @@ pub(super) fn decisive(checks: &[Check]) -> Option<&Check> {
 mod tests {
     use super::*;
 
-    const TENTH: Tolerance = Tolerance::part(0.1, "no spread is stated");
+    const TENTH: CheckTolerance = CheckTolerance::part(0.1, "no spread is stated");
 
     fn value(paper: f64, ours: f64) -> Check {
         Check::value("error", "deg", paper, SeedSpread::exact(ours), TENTH)
@@ -360,7 +360,7 @@ mod tests {
             assert_eq!(value(paper, ours).comparison(), words);
         }
         assert_eq!(value(2.73, 2.8).criterion(), "±10 %: no spread is stated");
-        let level = Tolerance::difference(2.0, "chance of a run");
+        let level = CheckTolerance::difference(2.0, "chance of a run");
         let level = Check::value("spurious line", "dB", -40.0, SeedSpread::exact(-38.5), level);
         assert_eq!(
             (level.comparison().as_str(), level.criterion().as_str()),
@@ -388,13 +388,13 @@ mod tests {
             )
             .ours()
         };
-        assert_eq!(ours(624.6, 624.599_87, Tolerance::digit(0.1)), "624.600");
-        assert_eq!(ours(-2.407_52e7, -2.406_873_2e7, Tolerance::part(3e-3, "chance")), "-2.40687e7");
-        assert_eq!(ours(1.0008, 0.999_97, Tolerance::digit(1e-4)), "0.999970");
+        assert_eq!(ours(624.6, 624.599_87, CheckTolerance::digit(0.1)), "624.600");
+        assert_eq!(ours(-2.407_52e7, -2.406_873_2e7, CheckTolerance::part(3e-3, "chance")), "-2.40687e7");
+        assert_eq!(ours(1.0008, 0.999_97, CheckTolerance::digit(1e-4)), "0.999970");
         assert_eq!(ours(0.38, 0.024_01, TENTH), "0.0240");
         assert_eq!(ours(11.62, 1.06e-6, TENTH), "1.06e-6");
         assert_eq!(ours(4.034e-5, 15.445_849_2, TENTH), "15.4");
-        assert_eq!(ours(2.0, 2.0, Tolerance::COUNT), "2.00");
+        assert_eq!(ours(2.0, 2.0, CheckTolerance::COUNT), "2.00");
     }
 
     #[test]

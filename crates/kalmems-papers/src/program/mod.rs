@@ -23,6 +23,6 @@ pub use reproduction::{
     Effort, Paper, PaperProgram, ProgramPart, Reproduction, ReproductionSettings, reproduce,
 };
 pub use text::{checks_table, summary_table};
-pub use tolerance::Tolerance;
+pub use tolerance::CheckTolerance;
 pub use work::PartWork;
 pub use write::write_reproduction;

@@ -8,7 +8,7 @@ use serde::Serialize;
 /// It is what the paper's own statement leaves open: the rounding of its digits, the chance of its runs, what it does not print. A
 /// tolerance in which a difference vanishes that the paper itself makes something of would let everything agree.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Tolerance {
+pub struct CheckTolerance {
     size: ToleranceSize,
     because: &'static str,
 }
@@ -25,7 +25,7 @@ enum ToleranceSize {
 /// Half a unit in the last place is not representable in general: a difference that is this much beyond it is still within.
 const ROUNDING: f64 = 1.0 + 1e-9;
 
-impl Tolerance {
+impl CheckTolerance {
     /// This part of the paper's value.
     pub const fn part(part: f64, because: &'static str) -> Self {
         Self { size: ToleranceSize::Part(part), because }
@@ -74,15 +74,18 @@ mod tests {
 
     #[test]
     fn a_tolerance_is_a_part_or_a_difference_and_says_why() {
-        let tenth = Tolerance::part(0.1, "no spread is stated");
+        let tenth = CheckTolerance::part(0.1, "no spread is stated");
         assert!(tenth.admits(-20.0, -22.0) && !tenth.admits(-20.0, -22.1) && !tenth.admits(20.0, f64::NAN));
         assert_eq!(tenth.words("deg"), "±10 %: no spread is stated");
-        let level = Tolerance::difference(1.0, "chance of a run");
+        let level = CheckTolerance::difference(1.0, "chance of a run");
         assert!(level.admits(-40.0, -39.0) && !level.admits(4.0, 5.1));
         assert_eq!(level.words("dB"), "±1 dB: chance of a run");
         // 0.285 is rounded to 0.29 and to 0.28.
-        assert!(Tolerance::digit(0.01).admits(0.29, 0.285) && !Tolerance::digit(0.01).admits(0.29, 0.2849));
-        assert_eq!(Tolerance::digit(1e-4).words("rad"), "±5e-5 rad: rounding of the printed digits");
-        assert!(Tolerance::COUNT.admits(2.0, 2.0) && !Tolerance::COUNT.admits(2.0, 3.0));
+        assert!(
+            CheckTolerance::digit(0.01).admits(0.29, 0.285)
+                && !CheckTolerance::digit(0.01).admits(0.29, 0.2849)
+        );
+        assert_eq!(CheckTolerance::digit(1e-4).words("rad"), "±5e-5 rad: rounding of the printed digits");
+        assert!(CheckTolerance::COUNT.admits(2.0, 2.0) && !CheckTolerance::COUNT.admits(2.0, 3.0));
     }
 }

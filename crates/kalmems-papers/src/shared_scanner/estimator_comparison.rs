@@ -6,8 +6,8 @@ use super::bench::{
 use super::published::{PublishedErrors, d_table_5_3, s_table_ii, s_table_iii};
 use super::snapshot::PUBLISHED;
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -76,7 +76,7 @@ const BELIEFS: [ScannerMismatch; 4] = [
 ];
 
 /// Up to which difference an error counts as the printed one.
-const NO_SPREAD: Tolerance = Tolerance::part(0.1, "the papers state no spread");
+const NO_SPREAD: CheckTolerance = CheckTolerance::part(0.1, "the papers state no spread");
 /// Why an error agrees.
 const CHOSEN: &str = "how wrong the model is was chosen";
 

@@ -3,7 +3,8 @@
 use super::bench::ScannerBench;
 use super::published::{d_table_5_1, s_table_i, s_table_ii};
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use crate::simulate::{Drive, Stability, floquet_exponent};
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -98,7 +99,7 @@ fn settings(bench: &ScannerBench) -> Item {
             "kHz",
             s_table_i::RESONANCE_KHZ,
             SeedSpread::exact(free),
-            Tolerance::part(0.005, "three digits of k and of J"),
+            CheckTolerance::part(0.005, "three digits of k and of J"),
         ))
         .check(Check::claim(
             "both papers drive the same device over the same frequencies",

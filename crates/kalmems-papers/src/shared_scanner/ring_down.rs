@@ -6,8 +6,8 @@ use super::published::{s_table_i, s_table_i_circuit, s_table_ii};
 use crate::fit::{ByDual, FitSettings, ResidualLaw, fit};
 use crate::identify::fit_free_decay;
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use crate::progress::Silent;
 use crate::simulate::{Drive, Simulator, WhiteNoise};
@@ -40,7 +40,7 @@ const OPTICAL_NOISE: f64 = 1e-4;
 const AMPLIFIER_NOISE: f64 = 1e-3;
 
 /// Up to which difference a fit gives back what was put in.
-const SAME: Tolerance = Tolerance::part(5e-3, "the third digit, as printed");
+const SAME: CheckTolerance = CheckTolerance::part(5e-3, "the third digit, as printed");
 /// Why it does.
 const MADE: &str = "the simulated device was made with it";
 

@@ -2,7 +2,8 @@
 
 use super::published::{d_target, s_target};
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use std::f64::consts::TAU;
@@ -51,7 +52,7 @@ pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
             "deg",
             printed,
             SeedSpread::exact(bound),
-            Tolerance::digit(0.01),
+            CheckTolerance::digit(0.01),
         ));
     }
     let m = 150.0;
@@ -93,7 +94,7 @@ pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
             "deg",
             d_target::PRINTED_DEG,
             SeedSpread::exact(360.0 * cycles),
-            Tolerance::digit(0.01),
+            CheckTolerance::digit(0.01),
         ))
         .remark(format!(
             "The equation gives cycles, {cycles:.4}. The printed 0.18 degrees are these {cycles:.4} taken for radians: a \

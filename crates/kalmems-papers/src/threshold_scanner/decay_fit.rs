@@ -3,8 +3,8 @@
 use super::bench::{ClosedFormDecay, INTERVAL_S, ThresholdBench};
 use super::published::identified as published;
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use crate::progress::Silent;
 use crate::simulate::WhiteNoise;
@@ -93,9 +93,9 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let gaussian = SeedSpread::of(results.iter().map(|trial| trial.gaussian));
     Ok(vec![
         Item::new(&HEAD)
-            .check(Check::value("f_n", "Hz", published::NATURAL_HZ, spread(0), Tolerance::digit(0.1)).circular(MADE))
-            .check(Check::value("ζ", "", published::DAMPING_RATIO, spread(1), Tolerance::digit(1e-4)).circular(MADE))
-            .check(Check::value("θ_th", "rad", published::THRESHOLD, spread(2), Tolerance::digit(1e-4)).circular(MADE))
+            .check(Check::value("f_n", "Hz", published::NATURAL_HZ, spread(0), CheckTolerance::digit(0.1)).circular(MADE))
+            .check(Check::value("ζ", "", published::DAMPING_RATIO, spread(1), CheckTolerance::digit(1e-4)).circular(MADE))
+            .check(Check::value("θ_th", "rad", published::THRESHOLD, spread(2), CheckTolerance::digit(1e-4)).circular(MADE))
             .check(Check::claim(
                 "the capacitance can be approximated by a Gaussian",
                 "stated, without a number",

@@ -4,8 +4,8 @@ use super::bench::{ClosedFormDecay, ThresholdBench, ThresholdMismatch, errors, e
 use super::published::table_4_3 as published;
 use crate::program::significance::{SignTest, TrendTest, p_words};
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -59,7 +59,8 @@ pub const PUBLISHED_LEVEL: ThresholdMismatch = ThresholdMismatch {
 /// The filters as printed, without and with crossings.
 pub const PRINTED: [&str; 2] = ["EKF as printed", "hybrid as printed"];
 /// An error counts as the published one within half of the smallest difference that the table makes something of, 6.9 %.
-const SAME: Tolerance = Tolerance::part(0.0345, "half of the smallest reduction that the table claims");
+const SAME: CheckTolerance =
+    CheckTolerance::part(0.0345, "half of the smallest reduction that the table claims");
 /// Why errors agree.
 const CHOSEN: &str = "the mismatch was chosen to give this table";
 /// The signal-to-noise ratios of the four quarters, as the papers have them.
@@ -218,7 +219,7 @@ fn order(trials: &[ErrorsTrial]) -> Item {
     }
     Item::new(&ORDER)
         .check(
-            Check::value("mean reduction", "%", published::REDUCED[4], reductions[4], Tolerance::difference(2.7, "rounding of both errors"))
+            Check::value("mean reduction", "%", published::REDUCED[4], reductions[4], CheckTolerance::difference(2.7, "rounding of both errors"))
                 .circular(CHOSEN),
         )
         .check(Check::claim(

@@ -4,8 +4,8 @@ use super::bench::{ThresholdBench, moments};
 use super::published::rates as published;
 use super::steady::{PassageSearch, angle_errors};
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, Tolerance,
-    ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -129,7 +129,7 @@ fn item<'a>(of: &dyn Fn(usize, usize) -> &'a [f64]) -> Item {
             "kHz",
             published::BEST_KHZ,
             SeedSpread::exact(RATES_KHZ[best]),
-            Tolerance::part(0.2, "the same step of the sweep"),
+            CheckTolerance::part(0.2, "the same step of the sweep"),
         ))
         .check(Check::claim(
             "there is a best sampling rate, the Gaussian keeping its samples",

@@ -9,8 +9,8 @@ use kalmems::figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, Text
 use kalmems::progress::{Progress, Silent};
 use kalmems::results::{self, Output, RunInfo};
 use kalmems_papers::program::{
-    Check, Effort, Item, ItemHead, ItemKind, ItemVerdict, Paper, PaperPlace, PaperProgram, PartWork,
-    ProgramPart, ReproduceError, Reproduction, ReproductionSettings, SeedSpread, Tolerance, ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, ItemVerdict, Paper, PaperPlace, PaperProgram,
+    PartWork, ProgramPart, ReproduceError, Reproduction, ReproductionSettings, SeedSpread, ValueOrigin,
     reproduce, write_reproduction,
 };
 use std::collections::BTreeMap;
@@ -53,9 +53,9 @@ fn squares(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         Panel::new(Axis::new("x", ""), Axis::new("x²", "")).with(Series::line("", SeriesRole::Model, points));
     let table = TextTable::new("more, \"quoted\"", [ColumnHead::text("a,b")]).row(["1,5"]);
     Ok(vec![
-        Item::new(&TABLE).check(Check::value("sum", "m^2", 285.0, sum, Tolerance::COUNT)).table(table),
+        Item::new(&TABLE).check(Check::value("sum", "m^2", 285.0, sum, CheckTolerance::COUNT)).table(table),
         Item::new(&FIGURE)
-            .check(Check::value("sum", "m^2", 28.5, sum, Tolerance::part(0.1, "chance")))
+            .check(Check::value("sum", "m^2", 28.5, sum, CheckTolerance::part(0.1, "chance")))
             .figure(Figure::new("squares_line", "Squares", "Squares.").with(panel)),
     ])
 }
