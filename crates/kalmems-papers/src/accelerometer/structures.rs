@@ -230,12 +230,15 @@ fn table(runs: &StructureRuns) -> Item {
     .table(ours(runs, 1, "ε_r = 1"))
 }
 
+/// Signal to noise in dB and displacement in m of a structure in a row of the table.
+type PrintedRow = fn(&super::published::Structures) -> Option<(f64, f64)>;
+
 /// Table III as a picture: ours as lines, the printed values as points.
 fn over_acceleration(runs: &StructureRuns) -> Figure {
     let amplitude = || Axis::new("acceleration", "g").log();
     let mut ratio = Panel::new(amplitude(), Axis::new("signal to noise", "dB"));
     let mut moved = Panel::new(amplitude(), Axis::new("largest displacement", "m").log());
-    let of_row: [(Structure, SeriesRole, fn(&super::published::Structures) -> Option<(f64, f64)>); 3] = [
+    let of_row: [(Structure, SeriesRole, PrintedRow); 3] = [
         (Structure::Open, SeriesRole::Model, |row| row.open),
         (Structure::Closed, SeriesRole::Estimate, |row| row.closed),
         (Structure::Told, SeriesRole::Input, |row| row.observed),

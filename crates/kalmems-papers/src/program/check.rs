@@ -210,29 +210,27 @@ impl Check {
 
 /// Three significant digits, or so many more that a tenth of the step is seen.
 fn to_step(value: f64, step: f64) -> String {
-    let digits = significant(value);
     let places = |size: f64| size.abs().portable_log10().floor();
     let needed = places(value) - places(step) + 2.0;
     if step == 0.0 || !needed.is_finite() || needed <= 3.0 {
-        return with_short_numbers(&readable(value, digits));
+        return with_short_numbers(&readable(value));
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // above 3, and few
     let digits = needed.min(9.0) as usize;
     let decimals = (digits as f64 - 1.0 - places(value)).max(0.0);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, and few
     let decimals = decimals as usize;
-    let text = if (1e-4..1e6).contains(&value.abs()) {
+    if (1e-4..1e6).contains(&value.abs()) {
         format!("{value:.decimals$}")
     } else {
         format!("{value:.*e}", digits - 1)
-    };
-    text
+    }
 }
 
-/// With an exponent where zeros would have to be counted.
-fn readable(value: f64, digits: String) -> String {
+/// Three significant digits, with an exponent where zeros would have to be counted.
+fn readable(value: f64) -> String {
     let is_plain = value == 0.0 || !value.is_finite() || (1e-4..1e6).contains(&value.abs());
-    if is_plain { digits } else { format!("{value:.2e}") }
+    if is_plain { significant(value) } else { format!("{value:.2e}") }
 }
 
 /// A factor where it is beyond 2, else a percentage.
@@ -243,9 +241,9 @@ fn difference(paper: f64, ours: f64) -> String {
     } else if ratio < 0.0 {
         "of the other sign".to_owned()
     } else if ratio >= 2.0 {
-        format!("{} times larger", readable(ratio, significant(ratio)))
+        format!("{} times larger", readable(ratio))
     } else if ratio > 0.0 && ratio <= 0.5 {
-        format!("{} times smaller", readable(1.0 / ratio, significant(1.0 / ratio)))
+        format!("{} times smaller", readable(1.0 / ratio))
     } else {
         let tenths = (1000.0 * (ratio - 1.0)).round();
         if tenths == 0.0 { "0.0 %".to_owned() } else { format!("{:+.1} %", tenths / 10.0) }
@@ -299,12 +297,9 @@ impl ItemVerdict {
 
 /// The check that says most of a verdict: the one that is furthest off, and of those that hold one that is not circular.
 pub(super) fn decisive(checks: &[Check]) -> Option<&Check> {
+    let key = |check: &Check| (!check.holds(), !check.is_circular());
     // Of equals the first.
-    let weight = |check: &Check| (!check.holds(), !check.is_circular(), check.distance());
-    checks.iter().rev().max_by(|a, b| {
-        let ([a_off, a_shows], [b_off, b_shows]) = ([weight(a).0, weight(a).1], [weight(b).0, weight(b).1]);
-        a_off.cmp(&b_off).then(a_shows.cmp(&b_shows)).then(weight(a).2.total_cmp(&weight(b).2))
-    })
+    checks.iter().rev().max_by(|a, b| key(a).cmp(&key(b)).then(a.distance().total_cmp(&b.distance())))
 }
 
 #[cfg(test)]

@@ -51,7 +51,7 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
         };
         let is_wide = span(&mut differences.iter().map(|(x, _)| *x)) > 0.5 * span(&mut nu.iter().copied());
         let difference = Panel::new(wavenumber(), Axis::new("minus reference", "1"));
-        let difference = match uncertainty_at(outcome, &uncertainty, &differences) {
+        let difference = match uncertainty_at(outcome, uncertainty.as_deref(), &differences) {
             Some(band) => difference.with(Series::band("±2 standard uncertainties", SeriesRole::Bound, band)),
             None => difference,
         };
@@ -104,10 +104,10 @@ fn uncertainty(outcome: &SpectrumOutcome) -> Option<Vec<f64>> {
 /// The band about 0 at the wavenumbers of differences, by the uncertainty of the nearest point.
 fn uncertainty_at(
     outcome: &SpectrumOutcome,
-    uncertainty: &Option<Vec<f64>>,
+    uncertainty: Option<&[f64]>,
     differences: &[(f64, f64)],
 ) -> Option<Vec<(f64, f64, f64)>> {
-    let (sd, grid) = (uncertainty.as_ref()?, outcome.processed.scans.grid);
+    let (sd, grid) = (uncertainty?, outcome.processed.scans.grid);
     let band = differences.iter().filter_map(|(nu, _)| {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // below 0 is the first point
         let place = ((100.0 * nu - grid.first_per_m) / grid.step_per_m).round().max(0.0) as usize;
