@@ -2,16 +2,14 @@
 // Usage: node look.mjs FOLDER BROWSER COMMAND, where FOLDER has node_modules and pages (see .ci/report), and COMMAND is kalmems.
 import { spawn } from "node:child_process";
 import { once } from "node:events";
-import { createRequire } from "node:module";
 import { request } from "node:http";
-import { mkdirSync, readFileSync, readdirSync, statSync, existsSync } from "node:fs";
+import { readFileSync, readdirSync, statSync, existsSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
+import { begin } from "../look.mjs";
 
 const [folder, executablePath, kalmems] = process.argv.slice(2).map((path) => resolve(path));
-const require = createRequire(join(folder, "node_modules", "x.js"));
-const { chromium } = require("playwright-core");
-const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+const { browser, shots, check, accessible, end } = await begin(folder, executablePath);
 
 const pages = {};
 for (const name of readdirSync(join(folder, "pages"))) {
@@ -19,19 +17,6 @@ for (const name of readdirSync(join(folder, "pages"))) {
   const file = name.endsWith(".html") ? path : join(path, "report.html");
   if (existsSync(file)) pages[name.replace(/\.html$/, "")] = file;
 }
-const shots = join(folder, "shots");
-mkdirSync(shots, { recursive: true });
-
-let failed = 0;
-function check(what, holds, found = "") {
-  if (!holds) failed += 1;
-  if (!holds || process.env.VERBOSE) console.log(`${holds ? "ok" : "FAILED"}: ${what}${found === "" ? "" : `: ${found}`}`);
-}
-
-const browser = await chromium.launch({
-  executablePath,
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"],
-});
 
 /** A page with all of its figures there; what it asked for and what it complained of is checked. */
 async function open(name, { width = 1200, height = 900, scheme = "light", script = true, touch = false, address = pathToFileURL(pages[name]).href } = {}) {
@@ -84,17 +69,20 @@ for (const name of Object.keys(pages)) {
     for (const scheme of width === 400 || width === 1200 ? ["light", "dark"] : ["light"]) {
       const page = await open(name, { width, scheme });
       const where = `${name} at ${width} px, ${scheme}`;
-      const { wide, hidden } = await page.evaluate(() => ({
+      const { wide, tables, hidden, ticks, twice } = await page.evaluate(() => ({
         wide: document.documentElement.scrollWidth - innerWidth,
+        tables: [...document.querySelectorAll(".scroll")].filter((one) => one.offsetParent && one.scrollWidth > one.clientWidth + 1).length,
+        ticks: [...document.querySelectorAll("p, li, td, th, dt, dd, caption, figcaption, h1, h2")].filter((one) => one.textContent.includes("`")).length,
+        twice: (notices => notices.length - new Set(notices).size)([...document.querySelectorAll(":is(.warning, .failure):not(td)")].map((one) => one.textContent)),
         hidden: [...document.querySelectorAll(".grade")].filter((one) => one.offsetParent && one.getBoundingClientRect().right > innerWidth).length,
       }));
       check(`${where}: is no wider than the screen`, wide <= 0, wide);
       check(`${where}: no table hides its verdict`, hidden === 0, hidden);
+      check(`${where}: names are set as code and not in backticks`, ticks === 0, ticks);
+      check(`${where}: no warning stands twice`, twice === 0, twice);
+      check(`${where}: all tables are seen whole`, width < 1200 || tables === 0, tables);
       if (width === 400 || width === 1200) {
-        await page.evaluate(axe);
-        const found = await page.evaluate(async () => (await window.axe.run()).violations.map((one) => [one.impact, one.id, one.nodes[0].html.slice(0, 160)]));
-        const serious = found.filter(([impact]) => impact === "serious" || impact === "critical");
-        check(`${where}: axe finds nothing serious`, serious.length === 0, JSON.stringify(serious));
+        await accessible(page, where);
         await page.screenshot({ path: join(shots, `${name}-${width}-${scheme}.png`), fullPage: true });
       }
       await page.context().close();
@@ -373,9 +361,7 @@ const said = (page) => page.locator(".samples output").first().textContent();
   const listing = await (await browser.newContext()).newPage();
   await listing.goto(address);
   check("the list has the results with their verdicts", (await listing.locator("li b.doubtful, li b.passes").count()) > 0 && (await listing.locator("li").count()) > 3);
-  await listing.evaluate(axe);
-  const serious = await listing.evaluate(async () => (await window.axe.run()).violations.filter((one) => ["serious", "critical"].includes(one.impact)).map((one) => one.id));
-  check("axe finds nothing serious in the list", serious.length === 0, serious.join(" "));
+  await accessible(listing, "list of results");
   await listing.screenshot({ path: join(shots, "view.png") });
   await listing.getByRole("link", { name: "estimate", exact: true }).click();
   await listing.waitForSelector("figure");
@@ -439,6 +425,4 @@ for (const name of Object.keys(pages)) {
   await page.context().close();
 }
 
-await browser.close();
-console.log(failed ? `${failed} checks failed` : `all checks passed; pictures of the screen are in ${shots}`);
-process.exit(failed ? 1 : 0);
+await end();

@@ -1,31 +1,16 @@
 // Uses the workbench in a browser as a reader does, compares what it makes with the native command's, and says what is not as it
 // should be. Usage: node look.mjs FOLDER BROWSER NATIVE, where FOLDER has node_modules, `page` (see web/build.mjs) and `native`.
-import { createRequire } from "node:module";
 import { execFileSync } from "node:child_process";
 import { createServer } from "node:http";
 import { closeSync, cpSync, existsSync, mkdirSync, openSync, readFileSync, readdirSync, rmSync, statSync, writeSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
+import { begin } from "../look.mjs";
 
 const [folder, executablePath, native] = process.argv.slice(2).map((path) => resolve(path));
-const require = createRequire(join(folder, "node_modules", "x.js"));
-const { chromium } = require("playwright-core");
-const axe = readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
-const shots = join(folder, "shots");
-mkdirSync(shots, { recursive: true });
+const { browser, shots, check, accessible, end } = await begin(folder, executablePath);
 const offline = pathToFileURL(join(folder, "page", "kalmems.html")).href;
 const root = resolve(".");
-
-let failed = 0;
-function check(what, holds, found = "") {
-  if (!holds) failed += 1;
-  if (!holds || process.env.VERBOSE) console.log(`${holds ? "ok" : "FAILED"}: ${what}${found === "" ? "" : `: ${found}`}`);
-}
-
-const browser = await chromium.launch({
-  executablePath,
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"],
-});
 
 /** A page that is ready; `asked` has every request that it made. */
 async function open(address, { width = 1200, height = 900, scheme = "light" } = {}) {
@@ -208,10 +193,7 @@ for (const width of [373, 800, 1200]) {
     await page.waitForFunction(() => document.querySelectorAll("#files li").length > 5);
     const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
     check(`at ${width} px, ${scheme}: is no wider than the screen`, wide <= 0, wide);
-    await page.evaluate(axe).catch(() => {});
-    const found = await page.evaluate(async () => (await window.axe.run({ exclude: ["iframe"] })).violations.map((one) => [one.impact, one.id, one.nodes[0].html.slice(0, 160)]));
-    const serious = found.filter(([impact]) => impact === "serious" || impact === "critical");
-    check(`at ${width} px, ${scheme}: axe finds nothing serious`, serious.length === 0, JSON.stringify(serious));
+    await accessible(page, `at ${width} px, ${scheme}`, { exclude: ["iframe"] });
     await page.screenshot({ path: join(shots, `start-${width}-${scheme}.png`), fullPage: true });
     await page.context().close();
   }
@@ -296,6 +278,4 @@ async function lengthen(from, to, rows) {
   closeSync(out);
 }
 
-await browser.close();
-console.log(failed ? `${failed} checks failed` : `all checks passed; pictures of the screen are in ${shots}`);
-process.exit(failed ? 1 : 0);
+await end();

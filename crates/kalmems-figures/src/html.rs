@@ -20,8 +20,6 @@ const PLOTS: [&str; 3] = [
     include_str!("../assets/uplot-LICENSE.txt"),
 ];
 const SCRIPT: &str = include_str!("page.js");
-/// A cell of so many letters is not broken.
-const SHORT: usize = 24;
 /// A table of so many columns becomes cards where the page is narrow.
 const CARDS: usize = 4;
 
@@ -259,7 +257,6 @@ fn numbers_of_series(x_unit: &str, panel: &str, y_unit: &str, series: &Series) -
 
 fn table_value(table: &TextTable) -> Value {
     let class = |column| if table.is_numeric(column) { "number" } else { "text" };
-    let is_short = |text: &str| text.chars().count() <= SHORT;
     let order: Vec<usize> = table.order().collect();
     let heads: Vec<Value> = (order.iter())
         .map(|column| context! { text => with_code(&table.head(*column)), class => class(*column) })
@@ -271,7 +268,7 @@ fn table_value(table: &TextTable) -> Value {
                     let cell = row.get(*column).map_or("", String::as_str);
                     let text = with_code(cell);
                     let grade = table.grade(index, *column).map(NoticeSeverity::class);
-                    context! { text, class => class(*column), short => is_short(cell), head => table.head(*column), grade }
+                    context! { text, class => class(*column), head => table.head(*column), grade }
                 })
                 .collect()
         })

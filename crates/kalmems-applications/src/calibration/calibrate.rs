@@ -170,7 +170,7 @@ impl ReferenceCalibration<'_> {
             bias: std::array::from_fn(|axis| self.bias(axis)),
             budget: inputs.contributions(&budget, scale),
             cross_check,
-            records: self.figures(&tones, &pairs, main),
+            records: self.figures(&tones, &pairs, main, &matrix),
             chi_square: matrix.chi_square,
             freedom: matrix.freedom,
             peak_to_peak: self.peak_to_peak(known, &tones, main),
@@ -297,10 +297,16 @@ impl ReferenceCalibration<'_> {
         Some(UncertainEstimate::of(value, combined, combined))
     }
 
-    fn figures(&self, tones: &[VibrationTone], pairs: &[RatePair], main: usize) -> Vec<RecordFigures> {
+    fn figures(
+        &self,
+        tones: &[VibrationTone],
+        pairs: &[RatePair],
+        main: usize,
+        matrix: &CalibrationMatrix,
+    ) -> Vec<RecordFigures> {
         let rate_hz = self.file.gyroscope.rate.si();
         let records = self.records.iter().zip(self.tones).zip(tones.iter().zip(pairs));
-        let figures = records.filter_map(|((record, shown), (tone, pair))| {
+        let figures = records.enumerate().filter_map(|(place, ((record, shown), (tone, pair)))| {
             let (reference, amplitude) = (pair.reference[main].norm(), pair.shown[main]?.norm());
             let scale_factor = amplitude / reference;
             let relative = (pair.reference_deviation[main] / reference)
@@ -318,6 +324,7 @@ impl ReferenceCalibration<'_> {
                 shown: amplitude,
                 scale_factor,
                 deviation: scale_factor * relative,
+                residual: matrix.residual(pairs, place, main),
                 distortion: [tone.axes[main]?.distortion, shown.axes[main]?.distortion],
             })
         });

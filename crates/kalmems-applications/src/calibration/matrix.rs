@@ -1,7 +1,7 @@
 //! Scale factors and cross-axis terms from phasors.
 
 use crate::fit::{Fit, FitError, FitSettings, Regression, fit};
-use kalmems_core::{Dual, Mat, Scalar, Svd};
+use kalmems_core::{Dual, Mat, Portable, Scalar, Svd};
 use kalmems_models::inertial::Alignment;
 use realfft::num_complex::Complex64;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -140,6 +140,18 @@ impl CalibrationMatrix {
             }
         }
         known
+    }
+
+    /// What an axis shows in a record beyond all of K, in phase with the reference's rate about that axis, over what its scale factor makes
+    /// of that rate; `None` where the record does not rotate about it. `pairs` are those of the fit.
+    pub fn residual(&self, pairs: &[RatePair], record: usize, axis: usize) -> Option<f64> {
+        let (pair, turn_rad) = (pairs.get(record)?, self.turn_rad.get(record)?);
+        let rate = pair.reference[axis];
+        let (sine, cosine) = turn_rad.portable_sin_cos();
+        let shown = pair.shown[axis]? * Complex64::new(cosine, -sine);
+        let beyond = (shown - product(&self.fit.parameters, axis, &pair.reference)) * rate.conj();
+        let expected = self.fit.parameters[4 * axis] * rate.norm_sqr();
+        (expected > 0.0).then(|| beyond.re / expected)
     }
 
     /// K with 0 where it is not known.

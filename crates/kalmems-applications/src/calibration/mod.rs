@@ -17,6 +17,7 @@ mod files;
 mod inputs;
 mod matrix;
 mod motion;
+mod noise_fit;
 mod noise_study;
 mod off_axis;
 mod outcome;
@@ -40,6 +41,7 @@ pub use file::{
     RestRecord, StatedUncertainty,
 };
 pub use matrix::{CalibrationMatrix, RatePair};
+pub use noise_fit::NoiseFit;
 pub use noise_study::{NoiseShare, NoiseStudy};
 pub use off_axis::OffAxisMotion;
 pub use outcome::{

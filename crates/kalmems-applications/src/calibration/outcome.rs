@@ -189,6 +189,9 @@ pub struct RecordFigures {
     pub scale_factor: f64,
     /// Its standard deviation by noise.
     pub deviation: f64,
+    /// What the gyroscope shows beyond all of K, as a part of what the fitted scale factor makes of the reference's rate; none where there is
+    /// no rotation about the main axis.
+    pub residual: Option<f64>,
     /// The harmonics of reference and gyroscope, as parts of the amplitude.
     pub distortion: [f64; 2],
 }

@@ -385,7 +385,9 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> TextTable {
         ColumnHead::number("± 95 %", "mrad/s"),
         ColumnHead::number("rms noise", "mrad/s"),
         ColumnHead::number("angle random walk", "deg/√h"),
+        ColumnHead::number("95 %", "deg/√h"),
         ColumnHead::number("bias instability", "deg/h"),
+        ColumnHead::number("95 %", "deg/h"),
         ColumnHead::number("at", "s"),
     ];
     let mut table = TextTable::new("At rest", columns);
@@ -399,12 +401,22 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> TextTable {
             format!("{:.4}", 1e3 * half),
             format!("{:.4}", 1e3 * rest.noise),
             rest.angle_random_walk.map_or_else(dash, |walk| format!("{:.4}", walk.to_degrees() * 60.0)),
+            ends(rest.angle_random_walk_interval, 60.0, 4),
             rest.bias_instability
                 .map_or_else(dash, |[bias, _]| format!("{bound}{:.3}", bias.to_degrees() * 3600.0)),
+            ends(rest.bias_instability_interval, 3600.0, 2),
             rest.bias_instability.map_or_else(dash, |[_, time]| format!("{time:.3}")),
         ]);
     }
     table
+}
+
+/// An interval of 95 % in degrees, times a factor.
+fn ends(interval: Option<[f64; 2]>, factor: f64, digits: usize) -> String {
+    interval.map_or_else(
+        || "–".to_owned(),
+        |ends| ends.map(|end| format!("{:.digits$}", end.to_degrees() * factor)).join(" … "),
+    )
 }
 
 /// The pictures of a calibration.
@@ -418,24 +430,29 @@ pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
     figures
 }
 
-/// The scale factor of each record.
+/// The share of the largest rate about the main axis below which a record tells nothing of its scale factor.
+const FAINT: f64 = 0.1;
+
+/// The residual of each record.
 fn of_records(result: &CalibratedGyroscope) -> Figure {
     let value = result.scale_factor.value;
-    let ppm = |k: f64| 1e6 * (k / value - 1.0);
-    let end = |sign: f64| {
-        result.records.iter().map(move |r| (r.reference, ppm(r.scale_factor + sign * 1.96 * r.deviation)))
-    };
+    // A record with little rotation about the main axis tells nothing of its scale factor, and its bar would set the scale.
+    let most = result.records.iter().map(|r| r.reference).fold(0.0, f64::max);
+    let of_axis = result.records.iter().filter(|r| r.reference > FAINT * most);
+    let residuals: Vec<(f64, f64, f64)> = of_axis
+        .filter_map(|r| Some((r.reference, 1e6 * r.residual?, 1.96e6 * r.deviation / value.abs())))
+        .collect();
     let half = 1e6 * result.scale_factor.expanded_by_records / value.abs();
     let mut records = Panel::new(
         Axis::new("rate amplitude by the reference", "rad/s"),
-        Axis::new("scale factor less the fitted one", "ppm"),
+        Axis::new("residual of the record", "ppm"),
     );
-    let both: Vec<((f64, f64), (f64, f64))> = end(-1.0).zip(end(1.0)).collect();
-    for (k, (low, high)) in both.into_iter().enumerate() {
+    for (k, (x, residual, bar)) in residuals.iter().enumerate() {
         let label = if k == 0 { "95 % by its noise" } else { "" };
-        records = records.with(Series::line(label, SeriesRole::Measured, [low, high]));
+        let bar = [(*x, residual - bar), (*x, residual + bar)];
+        records = records.with(Series::line(label, SeriesRole::Measured, bar));
     }
-    let points: Vec<(f64, f64)> = result.records.iter().map(|r| (r.reference, ppm(r.scale_factor))).collect();
+    let points: Vec<(f64, f64)> = residuals.iter().map(|(x, residual, _)| (*x, *residual)).collect();
     records = records
         .with(Series::points("each record", SeriesRole::Estimate, points))
         .with(Series::level("95 % of the fit, by the records alone", SeriesRole::Bound, half))
@@ -443,8 +460,9 @@ fn of_records(result: &CalibratedGyroscope) -> Figure {
     Figure::new(
         format!("records-{}-{}", result.condition, result.reference),
         format!("Condition {}, reference {}", result.condition, result.reference),
-        "The scale factor of each record, by sine fits, against the one that is fitted to all. Records further apart than \
-         their bars say that one factor is not the whole truth.",
+        "What each record shows beyond the fit to all, with all that is fitted between the axes, over what the fitted scale factor makes \
+         of its rate. Records further apart than their bars say that the fit is not the whole truth. Those with less than a tenth of \
+         the largest rate about this axis are left out.",
     )
     .with(records)
 }
@@ -473,33 +491,43 @@ fn of_budget(result: &CalibratedGyroscope) -> Figure {
     .with(panel)
 }
 
+/// From a third of the lowest deviation to three times the highest: the upper end of the interval at the longest time, of two or three
+/// differences, would else set the scale.
+fn deviation_axis(rest: &AxisAtRest) -> Axis {
+    let deviations = || rest.deviations.iter().map(|d| d.averaged.deviation.to_degrees() * 3600.0);
+    let [low, high] = [deviations().fold(f64::INFINITY, f64::min), deviations().fold(0.0, f64::max)];
+    let axis = Axis::new(format!("deviation of {}", rest.axis), "deg/h").log();
+    if low > 0.0 && high.is_finite() { axis.between(low / 3.0, 3.0 * high) } else { axis }
+}
+
 /// Allan's deviation of each axis.
 fn of_rest(rests: &[AxisAtRest]) -> Figure {
     let figure = Figure::new(
         "allan",
         "At rest",
-        "Allan's deviation, overlapping, with the interval that holds the true one 95 times in 100 where the noise is what \
-         its exponent says.",
+        "Allan's deviation, overlapping, with the interval that holds the true one 95 times in 100, and the noise that was fitted to it: \
+         quantisation, white noise, flicker and a random walk.",
     );
     let per_hour = |rate: f64| rate.to_degrees() * 3600.0;
     rests.iter().fold(figure, |figure, rest| {
         let known = || rest.deviations.iter().filter(|d| d.interval[1].is_finite());
-        let mut panel = Panel::new(
-            Axis::new("averaging time", "s").log(),
-            Axis::new(format!("deviation of {}", rest.axis), "deg/h").log(),
-        )
-        .with(Series::band(
-            "95 %",
-            SeriesRole::Estimate,
-            known()
-                .map(|d| (d.averaged.time_s, per_hour(d.interval[0]), per_hour(d.interval[1])))
-                .collect::<Vec<_>>(),
-        ))
-        .with(Series::line(
-            "Allan's deviation",
-            SeriesRole::Estimate,
-            known().map(|d| (d.averaged.time_s, per_hour(d.averaged.deviation))).collect::<Vec<_>>(),
-        ));
+        let mut panel = Panel::new(Axis::new("averaging time", "s").log(), deviation_axis(rest))
+            .with(Series::band(
+                "95 %",
+                SeriesRole::Estimate,
+                known()
+                    .map(|d| (d.averaged.time_s, per_hour(d.interval[0]), per_hour(d.interval[1])))
+                    .collect::<Vec<_>>(),
+            ))
+            .with(Series::line(
+                "Allan's deviation",
+                SeriesRole::Estimate,
+                known().map(|d| (d.averaged.time_s, per_hour(d.averaged.deviation))).collect::<Vec<_>>(),
+            ));
+        if let Some(fit) = &rest.fit {
+            let line = known().map(|d| (d.averaged.time_s, per_hour(fit.variance(d.averaged.time_s).sqrt())));
+            panel = panel.with(Series::line("fitted noise", SeriesRole::Model, line.collect::<Vec<_>>()));
+        }
         if let Some(walk) = rest.angle_random_walk {
             let line = known().map(|d| (d.averaged.time_s, per_hour(walk / d.averaged.time_s.sqrt())));
             panel = panel.with(Series::line(
@@ -507,6 +535,10 @@ fn of_rest(rests: &[AxisAtRest]) -> Figure {
                 SeriesRole::Bound,
                 line.collect::<Vec<_>>(),
             ));
+        }
+        if let Some([bias, _]) = rest.bias_instability {
+            let floor = per_hour(bias * super::rest::FLOOR);
+            panel = panel.with(Series::level("floor of the bias instability", SeriesRole::Bound, floor));
         }
         figure.with(panel)
     })
@@ -587,11 +619,20 @@ fn records(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()>
         "gyroscope_rad_per_s",
         "scale_factor_1",
         "scale_factor_sd_1",
+        "residual_1",
     ])?;
     for result in results {
         for r in &result.records {
-            let numbers =
-                [r.frequency_hz, r.sample_rate_hz, r.reference, r.shown, r.scale_factor, r.deviation];
+            let residual = r.residual.unwrap_or(f64::NAN);
+            let numbers = [
+                r.frequency_hz,
+                r.sample_rate_hz,
+                r.reference,
+                r.shown,
+                r.scale_factor,
+                r.deviation,
+                residual,
+            ];
             let words = [&result.condition, &result.reference, &r.record].map(Clone::clone);
             let words = words.into_iter().chain([AXES[result.main].to_owned()]);
             table.write_record(words.chain(numbers.map(|number| format!("{number:e}"))))?;

@@ -22,6 +22,7 @@
 //! ```
 
 mod accuracy;
+mod figures;
 mod file;
 mod grey_png;
 mod lissajous;
@@ -38,6 +39,7 @@ mod sharpness;
 mod track;
 
 pub use accuracy::{PhaseAccuracy, ShiftHistogram, pixel_index};
+pub use figures::image_figures;
 pub use file::{Fill, Image, ImageAxis, Intensity};
 pub use grey_png::{PictureError, preview, read_grey, write_grey};
 pub use lissajous::{AxisOscillation, Lissajous, Spot};
@@ -51,6 +53,6 @@ pub use results::{
 };
 pub use scan::{ImageScan, ScanAxis, ScanSampleCounts};
 pub use scene::TissueScene;
-pub use search::{FoundPhase, PhaseSearchError, search_phases};
+pub use search::{FoundPhase, PhaseSearchError, PhaseSearchResult, TriedPhase, search_phases};
 pub use sharpness::Sharpness;
 pub use track::{AxisTrack, TrackAngle, TrackError, TrackWalk};

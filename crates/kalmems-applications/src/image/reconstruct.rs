@@ -2,7 +2,7 @@
 
 use super::raster::Passes;
 use super::scan::{ImageScan, ScanAxis, ScanSampleCounts};
-use super::search::{FoundPhase, PhaseSearchError, search_phases};
+use super::search::{FoundPhase, PhaseSearchError, PhaseSearchResult, TriedPhase, search_phases};
 use super::sharpness::Sharpness;
 use super::track::{AxisTrack, TrackError};
 use crate::config::{ConfigError, ConfigFault, Key, Quantity};
@@ -20,6 +20,8 @@ pub struct ImageOutcome {
     pub image: Image,
     /// The samples in their pixels, apart by the direction of x.
     pub passes: Passes,
+    /// The samples at the phases that a search began with, apart by the direction of x; none without a search.
+    pub before: Option<Passes>,
     /// The samples apart by the direction of y, where there is one.
     pub passes_of_y: Option<Passes>,
     /// What became of the samples.
@@ -49,6 +51,10 @@ pub struct AxisOutcome {
     pub phase_rad: f64,
     /// What the search found, where one was wanted.
     pub found: Option<FoundPhase>,
+    /// The phase that it began with, in rad.
+    pub start_rad: f64,
+    /// Where the search measured the sharpness; empty without a search.
+    pub tried: Vec<TriedPhase>,
     /// What a cubic between samples of the trajectory may be off by, in pixels.
     pub interpolation_error_px: f64,
     /// Gaps in the trajectory.
@@ -129,9 +135,11 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
     if counts.used == 0 {
         return Err(ImageError::Nothing(counts));
     }
-    let found = search_phases(&scan, start, ranges, Sharpness::WithinPixel, progress)?;
+    let PhaseSearchResult { found, mut tried } =
+        search_phases(&scan, start, ranges, Sharpness::WithinPixel, progress)?;
     let phases = [0, 1].map(|axis| found[axis].map_or(start[axis], |found| found.phase_rad));
     let (passes, counts) = scan.reconstruct(phases, 0);
+    let before = found.iter().any(Option::is_some).then(|| scan.reconstruct(start, 0).0);
     let passes_of_y = scan.y.as_ref().map(|_| scan.reconstruct(phases, 1).0);
     let outcomes = image.axes().zip(0..).filter_map(|((name, axis), index)| {
         let ScanAxis { track, half_field_rad, .. } = scan.axis(index)?;
@@ -144,6 +152,8 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
             half_field_rad: *half_field_rad,
             phase_rad: phases[index],
             found: found[index],
+            start_rad: start[index],
+            tried: tried.get_mut(index).map(std::mem::take).unwrap_or_default(),
             interpolation_error_px: track.interpolation_error_rad() * pixels_per_rad,
             gaps: track.gaps(),
         })
@@ -152,6 +162,7 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
         image: image.clone(),
         axes: outcomes.collect(),
         passes,
+        before,
         passes_of_y,
         counts,
         sources,

@@ -3,6 +3,7 @@
 use super::PictureError;
 use super::grey_png::{preview, preview_of, write_counts, write_grey};
 use crate::WriteError;
+use crate::image::figures::image_figures;
 use crate::image::file::Fill;
 use crate::image::{ImageOutcome, PhaseAccuracy, Picture, ScanSampleCounts, psnr_db, structural_similarity};
 use crate::recording::RecordingSource;
@@ -10,7 +11,7 @@ use kalmems_core::Portable;
 use kalmems_engines::inspect::quantity;
 use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{
-    ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
+    ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
 };
 use kalmems_store::{Output, RunInfo, RunTiming};
 use serde::Serialize;
@@ -26,6 +27,8 @@ pub struct DevelopedImage {
     pub forward: Picture,
     /// The same of those taken while x falls.
     pub backward: Picture,
+    /// The image at the phases that the search began with; none without a search.
+    pub before: Option<Picture>,
     /// The intensity that became black.
     pub black: f64,
     /// The intensity that became white.
@@ -44,7 +47,8 @@ impl DevelopedImage {
         let grey = |picture: Picture| picture.map(|v| (v - black) / span);
         let [forward, backward] =
             [&outcome.passes.forward, &outcome.passes.backward].map(|p| grey(p.picture()));
-        Self { picture: grey(mean), forward, backward, black, white }
+        let before = outcome.before.as_ref().map(|passes| grey(passes.together().picture()));
+        Self { picture: grey(mean), forward, backward, before, black, white }
     }
 }
 
@@ -233,7 +237,7 @@ fn for_the_eye(outcome: &ImageOutcome, developed: &DevelopedImage) -> Option<(Pi
 /// Writes an image into a result.
 ///
 /// `image.png`, `forward.png` and `backward.png`, grey with 16 bits and transparent where there is no sample;
-/// `counts.png`, the number of samples as grey value; `picture.png`, filled, where the image file says how;
+/// `counts.png`, the number of samples as grey value, and `counts_preview.png` with 8 bits to look at; `figures/`; `picture.png`, filled, where the image file says how;
 /// `report.html`, `metrics.json` and `run.toml`.
 pub fn write_image(
     outcome: &ImageOutcome,
@@ -243,8 +247,12 @@ pub fn write_image(
     info: RunInfo,
 ) -> Result<(), WriteError> {
     let input_id = input_id(outcome);
-    let html = image_page(outcome, developed, metrics)?;
+    let figures = image_figures(outcome);
+    let html = image_page(outcome, developed, metrics, &figures)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
+    for figure in &figures {
+        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
+    }
     let pictures = [
         ("image.png", &developed.picture),
         ("forward.png", &developed.forward),
@@ -255,6 +263,11 @@ pub fn write_image(
     }
     let all = outcome.passes.together();
     output.write("counts.png", |w| write_counts(all.counts(), all.size(), w))?;
+    let (counts, _) = counts_preview(all.counts(), all.size());
+    output.write("counts_preview.png", |w| w.write_all(&counts))?;
+    if let Some(before) = &developed.before {
+        output.write("before.png", |w| write_grey(before, w))?;
+    }
     if let Some((picture, _)) = for_the_eye(outcome, developed) {
         output.write("picture.png", |w| write_grey(&picture, w))?;
     }
@@ -277,6 +290,7 @@ pub fn image_page(
     outcome: &ImageOutcome,
     developed: &DevelopedImage,
     metrics: &ImageMetrics,
+    figures: &[Figure],
 ) -> Result<String, ReportError> {
     let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
     let ScanSampleCounts { samples, used, .. } = metrics.samples;
@@ -330,13 +344,21 @@ pub fn image_page(
         Some(bar) => answer.raster_with_bar(picture, alt, caption, bar),
         None => answer.raster(picture, alt, caption),
     };
+    let answer = match &developed.before {
+        Some(before) => answer.raster(
+            preview(before),
+            "The image before the search",
+            format!("The same samples at the phases that the search began with, {}.", starts(outcome)),
+        ),
+        None => answer,
+    };
     let mut evidence = PageSection::new("What it rests on").part(PagePart::Evidence);
     let all = outcome.passes.together();
-    let white = white_of(all.counts());
-    let counts: Vec<f64> = all.counts().iter().map(|count| f64::from(*count) / white).collect();
+    evidence = figures.iter().cloned().fold(evidence, PageSection::figure);
+    let (counts, white) = counts_preview(all.counts(), all.size());
     let most = all.counts().iter().copied().max().unwrap_or(0);
     evidence = evidence.raster(
-        preview_of(&counts, all.size()),
+        counts,
         "Samples of each pixel",
         format!("How many samples each pixel has: black is none, white {white:.0} or more, and the most are {most}."),
     );
@@ -349,7 +371,7 @@ pub fn image_page(
     let made = PageSection::made(
         "image",
         env!("CARGO_PKG_VERSION"),
-        "`image.png` and its passes have 16 bits; `counts.png` has the counts as they are; the numbers are in `metrics.json`.",
+        "`image.png` and its passes have 16 bits; `counts.png` has the counts as they are, which a viewer shows nearly black, and `counts_preview.png` what this page shows; the numbers are in `metrics.json`.",
     );
     let file = toml::to_string(&outcome.image).unwrap_or_else(|e| format!("cannot be written: {e}"));
     let page = Page::new(format!("{}: image along a trajectory", metrics.name), "")
@@ -373,6 +395,21 @@ fn bar(axis: &ImageAxisMetrics) -> Option<(f64, String)> {
     let length =
         [5.0, 2.0, 1.0].map(|steps| steps * decade).into_iter().find(|length| *length <= field / 5.0)?;
     Some((length / field, format!("{} deg", significant(length))))
+}
+
+/// The phases that the search began with.
+fn starts(outcome: &ImageOutcome) -> String {
+    let each = outcome.axes.iter().filter(|axis| axis.found.is_some());
+    let each: Vec<String> =
+        each.map(|axis| format!("{:.4} deg of {}", axis.start_rad.to_degrees(), axis.name)).collect();
+    each.join(" and ")
+}
+
+/// Counts of samples as a picture to look at, and the number that is white.
+fn counts_preview(counts: &[u32], size: [usize; 2]) -> (Vec<u8>, f64) {
+    let white = white_of(counts);
+    let grey: Vec<f64> = counts.iter().map(|count| f64::from(*count) / white).collect();
+    (preview_of(&grey, size), white)
 }
 
 /// The number of samples that is shown as white: what 95 of 100 pixels have at most, since the turning points of a scan have so

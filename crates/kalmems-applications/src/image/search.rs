@@ -18,6 +18,26 @@ pub struct FoundPhase {
     pub best: f64,
 }
 
+/// A phase at which the sharpness was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TriedPhase {
+    /// How far the axis is taken to be ahead of its trajectory, in rad.
+    pub phase_rad: f64,
+    /// The measure there: the less, the sharper.
+    pub measure: f64,
+    /// Pixels along the axis of the image that was measured. Images of different sizes have different measures.
+    pub pixels: usize,
+}
+
+/// What a search of phases gave, for x and for y.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PhaseSearchResult {
+    /// What was found; `None` of an axis that was not searched.
+    pub found: [Option<FoundPhase>; 2],
+    /// Where the measure was taken: over the last range with coarse steps, and about the best with fine ones.
+    pub tried: [Vec<TriedPhase>; 2],
+}
+
 /// Why no phase was found.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PhaseSearchError {
@@ -77,8 +97,9 @@ pub fn search_phases(
     ranges_rad: [Option<f64>; 2],
     sharpness: Sharpness,
     progress: &dyn Progress,
-) -> Result<[Option<FoundPhase>; 2], PhaseSearchError> {
-    let mut search = PhaseSearch { scan, sharpness, phases: start_rad, progress, done: 0 };
+) -> Result<PhaseSearchResult, PhaseSearchError> {
+    let tried = [Vec::new(), Vec::new()];
+    let mut search = PhaseSearch { scan, sharpness, phases: start_rad, progress, done: 0, tried };
     let axes: Vec<(usize, f64)> = (0..2)
         .filter(|axis| scan.axis(*axis).is_some())
         .filter_map(|axis| Some((axis, ranges_rad[axis]?)))
@@ -97,6 +118,7 @@ pub fn search_phases(
             }
         }
     }
+    let wide = search.tried.clone();
     for (axis, _) in axes.iter().copied() {
         search.step(axis, finest, search.phases[axis], reach[axis])?;
     }
@@ -112,7 +134,11 @@ pub fn search_phases(
             found[axis] = Some(fit);
         }
     }
-    Ok(found)
+    let mut tried = wide;
+    for (all, fine) in tried.iter_mut().zip(search.tried) {
+        all.extend(fine);
+    }
+    Ok(PhaseSearchResult { found, tried })
 }
 
 const NAMES: [&str; 2] = ["x", "y"];
@@ -123,6 +149,8 @@ struct PhaseSearch<'a> {
     phases: [f64; 2],
     progress: &'a dyn Progress,
     done: u64,
+    /// Of each axis what was measured last.
+    tried: [Vec<TriedPhase>; 2],
 }
 
 /// One axis of a search: what does not change while its phase does.
@@ -191,9 +219,11 @@ impl PhaseSearch<'_> {
         #[allow(clippy::cast_possible_truncation)] // a few
         let side = (reach / step).floor().clamp(1.0, 1e4) as i32;
         let mut best: Option<(f64, f64)> = None;
+        self.tried[axis].clear();
         for i in -side..=side {
             let phase = middle + f64::from(i) * step;
             let value = self.sharpness.of(&self.passes(&fixed, phase)?);
+            self.tried[axis].push(TriedPhase { phase_rad: phase, measure: value, pixels: size[axis] });
             if value.is_finite() && best.is_none_or(|(_, least)| value < least) {
                 best = Some((phase, value));
             }
@@ -210,9 +240,13 @@ impl PhaseSearch<'_> {
         let mut middle = self.phases[axis];
         for _ in 0..4 {
             let (mut values, mut freedom) = ([0.0; 2 * SIDE as usize + 1], 0.0);
+            self.tried[axis].clear();
             for (i, value) in (-SIDE..=SIDE).zip(&mut values) {
-                let passes = self.passes(&fixed, middle + f64::from(i) * step)?;
+                let phase_rad = middle + f64::from(i) * step;
+                let passes = self.passes(&fixed, phase_rad)?;
                 *value = self.sharpness.of(&passes);
+                let tried = TriedPhase { phase_rad, measure: *value, pixels: fixed.size[axis] };
+                self.tried[axis].push(tried);
                 if i == 0 {
                     let all = passes.together();
                     freedom = all.samples() as f64 - all.filled() as f64;

@@ -239,6 +239,7 @@ mod tests {
             counts: None,
             zero_m: None,
             misregistration_m: Vec::new(),
+            phases: Vec::new(),
             inverted: false,
             path_per_position: 2.0,
             largest_m: largest,

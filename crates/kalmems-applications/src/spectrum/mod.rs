@@ -41,7 +41,7 @@ pub use line::{SpectralPeak, dip_between, line_near};
 pub use measure::{DeviceCorrection, SpectrumComparison, SpectrumError, SpectrumOutcome, measure};
 pub use mertz::{MertzError, OneSided, mertz, one_sided, without_phase};
 pub use nonuniform::{path_weights, spectrum_at};
-pub use process::{PathSample, ProcessedScans};
+pub use process::{PathSample, ProcessedScans, SpectrumPhase};
 pub use recalibrate::{KnownLine, Recalibration, recalibrate};
 pub use register::{shift_to, turn};
 pub use resample::{ResampleError, resample};

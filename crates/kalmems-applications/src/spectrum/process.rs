@@ -17,6 +17,7 @@ use crate::spectrum::file::{
     Directions, PathTrajectory, PhaseCorrection, Registration, SpectrumTransform, TransformMethod,
     WavenumberBand,
 };
+use kalmems_core::Portable;
 use realfft::num_complex::Complex64;
 
 /// The spectra of all scans, and what was met on the way.
@@ -30,6 +31,8 @@ pub struct ProcessedScans {
     pub zero_m: Option<f64>,
     /// Where the zero path of each scan lies beyond the common one, in m of path; with `phase = "none"`.
     pub misregistration_m: Vec<f64>,
+    /// The phases of the mean spectra, where there is light: those that were removed, or the one that is left.
+    pub phases: Vec<SpectrumPhase>,
     /// Whether the light lowers the detector's value.
     pub inverted: bool,
     /// By how much the path changes for each unit of the position; 2 where there is no trajectory.
@@ -43,6 +46,29 @@ pub struct ProcessedScans {
     /// Samples in scans, along a trajectory: for the budget.
     pub samples: Vec<PathSample>,
 }
+
+/// The phase of a mean spectrum.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpectrumPhase {
+    /// Which it is, such as `removed, forward`.
+    pub of: &'static str,
+    /// In rad, at the wavenumbers of the spectrum; NaN where less than a twentieth of the most light is.
+    pub rad: Vec<f64>,
+}
+
+impl SpectrumPhase {
+    fn of(of: &'static str, sign: f64, values: &[Complex64]) -> Self {
+        let most = values.iter().map(|value| value.norm()).fold(0.0, f64::max);
+        let one = |value: &Complex64| {
+            let is_lit = value.norm() > DARK * most;
+            if is_lit { (sign * value.im).portable_atan2(sign * value.re) } else { f64::NAN }
+        };
+        Self { of, rad: values.iter().map(one).collect() }
+    }
+}
+
+/// The share of the most light below which a phase is one of noise.
+const DARK: f64 = 0.05;
 
 /// A sample of a scan: its time and what it counts for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -349,8 +375,9 @@ fn finish(
         scans.into_iter().map(|scan| (scan.fine, scan.coarse)).unzip();
     let mut misregistration_m = Vec::new();
     let (mut common_m, mut inverted) = (0.0, false);
+    let mut phases = Vec::new();
     if settings.phase == PhaseCorrection::Mertz {
-        remove_phases(&mut spectra, coarse, &forward, grid);
+        phases = remove_phases(&mut spectra, coarse, &forward, grid);
     }
     if settings.phase == PhaseCorrection::None {
         misregistration_m = misregistrations(&spectra, grid);
@@ -376,6 +403,9 @@ fn finish(
     // A magnitude has no sign.
     let inverted = inverted && !power;
     let sign = if inverted { -1.0 } else { 1.0 };
+    if settings.phase != PhaseCorrection::Mertz {
+        phases.push(SpectrumPhase::of("left, of the mean", sign, &mean(&spectra, grid)));
+    }
     let real = |value: &Complex64| if power { value.norm() } else { sign * value.re };
     let spectra = spectra.iter().map(|spectrum| spectrum.iter().map(real).collect()).collect();
     ProcessedScans {
@@ -383,6 +413,7 @@ fn finish(
         counts: None,
         zero_m: Some(common_m),
         misregistration_m,
+        phases,
         inverted,
         path_per_position: 2.0,
         largest_m: 0.0,
@@ -401,8 +432,9 @@ fn remove_phases(
     mut coarse: Vec<Vec<Complex64>>,
     forward: &[bool],
     grid: WavenumberGrid,
-) {
-    for direction in [true, false] {
+) -> Vec<SpectrumPhase> {
+    let mut phases = Vec::new();
+    for (direction, of) in [(true, "removed, forward"), (false, "removed, backward")] {
         let places: Vec<usize> = (0..spectra.len()).filter(|place| forward[*place] == direction).collect();
         let mut own: Vec<Vec<Complex64>> =
             places.iter().map(|place| std::mem::take(&mut coarse[*place])).collect();
@@ -412,11 +444,15 @@ fn remove_phases(
             turn(coarse, grid, shift);
         }
         let together = mean(&own, grid);
+        if !places.is_empty() {
+            phases.push(SpectrumPhase::of(of, 1.0, &together));
+        }
         for place in places {
             let real = without_phase(&spectra[place], &together);
             spectra[place] = real.into_iter().map(|value| Complex64::new(value, 0.0)).collect();
         }
     }
+    phases
 }
 
 /// Where the zero path of each scan lies beyond their mean one: first against the mean of the scans as they are, then against

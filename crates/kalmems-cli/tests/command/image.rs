@@ -28,10 +28,27 @@ fn the_search_finds_the_phases_and_the_image_is_written_whole() {
         let output = run(&["image", EXAMPLE, "--out", &out(name)]);
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     }
-    for file in ["image.png", "forward.png", "backward.png", "counts.png", "picture.png", "metrics.json"] {
+    for file in [
+        "image.png",
+        "before.png",
+        "forward.png",
+        "backward.png",
+        "counts.png",
+        "counts_preview.png",
+        "picture.png",
+        "figures/sharpness.svg",
+        "figures/position_uncertainty.svg",
+        "metrics.json",
+    ] {
         let [a, b] = ["a", "b"].map(|name| std::fs::read(folder.path().join(name).join(file)).unwrap());
         assert!(a == b && !a.is_empty(), "{file}");
     }
+    let svg = std::fs::read_to_string(folder.path().join("a/figures/sharpness.svg")).unwrap();
+    for part in ["phase of x", "phase of y", "before", "found"] {
+        assert!(svg.contains(part), "{part}");
+    }
+    let page = std::fs::read_to_string(folder.path().join("a/report.html")).unwrap();
+    assert!(page.contains("at the phases that the search began with") && page.contains("counts_preview.png"));
     let found = metrics(&folder.path().join("a"));
     for (axis, truth) in TRUE_DEG.into_iter().enumerate() {
         let number = |key: &str| found["axes"][axis][key].as_f64().unwrap();

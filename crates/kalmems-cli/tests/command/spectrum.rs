@@ -84,6 +84,10 @@ fn two_lines_are_kept_apart_along_the_estimate_and_lost_without() {
             ["along", "recorded"].map(|out| std::fs::read(Path::new(&path(out)).join(file)).unwrap());
         assert!(a == b && !a.is_empty(), "{file}");
     }
+    let drawn = std::fs::read_to_string(path("along/figures/spectrum.svg")).unwrap();
+    for part in ["±2 standard uncertainties", "phase", "minus reference"] {
+        assert!(drawn.contains(part), "{part}");
+    }
     let refused = run(&["spectrum", &path("recorded.toml"), "--out", &path("along")]);
     assert_eq!(refused.status.code(), Some(1));
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();

@@ -144,6 +144,7 @@ fn one_bit(work: &PartWork) -> Result<Item, ReproduceError> {
                 "{:.0} times less from 50 to 500 µs, without other noise",
                 quiet(0) / quiet(3)
             ),
+            "more than ten times",
             quiet(0) / quiet(3) > 10.0,
         ))
         .check(Check::claim(
@@ -153,6 +154,7 @@ fn one_bit(work: &PartWork) -> Result<Item, ReproduceError> {
                 "the same filter reaches {} mg on it, where {bound:.2} mg is the bound of the device, with any loop",
                 filter.to_text()
             ),
+            "5 % below that bound",
             filter.median < 0.95 * bound,
         ))
         .remark(
@@ -260,19 +262,19 @@ fn decimation(work: &PartWork) -> Result<Item, ReproduceError> {
             "an exact step is stable at any interval; 5 µs are needed for Euler's only",
             "\"the sampling time is smaller than 5 µs\" (page 72)",
             format!("{mean:.2} times the error at 1 µs where 51 samples are made one, in the open loop"),
+            "less than 1.1 times",
             mean < 1.1,
-        ))
-        .check(Check::claim(
-            "an averaging filter before the decimation is worth it",
-            "not treated",
-            format!("51 samples made one: {taken:.2} times the error without it, {mean:.2} times with it"),
-            mean < 0.9 * taken,
         ))
         .check(Check::claim(
             "a closed loop bears 5 µs by means",
             "section 6.2",
             format!("{five:.2} times the error at 1 µs"),
+            "less than 1.1 times",
             five < 1.1,
+        ))
+        .remark(format!(
+            "What the thesis does not treat: an averaging filter before the decimation. Where 51 samples are made one the error \
+             is {taken:.2} times that at 1 µs without it, and {mean:.2} times with it."
         ))
         .remark(
             "Every n-th sample alone folds all noise of the band into what is left: the filter has one n-th of the looks. The \

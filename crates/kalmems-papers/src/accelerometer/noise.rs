@@ -3,7 +3,8 @@
 use super::bench::{AccelerometerBench, BenchRecord, SKIP_S, decibels};
 use super::published::device;
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use crate::signal::fit_sine_at;
 use kalmems_figures::significant;
@@ -78,6 +79,7 @@ fn electronics(bench: &AccelerometerBench) -> Item {
                 significant(corner(10.0).sqrt()),
                 significant(corner(CARRIER_HZ).sqrt())
             ),
+            "ten times the thermal noise at 10 Hz, and less than √2 times at the carrier",
             corner(10.0) > 100.0 && corner(CARRIER_HZ) < 2.0,
         ))
         .check(Check::value(
@@ -85,7 +87,7 @@ fn electronics(bench: &AccelerometerBench) -> Item {
             "µg/√Hz",
             1e6 * device::ELECTRONIC_G_PER_ROOT_HZ,
             SeedSpread::exact(1e6 * at_input),
-            0.3,
+            CheckTolerance::digit(10.0),
         ))
         .remark(
             "Equations 3-7 to 3-10, the leakage with the 2 that equation 3-9 has lost. The thesis gives no value of its \
@@ -212,6 +214,7 @@ fn ratios(bench: &AccelerometerBench, work: &PartWork) -> Result<Item, Reproduce
             "the loop does not change the ratio to the Brownian noise",
             "equations 3-12 and 3-16: m·a/F_B in both",
             format!("{brownian_closed:.1} dB with the loop, {brownian_open:.1} dB without"),
+            "less than 0.1 dB",
             (brownian_closed - brownian_open).abs() < 0.1,
         ))
         .check(Check::claim(
@@ -220,6 +223,7 @@ fn ratios(bench: &AccelerometerBench, work: &PartWork) -> Result<Item, Reproduce
             format!(
                 "by 0.0 dB: both are divided by 1 + L; simulated {loss:+.2} dB, with {chance:.1} dB of chance in a run"
             ),
+            "by at least half of what is printed",
             loss > 0.5 * printed,
         ))
         .remark(

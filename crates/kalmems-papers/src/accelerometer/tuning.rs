@@ -4,7 +4,8 @@ use super::bench::{AccelerometerBench, BenchFilter, BenchRecord, SKIP_S, decibel
 use super::published::TUNINGS;
 use crate::estimate::Trajectory;
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use kalmems_figures::significant;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -32,6 +33,9 @@ pub static FIGURES: ItemHead = ItemHead {
     ],
     origin: ValueOrigin::Computed,
 };
+
+/// The table's rows of equal filters, Q × 10 and R / 10, and Q / 10 and R × 10, differ by up to 5 %: by chance.
+const OF_EQUAL_ROWS: CheckTolerance = CheckTolerance::part(0.1, "twice what rows of equal filters differ by");
 
 /// One period of the signal after the settling.
 const DURATION_S: f64 = SKIP_S + 0.1;
@@ -168,8 +172,13 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
     );
     for (place, row) in TUNINGS.iter().enumerate() {
         let sd = spread(place, &|f| 1e12 * f.sd_m);
-        item =
-            item.check(Check::value(format!("standard deviation, {}", row.words), "pm", row.sd_pm, sd, 0.2));
+        item = item.check(Check::value(
+            format!("standard deviation, {}", row.words),
+            "pm",
+            row.sd_pm,
+            sd,
+            OF_EQUAL_ROWS,
+        ));
         let exceeds = if row.snr_db >= 40.0 { ">" } else { "" };
         rows.push([
             row.words.to_owned(),
@@ -191,12 +200,14 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
         "with the acceleration as an input, a smaller Q and a larger R are better",
         "section 5.3",
         "from one ratio to the next, over ten decades",
+        "less from each ratio to the next lower one",
         falls(AccelerationModel::Acceleration),
     ))
     .check(Check::claim(
         "more than ten times changes nothing",
         "\"will remain unchanged\" (page 68)",
         format!("ten times more of both makes the error {further:.1} times smaller again"),
+        "less than 10 %",
         further < 1.1,
     ))
     .check(Check::claim(
@@ -206,12 +217,14 @@ fn table(spread: Spreads, is_positive: bool) -> Item {
             "the same filter without it: {blind:.0} times worse with Q/10 and R·10; its best is at {} decades",
             signed(lowest(AccelerationModel::Nothing))
         ),
+        "a smaller error with Q/10 and R·10",
         blind < 1.0,
     ))
     .check(Check::claim(
         "too small a Q and too large an R lose the positive covariance",
         "\"estimation covariance P not semi-positive\" (page 68)",
         if is_positive { "no variance was negative in any run, six decades down" } else { "a variance was lost" },
+        "a variance below 0 in a run",
         !is_positive,
     ))
     .remark(format!(
@@ -290,6 +303,7 @@ fn figures(bench: &AccelerometerBench, record: &BenchRecord) -> Item {
             "the estimate is smoothest with R · 10 and Q / 10",
             "Figure 31",
             format!("rms errors of {} pm", left.iter().map(|v| significant(1e12 * v)).collect::<Vec<_>>().join(", ")),
+            "the least of the five",
             left.last().is_some_and(|last| *last <= best),
         ))
         .remark("In the order of the figures; all with the acceleration as an input. Figure 31's caption is that of Figure 30.")

@@ -61,12 +61,14 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
                 "wrongly identified gaps cost much more than the noise in the filter",
                 "much more",
                 format!("at least {gap:.1} times"),
+                "at least twice as much, at every noise",
                 gap > 2.0,
             ))
             .check(Check::claim(
                 "wrongly identified gains cost much more than the noise in the filter",
                 "much more",
                 format!("at least {gain:.1} times"),
+                "at least twice as much, at every noise",
                 gain > 2.0,
             ))
             .remark(format!(

@@ -2,7 +2,8 @@
 
 use super::published::circuit;
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use kalmems_models::capacitance::VACUUM_PERMITTIVITY;
 use kalmems_models::readout::CarrierDivider;
@@ -44,8 +45,8 @@ pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let area = circuit::BASE * 1e-3 / VACUUM_PERMITTIVITY;
     Ok(vec![
         Item::new(&HEAD)
-            .check(Check::value("C_n by equations 7 and 8, put right", "aF/√Hz", paper, SeedSpread::exact(exact * 1e18), 0.05))
-            .check(Check::value("C_n by equation 6 as printed", "aF/√Hz", paper, SeedSpread::exact(printed * 1e18), 0.05))
+            .check(Check::value("C_n by equations 7 and 8, put right", "aF/√Hz", paper, SeedSpread::exact(exact * 1e18), CheckTolerance::digit(1e-3)))
+            .check(Check::value("C_n by equation 6 as printed", "aF/√Hz", paper, SeedSpread::exact(printed * 1e18), CheckTolerance::digit(1e-3)))
             .remark(format!(
                 "Equation 8 prints an admittance as an impedance. With Z_p = 1/(1/R_s + jωC_p) the divider of equation 7 has \
                  a slope of {:.2e} V/F, and 2.09 nV/√Hz are {:.3} aF/√Hz, or {:.3} if the 1 V is an amplitude. Equation 6 as \

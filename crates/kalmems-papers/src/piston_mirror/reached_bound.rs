@@ -38,6 +38,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
                 "an extended filter of a static system attains the bound",
                 "it will reach the lower bound",
                 format!("its error is {pooled:.2} times the posterior bound, single recordings {}", spread.to_text()),
+                "within 20 % over all recordings, two standard errors of as many",
                 (0.8..1.2).contains(&pooled),
             ))
             .remark(

@@ -47,6 +47,8 @@ pub enum ValueOrigin {
     Measured,
     /// Calculated by the authors.
     Computed,
+    /// Said in the text, drawn for illustration, or taken from a data sheet or the settings of an experiment.
+    Stated,
 }
 
 impl ValueOrigin {
@@ -55,6 +57,7 @@ impl ValueOrigin {
         match self {
             Self::Measured => ["paper (measured on the authors' hardware)", "ours (simulated)"],
             Self::Computed => ["paper (calculated by the authors)", "ours (computed)"],
+            Self::Stated => ["paper (as it states it)", "ours (simulated)"],
         }
     }
 }

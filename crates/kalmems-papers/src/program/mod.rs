@@ -10,7 +10,9 @@ mod error;
 mod item;
 mod page;
 mod reproduction;
+pub(crate) mod significance;
 mod text;
+mod tolerance;
 mod work;
 mod write;
 
@@ -21,5 +23,6 @@ pub use reproduction::{
     Effort, Paper, PaperProgram, ProgramPart, Reproduction, ReproductionSettings, reproduce,
 };
 pub use text::{checks_table, summary_table};
+pub use tolerance::CheckTolerance;
 pub use work::PartWork;
 pub use write::write_reproduction;

@@ -12,10 +12,12 @@ pub(super) fn page(reproduction: &Reproduction) -> Result<String, ReportError> {
         .part(PagePart::Verdict)
         .table(summary_table(reproduction, true).with_verdicts("verdict", severities))
         .paragraph(
-            "Reproduced: every number agrees within the tolerance stated and every statement holds. Same trend: \
-             numbers differ, but the order or direction that the paper reports is there. Does not reproduce: a \
-             statement does not hold, or numbers differ and nothing else was stated. The papers' values are \
-             constants with their source; all of ours were computed in this run.",
+            "Reproduced: every number agrees within the tolerance stated beside it and every statement holds by the rule stated \
+             beside it. Same trend: numbers differ, but the order or direction that the paper reports is there. Circular: all \
+             that agrees was put in, so that it shows that the computation is right and nothing of the paper. Does not \
+             reproduce: a statement does not hold, or numbers differ and nothing else was stated. The papers' values are \
+             constants with their source; all of ours were computed in this run. Where a statement is one about chance, its \
+             test has a level of 5 %.",
         )
         .key_values(papers);
     for premise in program.premises {

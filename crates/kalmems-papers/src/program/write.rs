@@ -59,7 +59,18 @@ fn input_id(reproduction: &Reproduction) -> String {
 
 fn write_checks(checks: &[Check], w: &mut dyn Write) -> io::Result<()> {
     let mut csv = csv::Writer::from_writer(w);
-    let head = ["subject", "unit", "paper", "ours", "ours_low", "ours_high", "runs", "holds", "comparison"];
+    let head = [
+        "subject",
+        "unit",
+        "paper",
+        "ours",
+        "ours_low",
+        "ours_high",
+        "runs",
+        "holds",
+        "comparison",
+        "criterion",
+    ];
     csv.write_record(head)?;
     for check in checks {
         let (unit, numbers) = match check {
@@ -76,7 +87,7 @@ fn write_checks(checks: &[Check], w: &mut dyn Write) -> io::Result<()> {
             Check::Claim { statement, .. } => statement.clone(),
         };
         let row = [subject, unit.to_owned(), check.paper()].into_iter().chain(numbers);
-        csv.write_record(row.chain([check.holds().to_string(), check.comparison()]))?;
+        csv.write_record(row.chain([check.holds().to_string(), check.comparison(), check.criterion()]))?;
     }
     csv.flush()
 }

@@ -94,12 +94,14 @@ fn amplified(at_rest: &Bands, moving: &Bands) -> Item {
             "side bands of the carrier appear with the motion",
             "none at rest, clear at the largest motion",
             format!("{} V at rest, {} V at {MOVING_DEG}°", significant(still), significant(swings)),
+            "none at rest, and more than a thousandth of the carrier with the motion",
             still < 1e-9 * carrier && swings > 1e-3 * carrier,
         ))
         .check(Check::claim(
             "within 40 dB of the largest line there is nothing but f_dr, 2·f_dr, f_c and f_c ± f_dr",
             "these bands alone",
             format!("{elsewhere} others"),
+            "no other line",
             elsewhere == 0,
         ))
         .remark(
@@ -127,6 +129,7 @@ fn demodulated(moving: &Bands, first_order: &Circuit) -> Item {
             significant(bands[1]),
             significant(bands[2])
         ),
+        "a line at each",
         bands.iter().all(|amplitude| *amplitude > 0.0),
     ));
     let ripple = output.lines().iter().filter(|l| l.carrier > 0).map(|l| l.amplitude).fold(0.0, f64::max);
@@ -140,6 +143,7 @@ fn demodulated(moving: &Bands, first_order: &Circuit) -> Item {
             significant(second),
             significant(ripple)
         ),
+        "all else is below a tenth of it",
         second < 0.1 * first && ripple < 0.1 * first,
     ));
     let still = Bands::of(first_order, &EXCITATION, &COMB, &motion(0.0)).output;

@@ -73,12 +73,14 @@ pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
             "the UKF's error leaves a noticeably sharper image than the model's alone",
             "noticeable reduction of blur",
             format!("an edge {} pixels wide against {}", significant(blurs[1]), significant(blurs[3])),
+            "an edge less than half as wide",
             blurs[1] < 0.5 * blurs[3],
         ))
         .check(Check::claim(
             "the image without adjustment has noticeable blur",
             "noticeable",
             format!("an edge {} pixels wide against {} when tuned", significant(blurs[2]), significant(blurs[0])),
+            "an edge more than 1.5 times as wide",
             blurs[2] > 1.5 * blurs[0],
         ))
         .remark(

@@ -3,7 +3,8 @@
 use super::bench::ScannerBench;
 use super::published::{d_table_5_1, s_table_i, s_table_ii};
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use crate::simulate::{Drive, Stability, floquet_exponent};
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -21,7 +22,7 @@ pub static SETTINGS: ItemHead = ItemHead {
         PaperPlace { paper: "S", label: "Table I", page: "section III-B" },
         PaperPlace { paper: "D", label: "Table 5.1", page: "page 94" },
     ],
-    origin: ValueOrigin::Measured,
+    origin: ValueOrigin::Stated,
 };
 
 /// The parameters, and what follows from both tables.
@@ -98,18 +99,20 @@ fn settings(bench: &ScannerBench) -> Item {
             "kHz",
             s_table_i::RESONANCE_KHZ,
             SeedSpread::exact(free),
-            0.01,
+            CheckTolerance::part(0.005, "three digits of k and of J"),
         ))
         .check(Check::claim(
             "both papers drive the same device over the same frequencies",
             format!("S {s_low:.2} to {s_high:.2} kHz, D {d_low:.2} to {d_high:.2} kHz"),
             format!("widths of {:.0} and {:.0} Hz", 1e3 * (s_high - s_low), 1e3 * (d_high - d_low)),
+            "the printed numbers are the same",
             s_table_i::DRIVE_KHZ == d_table_5_1::DRIVE_KHZ,
         ))
         .check(Check::claim(
             "the dissertation's text and table have the same carrier",
             format!("text {} V, table {} V", d_table_5_1::CARRIER_IN_TEXT_V, s_table_i::CARRIER_V),
             format!("a factor of {}", d_table_5_1::CARRIER_IN_TEXT_V / s_table_i::CARRIER_V),
+            "the printed numbers are the same",
             d_table_5_1::CARRIER_IN_TEXT_V == s_table_i::CARRIER_V,
         ))
         .remark(
@@ -175,6 +178,7 @@ fn motion(bench: &ScannerBench) -> Item {
             "with S Tables I and II the device moves",
             "yes: steady motion was recorded",
             format!("no: the pump depth is {factor:.2} times below the threshold"),
+            "the pump depth is above the threshold",
             factor <= 1.0,
         ))
         .remark(format!(

@@ -65,7 +65,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         degrees(&motion.truth.angle),
     ));
     let mut sensor = Panel::new(time(), Axis::new("signal", "V")).with(Series::points(
-        "recorded",
+        "simulated",
         SeriesRole::Measured,
         since(&signal),
     ));
@@ -117,6 +117,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
             "EKF and UKF have less error in phase than the model alone",
             "both less",
             format!("{} and {} against {} deg", significant(ekf), significant(ukf), significant(model)),
+            "both less",
             ekf < model && ukf < model,
         ))
         .figure(motions)
@@ -130,6 +131,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
                 1e3 * apart,
                 1e3 * noise
             ),
+            "further apart than the noise of a sample",
             apart > noise,
         ))
         .figure(signals);

@@ -2,7 +2,8 @@
 
 use super::published::{d_target, s_target};
 use crate::program::{
-    Check, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+    Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
+    ValueOrigin,
 };
 use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use std::f64::consts::TAU;
@@ -46,7 +47,13 @@ pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         let m = f64::from(pixels) / 2.0;
         let bound = (f64::from(shift) / m).to_degrees();
         let quantity = format!("{pixels} pixels, shift of {shift}");
-        scanner = scanner.check(Check::value(quantity, "deg", printed, SeedSpread::exact(bound), 0.02));
+        scanner = scanner.check(Check::value(
+            quantity,
+            "deg",
+            printed,
+            SeedSpread::exact(bound),
+            CheckTolerance::digit(0.01),
+        ));
     }
     let m = 150.0;
     let at = |pixels: f64| largest_shift(m, pixels / m);
@@ -70,6 +77,7 @@ pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
             "the bound is met at p/m and broken beyond it (m = 150, p = 1)",
             "shift of at most 1",
             format!("shift of {at_bound} at p/m, {beyond} at 1.02·p/m"),
+            "counted over all phases",
             at_bound == 1 && beyond == 2,
         ))
         .remark(
@@ -86,7 +94,7 @@ pub fn run(_: &PartWork) -> Result<Vec<Item>, ReproduceError> {
             "deg",
             d_target::PRINTED_DEG,
             SeedSpread::exact(360.0 * cycles),
-            0.01,
+            CheckTolerance::digit(0.01),
         ))
         .remark(format!(
             "The equation gives cycles, {cycles:.4}. The printed 0.18 degrees are these {cycles:.4} taken for radians: a \

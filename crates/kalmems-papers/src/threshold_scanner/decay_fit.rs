@@ -3,7 +3,8 @@
 use super::bench::{ClosedFormDecay, INTERVAL_S, ThresholdBench};
 use super::published::identified as published;
 use crate::program::{
-    Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError,
+    SeedSpread, ValueOrigin,
 };
 use crate::progress::Silent;
 use crate::simulate::WhiteNoise;
@@ -24,6 +25,8 @@ pub static HEAD: ItemHead = ItemHead {
     origin: ValueOrigin::Measured,
 };
 
+/// Why the identified values agree.
+const MADE: &str = "the simulated device was made with it";
 /// R_s·V_bias in Ω·V.
 const TRANSIMPEDANCE: f64 = 10e6 * 10.0;
 /// The noise of the reference as an angle, in rad: 5 mV of a detector of 0.5 mm/V at 32.7 mm.
@@ -90,13 +93,14 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let gaussian = SeedSpread::of(results.iter().map(|trial| trial.gaussian));
     Ok(vec![
         Item::new(&HEAD)
-            .check(Check::value("f_n", "Hz", published::NATURAL_HZ, spread(0), 1e-4))
-            .check(Check::value("ζ", "", published::DAMPING_RATIO, spread(1), 0.02))
-            .check(Check::value("θ_th", "rad", published::THRESHOLD, spread(2), 0.1))
+            .check(Check::value("f_n", "Hz", published::NATURAL_HZ, spread(0), CheckTolerance::digit(0.1)).circular(MADE))
+            .check(Check::value("ζ", "", published::DAMPING_RATIO, spread(1), CheckTolerance::digit(1e-4)).circular(MADE))
+            .check(Check::value("θ_th", "rad", published::THRESHOLD, spread(2), CheckTolerance::digit(1e-4)).circular(MADE))
             .check(Check::claim(
                 "the capacitance can be approximated by a Gaussian",
                 "stated, without a number",
                 format!("it explains {} % of the signal's mean square", gaussian.to_text()),
+                "more than 95 %",
                 gaussian.median > 95.0,
             ))
             .remark(

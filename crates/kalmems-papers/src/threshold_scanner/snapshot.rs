@@ -5,6 +5,7 @@ use super::edges::SIGMA;
 use super::errors_table::{PRINTED, PUBLISHED_LEVEL};
 use super::failed;
 use crate::config::CrossingTiming;
+use crate::program::significance::SignTest;
 use crate::program::{
     Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, ValueOrigin,
 };
@@ -63,15 +64,17 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     })?;
     // The hybrid's errors before and after detections.
     let mut sums = [0.0; 2];
+    let mut pairs = Vec::new();
     for trial in &trials {
         for k in trial.detections.iter().filter(|k| **k > 0) {
-            for (sum, at) in sums.iter_mut().zip([k - 1, *k]) {
-                *sum += (trial.angles[1][at] - trial.decay.states[at][0]).powi(2);
-            }
+            let [before, after] =
+                [k - 1, *k].map(|at| (trial.angles[1][at] - trial.decay.states[at][0]).powi(2));
+            (sums[0], sums[1]) = (sums[0] + before, sums[1] + after);
+            pairs.push(after < before);
         }
     }
-    let count: usize = trials.iter().map(|trial| trial.detections.len()).sum();
-    let [before, after] = sums.map(|sum| 1e3 * f64::sqrt(sum / count as f64));
+    let [before, after] = sums.map(|sum| 1e3 * f64::sqrt(sum / pairs.len() as f64));
+    let closer = SignTest::of(pairs);
     let Some(first) = trials.first() else { return Err(ReproduceError::Interrupted) };
     Ok(vec![
         Item::new(&HEAD)
@@ -79,11 +82,13 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
                 "the hybrid filter is corrected at the instant of a detection",
                 "shown in four snapshots",
                 format!(
-                    "{} mrad rms the sample before, {} with it, {count} detections",
+                    "{} mrad rms the sample before, {} with it; closer {}",
                     significant(before),
-                    significant(after)
+                    significant(after),
+                    closer.to_text()
                 ),
-                after < 0.9 * before,
+                "sign test over the detections, at 5 %",
+                closer.holds(),
             ))
             .figure(over_all(first)?)
             .figure(snapshots(first)),

@@ -98,6 +98,7 @@ fn variance(bench: &ThresholdBench, variances: &[f64]) -> Item {
                 "{} times less from one end to the other, by the three noises",
                 falls.iter().map(|fall| significant(*fall)).collect::<Vec<_>>().join(", ")
             ),
+            "less than half from end to end, and no step up by more than 20 %, two standard errors",
             all(&|v| v[0] > 2.0 * v[FACTORS.len() - 1] && v.windows(2).all(|two| two[1] < 1.2 * two[0])),
         ))
         .remark(
@@ -166,12 +167,14 @@ fn curves(bench: &ThresholdBench) -> Item {
                 significant(1e3 * half_width(&flat)),
                 significant(1e3 * half_width(&steep))
             ),
+            "narrower from each steepness to the next",
             rising(&|comb| -half_width(comb)),
         ))
         .check(Check::claim(
             "the gain becomes steeper as N_θ increases",
             "shown",
             format!("{} V s/rad² at 0.2 and {} at 5", significant(slope(&flat)), significant(slope(&steep))),
+            "steeper from each to the next",
             rising(&slope),
         ))
         .table(table)

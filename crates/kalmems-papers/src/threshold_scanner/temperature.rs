@@ -1,6 +1,7 @@
 //! What thresholds are for: gain, gap and resonance drift, the angle of the threshold stays.
 
 use super::bench::{ClosedFormDecay, ThresholdBench, errors, estimate};
+use crate::program::significance::SignTest;
 use crate::program::{
     Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
 };
@@ -17,7 +18,7 @@ pub static HEAD: ItemHead = ItemHead {
         PaperPlace { paper: "T", label: "Section I", page: "" },
         PaperPlace { paper: "D", label: "Section 4.2.1", page: "" },
     ],
-    origin: ValueOrigin::Measured,
+    origin: ValueOrigin::Stated,
 };
 
 /// Relative change of the amplifier's gain per K. The papers have no number for this or the next two: these are within what
@@ -69,7 +70,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let first_seed = work.seed;
     let bench = ThresholdBench::new()?;
     let trials = match work.effort {
-        Effort::Quick => 2,
+        Effort::Quick => 8,
         Effort::Full => 20,
     };
     let settings = bench.settings_for(bench.device, &FILTERS);
@@ -106,20 +107,27 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     }
     let last = WARMER_K.len() - 1;
     let at = |run: usize, filter: usize| significant(1e3 * of(run, filter).median);
-    let is_less = |a: usize, b: usize| of(last, a).median < of(last, b).median;
+    let hottest = &all[last * trials..(last + 1) * trials];
+    let is_less = SignTest::of(hottest.iter().map(|errors| errors[1] < errors[0]));
     Ok(vec![
         Item::new(&HEAD)
             .check(Check::claim(
                 "thresholds improve the estimate of a device that has drifted",
                 "stated, not shown",
-                format!("at +60 K {} mrad without and {} with thresholds", at(last, 0), at(last, 1)),
-                is_less(1, 0),
+                format!(
+                    "at +60 K {} mrad without and {} with thresholds; less with them {}",
+                    at(last, 0),
+                    at(last, 1),
+                    is_less.to_text()
+                ),
+                "sign test over the decays at +60 K, at 5 %",
+                is_less.holds(),
             ))
-            .check(Check::claim(
-                "parameters as states improve it",
-                "not tried",
-                format!("at +60 K {} mrad without and {} with thresholds", at(last, 4), at(last, 5)),
-                is_less(4, 0) && is_less(5, 1),
+            .remark(format!(
+                "What the papers do not try: with resonance and gain as states the error at +60 K is {} mrad without and {} with \
+                 thresholds, so that states are worth more than thresholds, and thresholds beside them nothing.",
+                at(last, 4),
+                at(last, 5)
             ))
             .remark(format!(
                 "{} ppm/K in the amplifier's gain, {} ppm/K in the comb's gap, to which its gain and its steepness are \

@@ -9,9 +9,9 @@ use kalmems::figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, Text
 use kalmems::progress::{Progress, Silent};
 use kalmems::results::{self, Output, RunInfo};
 use kalmems_papers::program::{
-    Check, Effort, Item, ItemHead, ItemKind, ItemVerdict, Paper, PaperPlace, PaperProgram, PartWork,
-    ProgramPart, ReproduceError, Reproduction, ReproductionSettings, SeedSpread, ValueOrigin, reproduce,
-    write_reproduction,
+    Check, CheckTolerance, Effort, Item, ItemHead, ItemKind, ItemVerdict, Paper, PaperPlace, PaperProgram,
+    PartWork, ProgramPart, ReproduceError, Reproduction, ReproductionSettings, SeedSpread, ValueOrigin,
+    reproduce, write_reproduction,
 };
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -53,9 +53,9 @@ fn squares(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         Panel::new(Axis::new("x", ""), Axis::new("x²", "")).with(Series::line("", SeriesRole::Model, points));
     let table = TextTable::new("more, \"quoted\"", [ColumnHead::text("a,b")]).row(["1,5"]);
     Ok(vec![
-        Item::new(&TABLE).check(Check::value("sum", "m^2", 285.0, sum, 1e-9)).table(table),
+        Item::new(&TABLE).check(Check::value("sum", "m^2", 285.0, sum, CheckTolerance::COUNT)).table(table),
         Item::new(&FIGURE)
-            .check(Check::value("sum", "m^2", 28.5, sum, 0.1))
+            .check(Check::value("sum", "m^2", 28.5, sum, CheckTolerance::part(0.1, "chance")))
             .figure(Figure::new("squares_line", "Squares", "Squares.").with(panel)),
     ])
 }
@@ -122,10 +122,17 @@ fn what_is_written_is_whole_and_the_same_for_any_number_of_threads() {
     assert_eq!(json["items"][1]["places"][1]["label"], "Figure 2");
     assert_eq!(json["items"][0]["tables"][0]["rows"][0][0], "1,5");
     let row = text("tables/squares.csv").lines().nth(1).unwrap().to_owned();
-    assert_eq!(row, "sum,m^2,28.5,285,285,285,1,false,10.0 times larger");
+    assert_eq!(row, "sum,m^2,28.5,285,285,285,1,false,10.0 times larger,±10 %: chance");
     assert_eq!(text("tables/sums_2.csv"), "\"a,b\"\n\"1,5\"\n");
     let html = text("report.html");
-    for part in ["does not reproduce", "reproduced", "nobody, never", "page 4", "measured on the authors"] {
+    for part in [
+        "does not reproduce",
+        "reproduced",
+        "nobody, never",
+        "page 4",
+        "measured on the authors",
+        "±10 %: chance",
+    ] {
         assert!(html.contains(part), "{part}");
     }
 }
@@ -180,6 +187,42 @@ fn scanner(only: Option<&str>, threads: usize) -> Reproduction {
         &Silent,
     )
     .unwrap()
+}
+
+/// What a paper says in its text, draws for illustration, sets, or takes from a data sheet was not measured; the thesis and the piston mirror's paper
+/// are computed throughout.
+#[test]
+fn nothing_is_called_measured_that_was_not() {
+    let stated = ["settings", "table-3-1", "figure-4-2e", "temperature"];
+    for (device, program) in kalmems_papers::ALL {
+        for head in program.parts.iter().flat_map(|part| part.heads) {
+            if *device == "accelerometer" || *device == "piston_mirror" {
+                assert_eq!(head.origin, ValueOrigin::Computed, "{device}: {}", head.key);
+            }
+            let is_stated = head.origin == ValueOrigin::Stated;
+            assert_eq!(is_stated, stated.contains(&head.key), "{device}: {}", head.key);
+        }
+    }
+}
+
+/// A verdict stands beside the rule that leads to it, and what agrees because it was put in is called so.
+#[test]
+fn each_check_says_by_what_it_is_decided() {
+    let found = scanner(Some("S Table I"), 1);
+    let text_of = |item: &Item| kalmems_papers::program::checks_table(item).to_text();
+    for item in &found.items {
+        for check in &item.checks {
+            assert!(!check.criterion().is_empty() && text_of(item).contains(&check.criterion()), "{check:?}");
+        }
+    }
+    let [item] = reproduced_of("micro_stage", "Figure 3.11").items.try_into().unwrap();
+    assert_eq!(item.verdict(), ItemVerdict::Circular, "{:?}", item.checks);
+    assert!(item.checks.iter().all(Check::is_circular));
+    assert!(item.why().contains("circular"), "{}", item.why());
+}
+
+fn reproduced_of(device: &'static str, only: &str) -> Reproduction {
+    reproduce(device, kalmems_papers::of(device).unwrap(), settings(Some(only), 1), &Silent).unwrap()
 }
 
 /// Heads, and so files, are told apart by their keys, and figures by their names.
@@ -254,7 +297,8 @@ fn slow_the_estimators_reach_what_an_independent_prototype_reached() {
 fn slow_the_ring_down_gives_back_the_published_device() {
     for label in ["Figure 7", "Figure 5.6", "Figure 5.7"] {
         let found = scanner(Some(label), 2);
-        assert_eq!(found.items[0].verdict(), ItemVerdict::Reproduced, "{:?}", found.items[0].checks);
+        // The device was made with the published values: they come back, and that is all that they can do.
+        assert_eq!(found.items[0].verdict(), ItemVerdict::Circular, "{:?}", found.items[0].checks);
     }
 }
 
@@ -286,11 +330,11 @@ fn the_noise_of_the_piston_mirrors_front_end_does_not_reproduce() {
 /// C′ of 109.3 fF·mm/d² at 0.5 mm is 437 pF/m, and 6.75 aF behind 2 kHz are 15.4 nm of the amplitude and as much of
 /// the offset.
 #[test]
-fn table_i_of_the_piston_mirror_holds_in_two_entries_of_four() {
+fn table_i_of_the_piston_mirror_holds_in_no_entry() {
     let found = piston(Some("Table I"), 1);
     let [item] = found.items.as_slice() else { panic!() };
     let holds: Vec<bool> = item.checks.iter().map(Check::holds).collect();
-    assert_eq!(holds, [true, true, false, false], "{:?}", item.checks);
+    assert_eq!(holds, [false; 4], "{:?}", item.checks);
     let ours = values(item);
     assert!((ours[0].1 / 15.45 - 1.0).abs() < 2e-3 && ours[0].1 == ours[2].1, "{ours:?}");
     assert!(ours[3].1 < 2e-6, "{ours:?}");

@@ -40,7 +40,7 @@ pub fn run() -> Result<(Figure, String), Box<dyn Error>> {
             let scene = if chart { scene } else { scene.without_chart() };
             let scan = recorded(scene, 400, noise, seed).scan()?;
             let range = Some(RANGE_DEG.to_radians());
-            let found = search_phases(&scan, [0.0; 2], [range; 2], Sharpness::WithinPixel, &Silent)?;
+            let found = search_phases(&scan, [0.0; 2], [range; 2], Sharpness::WithinPixel, &Silent)?.found;
             for axis in 0..2 {
                 let Some(found) = found[axis] else { continue };
                 let error = found.phase_rad.to_degrees() - PHASES_DEG[axis];

@@ -5,6 +5,7 @@ use super::evidence::evidence;
 use super::long_estimate::{FilterFigures, PartFigures};
 use super::marks::with_lock;
 use super::metrics::consistency;
+use super::passings::passings;
 use super::summary::named;
 use super::summary::shown as shown_unit;
 use super::tracks::{
@@ -71,7 +72,7 @@ impl SegmentFigures {
         let own = segment.estimate.trajectories.iter().filter(|t| t.kind == TrajectoryKind::Filtered);
         let own = own.filter(|t| !t.parameters.is_empty());
         Self {
-            answer: vec![motion((recording, segment), tracks, prefix, trusted)],
+            answer: answer((recording, segment), tracks, prefix, trusted),
             judged,
             innovations: evidence(segment, tracks, prefix, trusted),
             parameters: own.map(|t| parameters(segment, tracks, t, prefix)).collect(),
@@ -137,6 +138,17 @@ fn smoothed<'a>(segment: &'a SegmentOutcome, filter: &Trajectory) -> Option<&'a 
     let trajectories = &segment.estimate.trajectories;
     let place = trajectories.iter().position(|t| t.key == filter.key)?;
     trajectories.get(place + 1).filter(|t| t.kind == TrajectoryKind::Smoothed)
+}
+
+/// The last cycles, and the whole motion where the recording shows that angles were passed.
+fn answer(
+    (recording, segment): (&RecordingOutcome, &SegmentOutcome),
+    tracks: &Tracks,
+    prefix: &str,
+    trusted: Option<&str>,
+) -> Vec<Figure> {
+    let whole = shown(segment, trusted).and_then(|filter| passings(recording, segment, filter, prefix));
+    std::iter::once(motion((recording, segment), tracks, prefix, trusted)).chain(whole).collect()
 }
 
 /// Drive, signal and angle over the last cycles.

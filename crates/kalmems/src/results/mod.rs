@@ -28,6 +28,8 @@ mod outlook;
 #[cfg(feature = "report")]
 mod page;
 #[cfg(feature = "report")]
+mod passings;
+#[cfg(feature = "report")]
 mod pooled;
 #[cfg(feature = "report")]
 mod samples;

@@ -56,9 +56,14 @@ enum AxisValueKind {
 }
 
 impl AxisValue {
-    /// As written.
+    /// As people read it: a number has one form, whether it was written so or is one of a grid.
     pub(super) fn text(&self) -> String {
-        self.toml.as_str().map_or_else(|| self.toml.to_string(), str::to_owned)
+        let parts = quantity(&self.toml).map(|value| value.parts().1.to_owned());
+        match (self.number, parts) {
+            (Some(number), Some(unit)) => format!("{} {unit}", plain_number(number)),
+            (Some(number), None) => plain_number(number),
+            (None, _) => self.toml.as_str().map_or_else(|| self.toml.to_string(), str::to_owned),
+        }
     }
 }
 
@@ -318,6 +323,13 @@ fn setting(toml: toml::Value) -> AxisValue {
     AxisValue { toml, cell, number }
 }
 
+/// With an exponent where that is shorter and there would be zeros to count.
+fn plain_number(number: f64) -> String {
+    let (plain, with_exponent) = (format!("{number}"), format!("{number:e}"));
+    let counts = number != 0.0 && !(1e-3..1e4).contains(&number.abs());
+    if counts && with_exponent.len() < plain.len() { with_exponent } else { plain }
+}
+
 /// The shortest text that reads back as the same number.
 fn shortest(number: f64) -> String {
     format!("{number:?}")
@@ -371,6 +383,16 @@ mod tests {
             );
             assert_eq!(axis.column, format!("x_{ending}"));
         }
+    }
+
+    /// As a legend has them: `1e4` of the file and 1000000.0 of its grid are of one form.
+    #[test]
+    fn numbers_of_an_axis_have_one_form() {
+        let grid = "key = \"a.frequency\"\ngrid = { from = \"1e4 Hz\", to = \"1e8 Hz\", points = 3, spacing = \"log\" }";
+        let texts = |axis: &StudyAxis| axis.listed().iter().map(AxisValue::text).collect::<Vec<_>>();
+        assert_eq!(texts(&axis(grid).unwrap()), ["1e4 Hz", "1e6 Hz", "1e8 Hz"]);
+        let listed = axis("key = \"a.b\"\nvalues = [31350, 0.25, 1e-5, 100000.0]").unwrap();
+        assert_eq!(texts(&listed), ["31350", "0.25", "1e-5", "1e5"]);
     }
 
     #[test]

@@ -172,7 +172,7 @@ fn the_right_motion_gives_the_object() {
 
 fn errors_deg(scan: &ImageScan, truth: [f64; 2]) -> [(f64, f64); 2] {
     let range = Some(5.0_f64.to_radians());
-    let found = search_phases(scan, [0.0; 2], [range; 2], Sharpness::WithinPixel, &Silent).unwrap();
+    let found = search_phases(scan, [0.0; 2], [range; 2], Sharpness::WithinPixel, &Silent).unwrap().found;
     [0, 1].map(|axis| {
         let found = found[axis].unwrap();
         (found.phase_rad.to_degrees() - truth[axis], found.sd_rad.to_degrees())

@@ -4,8 +4,9 @@ mod live;
 use crate::threshold;
 use crate::threshold::{Case, crossings_at, expected, rmse_rad, simulated, text};
 use kalmems::estimate::EstimateError;
+use kalmems::figures::Shape;
 use kalmems::progress::Silent;
-use kalmems::results::{Metrics, notices};
+use kalmems::results::{Metrics, estimate_figures, notices};
 use kalmems::rigs::published;
 use kalmems::simulate::ComputedRecording;
 use kalmems::workflow::{WorkflowError, estimate_computed};
@@ -335,6 +336,30 @@ fn the_likeliest_filter_that_passes_is_named() {
         mismatched.estimators().all(|e| !e.passes())
             && mismatched.recordings[0].segments[0].likeliest.is_none()
     );
+}
+
+/// The whole decay has its envelope, and each passing a point beside the standard deviation that is claimed of it: most lie within three of them.
+#[test]
+fn passings_are_drawn_beside_what_is_claimed_of_them() {
+    let filter = "threshold = { angle = \"3.7 mrad\", gate = 4 }".to_owned();
+    let experiment = Case { filter, ..Case::default() }.experiment();
+    let outcome = estimate_computed(published(), &experiment, &simulated(4, ""), &Silent).unwrap();
+    let recording = &outcome.recordings[0];
+    let drawn = estimate_figures(recording, &recording.segments[0], "", None);
+    let figure = drawn.iter().find(|figure| figure.id == "passings").unwrap();
+    let [whole, errors] = figure.panels.as_slice() else { panic!("{} panels", figure.panels.len()) };
+    assert!(whole.series.iter().any(|series| series.label() == "envelope"));
+    let (mut points, mut band) = (Vec::new(), Vec::new());
+    for series in &errors.series {
+        match series.shape() {
+            Shape::Points(all) => points.clone_from(all),
+            Shape::Band(runs) => band = runs.concat(),
+            _ => {}
+        }
+    }
+    assert_eq!((points.len(), band.len()), (recording.segments[0].estimate.crossings.len(), points.len()));
+    let within = points.iter().zip(&band).filter(|([_, error], [_, _, sd])| error.abs() <= 3.0 * sd).count();
+    assert!(within * 10 >= points.len() * 9, "{within} of {}", points.len());
 }
 
 /// The level that was published, with the mismatch that leads there, over 30 recordings.

@@ -23,9 +23,16 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
     let points = |values: &[f64]| nu.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
     let count = scans.spectra.len();
     let label = if count == 1 { "one scan".to_owned() } else { format!("mean of {count} scans") };
-    let caption = "The spectrum; below it what is uncertain of each point: the standard error by the scatter of the scans, and that by \
-                   errors of the path; and the difference to the reference, where there is one.";
+    let caption = "The spectrum with two standard uncertainties on either side; below it what each point's is made of, the standard error \
+                   by the scatter of the scans and that by errors of the path; the phase, where there is light; and the difference to \
+                   the reference, where there is one, with two standard uncertainties.";
     let mut panel = Panel::new(wavenumber(), Axis::new("spectrum", "1"));
+    let uncertainty = uncertainty(outcome);
+    if let Some(sd) = &uncertainty {
+        let band =
+            nu.iter().zip(&outcome.spectrum).zip(sd).map(|((x, y), sd)| (*x, y - 2.0 * sd, y + 2.0 * sd));
+        panel = panel.with(Series::band("±2 standard uncertainties", SeriesRole::Estimate, band));
+    }
     if let Some(comparison) = &outcome.comparison {
         let theirs = comparison.wavenumber_per_m.iter().map(|nu| nu / 100.0);
         let theirs: Vec<(f64, f64)> = theirs.zip(comparison.theirs.iter().copied()).collect();
@@ -44,7 +51,11 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
         };
         let is_wide = span(&mut differences.iter().map(|(x, _)| *x)) > 0.5 * span(&mut nu.iter().copied());
         let difference = Panel::new(wavenumber(), Axis::new("minus reference", "1"));
-        let difference = difference.with(Series::line("", SeriesRole::Estimate, differences));
+        let difference = match uncertainty_at(outcome, uncertainty.as_deref(), &differences) {
+            Some(band) => difference.with(Series::band("±2 standard uncertainties", SeriesRole::Bound, band)),
+            None => difference,
+        };
+        let difference = difference.with(Series::line("difference", SeriesRole::Estimate, differences));
         // What is compared in a narrow band has an axis of its own, below the others, or it could not be seen.
         if is_wide {
             figure = figure.with(difference.sharing_x());
@@ -67,10 +78,42 @@ fn spectrum(outcome: &SpectrumOutcome) -> Figure {
     if any {
         figure = figure.with(panel.sharing_x());
     }
+    let mut panel = Panel::new(wavenumber(), Axis::new("phase", "deg"));
+    for phase in &outcome.processed.phases {
+        let lit = points(&phase.rad).into_iter().filter(|(_, rad)| rad.is_finite());
+        let lit: Vec<(f64, f64)> = lit.map(|(nu, rad)| (nu, rad.to_degrees())).collect();
+        panel = panel.with(Series::points(phase.of, SeriesRole::Other, lit));
+    }
+    if !outcome.processed.phases.is_empty() {
+        figure = figure.with(panel.sharing_x());
+    }
     match narrow {
         Some(difference) => figure.with(difference),
         None => figure,
     }
+}
+
+/// The standard uncertainty of each point, of all that is known of it.
+fn uncertainty(outcome: &SpectrumOutcome) -> Option<Vec<f64>> {
+    let parts = [&outcome.standard_error, &outcome.systematic_error];
+    let parts: Vec<&Vec<f64>> = parts.into_iter().flatten().collect();
+    let square = |place: usize| parts.iter().map(|part| part[place].powi(2)).sum::<f64>();
+    (!parts.is_empty()).then(|| (0..outcome.spectrum.len()).map(|place| square(place).sqrt()).collect())
+}
+
+/// The band about 0 at the wavenumbers of differences, by the uncertainty of the nearest point.
+fn uncertainty_at(
+    outcome: &SpectrumOutcome,
+    uncertainty: Option<&[f64]>,
+    differences: &[(f64, f64)],
+) -> Option<Vec<(f64, f64, f64)>> {
+    let (sd, grid) = (uncertainty?, outcome.processed.scans.grid);
+    let band = differences.iter().filter_map(|(nu, _)| {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // below 0 is the first point
+        let place = ((100.0 * nu - grid.first_per_m) / grid.step_per_m).round().max(0.0) as usize;
+        sd.get(place).map(|sd| (*nu, -2.0 * sd, 2.0 * sd))
+    });
+    Some(band.collect())
 }
 
 fn interferogram(outcome: &SpectrumOutcome) -> Figure {

@@ -81,8 +81,15 @@ fn slow_the_thesis_is_reproduced_where_the_answer_is_given() {
     keys.dedup();
     assert_eq!((keys.len(), found.items.len()), (12, 12));
     // Table IV with the known input: an independent prototype came within 16 % of it.
-    for row in ["exact Q, R", "Q × 10", "Q / 10", "R × 10", "R / 10"] {
-        assert!(holds(&found, &format!("standard deviation, {row}")), "{row}");
+    for (row, printed_pm) in [
+        ("exact Q, R", 28.023),
+        ("Q × 10", 51.756),
+        ("Q / 10", 11.336),
+        ("R × 10", 11.943),
+        ("R / 10", 52.502),
+    ] {
+        let ours = value(&found, &format!("standard deviation, {row}")).median;
+        assert!((ours / printed_pm - 1.0).abs() < 0.16, "{row}: {ours}");
     }
     assert!(holds(&found, "with the acceleration as an input, a smaller Q and a larger R are better"));
     assert!(!holds(&found, "more than ten times changes nothing"));
@@ -94,5 +101,4 @@ fn slow_the_thesis_is_reproduced_where_the_answer_is_given() {
     assert!(!holds(&found, "the loop lowers the ratio to the electronic noise"));
     assert!(!holds(&found, "the loop of one bit has a lower noise floor"));
     assert!(holds(&found, "the mass shapes the noise of the bits"));
-    assert!(holds(&found, "an averaging filter before the decimation is worth it"));
 }

@@ -40,8 +40,8 @@ fn slow_the_papers_are_reproduced_as_far_as_the_book_says() {
             ("figure-4-6a", SameTrend),
             ("figure-4-6b", Reproduced),
             ("figure-4-7", Reproduced),
-            ("figure-4-8", Reproduced),
-            ("figure-4-9", Reproduced),
+            ("figure-4-8", DoesNotReproduce),
+            ("figure-4-9", DoesNotReproduce),
             ("figure-4-10", Reproduced),
             ("figure-4-11", Reproduced),
             ("figure-4-12", DoesNotReproduce),
@@ -50,7 +50,7 @@ fn slow_the_papers_are_reproduced_as_far_as_the_book_says() {
             ("table-4-3-order", SameTrend),
             ("table-4-3-perfect", DoesNotReproduce),
             ("temperature", Reproduced),
-            ("comparison", Reproduced),
+            ("comparison", DoesNotReproduce),
         ]
     );
 }

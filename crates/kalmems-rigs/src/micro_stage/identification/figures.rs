@@ -13,8 +13,11 @@ use std::f64::consts::TAU;
 /// Points of a drawn curve.
 const CURVE: u32 = 200;
 
-/// The response over frequency, and in the plane with its circle.
-pub fn sweep(points: &[StageSweepPoint], fitted: &SweepFit) -> Figure {
+/// Points of a signal without visible noise: so few that each is seen above the fitted line.
+const DOTS: usize = 60;
+
+/// The response over frequency, and in the plane with its circle. `origin` says what the points are: measured, or simulated.
+pub fn sweep(points: &[StageSweepPoint], fitted: &SweepFit, origin: &str) -> Figure {
     let p = &fitted.response.fit.parameters;
     let [low, high] = [points.first(), points.last()].map(|p| p.map_or(0.0, |p| p.frequency_hz));
     let middle = (low * high).sqrt();
@@ -60,18 +63,18 @@ pub fn sweep(points: &[StageSweepPoint], fitted: &SweepFit) -> Figure {
         .with(
             Panel::new(Axis::new("frequency", "Hz"), Axis::new("amplitude", "rad/s/V"))
                 .with(Series::line("fitted", SeriesRole::Model, along(&size)))
-                .with(Series::points("measured", SeriesRole::Measured, measured(&size))),
+                .with(Series::points(origin, SeriesRole::Measured, measured(&size))),
         )
         .with(
             Panel::new(Axis::new("frequency", "Hz"), Axis::new("phase", "deg"))
                 .with(Series::line("fitted", SeriesRole::Model, along(&phase)))
-                .with(Series::points("measured", SeriesRole::Measured, measured(&phase)))
+                .with(Series::points(origin, SeriesRole::Measured, measured(&phase)))
                 .sharing_x(),
         )
         .with(
             Panel::new(Axis::new("real part", "rad/s/V"), Axis::new("imaginary part", "rad/s/V"))
                 .with(Series::line("circle", SeriesRole::Model, circle))
-                .with(Series::points("measured", SeriesRole::Measured, plane)),
+                .with(Series::points(origin, SeriesRole::Measured, plane)),
         )
 }
 
@@ -97,7 +100,8 @@ fn waveforms(hardware: &StageHardware, fitted: &GapFit) -> Option<Figure> {
     let end = largest.time_s.partition_point(|t| *t < start + CYCLES / largest.drive.frequency_hz);
     let time = || largest.time_s[..end].iter().copied();
     let caption = "Signals of the record with the largest drive, without what the drive alone makes of them: measured, and \
-                   with the fitted gap and gain under the motion that the vibrometer shows.";
+                   with the fitted gap and gain under the motion that the vibrometer shows. Of the samples so few are drawn that \
+                   each can be seen on the line.";
     let mut figure = Figure::new("waveforms", "Signals at the largest drive", caption);
     for (place, (electrode, _)) in fitted.electrodes.iter().enumerate() {
         let channel = &hardware.channels[*electrode];
@@ -114,7 +118,9 @@ fn waveforms(hardware: &StageHardware, fitted: &GapFit) -> Option<Figure> {
         let signals = fitted
             .signals_without_drive(largest, &fitted.electrodes.iter().map(|(e, _)| *e).collect::<Vec<_>>());
         let fitted_wave: Vec<(f64, f64)> = time().map(|t| (t, modelled(t))).collect();
-        let measured: Vec<(f64, f64)> = time().zip(signals.get(place)?.iter().copied()).collect();
+        let every = end.div_ceil(DOTS).max(1);
+        let measured: Vec<(f64, f64)> =
+            time().zip(signals.get(place)?.iter().copied()).step_by(every).collect();
         let mut panel =
             Panel::new(Axis::new("time", "s"), Axis::new(format!("signal {}", channel.name), "V"))
                 .with(Series::points("measured", SeriesRole::Measured, measured))

@@ -79,7 +79,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         let records = records::read(experiment, &hardware, index, progress)?;
         let (points, fitted) = sweep_of(&records)?;
         messages::sweep(&mut found, &records, &fitted);
-        found.figures.push(figures::sweep(&points, &fitted));
+        found.figures.push(figures::sweep(&points, &fitted, "measured"));
         let resonator = &mut device.resonator;
         let damping = fitted.damping_ratio();
         let damping = DerivedNumber { value: 100.0 * damping.value, deviation: 100.0 * damping.deviation };

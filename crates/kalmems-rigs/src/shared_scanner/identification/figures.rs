@@ -96,15 +96,27 @@ fn profile(record: &RingDown, fitted: &RingDownFit) -> Figure {
     let summed = integrated_capacitance(&signal, record.interval_s, record.gain);
     let charge: Vec<(f64, f64)> =
         (0..summed.len()).map(|k| (angle_of(k).to_degrees(), first + summed[k])).collect();
+    let times = || (0..summed.len()).map(|k| k as f64 * record.interval_s);
+    let walked = times().enumerate().map(|(k, t)| (t, first + summed[k] - comb.capacitance(angle_of(k))));
+    // The sum of k samples' noise has the variance of one times k.
+    let step = fitted.deviations[0] * record.interval_s / record.gain.abs();
+    let reach = |k: usize| 2.0 * step * (k as f64).sqrt();
+    let expected = times().enumerate().map(|(k, t)| (t, -reach(k), reach(k)));
+    let drift = Panel::new(time_axis(), Axis::new("charge less fitted", "F"))
+        .with(Series::band("±2 standard deviations of added-up noise", SeriesRole::Bound, expected))
+        .with(Series::line("charge added up less fitted", SeriesRole::Estimate, walked));
     let caption = "The part of the capacitance that the motion changes, C − C_b, over the angle: as the experiment had \
-                   it, as fitted, and from the charge added up from the first sample on, less the offset that was fitted; \
-                   what it walks away by is noise.";
-    Figure::new("capacitance_profile", "Capacitance over the angle", caption).with(
-        Panel::new(Axis::new("angle", "deg"), Axis::new("C − C_b", "F"))
-            .with(Series::points("charge added up", SeriesRole::Measured, charge))
-            .with(Series::line("before", SeriesRole::Reference, curve(believed)))
-            .with(Series::line("fitted", SeriesRole::Model, curve(comb))),
-    )
+                   it, as fitted, and from the charge added up from the first sample on, less the offset that was fitted. The \
+                   sum of the samples' noise walks: the points lie beside the fitted line by what is drawn below over \
+                   time, with what noise alone lets expect.";
+    Figure::new("capacitance_profile", "Capacitance over the angle", caption)
+        .with(
+            Panel::new(Axis::new("angle", "deg"), Axis::new("C − C_b", "F"))
+                .with(Series::points("charge added up", SeriesRole::Measured, charge))
+                .with(Series::line("before", SeriesRole::Reference, curve(believed)))
+                .with(Series::line("fitted", SeriesRole::Model, curve(comb))),
+        )
+        .with(drift)
 }
 
 pub fn steady_state(
