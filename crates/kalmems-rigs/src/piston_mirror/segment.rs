@@ -7,13 +7,13 @@ use super::phase_lock::PhaseLock;
 use super::phasor::{Drifting, FixedRestPhasor, Phasor, STATES};
 use super::plates::distance_at;
 use super::settings::{MotionKnowledge, PistonFilterSettings, PistonSettings};
-use super::start::{PistonBatchStart, batch_fit, batch_start, wrapped};
+use super::start::{PistonBatchStart, batch_fit, batch_start, rows_of_window, wrapped};
 use crate::config::Method;
 use crate::estimate::driven::{OfMotion, ParametricReadout, combinations, shifted};
 use crate::estimate::{
     self, AnyFilter, Course, EstimateError, FilterPast, GainOf, LockInWindows, MeanAndCovariance,
-    MeasurementSensor, Past, SampleSelection, StateName, Swing, Tracked, Trajectory, answers,
-    answers_of_bank, follow, inversion, lock_in,
+    MeasurementSensor, Past, SampleSelection, StartAgain, StartedCourse, StateName, Swing, Tracked, Trajectory,
+    answers, answers_of_bank, follow, inversion, lock_in, start_again_from,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -34,10 +34,12 @@ pub fn estimate(
     past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<(Vec<Trajectory>, estimate::MotionRate), EstimateError> {
+    let begun_s = past.start_s;
+    let motion_hz = *past.motion_rate.get_or_insert_with(|| TAU * first_hz(settings, part)) / TAU;
     let mut all = Vec::new();
     for (index, filter) in settings.filters.iter().enumerate() {
-        let mut trajectories =
-            PistonFilterTask { settings, filter, part, progress }.run(past.filter(index))?;
+        let task = PistonFilterTask { settings, filter, part, begun_s, motion_hz, progress };
+        let mut trajectories = task.run(past.filter(index))?;
         let phases = trajectories.iter_mut().flat_map(|trajectory| &mut trajectory.states);
         for phase in phases.filter(|state| state.name == "phase") {
             phase.mean.iter_mut().for_each(|phase| *phase = wrapped(*phase));
@@ -51,7 +53,8 @@ pub fn estimate(
             Some(frequency_hz) => frequency_hz,
             // Where no filter says it, the signal does.
             None => {
-                PistonFilterTask { settings, filter: &settings.filters[0], part, progress }.batch()?.mean[1]
+                let filter = &settings.filters[0];
+                PistonFilterTask { settings, filter, part, begun_s, motion_hz, progress }.batch()?.mean[1]
             }
         },
     };
@@ -66,6 +69,18 @@ pub fn estimate(
         }
     }
     Ok((all.into_iter().flatten().collect(), motion))
+}
+
+/// The frequency of the motion in Hz at a segment's beginning, by its trigger, by its first samples, or by what the file says of the first filter
+/// that has a start; not a number where nothing tells it.
+fn first_hz(settings: &PistonSettings, part: &PartData) -> f64 {
+    let stated = settings.filters.iter().find_map(|filter| match filter.motion {
+        MotionKnowledge::Steady { start: Some((mean, ..)), .. } => Some(mean[1]),
+        MotionKnowledge::Drifting { start: Some((mean, _)), .. } => Some(mean[1]),
+        _ => None,
+    });
+    let by_signal = || Some(batch_start(&settings.hardware.plates, &part.head()).ok()?.mean[1]);
+    part.data.motion_hz.or_else(by_signal).or(stated).unwrap_or(f64::NAN)
 }
 
 /// A part of a segment of capacitances as the filters see it, or the whole of it.
@@ -105,6 +120,10 @@ struct PistonFilterTask<'a> {
     settings: &'a PistonSettings,
     filter: &'a PistonFilterSettings,
     part: &'a PartData<'a>,
+    /// When the segment began, in s.
+    begun_s: f64,
+    /// The frequency of the motion in Hz by which its loss is judged.
+    motion_hz: f64,
     progress: &'a dyn Progress,
 }
 
@@ -346,14 +365,39 @@ impl PistonFilterTask<'_> {
         past: &mut FilterPast,
         start: impl FnOnce() -> Result<MeanAndCovariance, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let sensor = Box::new(MeasurementSensor::<_, N>(phasor.readout()));
-        let mut course = PhasorCourse::new(phasor, &self.part.data, sensor);
+        let course = || {
+            let sensor = Box::new(MeasurementSensor::<_, N>(phasor.readout()));
+            PhasorCourse::new(phasor, &self.part.data, sensor)
+        };
+        let again = self.start_again::<P, N>(course);
+        let mut course = StartedCourse::new(course(), None).starting_again(again);
         let (past, course) = ((&self.filter.basics, past), (&mut course as _, &self.part.samples));
         let mut all = answers(past, start, course, states, self.progress)?;
         if self.filter.basics.method == Method::Model {
             all.iter_mut().for_each(Trajectory::mark_model_alone);
         }
         Ok(all)
+    }
+
+    /// How the filter is started again where it has lost the signal, along such a course.
+    fn start_again<'b, P: Phasor<N> + 'b, const N: usize>(
+        &'b self,
+        course: impl Fn() -> PhasorCourse<'b, P, N> + 'b,
+    ) -> Option<StartAgain<'b>> {
+        let data = &self.part.data;
+        let (plates, basics) = (&self.settings.hardware.plates, &self.filter.basics);
+        let rule = basics.reacquisition(self.motion_hz, self.begun_s, rows_of_window(data.interval_s))?;
+        Some(StartAgain::by(rule, move |rows, _| {
+            let (time_s, signal) = (data.time_s.get(rows.clone())?, data.signal.get(rows.clone())?);
+            let window = PistonSegment { time_s, signal, motion_hz: None, ..*data };
+            let found = batch_start(plates, &window).ok()?;
+            let covariance = with_rate(&widened(&found.covariance), RATE_SD * found.mean[0]);
+            let known: [(f64, Vec<f64>); N] =
+                std::array::from_fn(|i| (found.mean[i], (0..=i).map(|j| covariance.get(i, j)).collect()));
+            let (mean, lower): (Vec<f64>, Vec<Vec<f64>>) = known.into_iter().unzip();
+            let known = MeanAndCovariance { mean, lower: lower.concat() };
+            start_again_from(&mut course(), rows, &known, &basics.readout)
+        }))
     }
 
     /// Where the first samples say that the motion starts.

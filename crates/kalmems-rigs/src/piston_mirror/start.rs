@@ -59,6 +59,14 @@ impl std::fmt::Display for NoPistonBatchStart {
 pub const WINDOW_S: f64 = 20e-3;
 /// Cycles that the window must hold at least; it grows until it does.
 pub const CYCLES: f64 = 6.0;
+
+/// The rows that a filter is started again by that has lost its signal, at this interval in s.
+pub fn rows_of_window(interval_s: f64) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+    let rows = (WINDOW_S / interval_s).ceil() as usize;
+    rows
+}
+
 /// How often samples are left out and the motion is fitted anew.
 const ROUNDS: usize = 6;
 /// What a fit may leave of the noise's mean square. A window of 400 samples varies by 7 %, a lost start leaves

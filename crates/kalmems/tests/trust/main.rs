@@ -4,6 +4,7 @@ mod coverage;
 mod devices;
 mod diagnose;
 mod impairments;
+mod losses;
 mod outliers;
 mod readouts;
 mod starts;

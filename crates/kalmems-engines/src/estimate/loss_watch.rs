@@ -1,0 +1,157 @@
+//! When a filter that has lost its signal is started again from it.
+//!
+//! What says that the signal is lost is what judges the lock of every trajectory: [`SignalWatch`]. A filter that comes back by itself is left
+//! alone. One that is lost in each cycle for as long as a start needs is started again by these cycles, of which none is that in which it was
+//! lost, so that what made it lose the signal is not among their samples. A start that is not found is sought again later.
+
+use super::signal_watch::{SignalTurn, SignalWatch};
+
+/// How a course wants a filter to be started again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reacquisition {
+    /// The frequency of its slowest motion, in Hz.
+    pub motion_hz: f64,
+    /// The end of the settling time, in s: a filter that settles is not lost.
+    pub from_s: f64,
+    /// The rows that a start is sought in.
+    pub rows: usize,
+}
+
+/// A search takes as long as about a thousand cycles: after one the next comes not before so many cycles, and so large a part of the cycles since
+/// the loss.
+const PAUSE: u32 = 2;
+const PAUSE_SHARE: u32 = 4;
+/// So many searches may follow each other, however often the signal is lost, and another one for each so many cycles.
+const SEARCHES: u32 = 16;
+const CYCLES_FOR_ONE: u32 = 256;
+
+/// A state at a time in s.
+#[derive(Clone, Copy, Debug)]
+struct StateAt<const N: usize> {
+    time_s: f64,
+    mean: [f64; N],
+}
+
+/// Watches a filter for the loss of its signal.
+#[derive(Clone, Debug)]
+pub(super) struct LossWatch<const N: usize> {
+    signal: SignalWatch,
+    /// Cycles since the signal was lost, from which on a start may be sought.
+    age: u32,
+    next: u32,
+    /// Rows behind the first of the cycles that follow each other and in which it is lost.
+    rows: usize,
+    in_a_row: u32,
+    /// Searches that are left, and cycles since the last of them came.
+    left: u32,
+    cycles: u32,
+    is_due: bool,
+    /// The state where the cycle began that has not ended, and where the last one began in which the signal was not lost.
+    began: StateAt<N>,
+    held: StateAt<N>,
+}
+
+impl<const N: usize> LossWatch<N> {
+    const NUMBERS: usize = SignalWatch::NUMBERS + 7 + 2 * (N + 1);
+
+    pub(super) fn new() -> Self {
+        let nowhere = StateAt { time_s: f64::NAN, mean: [f64::NAN; N] };
+        Self {
+            signal: SignalWatch::default(),
+            age: 0,
+            next: 0,
+            rows: 0,
+            in_a_row: 0,
+            left: SEARCHES,
+            cycles: 0,
+            is_due: false,
+            began: nowhere,
+            held: nowhere,
+        }
+    }
+
+    /// Takes signal, innovation and NIS of a sample, and the state after it.
+    #[inline]
+    pub(super) fn take(&mut self, rule: &Reacquisition, time_s: f64, values: [f64; 3], mean: &[f64; N]) {
+        if time_s < rule.from_s {
+            return;
+        }
+        if self.began.time_s.is_nan() {
+            self.began = StateAt { time_s, mean: *mean };
+        }
+        self.rows += 1;
+        let Some(ended) = self.signal.take(rule.motion_hz, time_s, values) else { return };
+        self.cycles += 1;
+        if self.cycles >= CYCLES_FOR_ONE {
+            (self.cycles, self.left) = (0, (self.left + 1).min(SEARCHES));
+        }
+        if matches!(ended.turn, Some(SignalTurn::Lost { .. })) {
+            (self.age, self.next) = (0, 0);
+        }
+        if ended.is_lost == Some(false) && !self.signal.is_lost() {
+            self.held = self.began;
+        }
+        self.began = StateAt { time_s, mean: *mean };
+        self.age += 1;
+        if ended.is_lost != Some(true) {
+            self.in_a_row = 0;
+            return;
+        }
+        if self.in_a_row == 0 {
+            self.rows = 1;
+        }
+        self.in_a_row += 1;
+        self.is_due = self.rows >= rule.rows && self.age >= self.next && self.left > 0;
+    }
+
+    /// Whether a start is to be sought before the next sample; it is taken for done then.
+    pub(super) fn take_due(&mut self) -> bool {
+        let is_due = std::mem::take(&mut self.is_due);
+        if is_due {
+            self.left -= 1;
+            self.next = self.age + PAUSE.max(self.age / PAUSE_SHARE);
+            self.in_a_row = 0;
+        }
+        is_due
+    }
+
+    /// The time in s and the state at the beginning of the last cycle in which the signal was not lost.
+    pub(super) const fn held(&self) -> (f64, &[f64; N]) {
+        (self.held.time_s, &self.held.mean)
+    }
+
+    /// As numbers, for another run to go on from.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        let counts = [self.age, self.next, self.in_a_row, self.left, self.cycles, u32::from(self.is_due)];
+        let states = [&self.began, &self.held];
+        let states = states.into_iter().flat_map(|state| std::iter::once(state.time_s).chain(state.mean));
+        let of_signal = self.signal.numbers();
+        let rows = std::iter::once(self.rows as f64);
+        of_signal.into_iter().chain(rows).chain(counts.map(f64::from)).chain(states).collect()
+    }
+
+    /// From such numbers, where they are those of a filter of as many states.
+    pub(super) fn resumed(numbers: &[f64]) -> Self {
+        let mut watch = Self::new();
+        let (Some((of_signal, rest)), true) = (numbers.split_first_chunk(), numbers.len() == Self::NUMBERS) else {
+            return watch;
+        };
+        let Some(([rows, age, next, in_a_row, left, cycles, is_due], states)) = rest.split_first_chunk() else {
+            return watch;
+        };
+        let state = |numbers: &[f64]| StateAt {
+            time_s: numbers.first().copied().unwrap_or(f64::NAN),
+            mean: std::array::from_fn(|i| numbers.get(i + 1).copied().unwrap_or(f64::NAN)),
+        };
+        let (began, held) = states.split_at(N + 1);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // counts
+        let count = |number: &f64| *number as u32;
+        watch.signal = SignalWatch::resumed(*of_signal);
+        (watch.age, watch.next, watch.in_a_row) = (count(age), count(next), count(in_a_row));
+        (watch.left, watch.cycles, watch.is_due) = (count(left), count(cycles), *is_due != 0.0);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count
+        let rows = *rows as usize;
+        (watch.rows, watch.began, watch.held) = (rows, state(began), state(held));
+        watch
+    }
+}
