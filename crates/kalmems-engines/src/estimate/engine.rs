@@ -542,7 +542,8 @@ impl<const N: usize> FilterRun<N> {
                 && let Some(known) = course.start_again(first + k, (held_s, held))
             {
                 filter.take_over(&AnyKnownStateStep::from(&known))?;
-                trajectory.restarts.push(Restart { time_s: trajectory.time_s[k], known });
+                let (time_s, before) = (trajectory.time_s[k], held.to_vec());
+                trajectory.restarts.push(Restart { time_s, known, before });
             }
         }
         self.begun = true;

@@ -30,10 +30,13 @@ pub fn rows_for_start(motion: (f64, f64), states: usize) -> usize {
     (first_rows(motion, states) << DOUBLINGS) + 1
 }
 
+/// Rows that a filter is started again by, at most: each block of a stream has them before it.
+const MOST_AGAIN: usize = 8192;
+
 /// The rows that a filter is started again by that has lost its signal, of a motion with this cycle in s, this interval in s and so many states:
 /// an estimator has to have them before its new rows.
 pub fn rows_to_start_again(motion: (f64, f64), states: usize) -> usize {
-    first_rows(motion, states)
+    first_rows(motion, states).min(MOST_AGAIN)
 }
 
 /// What these rows of a course tell of the states at the row behind them, and of those of the readout; `None` where no motion of the device

@@ -1,7 +1,7 @@
 //! Whether a filter followed the motion, told from the recording alone.
 
 use super::Trajectory;
-use super::signal_watch::{SignalTurn, SignalWatch};
+use super::signal_watch::{SignalTurn, SignalWatch, UNEXPLAINED};
 use crate::inspect::quantity;
 use crate::signal::fit_cycles;
 use serde::Serialize;
@@ -91,13 +91,15 @@ impl Lock {
 impl std::fmt::Display for LockEvent {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Lost { time_s, detected_s, unexplained } => write!(
-                f,
-                "lost the signal at {}, which was known at {}: over a whole cycle the prediction leaves {:.0} % of it unexplained",
-                quantity(*time_s, "s"),
-                quantity(*detected_s, "s"),
-                unexplained * 100.0
-            ),
+            Self::Lost { time_s, detected_s, unexplained } => {
+                let (lost, known) = (quantity(*time_s, "s"), quantity(*detected_s, "s"));
+                write!(f, "lost the signal at {lost}, which was known at {known}: over a whole cycle ")?;
+                if *unexplained > UNEXPLAINED {
+                    write!(f, "the prediction leaves {:.0} % of it unexplained", unexplained * 100.0)
+                } else {
+                    f.write_str("the innovations are more than five times as large as before")
+                }
+            }
             Self::Regained { time_s, settled_s, restarted_s } => {
                 write!(f, "found the signal again at {}, ", quantity(*time_s, "s"))?;
                 match restarted_s {
@@ -201,19 +203,21 @@ impl LockJudge {
         events: &mut Vec<LockEvent>,
     ) {
         let Trajectory { time_s, signal, innovation, nis, restarts, .. } = trajectory;
+        let has_gate = trajectory.gate_nis.is_some();
         let mut restarts = restarts.iter().map(|restart| restart.time_s).peekable();
         for k in time_s.partition_point(|t| *t < start_s)..time_s.len() {
             if let Some(restarted_s) = restarts.next_if(|restarted_s| *restarted_s <= time_s[k]) {
                 self.restarted_s = Some(restarted_s);
             }
-            let ended = self.signal.take(motion_hz, time_s[k], [signal[k], innovation[k], nis[k]]);
+            let rule = (motion_hz, has_gate);
+            let ended = self.signal.take(rule, time_s[k], [signal[k], innovation[k], nis[k]]);
             if let Some(turn) = ended.and_then(|ended| ended.turn) {
                 self.turn(turn, events);
             }
         }
         if ends
             && let Some(last_s) = time_s.last()
-            && let Some(turn) = self.signal.finish(*last_s).and_then(|ended| ended.turn)
+            && let Some(turn) = self.signal.finish(*last_s, has_gate).and_then(|ended| ended.turn)
         {
             self.turn(turn, events);
         }

@@ -80,7 +80,7 @@ impl<const N: usize> LossWatch<N> {
             self.began = StateAt { time_s, mean: *mean };
         }
         self.rows += 1;
-        let Some(ended) = self.signal.take(rule.motion_hz, time_s, values) else { return };
+        let Some(ended) = self.signal.take((rule.motion_hz, true), time_s, values) else { return };
         self.cycles += 1;
         if self.cycles >= CYCLES_FOR_ONE {
             (self.cycles, self.left) = (0, (self.left + 1).min(SEARCHES));
@@ -153,5 +153,54 @@ impl<const N: usize> LossWatch<N> {
         let rows = *rows as usize;
         (watch.rows, watch.began, watch.held) = (rows, state(began), state(held));
         watch
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    const RULE: Reacquisition = Reacquisition { motion_hz: 500.0, from_s: 0.0, rows: 120 };
+
+    /// The samples before which a start is sought, of a filter that is lost from the 1000th on.
+    fn searches(samples: u32, is_lost: impl Fn(u32) -> bool) -> Vec<u32> {
+        let mut watch = LossWatch::<2>::new();
+        let mut all = Vec::new();
+        for k in 0..samples {
+            if watch.take_due() {
+                all.push(k);
+            }
+            let signal = (TAU * f64::from(k) / 40.0).sin();
+            let innovation = if is_lost(k) { signal } else { 1e-3 * f64::from(k % 2) };
+            let values = [signal, innovation, 1e6 * innovation * innovation];
+            watch.take(&RULE, f64::from(k) * 5e-5, values, &[f64::from(k), 0.0]);
+            // Another run goes on from the numbers as this one does.
+            watch = LossWatch::resumed(&watch.numbers());
+        }
+        all
+    }
+
+    #[test]
+    fn a_start_is_sought_behind_the_first_lost_cycle_and_less_often_the_longer_the_loss_lasts() {
+        let all = searches(100_000, |k| k >= 1000);
+        // A cycle of 40 samples, and 120 rows.
+        assert!((1160..=1201).contains(&all[0]), "{all:?}");
+        // By a quarter of the time since the loss each, at most.
+        assert!(all.len() <= 16 + 100_000 / (40 * 256) + 1, "{}: {all:?}", all.len());
+        let late = all.windows(2).filter(|pair| pair[1] > 5_000).all(|pair| pair[1] - pair[0] >= (pair[0] - 1000) / 4);
+        assert!(late, "{all:?}");
+    }
+
+    #[test]
+    fn a_filter_that_comes_back_by_itself_is_not_started_again() {
+        assert!(searches(10_000, |k| (1000..1080).contains(&k)).is_empty());
+        assert!(searches(10_000, |_| false).is_empty());
+    }
+
+    #[test]
+    fn however_often_the_signal_is_lost_searches_are_few() {
+        let all = searches(400_000, |k| k % 400 > 100);
+        assert!(all.len() <= 16 + 400_000 / (40 * 256) + 1, "{}", all.len());
     }
 }

@@ -1,9 +1,16 @@
 //! Whether a filter explains its signal, cycle by cycle of the slowest motion, as the samples come.
 
 /// The share of the signal that may stay unexplained.
-const UNEXPLAINED: f64 = 0.5;
+pub(super) const UNEXPLAINED: f64 = 0.5;
 /// The mean NIS of a cycle from which on the filter itself says that something is wrong.
 pub(super) const ALARM: f64 = 4.0;
+/// The mean NIS of a cycle, as a multiple of that of the cycles before, from which on the signal is not that of the motion that the filter follows:
+/// innovations five times as large as they were, and below three times they are again. So a step of the frequency is seen long before the phase is
+/// half a radian off, and a filter whose noise is stated too small by any factor loses nothing by that.
+const CHANGED: f64 = 25.0;
+const UNCHANGED: f64 = 9.0;
+/// The share of a cycle in the mean NIS of those before.
+const FORGETS: f64 = 0.125;
 /// Updates without which a cycle tells nothing.
 const FEWEST: f64 = 8.0;
 /// The share of the signal's variance that the prediction has to explain for the signal to be found again: of noise it explains nothing, however
@@ -61,8 +68,8 @@ impl SignalCycle {
         self.nis += nis;
     }
 
-    /// What the updates tell, where there are enough of them.
-    fn judged(&self, was_lost: bool) -> Option<CycleJudgement> {
+    /// What the updates tell, where there are enough of them; `usual` is the mean NIS before.
+    fn judged(&self, was_lost: bool, usual: f64) -> Option<CycleJudgement> {
         if self.count < FEWEST {
             return None;
         }
@@ -74,8 +81,11 @@ impl SignalCycle {
         let unexplained = ((square - noise).max(0.0) / spread).sqrt();
         // Once lost, it is found again only when the prediction is twice as good, so that one loss is told once.
         let share = if was_lost { UNEXPLAINED / 2.0 } else { UNEXPLAINED };
-        let is_lost = unexplained > share && self.nis / self.count > ALARM;
-        Some(CycleJudgement { is_lost, is_shown: !is_lost && spread - square > SHOWN * spread, unexplained })
+        let nis = self.nis / self.count;
+        let most = if was_lost { UNCHANGED } else { CHANGED } * usual;
+        let is_lost = (unexplained > share && nis > ALARM) || nis > most;
+        let is_shown = !is_lost && spread - square > SHOWN * spread;
+        Some(CycleJudgement { is_lost, is_shown, unexplained, nis })
     }
 }
 
@@ -86,6 +96,7 @@ struct CycleJudgement {
     /// Whether the prediction explains a motion.
     is_shown: bool,
     unexplained: f64,
+    nis: f64,
 }
 
 /// A change of what is known of the signal.
@@ -113,11 +124,13 @@ pub(super) struct SignalWatch {
     /// The cycles since which the signal is explained again, and when the first of them began in s.
     shown: u32,
     shown_from_s: f64,
+    /// The mean NIS of the cycles in which the signal was not lost, at least 1; `None` before the first.
+    level: Option<f64>,
 }
 
 impl SignalWatch {
     /// The numbers of [`numbers`](Self::numbers).
-    pub(super) const NUMBERS: usize = 12;
+    pub(super) const NUMBERS: usize = 13;
 
     pub(super) const fn is_lost(&self) -> bool {
         self.is_lost
@@ -130,7 +143,12 @@ impl SignalWatch {
 
     /// Takes signal, innovation and NIS of a sample at this time in s: a cycle that is over with it, whose samples are those before.
     #[inline]
-    pub(super) fn take(&mut self, motion_hz: f64, time_s: f64, values: [f64; 3]) -> Option<EndedCycle> {
+    pub(super) fn take(
+        &mut self,
+        (motion_hz, has_gate): (f64, bool),
+        time_s: f64,
+        values: [f64; 3],
+    ) -> Option<EndedCycle> {
         let cycle = self.cycle.get_or_insert(SignalCycle::from(time_s));
         if time_s < cycle.began_s + 1.0 / motion_hz {
             cycle.take(values);
@@ -139,20 +157,26 @@ impl SignalWatch {
         let ended = *cycle;
         *cycle = SignalCycle::from(time_s);
         cycle.take(values);
-        Some(self.end(&ended, time_s))
+        Some(self.end(&ended, time_s, has_gate))
     }
 
     /// Judges the cycle that has not ended, as no more samples come.
-    pub(super) fn finish(&mut self, last_s: f64) -> Option<EndedCycle> {
+    pub(super) fn finish(&mut self, last_s: f64, has_gate: bool) -> Option<EndedCycle> {
         let cycle = self.cycle.take()?;
-        Some(self.end(&cycle, last_s))
+        Some(self.end(&cycle, last_s, has_gate))
     }
 
+    /// A filter without a gate takes single samples that are none of the signal, which are no loss of it: its mean NIS alone tells nothing.
     #[inline(never)]
-    fn end(&mut self, cycle: &SignalCycle, ends_s: f64) -> EndedCycle {
-        let Some(found) = cycle.judged(self.is_lost) else {
+    fn end(&mut self, cycle: &SignalCycle, ends_s: f64, has_gate: bool) -> EndedCycle {
+        let level = self.level.filter(|_| has_gate).unwrap_or(f64::INFINITY);
+        let Some(found) = cycle.judged(self.is_lost, level) else {
             return EndedCycle { is_lost: None, turn: None };
         };
+        if !(found.is_lost || self.is_lost) {
+            let before = self.level.unwrap_or(found.nis);
+            self.level = Some((before + (found.nis - before) * FORGETS).max(1.0));
+        }
         let is_lost = Some(found.is_lost);
         if !self.is_lost {
             self.is_lost = found.is_lost;
@@ -186,13 +210,14 @@ impl SignalWatch {
             self.cycle.unwrap_or(SignalCycle::from(f64::NAN));
         let (is_lost, shown) = (f64::from(u8::from(self.is_lost)), f64::from(self.shown));
         let of_state = [is_lost, shown, self.shown_from_s];
-        let [a, b, c] = of_state;
-        [began_s, count, first, sum, squares, innovations, steps, before, nis, a, b, c]
+        let ([a, b, c], level) = (of_state, self.level.unwrap_or(f64::NAN));
+        [began_s, count, first, sum, squares, innovations, steps, before, nis, a, b, c, level]
     }
 
     /// Goes on from such numbers.
     pub(super) fn resumed(numbers: [f64; Self::NUMBERS]) -> Self {
-        let [began_s, count, first, sum, squares, innovations, steps, before, nis, is_lost, shown, from_s] = numbers;
+        let [began_s, count, first, sum, squares, innovations, steps, before, nis, rest @ ..] = numbers;
+        let [is_lost, shown, from_s, level] = rest;
         let cycle = SignalCycle { began_s, count, first, sum, squares, innovations, steps, before, nis };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
         let shown = shown as u32;
@@ -201,6 +226,90 @@ impl SignalWatch {
             is_lost: is_lost != 0.0,
             shown,
             shown_from_s: from_s,
+            level: Some(level).filter(|level| level.is_finite()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::WhiteNoise;
+    use std::f64::consts::TAU;
+
+    const MOTION_HZ: f64 = 500.0;
+    const INTERVAL_S: f64 = 5e-5;
+
+    /// What is said of samples, each with its signal, innovation and NIS by its time in s.
+    fn turns(samples: u32, of: impl Fn(f64) -> [f64; 3]) -> Vec<SignalTurn> {
+        let mut watch = SignalWatch::default();
+        let mut all = Vec::new();
+        for k in 0..samples {
+            let time_s = f64::from(k) * INTERVAL_S;
+            let ended = watch.take((MOTION_HZ, true), time_s, of(time_s));
+            all.extend(ended.and_then(|ended| ended.turn));
+            // Another run goes on from the numbers as this one does.
+            watch = SignalWatch::resumed(watch.numbers());
+        }
+        all
+    }
+
+    /// A filter that is right until a time and gives `then` from then on, with noise of the variance 1 and a motion of amplitude 100.
+    fn loses(seed: u64, at_s: f64, told: f64, then: impl Fn(f64, f64) -> [f64; 2]) -> Vec<SignalTurn> {
+        let chance = std::cell::RefCell::new(WhiteNoise::new(seed, 0));
+        turns(20_000, |time_s| {
+            let noise = chance.borrow_mut().sample();
+            let motion = 100.0 * (TAU * MOTION_HZ * time_s).sin();
+            let [signal, innovation] = if time_s < at_s { [motion + noise, noise] } else { then(motion, noise) };
+            [signal, innovation, innovation * innovation / told]
+        })
+    }
+
+    #[test]
+    fn noise_behind_a_motion_is_a_loss_and_never_the_signal_again() {
+        for seed in 0..20 {
+            // At first the filter goes on with the motion; then it is at rest, which explains noise as well as anything.
+            let lost = loses(seed, 0.1, 1.0, |motion, noise| [noise, noise - motion]);
+            let [SignalTurn::Lost { time_s, detected_s, .. }] = lost[..] else { panic!("{lost:?}") };
+            assert!((time_s - 0.1).abs() < 2.1e-3 && (detected_s - time_s - 2e-3).abs() < 1e-4);
+            let rests = |time_s: f64| time_s > 0.15;
+            let chance = std::cell::RefCell::new(WhiteNoise::new(seed, 1));
+            let lost = turns(20_000, |time_s| {
+                let noise = chance.borrow_mut().sample();
+                let motion = 100.0 * (TAU * MOTION_HZ * time_s).sin();
+                let innovation = if time_s < 0.1 || rests(time_s) { noise } else { noise - motion };
+                let signal = if time_s < 0.1 { motion + noise } else { noise };
+                [signal, innovation, innovation * innovation]
+            });
+            assert!(matches!(lost[..], [SignalTurn::Lost { .. }]), "{lost:?}");
+        }
+    }
+
+    #[test]
+    fn innovations_that_grow_are_a_loss_whatever_is_told_of_the_noise() {
+        // Ten times the noise is a tenth of the motion.
+        for told in [1e-2, 1.0] {
+            let grows = loses(3, 0.2, told, |motion, noise| [motion + noise, 10.0 * noise]);
+            let [SignalTurn::Lost { time_s, unexplained, .. }] = grows[..] else { panic!("{grows:?}") };
+            assert!((time_s - 0.2).abs() < 2.1e-3 && unexplained < UNEXPLAINED);
+            let steady = loses(4, f64::INFINITY, told, |_, _| [0.0; 2]);
+            assert!(steady.is_empty(), "{steady:?}");
+        }
+    }
+
+    #[test]
+    fn a_motion_that_is_explained_again_is_found_after_three_cycles() {
+        let again_s = 0.3;
+        let chance = std::cell::RefCell::new(WhiteNoise::new(5, 0));
+        let found = turns(20_000, |time_s| {
+            let noise = chance.borrow_mut().sample();
+            let motion = 100.0 * (TAU * MOTION_HZ * time_s).sin();
+            let innovation = if (0.1..again_s).contains(&time_s) { motion } else { noise };
+            [motion + noise, innovation, innovation * innovation]
+        });
+        let [SignalTurn::Lost { .. }, SignalTurn::Regained { time_s, from_s }] = found[..] else {
+            panic!("{found:?}")
+        };
+        assert!((from_s - again_s).abs() < 2.1e-3 && (time_s - from_s - 6e-3).abs() < 1e-4);
     }
 }

@@ -75,6 +75,8 @@ pub struct Restart {
     pub time_s: f64,
     /// What was known there before that.
     pub known: MeanAndCovariance,
+    /// The states where the signal was not lost yet.
+    pub before: Vec<f64>,
 }
 
 /// What an answer rests on.

@@ -1,14 +1,18 @@
 //! Signals that are lost for a while: when that is said, and how good the estimate is behind it.
 
+use crate::devices::{Setting, put};
 use crate::outliers::signals::{DEVICES, Of, noise, signals};
+use crate::parts;
 use kalmems::config::Experiment;
 use kalmems::estimate::{LockEvent, Trajectory};
 use kalmems::evaluate::Grade;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics};
 use kalmems::rigs::published;
-use kalmems::simulate::{ComputedRecording, WhiteNoise};
+use kalmems::simulate::{ComputedRecording, WhiteNoise, described};
 use kalmems::workflow::estimate_computed;
+use std::f64::consts::TAU;
+use std::path::Path;
 
 /// What happens to the first signal of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +67,24 @@ impl Loss {
                 [times[place], f64::INFINITY]
             }
         }
+    }
+}
+
+/// Settings by which a recording lasts for some hundred cycles behind the loss.
+fn longer(of: Of) -> Vec<Setting<'static>> {
+    let duration = |text: &str| vec![("simulate.duration", format!("\"{text}\""))];
+    match of.name() {
+        "shared scanner" => duration("48 ms"),
+        "micro-stage" => duration("40 ms"),
+        "threshold scanner" => duration("100 ms"),
+        "piston mirror" => {
+            let mut settings = duration("1.4 s");
+            settings.push(("estimate.skip", "\"0.2 s\"".to_owned()));
+            settings.push(("simulate.sampling_rate", "\"20 kHz\"".to_owned()));
+            settings.push(("simulate.integration_rate", "\"20 kHz\"".to_owned()));
+            settings
+        }
+        _ => Vec::new(),
     }
 }
 
@@ -134,8 +156,9 @@ impl LossOutcome {
         };
         let lost = self.first_loss();
         format!(
-            "| {} | {loss:?} | {} | {} | {} | {} | {:.2} | {:?} | {} |",
+            "| {} ({:.0} cycles) | {loss:?} | {} | {} | {} | {} | {:.2} | {:?} | {} |",
             of.name(),
+            self.motion_hz * (self.trajectory.time_s.last().unwrap() - self.trajectory.time_s[0]),
             cycles(lost.map(|lost| lost[0]), self.happened_s[0]),
             cycles(lost.map(|lost| lost[1]), self.happened_s[0]),
             cycles(self.first_return_s(), self.happened_s[1]),
@@ -144,6 +167,111 @@ impl LossOutcome {
             self.metrics.grade,
             self.metrics.counts.lost,
         )
+    }
+}
+
+/// The piston mirror by its example, moving by this amplitude in m and phase in rad about a rest position of 1 mm, at each time in s.
+fn piston(seed: u64, motion: impl Fn(f64) -> [f64; 2]) -> (Experiment, ComputedRecording) {
+    const FARADS: f64 = 109.3e-15;
+    const SD: f64 = 15.1e-18;
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror/simulation.toml");
+    let mut document: toml::Value =
+        std::fs::read_to_string(&path).unwrap().parse::<toml::Table>().unwrap().into();
+    for (key, value) in longer(Of::Published("piston mirror")) {
+        put(&mut document, key, Some(&value));
+    }
+    let experiment = published().parse(&toml::to_string(&document).unwrap(), &path).unwrap();
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
+    let mut simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
+    let mut chance = WhiteNoise::new(seed, 79);
+    assert!(simulated.change_recorded("signal", |values, times| {
+        for (value, time_s) in values.iter_mut().zip(times) {
+            let [amplitude, phase] = motion(*time_s);
+            *value = FARADS * 1e-3 / (1e-3 + amplitude * phase.cos()) + SD * chance.sample();
+        }
+    }));
+    (described(&experiment, &*simulation), simulated)
+}
+
+/// The first filter of a recording, and the root mean square of how far its position is from a motion about 1 mm, in m, from a time in s on.
+fn followed(
+    (experiment, simulated): &(Experiment, ComputedRecording),
+    from_s: f64,
+    motion: impl Fn(f64) -> [f64; 2],
+) -> (Trajectory, f64) {
+    let rig = published().rig(experiment).unwrap();
+    let recording = simulated.recorded(&rig.layout(experiment, 0).unwrap()).unwrap();
+    let mut found = rig.estimate(experiment, 0, &recording, &Silent).unwrap_or_else(|why| panic!("{why}"));
+    let trajectory = found.swap_remove(0).trajectories.swap_remove(0);
+    let position = &trajectory.state("position").unwrap().mean;
+    let late = trajectory.time_s.iter().zip(position).filter(|(time_s, _)| **time_s >= from_s);
+    let squares = late.map(|(time_s, position)| {
+        let [amplitude, phase] = motion(*time_s);
+        (position - 1e-3 - amplitude * phase.cos()).powi(2)
+    });
+    let squares: Vec<f64> = squares.collect();
+    let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    (trajectory, rms)
+}
+
+/// A frequency that steps by a part in a thousand is named within two cycles, and a hundred cycles later the estimate is as good as without.
+#[test]
+fn a_step_of_the_frequency_is_named_and_followed() {
+    const STEP_S: f64 = 0.6;
+    let steady = |time_s: f64| [5e-4, TAU * 500.0 * time_s + 0.7];
+    let steps = |time_s: f64| [5e-4, TAU * (500.0 * time_s + 0.5 * (time_s - STEP_S).max(0.0)) + 0.7];
+    let from_s = STEP_S + 100.0 / 500.0;
+    let (_, clean) = followed(&piston(1, steady), from_s, steady);
+    let (found, error) = followed(&piston(1, steps), from_s, steps);
+    println!("{:?}: {error:.2e} m, {clean:.2e} m without", found.lock.events);
+    let [LockEvent::Lost { time_s, detected_s, .. }, LockEvent::Regained { time_s: again_s, restarted_s, .. }] =
+        found.lock.events[..]
+    else {
+        panic!("{:?}", found.lock)
+    };
+    assert!((STEP_S - 2e-3..STEP_S + 3.0 * 2e-3).contains(&time_s) && detected_s <= time_s + 2.1e-3);
+    assert!(restarted_s.is_some() && again_s < STEP_S + 25.0 * 2e-3);
+    assert!(found.lock.is_usable() && error <= 2.0 * clean, "{error:e} {clean:e}");
+}
+
+/// While a motion that nothing drives has stopped it is no estimate, and noise is never taken for a motion.
+#[test]
+fn a_motion_that_stops_and_starts_is_lost_and_found() {
+    let moves = |time_s: f64| [if (0.5..0.7).contains(&time_s) { 0.0 } else { 5e-4 }, TAU * 500.0 * time_s + 0.7];
+    let steady = |time_s: f64| [5e-4, TAU * 500.0 * time_s + 0.7];
+    let from_s = 0.7 + 100.0 / 500.0;
+    let (_, clean) = followed(&piston(2, steady), from_s, steady);
+    let (found, error) = followed(&piston(2, moves), from_s, moves);
+    println!("{:?}: {error:.2e} m, {clean:.2e} m without", found.lock.events);
+    let [LockEvent::Lost { time_s, .. }, LockEvent::Regained { time_s: again_s, .. }] = found.lock.events[..]
+    else {
+        panic!("{:?}", found.lock)
+    };
+    assert!((0.498..0.506).contains(&time_s) && (0.7..0.8).contains(&again_s), "{:?}", found.lock);
+    assert!(found.lock.is_usable() && error <= 2.0 * clean, "{error:e} {clean:e}");
+    let (stopped, _) = followed(&piston(2, |t| [if t < 0.5 { 5e-4 } else { 0.0 }, TAU * 500.0 * t + 0.7]), 0.5, steady);
+    assert!(!stopped.lock.is_usable() && stopped.lock.events.len() == 1, "{:?}", stopped.lock);
+}
+
+/// In parts the filters lose and find the signal as over the whole recording.
+#[test]
+fn a_loss_is_the_same_in_parts() {
+    for of in DEVICES {
+        let (experiment, mut simulated) = of.recorded(&longer(of), 690);
+        let rig = published().rig(&experiment).unwrap();
+        let recording = |simulated: &ComputedRecording| {
+            simulated.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap()
+        };
+        let clean = rig.estimate(&experiment, 0, &recording(&simulated), &Silent).unwrap();
+        let (motion_hz, skip_s) = (clean[0].motion.frequency_hz, clean[0].skip_s);
+        let signal = &signals(&experiment)[0];
+        assert!(simulated.change_recorded(signal, |values, times| {
+            Unplugged(50.0).spoil(values, times, (skip_s, motion_hz, 690));
+        }));
+        let recording = recording(&simulated);
+        let found = rig.estimate(&experiment, 0, &recording, &Silent).unwrap();
+        println!("{}: {:?}", of.name(), found[0].trajectories[0].lock.events);
+        parts::same_bits_in_parts(&experiment, &recording, &[257, 4_999]);
     }
 }
 
@@ -156,7 +284,7 @@ fn slow_losses_of_every_device() {
     let mut wrong = Vec::new();
     for of in DEVICES {
         for seed in 701..=700 + count.unwrap_or(20) {
-            let recorded = of.recorded(&[], seed);
+            let recorded = of.recorded(&longer(of), seed);
             for loss in LOSSES {
                 let Some(clean) = outcome(&recorded, loss, false, seed) else { continue };
                 let Some(found) = outcome(&recorded, loss, true, seed) else { continue };

@@ -6,6 +6,8 @@ mod diagnose;
 mod impairments;
 mod losses;
 mod outliers;
+#[path = "../parts/mod.rs"]
+mod parts;
 mod readouts;
 mod starts;
 mod verdict;
