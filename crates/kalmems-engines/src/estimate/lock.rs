@@ -19,6 +19,9 @@ pub struct Lock {
     /// filter has settled again; infinite where it has not been found again.
     #[serde(skip)]
     pub lost_spans: Vec<[f64; 2]>,
+    /// The time in s from which on that is not known yet, where more samples are to come.
+    #[serde(skip)]
+    pub undecided_from_s: Option<f64>,
 }
 
 /// Something that a good estimate never does.
@@ -184,14 +187,15 @@ impl LockJudge {
         let mut events = Vec::new();
         self.judge_signal(trajectory, (slowest_hz, start_s), ends, &mut events);
         // Whether the signal is lost in a cycle that has not ended is not known, and the phase of a lost motion means nothing.
-        let known_until_s = if ends { f64::INFINITY } else { self.signal.began_s().unwrap_or(start_s) };
+        let undecided_from_s = (!ends).then(|| self.signal.began_s().unwrap_or(start_s));
+        let known_until_s = undecided_from_s.unwrap_or(f64::INFINITY);
         self.axes.resize_with(axes.len(), AxisJudge::default);
         for ((of, motion), judge) in axes.iter().zip(&mut self.axes).filter(|((_, m), _)| m.is_driven) {
             let known = (known_until_s, &*self.lost_spans);
             judge.judge((of, motion.frequency_hz), trajectory, start_s, known, &mut events);
         }
         events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
-        Lock { events, lost: self.signal.is_lost(), lost_spans: self.lost_spans.clone() }
+        Lock { events, lost: self.signal.is_lost(), lost_spans: self.lost_spans.clone(), undecided_from_s }
     }
 
     /// The first cycle of each stretch in which the signal was lost, and when it was found again.

@@ -7,7 +7,7 @@ use super::phase_lock::PhaseLock;
 use super::phasor::{Drifting, FixedRestPhasor, Phasor, STATES};
 use super::plates::distance_at;
 use super::settings::{MotionKnowledge, PistonFilterSettings, PistonSettings};
-use super::start::{PistonBatchStart, batch_fit, batch_start, rows_of_window, wrapped};
+use super::start::{PistonBatchStart, batch_fit, batch_start_of, rows_of_window, wrapped};
 use crate::config::Method;
 use crate::estimate::driven::{OfMotion, ParametricReadout, combinations, shifted};
 use crate::estimate::{
@@ -79,7 +79,9 @@ fn first_hz(settings: &PistonSettings, part: &PartData) -> f64 {
         MotionKnowledge::Drifting { start: Some((mean, _)), .. } => Some(mean[1]),
         _ => None,
     });
-    let by_signal = || Some(batch_start(&settings.hardware.plates, &part.head()).ok()?.mean[1]);
+    let has_harmonics = settings.filters.iter().any(PistonFilterSettings::has_harmonics);
+    let by_signal =
+        || Some(batch_start_of(&settings.hardware.plates, &part.head(), has_harmonics).ok()?.mean[1]);
     part.data.motion_hz.or_else(by_signal).or(stated).unwrap_or(f64::NAN)
 }
 
@@ -202,7 +204,9 @@ impl PistonFilterTask<'_> {
         let of = |tracked: &Tracked| match (given, tracked.parameter.unit) {
             (Some(_), _) => [0.0; 2],
             (None, "1") => ReadoutFault::gain(plates, motion).takes_up(),
-            (None, _) => ReadoutFault::offset(plates, motion).takes_up(),
+            (None, "F") => ReadoutFault::offset(plates, motion).takes_up(),
+            // The start is that of a motion with harmonics.
+            (None, _) => [0.0; 2],
         };
         self.filter.basics.tracked.iter().map(of).collect()
     }
@@ -217,9 +221,8 @@ impl PistonFilterTask<'_> {
         let basics = &self.filter.basics;
         let readout =
             ParametricReadout::new(drifting.amplified(), &basics.tracked, |parameter| parameter.in_readout);
-        let sensor = Box::new(readout.map_err(|why| basics.no_model(why))?);
-        let start = || {
-            let (mean, covariance) = self.started(given)?;
+        let readout = readout.map_err(|why| basics.no_model(why))?;
+        let known = |given: Option<StatedStart>, &(mean, covariance): &PistonState<5>| {
             let misled = self.misled(given, &mean);
             let parameters = basics.tracked.iter().map(|tracked| (0.0, tracked.sd));
             let mut known = MeanAndCovariance::from((mean, covariance)).with(parameters);
@@ -228,10 +231,14 @@ impl PistonFilterTask<'_> {
                 let column = [(0, -amplitude), (3, -rest)];
                 known.correlate(5 + parameter, &column, tracked.sd);
             }
-            Ok(known)
+            known
         };
-        let mut course =
-            PhasorCourse::new(drifting, &self.part.data, sensor).with_parameters(&basics.tracked);
+        let start = || Ok(known(given, &self.started(given)?));
+        let course = || {
+            PhasorCourse::new(drifting, &self.part.data, Box::new(readout.clone())).with_parameters(&basics.tracked)
+        };
+        let again = self.start_again(course, |found| known(None, found));
+        let mut course = StartedCourse::new(course(), None).starting_again(again);
         let way = (&mut course as _, &self.part.samples);
         answers((basics, past), start, way, &basics.states(&STATES), self.progress)
     }
@@ -369,7 +376,11 @@ impl PistonFilterTask<'_> {
             let sensor = Box::new(MeasurementSensor::<_, N>(phasor.readout()));
             PhasorCourse::new(phasor, &self.part.data, sensor)
         };
-        let again = self.start_again::<P, N>(course);
+        // A filter of three states has the first three.
+        let again = self.start_again(course, |(mean, covariance)| {
+            let first = std::array::from_fn::<f64, N, _>(|i| mean[i]);
+            (first, Covariance::from_lower(Mat::from_fn(|i, j| covariance.get(i, j)))).into()
+        });
         let mut course = StartedCourse::new(course(), None).starting_again(again);
         let (past, course) = ((&self.filter.basics, past), (&mut course as _, &self.part.samples));
         let mut all = answers(past, start, course, states, self.progress)?;
@@ -379,10 +390,11 @@ impl PistonFilterTask<'_> {
         Ok(all)
     }
 
-    /// How the filter is started again where it has lost the signal, along such a course.
-    fn start_again<'b, P: Phasor<N> + 'b, const N: usize>(
+    /// How the filter is started again where it has lost the signal, along such a course; `known` gives its states by the motion that was found.
+    fn start_again<'b, C: Course + 'b>(
         &'b self,
-        course: impl Fn() -> PhasorCourse<'b, P, N> + 'b,
+        course: impl Fn() -> C + 'b,
+        known: impl Fn(&PistonState<5>) -> MeanAndCovariance + 'b,
     ) -> Option<StartAgain<'b>> {
         let data = &self.part.data;
         let (plates, basics) = (&self.settings.hardware.plates, &self.filter.basics);
@@ -390,20 +402,16 @@ impl PistonFilterTask<'_> {
         Some(StartAgain::by(rule, move |rows, _| {
             let (time_s, signal) = (data.time_s.get(rows.clone())?, data.signal.get(rows.clone())?);
             let window = PistonSegment { time_s, signal, motion_hz: None, ..*data };
-            let found = batch_start(plates, &window).ok()?;
+            let found = batch_start_of(plates, &window, self.filter.has_harmonics()).ok()?;
             let covariance = with_rate(&widened(&found.covariance), RATE_SD * found.mean[0]);
-            let known: [(f64, Vec<f64>); N] =
-                std::array::from_fn(|i| (found.mean[i], (0..=i).map(|j| covariance.get(i, j)).collect()));
-            let (mean, lower): (Vec<f64>, Vec<Vec<f64>>) = known.into_iter().unzip();
-            let known = MeanAndCovariance { mean, lower: lower.concat() };
-            start_again_from(&mut course(), rows, &known, &basics.readout)
+            start_again_from(&mut course(), rows, &known(&(found.mean, covariance)), &basics.readout)
         }))
     }
 
     /// Where the first samples say that the motion starts.
     fn batch(&self) -> Result<PistonBatchStart, EstimateError> {
         let (plates, head) = (&self.settings.hardware.plates, self.part.head());
-        batch_start(plates, &head).map_err(|why| EstimateError::NoStart {
+        batch_start_of(plates, &head, self.filter.has_harmonics()).map_err(|why| EstimateError::NoStart {
             place: self.part.place.to_owned(),
             filter: self.filter.basics.name.clone(),
             why: why.to_string(),

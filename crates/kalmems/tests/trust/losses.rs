@@ -172,13 +172,25 @@ impl LossOutcome {
 
 /// The piston mirror by its example, moving by this amplitude in m and phase in rad about a rest position of 1 mm, at each time in s.
 fn piston(seed: u64, motion: impl Fn(f64) -> [f64; 2]) -> (Experiment, ComputedRecording) {
+    piston_at(&[], seed, |time_s| {
+        let [amplitude, phase] = motion(time_s);
+        1e-3 + amplitude * phase.cos()
+    })
+}
+
+/// The same at these distances in m, and with these settings.
+fn piston_at(
+    settings: &[Setting],
+    seed: u64,
+    distance: impl Fn(f64) -> f64,
+) -> (Experiment, ComputedRecording) {
     const FARADS: f64 = 109.3e-15;
     const SD: f64 = 15.1e-18;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror/simulation.toml");
     let mut document: toml::Value =
         std::fs::read_to_string(&path).unwrap().parse::<toml::Table>().unwrap().into();
-    for (key, value) in longer(Of::Published("piston mirror")) {
-        put(&mut document, key, Some(&value));
+    for (key, value) in longer(Of::Published("piston mirror")).iter().chain(settings) {
+        put(&mut document, key, Some(value));
     }
     let experiment = published().parse(&toml::to_string(&document).unwrap(), &path).unwrap();
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
@@ -186,8 +198,7 @@ fn piston(seed: u64, motion: impl Fn(f64) -> [f64; 2]) -> (Experiment, ComputedR
     let mut chance = WhiteNoise::new(seed, 79);
     assert!(simulated.change_recorded("signal", |values, times| {
         for (value, time_s) in values.iter_mut().zip(times) {
-            let [amplitude, phase] = motion(*time_s);
-            *value = FARADS * 1e-3 / (1e-3 + amplitude * phase.cos()) + SD * chance.sample();
+            *value = FARADS * 1e-3 / distance(*time_s) + SD * chance.sample();
         }
     }));
     (described(&experiment, &*simulation), simulated)
@@ -232,6 +243,50 @@ fn a_step_of_the_frequency_is_named_and_followed() {
     assert!((STEP_S - 2e-3..STEP_S + 3.0 * 2e-3).contains(&time_s) && detected_s <= time_s + 2.1e-3);
     assert!(restarted_s.is_some() && again_s < STEP_S + 25.0 * 2e-3);
     assert!(found.lock.is_usable() && error <= 2.0 * clean, "{error:e} {clean:e}");
+}
+
+/// A second harmonic of 1 % and a third of 0.5 % of the stroke, as states: without them the motion is refused, with them its position is as good as
+/// that of a sine but for what four more states cost, and within its claim.
+#[test]
+fn harmonics_of_the_piston_mirror_are_states() {
+    let states = ["second_harmonic_cosine", "second_harmonic_sine", "third_harmonic_cosine", "third_harmonic_sine"];
+    let each: Vec<String> = states.iter().map(|name| format!("{name} = {{ start_sd = \"10 um\" }}")).collect();
+    let with: Vec<Setting> = vec![("estimate.filter.0.states", format!("{{ {} }}", each.join(", ")))];
+    let (amplitudes, skip_s) = ([4e-6, -3e-6, 2e-6, 1.5e-6], 0.4);
+    let at = |time_s: f64| {
+        let phase = TAU * 500.0 * time_s + 0.7;
+        let [a, b, c, d] = amplitudes;
+        1e-3 + 5e-4 * phase.cos()
+            + a * (2.0 * phase).cos()
+            + b * (2.0 * phase).sin()
+            + c * (3.0 * phase).cos()
+            + d * (3.0 * phase).sin()
+    };
+    let of = |settings: &[Setting]| {
+        let (experiment, simulated) = piston_at(settings, 3, at);
+        let rig = published().rig(&experiment).unwrap();
+        let recording = simulated.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap();
+        let found = rig.estimate(&experiment, 0, &recording, &Silent);
+        found.map(|mut found| found.swap_remove(0).trajectories.swap_remove(0))
+    };
+    let why = of(&[]).unwrap_err().to_string();
+    assert!(why.contains("times the stated noise in its first samples"), "{why}");
+    let found = of(&with).unwrap();
+    let from = found.time_s.partition_point(|time_s| *time_s < skip_s);
+    let position = found.state("position").unwrap();
+    let z: Vec<f64> = (from..found.time_s.len())
+        .map(|k| (position.mean[k] - at(found.time_s[k])) / position.sd[k])
+        .collect();
+    let size = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
+    let consistency = found.consistency(from..found.time_s.len()).unwrap();
+    println!("errors of {size:.2} claimed deviations, of {:.2e} m; {consistency:?}", position.sd[z.len()]);
+    // Errors follow each other: few of them are independent.
+    assert!(size < 2.0 && consistency.holds() && found.lock.held(), "{size} {consistency:?}");
+    for (name, truth) in states.iter().zip(amplitudes) {
+        let state = found.state(name).unwrap();
+        let (mean, sd) = (state.mean.last().unwrap(), state.sd.last().unwrap());
+        assert!((mean - truth).abs() < 4.0 * sd && *sd < 2e-8, "{name}: {mean:e} ± {sd:e}, {truth:e}");
+    }
 }
 
 /// While a motion that nothing drives has stopped it is no estimate, and noise is never taken for a motion.
