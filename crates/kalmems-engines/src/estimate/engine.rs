@@ -6,6 +6,7 @@ use super::gate::{Decisions, NEVER, Rejection, SampleGate};
 use super::linked::LinkedFilter;
 use super::loss_watch::{LossWatch, Reacquisition};
 use super::phase_prediction::{PhasePredictor, StatePropagation};
+use super::signal_watch::WatchedSample;
 use super::transition::{Sensor, Transition};
 use super::{
     AnyKnownStateStep, FilterFailure, FurtherSignal, KnownStateStep, Lock, MeanAndCovariance, Restart,
@@ -576,8 +577,12 @@ impl<const N: usize> FilterRun<N> {
         let now = filter.gaussian();
         trajectory.keep(derived, k, &now.mean, &|i, j| now.covariance.get(i, j));
         if let Some(again) = again {
-            let values = [trajectory.signal[k], trajectory.innovation[k], trajectory.nis[k]];
-            self.loss.take(again, trajectory.time_s[k], values, &now.mean);
+            let sample = if self.filter.watched().rejects(0) {
+                WatchedSample::Rejected
+            } else {
+                WatchedSample::Taken([trajectory.signal[k], trajectory.innovation[k], trajectory.nis[k]])
+            };
+            self.loss.take(again, trajectory.time_s[k], sample, &now.mean);
         }
         let covariances = (before.as_ref(), &now.covariance);
         let span = self.errors.take(trajectory.time_s[k], filter.link().as_ref(), covariances);

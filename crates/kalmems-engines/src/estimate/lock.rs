@@ -1,7 +1,7 @@
 //! Whether a filter followed the motion, told from the recording alone.
 
 use super::Trajectory;
-use super::signal_watch::{SignalTurn, SignalWatch, UNEXPLAINED};
+use super::signal_watch::{SignalTurn, SignalWatch, UNEXPLAINED, WatchedSample};
 use crate::inspect::quantity;
 use crate::signal::fit_cycles;
 use serde::Serialize;
@@ -35,14 +35,15 @@ pub enum LockEvent {
         time_s: f64,
         /// When it was over, so that this was known, in s.
         detected_s: f64,
-        /// The root mean square innovation, less its noise, over the signal's standard deviation in that cycle.
+        /// The root mean square innovation, less its noise, over the signal's standard deviation in that cycle; not a number where the gate rejected
+        /// most of its samples.
         unexplained: f64,
     },
     /// After a loss the prediction explained the signal again, in several cycles that followed each other.
     Regained {
         /// When the last of these cycles was over, in s.
         time_s: f64,
-        /// When the filter has settled again, in s: the settling time after the beginning of the first of these cycles.
+        /// When the filter has settled again, in s: the settling time after the beginning of the first of these cycles, or after its new start.
         settled_s: f64,
         /// When the filter was last started again from the signal, in s; `None` where it came back by itself.
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -97,7 +98,9 @@ impl std::fmt::Display for LockEvent {
             Self::Lost { time_s, detected_s, unexplained } => {
                 let (lost, known) = (quantity(*time_s, "s"), quantity(*detected_s, "s"));
                 write!(f, "lost the signal at {lost}, which was known at {known}: over a whole cycle ")?;
-                if *unexplained > UNEXPLAINED {
+                if unexplained.is_nan() {
+                    f.write_str("the gate rejects most of its samples")
+                } else if *unexplained > UNEXPLAINED {
                     write!(f, "the prediction leaves {:.0} % of it unexplained", unexplained * 100.0)
                 } else {
                     f.write_str("the innovations are more than five times as large as before")
@@ -208,13 +211,21 @@ impl LockJudge {
     ) {
         let Trajectory { time_s, signal, innovation, nis, restarts, .. } = trajectory;
         let has_gate = trajectory.gate_nis.is_some();
+        let rejected = trajectory.rejected.iter().filter(|one| one.signal == 0);
+        let mut rejected = rejected.map(|one| one.sample).peekable();
         let mut restarts = restarts.iter().map(|restart| restart.time_s).peekable();
         for k in time_s.partition_point(|t| *t < start_s)..time_s.len() {
             if let Some(restarted_s) = restarts.next_if(|restarted_s| *restarted_s <= time_s[k]) {
                 self.restarted_s = Some(restarted_s);
             }
             let rule = (motion_hz, has_gate);
-            let ended = self.signal.take(rule, time_s[k], [signal[k], innovation[k], nis[k]]);
+            while rejected.next_if(|sample| *sample < k).is_some() {}
+            let sample = if rejected.peek() == Some(&k) {
+                WatchedSample::Rejected
+            } else {
+                WatchedSample::Taken([signal[k], innovation[k], nis[k]])
+            };
+            let ended = self.signal.take(rule, time_s[k], sample);
             if let Some(turn) = ended.and_then(|ended| ended.turn) {
                 self.turn(turn, events);
             }
@@ -235,11 +246,12 @@ impl LockJudge {
                 events.push(LockEvent::Lost { time_s, detected_s, unexplained });
             }
             SignalTurn::Regained { time_s, from_s } => {
+                let restarted_s = self.restarted_s.take();
+                let from_s = restarted_s.map_or(from_s, |restarted_s| restarted_s.max(from_s));
                 let settled_s = time_s.max(from_s + self.settling_s.unwrap_or(0.0));
                 if let Some(last) = self.lost_spans.last_mut() {
                     last[1] = settled_s;
                 }
-                let restarted_s = self.restarted_s.take();
                 events.push(LockEvent::Regained { time_s, settled_s, restarted_s });
             }
         }

@@ -1,10 +1,11 @@
 //! When a filter that has lost its signal is started again from it.
 //!
-//! What says that the signal is lost is what judges the lock of every trajectory: [`SignalWatch`]. A filter that comes back by itself is left
-//! alone. One that is lost in each cycle for as long as a start needs is started again by these cycles, of which none is that in which it was
-//! lost, so that what made it lose the signal is not among their samples. A start that is not found is sought again later.
+//! What says that the signal is lost is what judges the lock of every trajectory: [`SignalWatch`]. A filter that is lost in each cycle for as long as
+//! a start needs is started again by these cycles, of which none is that in which it was lost, so that what made it lose the signal is not among
+//! their samples. A start that is not found is sought again later. A filter that comes back by itself is started again as well, as soon as it explains
+//! the signal for as long, since what it claims rests on samples that are none of the signal; but not where its gate has rejected all of these.
 
-use super::signal_watch::{SignalTurn, SignalWatch};
+use super::signal_watch::{CycleState, SignalTurn, SignalWatch, WatchedSample};
 
 /// How a course wants a filter to be started again.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +43,11 @@ pub(super) struct LossWatch<const N: usize> {
     /// Rows behind the first of the cycles that follow each other and in which it is lost.
     rows: usize,
     in_a_row: u32,
+    /// Whether samples that are none of the signal have corrected the filter since it was started.
+    is_misled: bool,
+    /// Rows of the cycle that has not ended, and of those since which the signal is explained again.
+    rows_of_cycle: usize,
+    rows_shown: usize,
     /// Searches that are left, and cycles since the last of them came.
     left: u32,
     cycles: u32,
@@ -52,7 +58,7 @@ pub(super) struct LossWatch<const N: usize> {
 }
 
 impl<const N: usize> LossWatch<N> {
-    const NUMBERS: usize = SignalWatch::NUMBERS + 7 + 2 * (N + 1);
+    const NUMBERS: usize = SignalWatch::NUMBERS + 10 + 2 * (N + 1);
 
     pub(super) fn new() -> Self {
         let nowhere = StateAt { time_s: f64::NAN, mean: [f64::NAN; N] };
@@ -62,6 +68,9 @@ impl<const N: usize> LossWatch<N> {
             next: 0,
             rows: 0,
             in_a_row: 0,
+            is_misled: false,
+            rows_of_cycle: 0,
+            rows_shown: 0,
             left: SEARCHES,
             cycles: 0,
             is_due: false,
@@ -72,7 +81,7 @@ impl<const N: usize> LossWatch<N> {
 
     /// Takes signal, innovation and NIS of a sample, and the state after it.
     #[inline]
-    pub(super) fn take(&mut self, rule: &Reacquisition, time_s: f64, values: [f64; 3], mean: &[f64; N]) {
+    pub(super) fn take(&mut self, rule: &Reacquisition, time_s: f64, sample: WatchedSample, mean: &[f64; N]) {
         if time_s < rule.from_s {
             return;
         }
@@ -80,7 +89,10 @@ impl<const N: usize> LossWatch<N> {
             self.began = StateAt { time_s, mean: *mean };
         }
         self.rows += 1;
-        let Some(ended) = self.signal.take((rule.motion_hz, true), time_s, values) else { return };
+        self.rows_of_cycle += 1;
+        let Some(ended) = self.signal.take((rule.motion_hz, true), time_s, sample) else { return };
+        // The present sample is the first of the next cycle.
+        let rows_of_cycle = std::mem::replace(&mut self.rows_of_cycle, 1) - 1;
         self.cycles += 1;
         if self.cycles >= CYCLES_FOR_ONE {
             (self.cycles, self.left) = (0, (self.left + 1).min(SEARCHES));
@@ -88,15 +100,21 @@ impl<const N: usize> LossWatch<N> {
         if matches!(ended.turn, Some(SignalTurn::Lost { .. })) {
             (self.age, self.next) = (0, 0);
         }
-        if ended.is_lost == Some(false) && !self.signal.is_lost() {
+        if matches!(ended.turn, Some(SignalTurn::Regained { .. })) {
+            self.is_misled = false;
+        }
+        if ended.told == CycleState::Explained && !self.signal.is_lost() {
             self.held = self.began;
         }
         self.began = StateAt { time_s, mean: *mean };
         self.age += 1;
-        if ended.is_lost != Some(true) {
+        self.rows_shown = if self.signal.shown() > 0 { self.rows_shown + rows_of_cycle } else { 0 };
+        if ended.told != CycleState::Lost {
             self.in_a_row = 0;
+            self.is_due = self.is_misled && self.rows_shown >= rule.rows && self.left > 0;
             return;
         }
+        self.is_misled = true;
         if self.in_a_row == 0 {
             self.rows = 1;
         }
@@ -110,7 +128,7 @@ impl<const N: usize> LossWatch<N> {
         if is_due {
             self.left -= 1;
             self.next = self.age + PAUSE.max(self.age / PAUSE_SHARE);
-            self.in_a_row = 0;
+            (self.in_a_row, self.is_misled) = (0, false);
         }
         is_due
     }
@@ -122,12 +140,14 @@ impl<const N: usize> LossWatch<N> {
 
     /// As numbers, for another run to go on from.
     pub(super) fn numbers(&self) -> Vec<f64> {
-        let counts = [self.age, self.next, self.in_a_row, self.left, self.cycles, u32::from(self.is_due)];
+        let flags = [self.is_due, self.is_misled].map(u32::from);
+        let counts = [self.age, self.next, self.in_a_row, self.left, self.cycles];
         let states = [&self.began, &self.held];
         let states = states.into_iter().flat_map(|state| std::iter::once(state.time_s).chain(state.mean));
         let of_signal = self.signal.numbers();
-        let rows = std::iter::once(self.rows as f64);
-        of_signal.into_iter().chain(rows).chain(counts.map(f64::from)).chain(states).collect()
+        let rows = [self.rows, self.rows_of_cycle, self.rows_shown].map(|rows| rows as f64);
+        let counts = counts.into_iter().chain(flags).map(f64::from);
+        of_signal.into_iter().chain(rows).chain(counts).chain(states).collect()
     }
 
     /// From such numbers, where they are those of a filter of as many states.
@@ -136,7 +156,8 @@ impl<const N: usize> LossWatch<N> {
         let (Some((of_signal, rest)), true) = (numbers.split_first_chunk(), numbers.len() == Self::NUMBERS) else {
             return watch;
         };
-        let Some(([rows, age, next, in_a_row, left, cycles, is_due], states)) = rest.split_first_chunk() else {
+        let Some((rows, rest)) = rest.split_first_chunk::<3>() else { return watch };
+        let Some(([age, next, in_a_row, left, cycles, is_due, is_misled], states)) = rest.split_first_chunk() else {
             return watch;
         };
         let state = |numbers: &[f64]| StateAt {
@@ -148,10 +169,12 @@ impl<const N: usize> LossWatch<N> {
         let count = |number: &f64| *number as u32;
         watch.signal = SignalWatch::resumed(*of_signal);
         (watch.age, watch.next, watch.in_a_row) = (count(age), count(next), count(in_a_row));
-        (watch.left, watch.cycles, watch.is_due) = (count(left), count(cycles), *is_due != 0.0);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count
-        let rows = *rows as usize;
-        (watch.rows, watch.began, watch.held) = (rows, state(began), state(held));
+        (watch.left, watch.cycles) = (count(left), count(cycles));
+        (watch.is_due, watch.is_misled) = (*is_due != 0.0, *is_misled != 0.0);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // counts
+        let rows = rows.map(|rows| rows as usize);
+        [watch.rows, watch.rows_of_cycle, watch.rows_shown] = rows;
+        (watch.began, watch.held) = (state(began), state(held));
         watch
     }
 }
@@ -173,7 +196,7 @@ mod tests {
             }
             let signal = (TAU * f64::from(k) / 40.0).sin();
             let innovation = if is_lost(k) { signal } else { 1e-3 * f64::from(k % 2) };
-            let values = [signal, innovation, 1e6 * innovation * innovation];
+            let values = WatchedSample::Taken([signal, innovation, 1e6 * innovation * innovation]);
             watch.take(&RULE, f64::from(k) * 5e-5, values, &[f64::from(k), 0.0]);
             // Another run goes on from the numbers as this one does.
             watch = LossWatch::resumed(&watch.numbers());
@@ -193,8 +216,9 @@ mod tests {
     }
 
     #[test]
-    fn a_filter_that_comes_back_by_itself_is_not_started_again() {
-        assert!(searches(10_000, |k| (1000..1080).contains(&k)).is_empty());
+    fn a_filter_that_comes_back_by_itself_is_started_again_by_what_it_explains() {
+        let all = searches(10_000, |k| (1000..1080).contains(&k));
+        assert!(matches!(all[..], [k] if (1200..1261).contains(&k)), "{all:?}");
         assert!(searches(10_000, |_| false).is_empty());
     }
 

@@ -141,7 +141,8 @@ pub fn position_and_velocity(&[a, f, phase, rest, drift]: &[f64; 5]) -> ([f64; 2
 fn with_harmonics(x: &[f64], places: &[Option<usize>; 4]) -> ([f64; 2], [[f64; MOST_STATES]; 2]) {
     let of_sine: [f64; 5] = std::array::from_fn(|i| x.get(i).copied().unwrap_or(0.0));
     let (mut values, of_five) = position_and_velocity(&of_sine);
-    let mut gradients = of_five.map(|five| std::array::from_fn(|i| five.get(i).copied().unwrap_or(0.0)));
+    let mut gradients: [[f64; MOST_STATES]; 2] =
+        of_five.map(|five| std::array::from_fn(|i| five.get(i).copied().unwrap_or(0.0)));
     let ([_, f, phase, ..], rate) = (of_sine, TAU * of_sine[1]);
     for (which, place) in places.iter().enumerate() {
         let Some((place, amplitude)) = place.and_then(|place| Some((place, *x.get(place)?))) else { continue };

@@ -76,7 +76,7 @@ fn longer(of: Of) -> Vec<Setting<'static>> {
     match of.name() {
         "shared scanner" => duration("48 ms"),
         "micro-stage" => duration("40 ms"),
-        "threshold scanner" => duration("100 ms"),
+        "threshold scanner" => duration("400 ms"),
         "piston mirror" => {
             let mut settings = duration("1.4 s");
             settings.push(("estimate.skip", "\"0.2 s\"".to_owned()));
