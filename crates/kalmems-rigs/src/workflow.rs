@@ -191,8 +191,7 @@ fn evaluate(
             None => Vec::new(),
         };
         let from_s = estimate.from_s();
-        let values =
-            judged.trajectories.iter().map(|t| evaluate_values(t, &known, from_s, &stop)).collect();
+        let values = judged.trajectories.iter().map(|t| evaluate_values(t, &known, from_s, &stop)).collect();
         let mut of_its_own = SegmentJudge::default();
         let (judge, ends) = match &mut judge {
             Some((judge, ends)) => (&mut **judge, *ends),

@@ -511,7 +511,9 @@ impl<const N: usize> FilterRun<N> {
             if self.failure.is_some() {
                 break;
             }
-            if let Err(why) = self.step((course, derived.as_ref()), again.as_ref(), (fresh.start, k), &mut trajectory) {
+            if let Err(why) =
+                self.step((course, derived.as_ref()), again.as_ref(), (fresh.start, k), &mut trajectory)
+            {
                 self.failure = Some(FilterFailure { time_s: trajectory.time_s[k], why });
                 trajectory.failure = self.failure;
             }
@@ -577,7 +579,7 @@ impl<const N: usize> FilterRun<N> {
         let now = filter.gaussian();
         trajectory.keep(derived, k, &now.mean, &|i, j| now.covariance.get(i, j));
         if let Some(again) = again {
-            let sample = if self.filter.watched().rejects(0) {
+            let sample = if filter.watched().rejects(0) {
                 WatchedSample::Rejected
             } else {
                 WatchedSample::Taken([trajectory.signal[k], trajectory.innovation[k], trajectory.nis[k]])

@@ -3,7 +3,8 @@
 use super::gate::{FALSE_REJECTIONS, GateMode, UpdateLaw, largest_nis};
 use super::tracked::{DeviceParameter, Tracked, tracked};
 use super::{
-    AnyFilter, EstimateError, FilterKind, GainOf, MOST_MODELS, MeanAndCovariance, ReadoutState, Reacquisition, StateName,
+    AnyFilter, EstimateError, FilterKind, GainOf, MOST_MODELS, MeanAndCovariance, Reacquisition,
+    ReadoutState, StateName,
 };
 use crate::config::{
     ConfigError, ConfigFault, Estimate, Experiment, FilterTable, Key, Method, OutlierGate, Quantity, Update,

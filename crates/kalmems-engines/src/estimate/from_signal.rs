@@ -5,8 +5,8 @@ use super::engine::{Course, DerivedQuantities, Filtering};
 use super::signal_watch::ALARM;
 use super::{
     AnyKnownStateStep, BatchStart, EstimateError, FilterBasics, MeanAndCovariance, NoBatchStart,
-    ReadoutState, Reacquisition, RowsAround, SampleCounts, SampleSelection, StartSearch, StateName, StatePrior, Trajectory,
-    WithReadout, batch_start,
+    Reacquisition, ReadoutState, RowsAround, SampleCounts, SampleSelection, StartSearch, StateName,
+    StatePrior, Trajectory, WithReadout, batch_start,
 };
 use kalmems_core::{FilterError, Innovation, Portable};
 use std::ops::Range;

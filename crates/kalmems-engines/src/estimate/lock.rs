@@ -157,7 +157,9 @@ impl LockEvent {
     /// When, in s.
     pub fn time_s(&self) -> f64 {
         match self {
-            Self::Lost { time_s, .. } | Self::Regained { time_s, .. } | Self::Flipped { time_s, .. } => *time_s,
+            Self::Lost { time_s, .. } | Self::Regained { time_s, .. } | Self::Flipped { time_s, .. } => {
+                *time_s
+            }
         }
     }
 }

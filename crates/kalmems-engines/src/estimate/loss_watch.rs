@@ -153,11 +153,13 @@ impl<const N: usize> LossWatch<N> {
     /// From such numbers, where they are those of a filter of as many states.
     pub(super) fn resumed(numbers: &[f64]) -> Self {
         let mut watch = Self::new();
-        let (Some((of_signal, rest)), true) = (numbers.split_first_chunk(), numbers.len() == Self::NUMBERS) else {
+        let (Some((of_signal, rest)), true) = (numbers.split_first_chunk(), numbers.len() == Self::NUMBERS)
+        else {
             return watch;
         };
         let Some((rows, rest)) = rest.split_first_chunk::<3>() else { return watch };
-        let Some(([age, next, in_a_row, left, cycles, is_due, is_misled], states)) = rest.split_first_chunk() else {
+        let Some(([age, next, in_a_row, left, cycles, is_due, is_misled], states)) = rest.split_first_chunk()
+        else {
             return watch;
         };
         let state = |numbers: &[f64]| StateAt {
@@ -211,7 +213,10 @@ mod tests {
         assert!((1160..=1201).contains(&all[0]), "{all:?}");
         // By a quarter of the time since the loss each, at most.
         assert!(all.len() <= 16 + 100_000 / (40 * 256) + 1, "{}: {all:?}", all.len());
-        let late = all.windows(2).filter(|pair| pair[1] > 5_000).all(|pair| pair[1] - pair[0] >= (pair[0] - 1000) / 4);
+        let late = all
+            .windows(2)
+            .filter(|pair| pair[1] > 5_000)
+            .all(|pair| pair[1] - pair[0] >= (pair[0] - 1000) / 4);
         assert!(late, "{all:?}");
     }
 

@@ -60,8 +60,8 @@ pub use gate::{
 pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, MotionRate, judge_lock};
-pub use loss_watch::Reacquisition;
 pub use lock_in::{LockInWindows, Swing, amplitude_of_line, current_line, inversion, lock_in};
+pub use loss_watch::Reacquisition;
 pub use model_alone::ModelAlone;
 pub use part::{RowsAround, SegmentPart};
 pub(crate) use past::NumberBits;

@@ -10,8 +10,8 @@ use super::engine::{Course, DerivedQuantities, Filtering};
 use super::gate::SampleGate;
 use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::{
-    AnyKnownStateStep, MOST_STATES, MeanAndCovariance, Reacquisition, SampleCounts, Sensor, StateName, StatePrior,
-    Trajectory, Transition,
+    AnyKnownStateStep, MOST_STATES, MeanAndCovariance, Reacquisition, SampleCounts, Sensor, StateName,
+    StatePrior, Trajectory, Transition,
 };
 use crate::config::{AnyValue, ConfigError, Experiment, FilterTable, Key, MOST_LINES, Sign, TrackedState};
 use crate::units::{Kind, kind};

@@ -89,7 +89,13 @@ impl SignalCycle {
     fn judged(&self, was_lost: bool, usual: f64) -> Option<CycleJudgement> {
         if self.rejected >= FEWEST && self.rejected > REJECTED * (self.count + self.rejected) {
             let (is_lost, is_shown, is_rejected) = (true, false, true);
-            return Some(CycleJudgement { is_lost, is_shown, is_rejected, unexplained: f64::NAN, nis: f64::NAN });
+            return Some(CycleJudgement {
+                is_lost,
+                is_shown,
+                is_rejected,
+                unexplained: f64::NAN,
+                nis: f64::NAN,
+            });
         }
         if self.count < FEWEST {
             return None;
@@ -260,7 +266,8 @@ impl SignalWatch {
 
     /// Goes on from such numbers.
     pub(super) fn resumed(numbers: [f64; Self::NUMBERS]) -> Self {
-        let [began_s, count, rejected, first, sum, squares, innovations, steps, before, nis, rest @ ..] = numbers;
+        let [began_s, count, rejected, first, sum, squares, innovations, steps, before, nis, rest @ ..] =
+            numbers;
         let [is_lost, shown, from_s, level] = rest;
         let cycle =
             SignalCycle { began_s, count, rejected, first, sum, squares, innovations, steps, before, nis };
@@ -305,7 +312,8 @@ mod tests {
         turns(20_000, |time_s| {
             let noise = chance.borrow_mut().sample();
             let motion = 100.0 * (TAU * MOTION_HZ * time_s).sin();
-            let [signal, innovation] = if time_s < at_s { [motion + noise, noise] } else { then(motion, noise) };
+            let [signal, innovation] =
+                if time_s < at_s { [motion + noise, noise] } else { then(motion, noise) };
             [signal, innovation, innovation * innovation / told]
         })
     }

@@ -10,9 +10,9 @@ use super::settings::{AccelerometerHardware, AccelerometerSettings};
 use crate::config::Method;
 use crate::estimate::{
     AnyFilter, BatchStart, ConstantGain, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
-    ReadoutState,
-    SampleSelection, SignalStart, StartAgain, StartSearch, StartedCourse, StateFilter, StatePrior, StateSeries,
-    Trajectory, follow, inversion, rows_to_start_again, start_again_from_signal, start_from_signal,
+    ReadoutState, SampleSelection, SignalStart, StartAgain, StartSearch, StartedCourse, StateFilter,
+    StatePrior, StateSeries, Trajectory, follow, inversion, rows_to_start_again, start_again_from_signal,
+    start_from_signal,
 };
 use crate::progress::Progress;
 use crate::units::kind;
@@ -192,7 +192,8 @@ impl AccelerometerFilterTask<'_> {
         let (filter, prior) = (self.filter, self.device.sensed.prior);
         let stated = filter.start_sd.iter().zip([0.0, 0.0, prior.rms, prior.rms * prior.rate]);
         // What is stated of a start that is stated is not of a later one.
-        let sds = stated.map(|(stated, usual)| if *stated > 0.0 && filter.from_signal { *stated } else { usual });
+        let sds =
+            stated.map(|(stated, usual)| if *stated > 0.0 && filter.from_signal { *stated } else { usual });
         let sds = sds.chain(filter.spread).zip(instrument.scales.sizes());
         let known = sds.map(|(sd, size)| StatePrior { mean: 0.0, sd: (sd > 0.0).then_some(sd / size) });
         let readout = filter.basics.readout.iter().map(ReadoutState::prior);
@@ -200,7 +201,10 @@ impl AccelerometerFilterTask<'_> {
     }
 
     /// How the filter is started again where it has lost the signal.
-    fn start_again<'b, D, const N: usize>(&'b self, instrument: &'b Instrument<D, N>) -> Option<StartAgain<'b>>
+    fn start_again<'b, D, const N: usize>(
+        &'b self,
+        instrument: &'b Instrument<D, N>,
+    ) -> Option<StartAgain<'b>>
     where
         D: Dynamics<f64, N, Input: ModelInput> + Copy,
     {

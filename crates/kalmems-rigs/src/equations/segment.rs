@@ -129,7 +129,12 @@ impl Estimator for EquationEstimator<'_> {
             .fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
         let again = self.settings.filters.iter().map(|filter| filter.prior_of_a_later_start(own));
         let again = again.map(|prior| rows_before((own, &prior), interval_s)).fold(0, usize::max);
-        RowsAround { head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD), before: before + again, after, smooths }
+        RowsAround {
+            head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
+            before: before + again,
+            after,
+            smooths,
+        }
     }
 
     fn past(&mut self) -> &mut Past {

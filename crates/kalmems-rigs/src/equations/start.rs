@@ -126,7 +126,8 @@ impl EquationFilterTask<'_> {
     ) -> Option<StartAgain<'b>> {
         let basics = &self.filter.basics;
         let prior = self.filter.prior_of_a_later_start(self.own);
-        let rows = rows_to_start_again((cycle_s(self.own, &prior), self.data.samples.interval_s), self.states());
+        let rows =
+            rows_to_start_again((cycle_s(self.own, &prior), self.data.samples.interval_s), self.states());
         let rule = basics.reacquisition(self.data.motion.frequency_hz, self.data.start_s, rows)?;
         let search = search(self.own, prior);
         Some(StartAgain::by(rule, move |rows, _| {

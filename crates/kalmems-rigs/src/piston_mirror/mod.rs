@@ -192,7 +192,12 @@ struct PistonEstimator<'a> {
 impl Estimator for PistonEstimator<'_> {
     fn around(&self, interval_s: f64) -> RowsAround {
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        RowsAround { head: self.head(interval_s), before: 1 + start::rows_of_window(interval_s), after: 1, smooths }
+        RowsAround {
+            head: self.head(interval_s),
+            before: 1 + start::rows_of_window(interval_s),
+            after: 1,
+            smooths,
+        }
     }
 
     fn past(&mut self) -> &mut Past {

@@ -145,7 +145,9 @@ fn with_harmonics(x: &[f64], places: &[Option<usize>; 4]) -> ([f64; 2], [[f64; M
         of_five.map(|five| std::array::from_fn(|i| five.get(i).copied().unwrap_or(0.0)));
     let ([_, f, phase, ..], rate) = (of_sine, TAU * of_sine[1]);
     for (which, place) in places.iter().enumerate() {
-        let Some((place, amplitude)) = place.and_then(|place| Some((place, *x.get(place)?))) else { continue };
+        let Some((place, amplitude)) = place.and_then(|place| Some((place, *x.get(place)?))) else {
+            continue;
+        };
         let order = if which < 2 { 2.0 } else { 3.0 };
         let (s, c) = (order * phase).portable_sin_cos();
         // The shape by the phase, its derivative, and the derivative of that.

@@ -47,7 +47,8 @@ pub fn changes_of_frequency(trajectories: &[Trajectory]) -> Vec<String> {
     let change = |trajectory: &Trajectory, restart: &Restart| {
         let (before, now) = (*restart.before.get(1)?, *restart.known.mean.get(1)?);
         let sd = restart.known.lower.get(2)?.sqrt();
-        let lost_s = trajectory.lock.lost_spans.iter().rev().find(|[from_s, _]| *from_s <= restart.time_s)?[0];
+        let lost_s =
+            trajectory.lock.lost_spans.iter().rev().find(|[from_s, _]| *from_s <= restart.time_s)?[0];
         ((now - before).abs() > CHANGED * sd).then(|| {
             format!(
                 "{}: at {} the frequency of the motion stepped from {} to {} Hz, which the samples until {} show with a standard deviation of {}",
@@ -60,7 +61,8 @@ pub fn changes_of_frequency(trajectories: &[Trajectory]) -> Vec<String> {
             )
         })
     };
-    let each = filters.flat_map(|trajectory| trajectory.restarts.iter().filter_map(|one| change(trajectory, one)));
+    let each =
+        filters.flat_map(|trajectory| trajectory.restarts.iter().filter_map(|one| change(trajectory, one)));
     each.collect()
 }
 

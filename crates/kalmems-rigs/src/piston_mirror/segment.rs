@@ -12,8 +12,8 @@ use crate::config::Method;
 use crate::estimate::driven::{OfMotion, ParametricReadout, combinations, shifted};
 use crate::estimate::{
     self, AnyFilter, Course, EstimateError, FilterPast, GainOf, LockInWindows, MeanAndCovariance,
-    MeasurementSensor, Past, SampleSelection, StartAgain, StartedCourse, StateName, Swing, Tracked, Trajectory,
-    answers, answers_of_bank, follow, inversion, lock_in, start_again_from,
+    MeasurementSensor, Past, SampleSelection, StartAgain, StartedCourse, StateName, Swing, Tracked,
+    Trajectory, answers, answers_of_bank, follow, inversion, lock_in, start_again_from,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -235,7 +235,8 @@ impl PistonFilterTask<'_> {
         };
         let start = || Ok(known(given, &self.started(given)?));
         let course = || {
-            PhasorCourse::new(drifting, &self.part.data, Box::new(readout.clone())).with_parameters(&basics.tracked)
+            PhasorCourse::new(drifting, &self.part.data, Box::new(readout.clone()))
+                .with_parameters(&basics.tracked)
         };
         let again = self.start_again(course, |found| known(None, found));
         let mut course = StartedCourse::new(course(), None).starting_again(again);

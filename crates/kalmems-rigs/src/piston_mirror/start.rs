@@ -154,9 +154,8 @@ fn of_all(
     let found = if has_harmonics {
         fit_motion::<WITH_HARMONICS>(plates, window, from, false)
     } else {
-        fit_motion::<5>(plates, window, from, false).map(|(start, sine)| {
-            (start, std::array::from_fn(|i| sine.get(i).copied().unwrap_or(0.0)))
-        })
+        fit_motion::<5>(plates, window, from, false)
+            .map(|(start, sine)| (start, std::array::from_fn(|i| sine.get(i).copied().unwrap_or(0.0))))
     };
     let (mut start, parameters) = found.map_err(|_| NoPistonBatchStart::NotFitted)?;
     start.left_out = distances.iter().filter(|d| !d.is_finite()).count();
@@ -240,7 +239,8 @@ impl<const N: usize> ResidualLaw<N> for MotionLaw<'_> {
             let mut distance = (p[0] + p[4] * t) * phase.cos() + p[3];
             if let [c2, s2, c3, s3] = p[5..] {
                 let (double, triple) = (phase * 2.0, phase * 3.0);
-                distance = distance + c2 * double.cos() + s2 * double.sin() + c3 * triple.cos() + s3 * triple.sin();
+                distance =
+                    distance + c2 * double.cos() + s2 * double.sin() + c3 * triple.cos() + s3 * triple.sin();
             }
             each((self.plates.capacitance(distance) - *y) * weight);
         }

@@ -228,7 +228,8 @@ impl Estimator for ScannerEstimator<'_> {
         let by_batch = self.settings.filters.iter().filter(|filter| filter.by_batch);
         let rows = by_batch.map(|filter| rows_for_start((cycle_s, interval_s), filter.states().len()));
         let again = self.settings.filters.iter().map(|filter| filter.states().len());
-        let again = again.map(|states| rows_to_start_again((cycle_s, interval_s), states)).fold(0, usize::max);
+        let again =
+            again.map(|states| rows_to_start_again((cycle_s, interval_s), states)).fold(0, usize::max);
         RowsAround { head: rows.fold(around.head, usize::max), before: around.before + again, ..around }
     }
 

@@ -10,9 +10,9 @@ use crate::estimate::driven::{
 };
 use crate::estimate::{
     AnyFilter, BatchStart, Course, EstimateError, FilterBasics, FilterPast, GainOf, MeanAndCovariance, Past,
-    PhasePrediction, PhasePredictor, Reacquisition, SideOutputs, SignalStart, StartAgain, StartSearch, StartedCourse,
-    StateName, StatePrior, Swing, Trajectory, answers_of_bank, begun, follow, lock_in, rows_to_start_again,
-    start_again_from_signal, start_from_signal, with_the_sign_before,
+    PhasePrediction, PhasePredictor, Reacquisition, SideOutputs, SignalStart, StartAgain, StartSearch,
+    StartedCourse, StateName, StatePrior, Swing, Trajectory, answers_of_bank, begun, follow, lock_in,
+    rows_to_start_again, start_again_from_signal, start_from_signal, with_the_sign_before,
 };
 use crate::progress::Progress;
 use crate::signal::Sine;

@@ -225,7 +225,8 @@ impl Estimator for ThresholdEstimator<'_> {
         let head = rows.fold(head, usize::max);
         let RowsNeeded { before, after } = needed(settings, interval_s).with_a_margin();
         let again = settings.filters.iter().map(|filter| filter.states().len());
-        let again = again.map(|states| rows_to_start_again((cycle_s, interval_s), states)).fold(0, usize::max);
+        let again =
+            again.map(|states| rows_to_start_again((cycle_s, interval_s), states)).fold(0, usize::max);
         let smooths = settings.filters.iter().any(|filter| filter.basics.smooth);
         RowsAround { head, before: before + again, after, smooths }
     }

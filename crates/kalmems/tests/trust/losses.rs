@@ -36,7 +36,12 @@ const PLACE: f64 = 0.3;
 
 impl Loss {
     /// The rows of the samples that are wrong.
-    fn spoil(self, values: &mut [f64], times: &[f64], (skip_s, motion_hz, seed): (f64, f64, u64)) -> [f64; 2] {
+    fn spoil(
+        self,
+        values: &mut [f64],
+        times: &[f64],
+        (skip_s, motion_hz, seed): (f64, f64, u64),
+    ) -> [f64; 2] {
         let from = times.partition_point(|time| *time < times[0] + skip_s);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a row
         let place = from + ((times.len() - from) as f64 * PLACE) as usize;
@@ -149,10 +154,8 @@ impl LossOutcome {
 
     fn row(&self, of: Of, loss: Loss, clean: f64) -> String {
         let cycles = |time_s: Option<f64>, from_s: f64| {
-            time_s.map_or_else(
-                || "–".to_owned(),
-                |time_s| format!("{:.1}", (time_s - from_s) * self.motion_hz),
-            )
+            time_s
+                .map_or_else(|| "–".to_owned(), |time_s| format!("{:.1}", (time_s - from_s) * self.motion_hz))
         };
         let lost = self.first_loss();
         format!(
@@ -235,8 +238,10 @@ fn a_step_of_the_frequency_is_named_and_followed() {
     let (_, clean) = followed(&piston(1, steady), from_s, steady);
     let (found, error) = followed(&piston(1, steps), from_s, steps);
     println!("{:?}: {error:.2e} m, {clean:.2e} m without", found.lock.events);
-    let [LockEvent::Lost { time_s, detected_s, .. }, LockEvent::Regained { time_s: again_s, restarted_s, .. }] =
-        found.lock.events[..]
+    let [
+        LockEvent::Lost { time_s, detected_s, .. },
+        LockEvent::Regained { time_s: again_s, restarted_s, .. },
+    ] = found.lock.events[..]
     else {
         panic!("{:?}", found.lock)
     };
@@ -249,8 +254,10 @@ fn a_step_of_the_frequency_is_named_and_followed() {
 /// that of a sine but for what four more states cost, and within its claim.
 #[test]
 fn harmonics_of_the_piston_mirror_are_states() {
-    let states = ["second_harmonic_cosine", "second_harmonic_sine", "third_harmonic_cosine", "third_harmonic_sine"];
-    let each: Vec<String> = states.iter().map(|name| format!("{name} = {{ start_sd = \"10 um\" }}")).collect();
+    let states =
+        ["second_harmonic_cosine", "second_harmonic_sine", "third_harmonic_cosine", "third_harmonic_sine"];
+    let each: Vec<String> =
+        states.iter().map(|name| format!("{name} = {{ start_sd = \"10 um\" }}")).collect();
     let with: Vec<Setting> = vec![("estimate.filter.0.states", format!("{{ {} }}", each.join(", ")))];
     let (amplitudes, skip_s) = ([4e-6, -3e-6, 2e-6, 1.5e-6], 0.4);
     let at = |time_s: f64| {
@@ -292,7 +299,8 @@ fn harmonics_of_the_piston_mirror_are_states() {
 /// While a motion that nothing drives has stopped it is no estimate, and noise is never taken for a motion.
 #[test]
 fn a_motion_that_stops_and_starts_is_lost_and_found() {
-    let moves = |time_s: f64| [if (0.5..0.7).contains(&time_s) { 0.0 } else { 5e-4 }, TAU * 500.0 * time_s + 0.7];
+    let moves =
+        |time_s: f64| [if (0.5..0.7).contains(&time_s) { 0.0 } else { 5e-4 }, TAU * 500.0 * time_s + 0.7];
     let steady = |time_s: f64| [5e-4, TAU * 500.0 * time_s + 0.7];
     let from_s = 0.7 + 100.0 / 500.0;
     let (_, clean) = followed(&piston(2, steady), from_s, steady);
@@ -304,7 +312,8 @@ fn a_motion_that_stops_and_starts_is_lost_and_found() {
     };
     assert!((0.498..0.506).contains(&time_s) && (0.7..0.8).contains(&again_s), "{:?}", found.lock);
     assert!(found.lock.is_usable() && error <= 2.0 * clean, "{error:e} {clean:e}");
-    let (stopped, _) = followed(&piston(2, |t| [if t < 0.5 { 5e-4 } else { 0.0 }, TAU * 500.0 * t + 0.7]), 0.5, steady);
+    let (stopped, _) =
+        followed(&piston(2, |t| [if t < 0.5 { 5e-4 } else { 0.0 }, TAU * 500.0 * t + 0.7]), 0.5, steady);
     assert!(!stopped.lock.is_usable() && stopped.lock.events.len() == 1, "{:?}", stopped.lock);
 }
 
@@ -314,9 +323,8 @@ fn a_loss_is_the_same_in_parts() {
     for of in DEVICES {
         let (experiment, mut simulated) = of.recorded(&longer(of), 690);
         let rig = published().rig(&experiment).unwrap();
-        let recording = |simulated: &ComputedRecording| {
-            simulated.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap()
-        };
+        let recording =
+            |simulated: &ComputedRecording| simulated.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap();
         let clean = rig.estimate(&experiment, 0, &recording(&simulated), &Silent).unwrap();
         let (motion_hz, skip_s) = (clean[0].motion.frequency_hz, clean[0].skip_s);
         let signal = &signals(&experiment)[0];

@@ -8,8 +8,8 @@ use super::tones::DriveTones;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, Course, EstimateError, FilterPast, GainOf, MeanAndCovariance, Past, Swing, Trajectory, lock_in,
-    start_again_from, with_the_sign_before,
+    AnyFilter, Course, EstimateError, FilterPast, GainOf, MeanAndCovariance, Past, Swing, Trajectory,
+    lock_in, start_again_from, with_the_sign_before,
 };
 use crate::progress::Progress;
 use crate::shared_scanner::segment::{FilterSideOutputs, ScannerFilterRun, SearchAgain};
