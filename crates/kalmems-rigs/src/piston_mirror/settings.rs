@@ -73,10 +73,10 @@ pub static PARAMETERS: [DeviceParameter; 6] = [
     DeviceParameter::farads("stray_capacitance")
         .in_readout("stray")
         .written(&[("capacitance.coefficients[0]", 1)]),
-    DeviceParameter::metres(HARMONICS[0]).in_readout("harmonics[0]"),
-    DeviceParameter::metres(HARMONICS[1]).in_readout("harmonics[1]"),
-    DeviceParameter::metres(HARMONICS[2]).in_readout("harmonics[2]"),
-    DeviceParameter::metres(HARMONICS[3]).in_readout("harmonics[3]"),
+    DeviceParameter::metres(HARMONICS[0]).in_readout("harmonics.0"),
+    DeviceParameter::metres(HARMONICS[1]).in_readout("harmonics.1"),
+    DeviceParameter::metres(HARMONICS[2]).in_readout("harmonics.2"),
+    DeviceParameter::metres(HARMONICS[3]).in_readout("harmonics.3"),
 ];
 
 /// What a filter knows of the motion.
