@@ -349,14 +349,16 @@ fn slow_a_loss_is_the_same_in_parts_of_every_device() {
     is_the_same_in_parts(DEVICES);
 }
 
-/// Twenty seeds a cell: `cargo test --release -p kalmems --test trust -- --ignored slow_losses --nocapture`.
+/// Twenty seeds a cell, or as many as `KALMEMS_SEEDS` says, of all devices or of those whose name has `KALMEMS_DEVICE` in it:
+/// `cargo test --release -p kalmems --test trust -- --ignored slow_losses --nocapture`.
 #[test]
 #[ignore = "slow: half an hour on two processors"]
 fn slow_losses_of_every_device() {
     let count = std::env::var("KALMEMS_SEEDS").ok().and_then(|count| count.parse::<u64>().ok());
     println!("| device | loss | begun | known | back | starts | error | grade | left out |");
     let mut wrong = Vec::new();
-    for of in DEVICES {
+    let wanted = std::env::var("KALMEMS_DEVICE").unwrap_or_default();
+    for of in DEVICES.into_iter().filter(|of| of.name().contains(&wanted)) {
         for seed in 701..=700 + count.unwrap_or(20) {
             let recorded = of.recorded(&longer(of), seed);
             for loss in LOSSES {
