@@ -184,21 +184,22 @@ fn evaluate(
             Some(reference) => reference.angles_of(&estimate.segment)?,
             None => Vec::new(),
         };
-        let errors = rig.evaluate(&estimate, &found, &stop);
+        let judged = estimate.without_lost();
+        let errors = rig.evaluate(&judged, &found, &stop);
         let known = match &reference {
             Some(reference) => reference.values_of(&estimate.segment)?,
             None => Vec::new(),
         };
         let from_s = estimate.from_s();
-        let values =
-            estimate.trajectories.iter().map(|t| evaluate_values(t, &known, from_s, &stop)).collect();
+        let values = judged.trajectories.iter().map(|t| evaluate_values(t, &known, from_s, &stop)).collect();
         let mut of_its_own = SegmentJudge::default();
         let (judge, ends) = match &mut judge {
             Some((judge, ends)) => (&mut **judge, *ends),
             None => (&mut of_its_own, true),
         };
-        judge.take(&estimate, &stop);
-        let judgements = if ends { judge.judgements(&estimate) } else { Vec::new() };
+        judge.take(&judged, &stop);
+        let judgements = if ends { judge.judgements(&judged) } else { Vec::new() };
+        drop(judged);
         if stop.is_requested() {
             return Err(EstimateError::Interrupted.into());
         }

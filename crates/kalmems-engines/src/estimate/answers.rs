@@ -57,6 +57,9 @@ pub(super) trait AnswerRun: Send {
 
     /// How it takes its samples, as numbers.
     fn watch_numbers(&self) -> Vec<f64>;
+
+    /// What it knows of the loss of its signal, as numbers.
+    fn loss_numbers(&self) -> Vec<f64>;
 }
 
 /// Of `N` states.
@@ -100,12 +103,17 @@ impl<const N: usize> AnswerRun for SizedAnswerRun<N> {
     fn watch_numbers(&self) -> Vec<f64> {
         self.followed.watch_numbers()
     }
+
+    fn loss_numbers(&self) -> Vec<f64> {
+        self.followed.loss_numbers()
+    }
 }
 
 /// A filter at the beginning of its way, or where it was left in another run, with the smoothers that are wanted.
 pub(super) struct FilterRunStart<'a> {
     left: Option<&'a MeanAndCovariance>,
     watch: SampleGate,
+    loss: &'a [f64],
     smooth: bool,
     lag: Option<usize>,
 }
@@ -117,7 +125,7 @@ impl FilterRunStart<'_> {
         filter: Box<dyn StateFilter<N>>,
     ) -> Result<Box<dyn AnswerRun>, FilterError> {
         let followed = match self.left {
-            Some(left) => FilterRun::resumed(filter, self.watch, left)?,
+            Some(left) => FilterRun::resumed(filter, self.watch, left, self.loss)?,
             None => FilterRun::new(filter, self.watch),
         };
         let whole = self.smooth.then(|| ("smoothed", Smoother::Whole(PendingPart::new())));
@@ -176,7 +184,13 @@ fn follow_all(
     } else {
         let (left, lag) = (past.left().cloned(), filter.lag_samples(samples.interval_s));
         let watch = past.watch(filter, (course.time_s(), samples));
-        let begun = begin(left)?.run(FilterRunStart { left: past.left(), watch, smooth: filter.smooth, lag });
+        let begun = begin(left)?.run(FilterRunStart {
+            left: past.left(),
+            watch,
+            loss: past.loss(),
+            smooth: filter.smooth,
+            lag,
+        });
         begun.map_err(|why| EstimateError::Resumed { why: why.to_string() })?
     };
     let decided = past.decided.clone();

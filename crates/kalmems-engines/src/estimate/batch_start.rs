@@ -37,6 +37,8 @@ pub struct StartSearch {
     /// Whether a start and the one in which all of `mirrored` have the other sign are one: of a device that is symmetric no signal
     /// tells it.
     pub is_symmetric: bool,
+    /// Whether what is known behind the rows is asked for where no noise enters the motion as well.
+    pub tells_behind: bool,
 }
 
 /// A start, and what is known behind the samples that it was found from.
@@ -47,7 +49,7 @@ pub struct BatchStart {
     /// What all samples of the batch say of the states at its first one.
     pub first: MeanAndCovariance,
     /// What they say of the states at the first row behind them; `None` where that is what a prediction from the start says, because no
-    /// noise enters the motion.
+    /// noise enters the motion, and it was not asked for.
     pub behind: Option<MeanAndCovariance>,
     /// That row.
     pub row: usize,
@@ -110,6 +112,36 @@ pub fn batch_start(
     }
     batch.judge(&found, &fits)?;
     batch.concluded(&found)
+}
+
+/// What is known at the row behind these rows of a course by a filter that begins at the first of them with this and is corrected by each; `None`
+/// where its innovations are larger than claimed by more than `most` in the mean of their squares.
+pub(super) fn carried_on(
+    course: &mut dyn Course,
+    rows: Range<usize>,
+    known: &MeanAndCovariance,
+    most: f64,
+) -> Option<MeanAndCovariance> {
+    let n = known.mean.len();
+    let mut filter = FromKnown::new(&known.mean, false, &[]);
+    let lower = || (0..n).flat_map(|i| (0..=i).map(move |j| (i, j)));
+    for ((i, j), entry) in lower().zip(&known.lower) {
+        filter.covariance[i * n + j] = *entry;
+        filter.covariance[j * n + i] = *entry;
+    }
+    filter.is_noisy = true;
+    let mut counts = SampleCounts::default();
+    for k in rows.clone() {
+        if k > rows.start {
+            course.advance(&mut filter, k, &mut counts).ok()?;
+        }
+        course.correct(&mut filter, k, &mut counts).ok()?;
+    }
+    course.advance(&mut filter, rows.end, &mut counts).ok()?;
+    let squares = filter.of_samples.iter().map(|residual| residual * residual).sum::<f64>();
+    let is_explained = squares <= most * filter.of_samples.len() as f64;
+    let lower = lower().map(|(i, j)| filter.covariance[i * n + j]).collect();
+    is_explained.then_some(MeanAndCovariance { mean: filter.mean, lower })
 }
 
 /// The rows of a course from which a start is found.
@@ -359,7 +391,7 @@ impl StartBatch<'_> {
                 };
                 filter.covariance[i * n + j] + pairs.map(start).sum::<f64>()
             };
-            filter.is_noisy.then(|| MeanAndCovariance {
+            (filter.is_noisy || self.search.tells_behind).then(|| MeanAndCovariance {
                 mean: filter.mean.clone(),
                 lower: lower().map(|(i, j)| spread(i, j)).collect(),
             })

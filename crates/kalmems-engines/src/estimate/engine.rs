@@ -4,11 +4,13 @@ use super::any_filter::StateFilter;
 use super::error_memory::ErrorMemory;
 use super::gate::{Decisions, NEVER, Rejection, SampleGate};
 use super::linked::LinkedFilter;
+use super::loss_watch::{LossWatch, Reacquisition};
 use super::phase_prediction::{PhasePredictor, StatePropagation};
+use super::signal_watch::WatchedSample;
 use super::transition::{Sensor, Transition};
 use super::{
-    AnyKnownStateStep, FilterFailure, FurtherSignal, KnownStateStep, Lock, MeanAndCovariance, SampleCounts,
-    StateSeries, Trajectory, TrajectoryKind,
+    AnyKnownStateStep, FilterFailure, FurtherSignal, KnownStateStep, Lock, MeanAndCovariance, Restart,
+    SampleCounts, StateSeries, Trajectory, TrajectoryKind,
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
@@ -52,6 +54,18 @@ pub trait Course {
     /// Predicts what will happen, from a filter that is corrected by sample `k`, where that is asked for.
     fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
         let _ = (filter, k);
+    }
+
+    /// How a filter on this way is started again from the signal where it has lost it; `None` where it is not.
+    fn reacquisition(&self) -> Option<Reacquisition> {
+        None
+    }
+
+    /// What the rows before this one, as many as [`reacquisition`](Self::reacquisition) says, tell of the states at it, without what a filter knew
+    /// before; `None` where they tell nothing that can be believed. `held` is the time in s and the state at which the signal was not lost yet.
+    fn start_again(&mut self, row: usize, held: (f64, &[f64])) -> Option<MeanAndCovariance> {
+        let _ = (row, held);
+        None
     }
 
     /// Enters what is known of the whole at the end of a filter's way, where there is something.
@@ -308,6 +322,7 @@ impl Trajectory {
             rejected: Vec::new(),
             gate_nis: None,
             gate_turns: Vec::new(),
+            restarts: Vec::new(),
             further: Vec::new(),
             error_spans: Vec::new(),
             whitens: true,
@@ -331,6 +346,7 @@ impl Trajectory {
         let rejected = later.rejected.iter().map(|one| Rejection { sample: before + one.sample, ..*one });
         self.rejected.extend(rejected);
         self.gate_turns.extend_from_slice(&later.gate_turns);
+        self.restarts.append(&mut later.restarts);
         self.each_series(&mut later, Vec::append);
     }
 
@@ -352,6 +368,8 @@ impl Trajectory {
         let last_s = front.time_s.last().copied().unwrap_or(f64::NEG_INFINITY);
         let of_front = self.gate_turns.partition_point(|turn| turn.time_s <= last_s);
         front.gate_turns.extend(self.gate_turns.drain(..of_front));
+        let of_front = self.restarts.partition_point(|restart| restart.time_s <= last_s);
+        front.restarts.extend(self.restarts.drain(..of_front));
         front
     }
 
@@ -369,6 +387,7 @@ impl Trajectory {
             log_likelihood: Vec::new(),
             rejected: Vec::new(),
             gate_turns: Vec::new(),
+            restarts: Vec::new(),
             lock: self.lock.clone(),
             further: self.further.iter().map(FurtherSignal::hollow).collect(),
             error_spans: self.error_spans.clone(),
@@ -403,6 +422,7 @@ pub struct FilterRun<const N: usize> {
     begun: bool,
     failure: Option<FilterFailure>,
     errors: ErrorMemory<N>,
+    loss: LossWatch<N>,
 }
 
 impl<const N: usize> FilterRun<N> {
@@ -410,18 +430,21 @@ impl<const N: usize> FilterRun<N> {
     pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
         let filter = LinkedFilter::new(filter, watch);
-        Self { entry: filter.clone(), filter, begun: false, failure: None, errors: ErrorMemory::new() }
+        let (errors, loss) = (ErrorMemory::new(), LossWatch::new());
+        Self { entry: filter.clone(), filter, begun: false, failure: None, errors, loss }
     }
 
-    /// From a sample on at which a filter was left with this mean and covariance.
+    /// From a sample on at which a filter was left with this mean and covariance, and with these numbers of its watch for a lost signal.
     pub(super) fn resumed(
         filter: Box<dyn StateFilter<N>>,
         watch: SampleGate,
         left: &MeanAndCovariance,
+        loss: &[f64],
     ) -> Result<Self, FilterError> {
         let mut followed = Self::new(filter, watch);
         followed.filter.predict(&KnownStateStep::<N>::from(left.gaussian()).step())?;
         followed.begun = true;
+        followed.loss = LossWatch::resumed(loss);
         Ok(followed)
     }
 
@@ -433,6 +456,11 @@ impl<const N: usize> FilterRun<N> {
     /// How it takes its samples, as numbers.
     pub(super) fn watch_numbers(&self) -> Vec<f64> {
         self.filter.watched().numbers()
+    }
+
+    /// What it knows of the loss of its signal, as numbers.
+    pub(super) fn loss_numbers(&self) -> Vec<f64> {
+        self.loss.numbers()
     }
 
     /// Follows what another run of the filter rejected, or decides by itself.
@@ -471,6 +499,7 @@ impl<const N: usize> FilterRun<N> {
         progress.begin(names.1, n as u64);
         let (started, mut pace) = (Instant::now(), Pace::default());
         trajectory.failure = self.failure;
+        let again = course.reacquisition();
         for k in 0..n {
             // A step over a gap counts as the samples that it stands for.
             let steps = k.saturating_add(trajectory.counts.bridged);
@@ -482,7 +511,9 @@ impl<const N: usize> FilterRun<N> {
             if self.failure.is_some() {
                 break;
             }
-            if let Err(why) = self.step((course, derived.as_ref()), (fresh.start, k), &mut trajectory) {
+            if let Err(why) =
+                self.step((course, derived.as_ref()), again.as_ref(), (fresh.start, k), &mut trajectory)
+            {
                 self.failure = Some(FilterFailure { time_s: trajectory.time_s[k], why });
                 trajectory.failure = self.failure;
             }
@@ -501,6 +532,7 @@ impl<const N: usize> FilterRun<N> {
     fn step(
         &mut self,
         (course, derived): (&mut dyn Course, Option<&DerivedQuantities>),
+        again: Option<&Reacquisition>,
         (first, k): (usize, usize),
         trajectory: &mut Trajectory,
     ) -> Result<(), FilterError> {
@@ -508,6 +540,14 @@ impl<const N: usize> FilterRun<N> {
         if self.begun {
             filter.forget();
             course.advance(filter, first + k, &mut trajectory.counts)?;
+            if self.loss.take_due()
+                && let (held_s, held) = self.loss.held()
+                && let Some(known) = course.start_again(first + k, (held_s, held))
+            {
+                filter.take_over(&AnyKnownStateStep::from(&known))?;
+                let (time_s, before) = (trajectory.time_s[k], held.to_vec());
+                trajectory.restarts.push(Restart { time_s, known, before });
+            }
         }
         self.begun = true;
         if k == 0 {
@@ -538,6 +578,14 @@ impl<const N: usize> FilterRun<N> {
         trajectory.enter_rejections(k, filter.watched());
         let now = filter.gaussian();
         trajectory.keep(derived, k, &now.mean, &|i, j| now.covariance.get(i, j));
+        if let Some(again) = again {
+            let sample = if filter.watched().rejects(0) {
+                WatchedSample::Rejected
+            } else {
+                WatchedSample::Taken([trajectory.signal[k], trajectory.innovation[k], trajectory.nis[k]])
+            };
+            self.loss.take(again, trajectory.time_s[k], sample, &now.mean);
+        }
         let covariances = (before.as_ref(), &now.covariance);
         let span = self.errors.take(trajectory.time_s[k], filter.link().as_ref(), covariances);
         trajectory.error_spans.extend(span);

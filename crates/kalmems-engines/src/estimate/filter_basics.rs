@@ -3,7 +3,8 @@
 use super::gate::{FALSE_REJECTIONS, GateMode, UpdateLaw, largest_nis};
 use super::tracked::{DeviceParameter, Tracked, tracked};
 use super::{
-    AnyFilter, EstimateError, FilterKind, GainOf, MOST_MODELS, MeanAndCovariance, ReadoutState, StateName,
+    AnyFilter, EstimateError, FilterKind, GainOf, MOST_MODELS, MeanAndCovariance, Reacquisition,
+    ReadoutState, StateName,
 };
 use crate::config::{
     ConfigError, ConfigFault, Estimate, Experiment, FilterTable, Key, Method, OutlierGate, Quantity, Update,
@@ -121,6 +122,18 @@ impl FilterBasics {
             FilterKind { method, points, considered_from: states.saturating_sub(self.parameters().len()) };
         AnyFilter::of(kind, &known)
             .ok_or_else(|| EstimateError::TooManyStates { filter: self.name.clone(), states })
+    }
+
+    /// How it is started again where it has lost the signal of a motion of this frequency in Hz, on a segment that began at this time in s, by so many
+    /// rows; `None` of one that is not: without a gate a filter takes each sample as it is told to, an observer forgets where it starts, the models
+    /// of a bank are weighed by the same samples, and the model alone is corrected by none.
+    pub fn reacquisition(&self, motion_hz: f64, start_s: f64, rows: usize) -> Option<Reacquisition> {
+        let starts = self.taking.largest_nis.is_some()
+            && self.gain().is_none()
+            && self.method != Method::Bank
+            && self.method.claims();
+        let from_s = start_s + self.taking.after_s * (1.0 - 1e-12);
+        starts.then_some(Reacquisition { motion_hz, from_s, rows })
     }
 
     /// How many samples of this interval in s a smoother with a fixed lag looks ahead, where one is wanted.

@@ -1,12 +1,15 @@
 //! A filter that takes its start from the first samples of its way.
 
+use super::batch_start::carried_on;
 use super::engine::{Course, DerivedQuantities, Filtering};
+use super::signal_watch::ALARM;
 use super::{
     AnyKnownStateStep, BatchStart, EstimateError, FilterBasics, MeanAndCovariance, NoBatchStart,
-    ReadoutState, RowsAround, SampleCounts, SampleSelection, StartSearch, StateName, StatePrior, Trajectory,
-    WithReadout, batch_start,
+    Reacquisition, ReadoutState, RowsAround, SampleCounts, SampleSelection, StartSearch, StateName,
+    StatePrior, Trajectory, WithReadout, batch_start,
 };
-use kalmems_core::{FilterError, Innovation};
+use kalmems_core::{FilterError, Innovation, Portable};
+use std::ops::Range;
 
 /// Cycles of the slowest motion that the start is first sought in.
 const CYCLES: f64 = 3.0;
@@ -25,6 +28,87 @@ fn first_rows((cycle_s, interval_s): (f64, f64), states: usize) -> usize {
 /// The rows that [`start_from_signal`] looks at, at most, and one behind them: what an estimator's first part has to have.
 pub fn rows_for_start(motion: (f64, f64), states: usize) -> usize {
     (first_rows(motion, states) << DOUBLINGS) + 1
+}
+
+/// Rows that a filter is started again by, at most: each block of a stream has them before it.
+const MOST_AGAIN: usize = 8192;
+
+/// The rows that a filter is started again by that has lost its signal, of a motion with this cycle in s, this interval in s and so many states:
+/// an estimator has to have them before its new rows.
+pub fn rows_to_start_again(motion: (f64, f64), states: usize) -> usize {
+    first_rows(motion, states).min(MOST_AGAIN)
+}
+
+/// What these rows of a course tell of the states at the row behind them, and of those of the readout; `None` where no motion of the device
+/// explains them, be it that there is none or that the signal is not the device's.
+pub fn start_again_from_signal(
+    course: &mut dyn Course,
+    rows: Range<usize>,
+    search: &StartSearch,
+    readout: &[ReadoutState],
+) -> Option<MeanAndCovariance> {
+    let search = StartSearch { tells_behind: true, ..search.clone() };
+    let found = if readout.is_empty() {
+        batch_start(course, rows, &search)
+    } else {
+        batch_start(&mut WithReadout::new(course, readout), rows, &search)
+    };
+    let found = found.ok().filter(|found| found.mean_square <= ALARM)?;
+    found.behind
+}
+
+/// The same where another search tells what is known at the first of these rows, so wide that a filter may use them once more.
+pub fn start_again_from(
+    course: &mut dyn Course,
+    rows: Range<usize>,
+    known: &MeanAndCovariance,
+    readout: &[ReadoutState],
+) -> Option<MeanAndCovariance> {
+    if readout.is_empty() {
+        return carried_on(course, rows, known, ALARM);
+    }
+    let known = known.clone().with(readout.iter().map(ReadoutState::first));
+    carried_on(&mut WithReadout::new(course, readout), rows, &known, ALARM)
+}
+
+/// Gives the swing that is known at a time in s the sign that it had before: of a device whose signal is the same for both signs. It swings at this
+/// rate in rad/s, which a drive sets; at another time in s it was known. Its angle is the state of this place, its rate the next one.
+pub fn with_the_sign_before(
+    known: MeanAndCovariance,
+    place: usize,
+    (time_s, rate): (f64, f64),
+    (held_s, held): (f64, &[f64]),
+) -> MeanAndCovariance {
+    let of = |states: &[f64]| -> Option<[f64; 2]> { states.get(place..place + 2)?.try_into().ok() };
+    let (Some([angle, velocity]), Some([found, found_velocity])) = (of(held), of(&known.mean)) else {
+        return known;
+    };
+    let (sine, cosine) = (rate * (time_s - held_s)).portable_sin_cos();
+    let expected = [angle * cosine + velocity / rate * sine, velocity / rate * cosine - angle * sine];
+    let has_the_other = expected[0] * found + expected[1] * found_velocity / rate < 0.0;
+    if has_the_other { known.mirrored(&(place..place + 2)) } else { known }
+}
+
+/// How a filter of a course is started again.
+pub struct StartAgain<'a> {
+    rule: Reacquisition,
+    seek: Box<dyn StartSearcher + 'a>,
+}
+
+/// Seeks a start in rows, with the time in s and the state at which the signal was not lost yet: what is known at the row behind these rows.
+trait StartSearcher: FnMut(Range<usize>, (f64, &[f64])) -> Option<MeanAndCovariance> {}
+
+impl<F: FnMut(Range<usize>, (f64, &[f64])) -> Option<MeanAndCovariance>> StartSearcher for F {}
+
+impl<'a> StartAgain<'a> {
+    /// By this rule; `seek` is given the rows, and the time in s and the state at which the signal was not lost yet, and tells what is known at the
+    /// row behind these rows.
+    pub fn by(
+        rule: Reacquisition,
+        seek: impl FnMut(Range<usize>, (f64, &[f64])) -> Option<MeanAndCovariance> + 'a,
+    ) -> Self {
+        Self { rule, seek: Box::new(seek) }
+    }
 }
 
 /// Of which filter a start is sought, and what is said where there is none.
@@ -157,8 +241,10 @@ pub fn begun(left: Option<MeanAndCovariance>, start: Option<&BatchStart>) -> Opt
 
 /// A course whose first samples have told the start of the filter: they do not correct it a second time, and behind them it is at what they
 /// say, noise of the motion included.
-pub struct StartedCourse<C> {
+pub struct StartedCourse<'a, C> {
     course: C,
+    /// How the filter is started again, where it is.
+    again: Option<StartAgain<'a>>,
     /// The row from which on samples correct the filter, and what is known there, where that is not what a prediction says.
     begins: Option<(usize, Option<AnyKnownStateStep>)>,
     /// What stands for the innovations of further signals before.
@@ -167,13 +253,19 @@ pub struct StartedCourse<C> {
     is_silent: bool,
 }
 
-impl<C: Course> StartedCourse<C> {
+impl<'a, C: Course> StartedCourse<'a, C> {
     /// Of this course; nothing of it is changed where there is no start.
     pub fn new(course: C, start: Option<&BatchStart>) -> Self {
         let started = start.map(|start| (start.row, start.behind.as_ref().map(AnyKnownStateStep::from)));
         let none =
             if started.is_some() { vec![[f64::NAN; 2]; course.further_signals().len()] } else { Vec::new() };
-        Self { course, begins: started, none, is_silent: false }
+        Self { course, again: None, begins: started, none, is_silent: false }
+    }
+
+    /// The same, on which a filter that has lost its signal is started again so, where that is told.
+    #[must_use]
+    pub fn starting_again(self, again: Option<StartAgain<'a>>) -> Self {
+        Self { again, ..self }
     }
 
     /// The course itself.
@@ -182,7 +274,7 @@ impl<C: Course> StartedCourse<C> {
     }
 }
 
-impl<C: Course> Course for StartedCourse<C> {
+impl<C: Course> Course for StartedCourse<'_, C> {
     fn time_s(&self) -> &[f64] {
         self.course.time_s()
     }
@@ -213,6 +305,16 @@ impl<C: Course> Course for StartedCourse<C> {
 
     fn conclude(&self, trajectory: &mut Trajectory) {
         self.course.conclude(trajectory);
+    }
+
+    fn reacquisition(&self) -> Option<Reacquisition> {
+        self.again.as_ref().map(|again| again.rule)
+    }
+
+    fn start_again(&mut self, row: usize, held: (f64, &[f64])) -> Option<MeanAndCovariance> {
+        let again = self.again.as_mut()?;
+        let first = row.checked_sub(again.rule.rows)?;
+        (again.seek)(first..row, held)
     }
 
     fn advance(

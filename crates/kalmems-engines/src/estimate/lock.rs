@@ -1,6 +1,7 @@
 //! Whether a filter followed the motion, told from the recording alone.
 
 use super::Trajectory;
+use super::signal_watch::{SignalTurn, SignalWatch, UNEXPLAINED, WatchedSample};
 use crate::inspect::quantity;
 use crate::signal::fit_cycles;
 use serde::Serialize;
@@ -14,6 +15,13 @@ pub struct Lock {
     /// Whether the signal is lost at the end of the samples.
     #[serde(skip)]
     pub lost: bool,
+    /// Where the samples are no estimate, as far as that is known: each time in s from which on the signal is lost, and that at which the
+    /// filter has settled again; infinite where it has not been found again.
+    #[serde(skip)]
+    pub lost_spans: Vec<[f64; 2]>,
+    /// The time in s from which on that is not known yet, where more samples are to come.
+    #[serde(skip)]
+    pub undecided_from_s: Option<f64>,
 }
 
 /// Something that a good estimate never does.
@@ -25,8 +33,21 @@ pub enum LockEvent {
     Lost {
         /// When the cycle began, in s.
         time_s: f64,
-        /// The root mean square innovation, less its noise, over the signal's standard deviation in that cycle.
+        /// When it was over, so that this was known, in s.
+        detected_s: f64,
+        /// The root mean square innovation, less its noise, over the signal's standard deviation in that cycle; not a number where the gate rejected
+        /// most of its samples.
         unexplained: f64,
+    },
+    /// After a loss the prediction explained the signal again, in several cycles that followed each other.
+    Regained {
+        /// When the last of these cycles was over, in s.
+        time_s: f64,
+        /// When the filter has settled again, in s: the settling time after the beginning of the first of these cycles, or after its new start.
+        settled_s: f64,
+        /// When the filter was last started again from the signal, in s; `None` where it came back by itself.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        restarted_s: Option<f64>,
     },
     /// The estimated motion has moved by more than a quarter of a cycle against the drive since it was last
     /// settled: it went over to another branch, most often the mirrored one.
@@ -47,6 +68,24 @@ impl Lock {
         self.events.is_empty()
     }
 
+    /// Whether there is an estimate: nothing happened, or each loss of the signal was over before the end.
+    pub fn is_usable(&self) -> bool {
+        let (mut is_lost, mut has_flipped) = (false, false);
+        for event in &self.events {
+            match event {
+                LockEvent::Lost { .. } => is_lost = true,
+                LockEvent::Regained { .. } => is_lost = false,
+                LockEvent::Flipped { .. } => has_flipped = true,
+            }
+        }
+        !(is_lost || has_flipped || self.lost)
+    }
+
+    /// Whether the signal is lost at this time in s, or the filter has not settled again by then.
+    pub fn is_lost_at(&self, time_s: f64) -> bool {
+        self.lost_spans.iter().any(|[from_s, to_s]| (*from_s..*to_s).contains(&time_s))
+    }
+
     /// Whether nothing happened to this angle, by its name among the states.
     pub fn held_of(&self, angle: &str) -> bool {
         self.events.iter().all(|event| matches!(event, LockEvent::Flipped { of, .. } if *of != angle))
@@ -56,12 +95,27 @@ impl Lock {
 impl std::fmt::Display for LockEvent {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Lost { time_s, unexplained } => write!(
-                f,
-                "lost the signal at {}: over a whole cycle the prediction leaves {:.0} % of it unexplained",
-                quantity(*time_s, "s"),
-                unexplained * 100.0
-            ),
+            Self::Lost { time_s, detected_s, unexplained } => {
+                let (lost, known) = (quantity(*time_s, "s"), quantity(*detected_s, "s"));
+                write!(f, "lost the signal at {lost}, which was known at {known}: over a whole cycle ")?;
+                if unexplained.is_nan() {
+                    f.write_str("the gate rejects most of its samples")
+                } else if *unexplained > UNEXPLAINED {
+                    write!(f, "the prediction leaves {:.0} % of it unexplained", unexplained * 100.0)
+                } else {
+                    f.write_str("the innovations are more than five times as large as before")
+                }
+            }
+            Self::Regained { time_s, settled_s, restarted_s } => {
+                write!(f, "found the signal again at {}, ", quantity(*time_s, "s"))?;
+                match restarted_s {
+                    Some(restarted_s) => {
+                        write!(f, "started again from the signal at {}", quantity(*restarted_s, "s"))?;
+                    }
+                    None => f.write_str("by itself")?,
+                }
+                write!(f, ", and has settled at {}", quantity(*settled_s, "s"))
+            }
             Self::Flipped { of, time_s, moved_deg } => write!(
                 f,
                 "changed branch at {}: the phase of the motion{} to the drive has changed by {moved_deg:.0}°",
@@ -81,10 +135,6 @@ pub struct MotionRate {
     pub is_driven: bool,
 }
 
-/// The share of the signal that may stay unexplained.
-const UNEXPLAINED: f64 = 0.5;
-/// The mean NIS of a cycle from which on the filter itself says that something is wrong.
-const ALARM: f64 = 4.0;
 /// The part of a small move that is taken for settled in each cycle, so that a drive whose frequency was found a little wrong,
 /// or drifts, is no change of branch after an hour.
 const FOLLOWED: f64 = 1.0 / 64.0;
@@ -107,7 +157,9 @@ impl LockEvent {
     /// When, in s.
     pub fn time_s(&self) -> f64 {
         match self {
-            Self::Lost { time_s, .. } | Self::Flipped { time_s, .. } => *time_s,
+            Self::Lost { time_s, .. } | Self::Regained { time_s, .. } | Self::Flipped { time_s, .. } => {
+                *time_s
+            }
         }
     }
 }
@@ -115,8 +167,13 @@ impl LockEvent {
 /// Judges a trajectory that comes in parts.
 #[derive(Default)]
 pub struct LockJudge {
-    signal: SignalJudge,
+    signal: SignalWatch,
     axes: Vec<AxisJudge>,
+    /// How long the filter has to settle, in s, once that is known.
+    settling_s: Option<f64>,
+    /// When it was last started again from the signal, while the signal is lost, in s.
+    restarted_s: Option<f64>,
+    lost_spans: Vec<[f64; 2]>,
 }
 
 impl LockJudge {
@@ -128,72 +185,78 @@ impl LockJudge {
         start_s: f64,
         ends: bool,
     ) -> Lock {
+        let first_s = trajectory.time_s.first().copied().unwrap_or(start_s);
+        self.settling_s.get_or_insert((start_s - first_s).max(0.0));
+        self.lost_spans.retain(|[_, to_s]| *to_s > first_s);
         let slowest_hz = axes.iter().map(|(_, motion)| motion.frequency_hz).fold(f64::INFINITY, f64::min);
         let mut events = Vec::new();
-        self.signal.judge(trajectory, slowest_hz, start_s, ends, &mut events);
+        self.judge_signal(trajectory, (slowest_hz, start_s), ends, &mut events);
+        // Whether the signal is lost in a cycle that has not ended is not known, and the phase of a lost motion means nothing.
+        let undecided_from_s = (!ends).then(|| self.signal.began_s().unwrap_or(start_s));
+        let known_until_s = undecided_from_s.unwrap_or(f64::INFINITY);
         self.axes.resize_with(axes.len(), AxisJudge::default);
         for ((of, motion), judge) in axes.iter().zip(&mut self.axes).filter(|((_, m), _)| m.is_driven) {
-            judge.judge(of, trajectory, motion.frequency_hz, start_s, &mut events);
+            let known = (known_until_s, &*self.lost_spans);
+            judge.judge((of, motion.frequency_hz), trajectory, start_s, known, &mut events);
         }
         events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
-        Lock { events, lost: self.signal.was_lost }
+        Lock { events, lost: self.signal.is_lost(), lost_spans: self.lost_spans.clone(), undecided_from_s }
     }
-}
 
-/// Whether the signal is lost, and the samples of the cycle that has not ended.
-#[derive(Default)]
-struct SignalJudge {
-    was_lost: bool,
-    time_s: Vec<f64>,
-    /// Signal, innovation and NIS.
-    values: Vec<[f64; 3]>,
-}
-
-impl SignalJudge {
-    /// The first cycle of each stretch in which the signal was lost.
-    fn judge(
+    /// The first cycle of each stretch in which the signal was lost, and when it was found again.
+    fn judge_signal(
         &mut self,
         trajectory: &Trajectory,
-        motion_hz: f64,
-        start_s: f64,
+        (motion_hz, start_s): (f64, f64),
         ends: bool,
         events: &mut Vec<LockEvent>,
     ) {
-        let Trajectory { time_s, signal, innovation, nis, .. } = trajectory;
-        let scored = time_s.partition_point(|t| *t < start_s)..time_s.len();
-        self.time_s.extend_from_slice(&time_s[scored.clone()]);
-        self.values.extend(scored.map(|k| [signal[k], innovation[k], nis[k]]));
-        let mut first = 0;
-        while let Some(begins_s) = self.time_s.get(first) {
-            let end = first + self.time_s[first..].partition_point(|t| *t < begins_s + 1.0 / motion_hz);
-            if end == self.time_s.len() && !ends {
-                break;
+        let Trajectory { time_s, signal, innovation, nis, restarts, .. } = trajectory;
+        let has_gate = trajectory.gate_nis.is_some();
+        let rejected = trajectory.rejected.iter().filter(|one| one.signal == 0);
+        let mut rejected = rejected.map(|one| one.sample).peekable();
+        let mut restarts = restarts.iter().map(|restart| restart.time_s).peekable();
+        for k in time_s.partition_point(|t| *t < start_s)..time_s.len() {
+            if let Some(restarted_s) = restarts.next_if(|restarted_s| *restarted_s <= time_s[k]) {
+                self.restarted_s = Some(restarted_s);
             }
-            let values = &self.values[first..end];
-            let updates = || values.iter().filter(|[_, _, nis]| nis.is_finite());
-            let count = updates().count();
-            if count >= 8 {
-                let mean = |f: &dyn Fn(&[f64; 3]) -> f64| updates().map(f).sum::<f64>() / count as f64;
-                let level = mean(&|[signal, ..]| *signal);
-                let spread = mean(&|[signal, ..]| (signal - level).powi(2));
-                // What is left of a motion goes on from one sample to the next; what does not is noise, and no motion was lost in it.
-                let left: Vec<f64> = updates().map(|[_, innovation, _]| *innovation).collect();
-                let steps: f64 = left.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
-                let noise = 0.5 * steps / (count - 1) as f64;
-                let square = mean(&|[_, innovation, _]| innovation.powi(2));
-                let unexplained = ((square - noise).max(0.0) / spread).sqrt();
-                // Once lost, it is found again only when the prediction is twice as good, so that one loss is told once.
-                let share = if self.was_lost { UNEXPLAINED / 2.0 } else { UNEXPLAINED };
-                let is_lost = unexplained > share && mean(&|[_, _, nis]| *nis) > ALARM;
-                if is_lost && !self.was_lost {
-                    events.push(LockEvent::Lost { time_s: *begins_s, unexplained });
-                }
-                self.was_lost = is_lost;
+            let rule = (motion_hz, has_gate);
+            while rejected.next_if(|sample| *sample < k).is_some() {}
+            let sample = if rejected.peek() == Some(&k) {
+                WatchedSample::Rejected
+            } else {
+                WatchedSample::Taken([signal[k], innovation[k], nis[k]])
+            };
+            let ended = self.signal.take(rule, time_s[k], sample);
+            if let Some(turn) = ended.and_then(|ended| ended.turn) {
+                self.turn(turn, events);
             }
-            first = end.max(first + 1);
         }
-        self.time_s.drain(..first.min(self.time_s.len()));
-        self.values.drain(..first.min(self.values.len()));
+        if ends
+            && let Some(last_s) = time_s.last()
+            && let Some(turn) = self.signal.finish(*last_s, has_gate).and_then(|ended| ended.turn)
+        {
+            self.turn(turn, events);
+        }
+    }
+
+    fn turn(&mut self, turn: SignalTurn, events: &mut Vec<LockEvent>) {
+        match turn {
+            SignalTurn::Lost { time_s, detected_s, unexplained } => {
+                self.restarted_s = None;
+                self.lost_spans.push([time_s, f64::INFINITY]);
+                events.push(LockEvent::Lost { time_s, detected_s, unexplained });
+            }
+            SignalTurn::Regained { time_s, from_s } => {
+                let restarted_s = self.restarted_s.take();
+                let from_s = restarted_s.map_or(from_s, |restarted_s| restarted_s.max(from_s));
+                let settled_s = time_s.max(from_s + self.settling_s.unwrap_or(0.0));
+                if let Some(last) = self.lost_spans.last_mut() {
+                    last[1] = settled_s;
+                }
+                events.push(LockEvent::Regained { time_s, settled_s, restarted_s });
+            }
+        }
     }
 }
 
@@ -214,10 +277,10 @@ impl AxisJudge {
     /// again (within a twelfth of a cycle from one cycle to the next).
     fn judge(
         &mut self,
-        of: &'static str,
+        (of, motion_hz): (&'static str, f64),
         trajectory: &Trajectory,
-        motion_hz: f64,
         start_s: f64,
+        (known_until_s, lost_spans): (f64, &[[f64; 2]]),
         events: &mut Vec<LockEvent>,
     ) {
         let angle = trajectory.state(of).map_or(&[][..], |state| &state.mean);
@@ -225,7 +288,15 @@ impl AxisJudge {
         self.time_s.extend_from_slice(&trajectory.time_s[from..angle.len()]);
         self.angle.extend_from_slice(&angle[from..]);
         let at_s = |cycles: u32| start_s + f64::from(cycles) / motion_hz;
-        for cycle in fit_cycles(&self.time_s, &self.angle, motion_hz, at_s(self.cycles)) {
+        let known = ..self.time_s.partition_point(|t| *t < known_until_s);
+        let is_lost = |cycle_s: f64| {
+            lost_spans.iter().any(|[from_s, to_s]| cycle_s < *to_s && cycle_s + 1.0 / motion_hz > *from_s)
+        };
+        for cycle in fit_cycles(&self.time_s[known], &self.angle[known], motion_hz, at_s(self.cycles)) {
+            if is_lost(cycle.start_s) {
+                self.left = None;
+                continue;
+            }
             let before = std::mem::replace(&mut self.before, cycle.phase_rad);
             let Some(settled) = self.settled else {
                 self.settled = Some(cycle.phase_rad);
@@ -244,7 +315,7 @@ impl AxisJudge {
                 self.left = None;
             }
         }
-        let Some(last_s) = self.time_s.last() else { return };
+        let Some(last_s) = self.time_s[known].last() else { return };
         while at_s(self.cycles + 1) <= *last_s {
             self.cycles += 1;
         }

@@ -20,12 +20,14 @@ mod known_state;
 mod linked;
 mod lock;
 mod lock_in;
+mod loss_watch;
 mod model_alone;
 mod part;
 mod past;
 mod phase_prediction;
 mod readout_states;
 mod segments;
+mod signal_watch;
 mod smoothing;
 mod stretches;
 mod tracked;
@@ -47,7 +49,10 @@ pub use engine::{
 pub use error::EstimateError;
 pub use error_memory::ErrorSpan;
 pub use filter_basics::{FilterBasics, process_noise};
-pub use from_signal::{SignalStart, StartedCourse, begun, rows_for_start, start_from_signal};
+pub use from_signal::{
+    SignalStart, StartAgain, StartedCourse, begun, rows_for_start, rows_to_start_again, start_again_from,
+    start_again_from_signal, start_from_signal, with_the_sign_before,
+};
 pub use gate::{
     Decisions, EVENTS, FALSE_REJECTIONS, GateMode, GateTurn, NEVER, Rejection, SampleGate, UpdateLaw,
     largest_nis,
@@ -56,6 +61,7 @@ pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, MotionRate, judge_lock};
 pub use lock_in::{LockInWindows, Swing, amplitude_of_line, current_line, inversion, lock_in};
+pub use loss_watch::Reacquisition;
 pub use model_alone::ModelAlone;
 pub use part::{RowsAround, SegmentPart};
 pub(crate) use past::NumberBits;
@@ -68,7 +74,7 @@ pub use segments::{AngleAxis, PassedMark, RecordedPassing, SegmentEstimate, Sign
 pub use stretches::{SkippedStretch, StretchJudge, StretchSummary};
 pub use tracked::{DeviceParameter, Tracked};
 pub use trajectory::{
-    FilterFailure, FurtherSignal, NisConsistency, ParameterCorrelation, SampleCounts, StateSeries,
+    FilterFailure, FurtherSignal, NisConsistency, ParameterCorrelation, Restart, SampleCounts, StateSeries,
     TrackedPrior, Trajectory, TrajectoryKind,
 };
 pub use transition::{MeasurementSensor, ProcessTransition, Sensor, Transition};

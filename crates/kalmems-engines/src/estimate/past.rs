@@ -95,6 +95,9 @@ struct FilterState {
     /// How it took its samples.
     #[serde(default)]
     watched: Vec<NumberBits>,
+    /// What it knew of the loss of its signal.
+    #[serde(default)]
+    loss: Vec<NumberBits>,
     /// Whether each axis of each answer is mirrored.
     mirrored: Vec<Vec<Option<bool>>>,
     /// The times of the zero phases that were told last, in s.
@@ -132,6 +135,7 @@ impl Past {
                 covariance: bits(covariance),
                 numbers: bits(&filter.numbers),
                 watched: bits(&filter.watched),
+                loss: bits(&filter.loss),
                 mirrored,
                 told,
             }
@@ -158,6 +162,7 @@ impl Past {
             }),
             numbers: numbers(&filter.numbers),
             watched: numbers(&filter.watched),
+            loss: numbers(&filter.loss),
             answers: (filter.mirrored.iter())
                 .map(|mirrored| AnswerPast { mirrored: mirrored.clone(), ..AnswerPast::default() })
                 .collect(),
@@ -225,6 +230,8 @@ pub struct FilterPast {
     left: Option<MeanAndCovariance>,
     /// How it took its samples there, as numbers.
     watched: Vec<f64>,
+    /// What it knew of the loss of its signal there, as numbers.
+    loss: Vec<f64>,
     /// What another run of the filter rejected, where this one is to follow it.
     pub(super) decided: Option<Decisions>,
     /// That of the part that was taken last.
@@ -259,6 +266,11 @@ impl FilterPast {
         watch
     }
 
+    /// What the filter knew of the loss of its signal where it was left, as numbers.
+    pub(super) fn loss(&self) -> &[f64] {
+        &self.loss
+    }
+
     /// Follows what another run of the filter rejected of the samples that come: of each the time in s and the signal.
     pub(crate) fn follow_rejections(&mut self, rejected: impl Iterator<Item = (f64, usize)>) {
         let now: Vec<(f64, usize)> = rejected.collect();
@@ -271,6 +283,7 @@ impl FilterPast {
     pub(super) fn leave(&mut self, run: Box<dyn AnswerRun>) {
         self.left = Some(run.known());
         self.watched = run.watch_numbers();
+        self.loss = run.loss_numbers();
         self.run = Some(run);
     }
 

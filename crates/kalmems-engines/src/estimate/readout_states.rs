@@ -10,7 +10,8 @@ use super::engine::{Course, DerivedQuantities, Filtering};
 use super::gate::SampleGate;
 use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::{
-    AnyKnownStateStep, MOST_STATES, SampleCounts, Sensor, StateName, StatePrior, Trajectory, Transition,
+    AnyKnownStateStep, MOST_STATES, MeanAndCovariance, Reacquisition, SampleCounts, Sensor, StateName,
+    StatePrior, Trajectory, Transition,
 };
 use crate::config::{AnyValue, ConfigError, Experiment, FilterTable, Key, MOST_LINES, Sign, TrackedState};
 use crate::units::{Kind, kind};
@@ -204,6 +205,15 @@ impl Course for WithReadout<'_> {
 
     fn derived(&self) -> Option<DerivedQuantities> {
         self.course.derived()
+    }
+
+    fn reacquisition(&self) -> Option<Reacquisition> {
+        self.course.reacquisition()
+    }
+
+    /// The course seeks a start of all states, as it does at the beginning.
+    fn start_again(&mut self, row: usize, held: (f64, &[f64])) -> Option<MeanAndCovariance> {
+        self.course.start_again(row, held)
     }
 
     fn conclude(&self, trajectory: &mut Trajectory) {

@@ -1,9 +1,10 @@
 //! Segments on the way to an estimate.
 
-use super::{EstimateError, MotionRate, Past, SegmentPart, Trajectory};
+use super::{EstimateError, MotionRate, Past, SegmentPart, Trajectory, TrajectoryKind};
 use crate::recording::{SampledRecording, Segment};
 use crate::signal::Sine;
 use crate::units::Kind;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// What the filters say of one segment.
@@ -76,6 +77,24 @@ pub struct AngleAxis {
 }
 
 impl SegmentEstimate {
+    /// What of it is judged: all, but for the samples at which a filter has lost the signal or settles again behind that, of which it says nothing
+    /// here. The model alone had no signal to lose.
+    pub fn without_lost(&self) -> Cow<'_, Self> {
+        let loses = |trajectory: &Trajectory| {
+            trajectory.kind != TrajectoryKind::ModelAlone && !trajectory.lock.lost_spans.is_empty()
+        };
+        if !self.trajectories.iter().any(loses) {
+            return Cow::Borrowed(self);
+        }
+        let mut judged = self.clone();
+        judged
+            .trajectories
+            .iter_mut()
+            .filter(|trajectory| loses(trajectory))
+            .for_each(Trajectory::leave_out_lost);
+        Cow::Owned(judged)
+    }
+
     /// The end of the settling time in s.
     pub fn from_s(&self) -> f64 {
         self.start_s + self.skip_s

@@ -3,7 +3,9 @@
 use super::engine::DerivedQuantities;
 use super::gate::Decisions;
 use super::linked::LinkedFilter;
-use super::{Course, FilterFailure, SampleCounts, Trajectory, TrajectoryKind};
+use super::{
+    AnyKnownStateStep, Course, FilterFailure, Filtering, Restart, SampleCounts, Trajectory, TrajectoryKind,
+};
 use crate::progress::Pace;
 use crate::progress::Progress;
 use kalmems_core::smooth::{self, Backward, Smoothed, SmoothingError, smooth_interval};
@@ -120,12 +122,13 @@ impl<const N: usize> PendingPart<N> {
         } else if given > 0 {
             let window = part.fresh.start - waited..part.fresh.end;
             let derived = course.derived();
+            let restarts = answer.restarts.clone();
             let each = |k: usize, smoothed: &Smoothed<f64, N>| {
                 if k < given {
                     keep(&mut answer, derived.as_ref(), k, smoothed);
                 }
             };
-            if let Err(stopped) = whole(&start, (course, progress), &window, each) {
+            if let Err(stopped) = whole(&start, (course, progress), (&window, &restarts), each) {
                 answer.failure = Some(failed(&answer, stopped)?);
             }
         }
@@ -142,7 +145,7 @@ impl<const N: usize> PendingPart<N> {
 fn whole<const N: usize>(
     start: &LinkedFilter<N>,
     (course, progress): (&mut dyn Course, &dyn Progress),
-    window: &Range<usize>,
+    (window, restarts): (&Range<usize>, &[Restart]),
     mut keep: impl FnMut(usize, &Smoothed<f64, N>),
 ) -> Result<(), SmoothingStop> {
     let block = window.len().isqrt() + 1;
@@ -152,7 +155,7 @@ fn whole<const N: usize>(
         keep(k, smoothed);
         Ok(())
     };
-    let mut repeated = SmoothedCourse::new(course, window.clone(), progress);
+    let mut repeated = SmoothedCourse::new(course, window.clone(), restarts, progress);
     smooth_interval(start, &mut repeated, &mut checkpoints, &mut steps, each).map_err(|e| match e {
         SmoothingError::Course { sample, cause } => (sample, cause),
         SmoothingError::Step { sample, cause } => (sample, Some(cause)),
@@ -214,13 +217,13 @@ impl<const N: usize> Lagged<N> {
         waited: usize,
         answer: &mut Trajectory,
     ) -> Result<(), SmoothingStop> {
-        let derived = course.derived();
+        let (derived, restarts) = (course.derived(), answer.restarts.clone());
         let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| keep(answer, derived.as_ref(), k, smoothed);
         let begun = self.filter.is_some();
         let filter = self.filter.get_or_insert_with(|| part.entry.clone());
         filter.follow(part.decided);
         let n = part.fresh.len();
-        let mut repeated = SmoothedCourse::new(course, part.fresh.clone(), progress);
+        let mut repeated = SmoothedCourse::new(course, part.fresh.clone(), &restarts, progress);
         for k in 0..n {
             let place = waited + k;
             let at = |why| (place, why);
@@ -320,11 +323,19 @@ struct SmoothedCourse<'a> {
     /// Steps that were taken.
     counts: SampleCounts,
     steps: usize,
+    /// Where the filter was started again, in the order of time.
+    restarts: Vec<Restart>,
 }
 
 impl<'a> SmoothedCourse<'a> {
-    fn new(course: &'a mut dyn Course, window: Range<usize>, progress: &'a dyn Progress) -> Self {
-        Self { course, window, progress, pace: Pace::default(), counts: SampleCounts::default(), steps: 0 }
+    fn new(
+        course: &'a mut dyn Course,
+        window: Range<usize>,
+        restarts: &[Restart],
+        progress: &'a dyn Progress,
+    ) -> Self {
+        let (pace, counts, restarts) = (Pace::default(), SampleCounts::default(), restarts.to_vec());
+        Self { course, window, progress, pace, counts, steps: 0, restarts }
     }
 }
 
@@ -347,7 +358,14 @@ impl<const N: usize> smooth::SmoothingCourse<f64, LinkedFilter<N>, N> for Smooth
             return Err(None);
         }
         filter.forget();
-        self.course.advance(filter, self.window.start + sample, &mut self.counts)?;
+        let row = self.window.start + sample;
+        self.course.advance(filter, row, &mut self.counts)?;
+        // Nothing of what was before the start goes through it, and nothing of what comes behind it.
+        if !self.restarts.is_empty() {
+            let time_s = self.course.time_s().get(row).copied().unwrap_or(f64::NAN);
+            let here = self.restarts.iter().find(|restart| restart.time_s == time_s);
+            here.map_or(Ok(()), |restart| filter.take_over(&AnyKnownStateStep::from(&restart.known)))?;
+        }
         filter.link().ok_or(Some(FilterError::NonFiniteState))
     }
 

@@ -69,6 +69,11 @@ impl DeviceParameter {
         Self::new(name, (&kind::CAPACITANCE, "F", &kind::CAPACITANCE_DRIFT))
     }
 
+    /// A length.
+    pub const fn metres(name: &'static str) -> Self {
+        Self::new(name, (&kind::LENGTH, "m", &kind::LENGTH_DRIFT))
+    }
+
     const fn new(
         name: &'static str,
         (kind, unit, drift): (&'static Kind, &'static str, &'static Kind),

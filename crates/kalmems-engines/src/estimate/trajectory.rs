@@ -1,6 +1,6 @@
 //! What a filter says over time.
 
-use super::{Contribution, ErrorSpan, GateTurn, Lock, Rejection};
+use super::{Contribution, ErrorSpan, GateTurn, Lock, MeanAndCovariance, Rejection};
 use crate::units::Kind;
 use kalmems_core::FilterError;
 use serde::Serialize;
@@ -42,6 +42,8 @@ pub struct Trajectory {
     pub gate_nis: Option<f64>,
     /// When the gate began to accept what is beyond its bound, since too much of it was, and when it ended to.
     pub gate_turns: Vec<GateTurn>,
+    /// When the filter was started again from the signal, since it had lost it.
+    pub restarts: Vec<Restart>,
     /// The innovations of further signals, where the filter takes several one after the other: each is predicted by the past and the
     /// signals before it.
     pub further: Vec<FurtherSignal>,
@@ -64,6 +66,17 @@ pub struct Trajectory {
     pub failure: Option<FilterFailure>,
     /// How long a step took, prediction, update and recording together; a measurement, not a result.
     pub seconds_per_step: f64,
+}
+
+/// A new start of a filter that had lost its signal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Restart {
+    /// The sample that it corrected first, by its time in s.
+    pub time_s: f64,
+    /// What was known there before that.
+    pub known: MeanAndCovariance,
+    /// The states where the signal was not lost yet.
+    pub before: Vec<f64>,
 }
 
 /// What an answer rests on.
@@ -156,6 +169,9 @@ pub struct SampleCounts {
     /// Samples of the beginning that told where the filter starts: not corrected by once more.
     #[serde(skip_serializing_if = "is_zero")]
     pub for_start: usize,
+    /// Samples after the settling time at which the signal is lost or the filter settles again: no part of the figures.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub lost: usize,
     /// Crossings of a threshold that the filter was told of.
     #[serde(skip_serializing_if = "is_zero")]
     pub crossings: usize,
@@ -175,6 +191,7 @@ impl SampleCounts {
         self.drive_from_sine += later.drive_from_sine;
         self.drive_bends += later.drive_bends;
         self.for_start += later.for_start;
+        self.lost += later.lost;
         self.crossings += later.crossings;
         self.crossings_refused += later.crossings_refused;
     }
@@ -260,6 +277,39 @@ impl Trajectory {
         self.states.iter().all(|state| !state.sd.is_empty())
     }
 
+    /// Has no numbers where the signal is lost and where the filter settles again.
+    pub(super) fn leave_out_lost(&mut self) {
+        for &[from_s, to_s] in &self.lock.lost_spans {
+            let at = |time_s: f64| self.time_s.partition_point(|t| *t < time_s);
+            let lost = at(from_s)..at(to_s);
+            let series = self.states.iter_mut().flat_map(|state| [&mut state.mean, &mut state.sd]);
+            let further = self.further.iter_mut().flat_map(|signal| [&mut signal.innovation, &mut signal.sd]);
+            let own =
+                [&mut self.innovation, &mut self.innovation_sd, &mut self.nis, &mut self.log_likelihood];
+            for values in series.chain(further).chain(own) {
+                // Of a model without a claim the deviations are not there.
+                if let Some(values) = values.get_mut(lost.clone()) {
+                    values.fill(f64::NAN);
+                }
+            }
+        }
+        let lock = &self.lock;
+        self.rejected.retain(|one| !lock.is_lost_at(one.time_s));
+    }
+
+    /// How many of these samples are where the signal is lost or the filter settles again.
+    pub fn lost_among(&self, samples: Range<usize>) -> usize {
+        let at = |time_s: f64| self.time_s.partition_point(|t| *t < time_s).clamp(samples.start, samples.end);
+        // Spans are in the order of time, and a filter may lose the signal while it settles.
+        let (mut count, mut until) = (0, samples.start);
+        for &[from_s, to_s] in &self.lock.lost_spans {
+            let (from, to) = (at(from_s).max(until), at(to_s));
+            count += to.saturating_sub(from);
+            until = until.max(to);
+        }
+        count
+    }
+
     /// Says that it is the model alone, which claims nothing.
     pub fn mark_model_alone(&mut self) {
         self.kind = TrajectoryKind::ModelAlone;
@@ -283,13 +333,18 @@ impl Trajectory {
         start..self.time_s.len()
     }
 
-    /// The mean NIS over the updates in a range of samples, with its 95 % interval: n·NIS is χ² with n degrees
+    /// The mean NIS over the updates in a range of samples, with its 95 % interval, but for those where the signal is lost: n·NIS is χ² with n degrees
     /// of freedom if innovations are white and of the stated variance. `None` where there was no update.
     pub fn consistency(&self, range: Range<usize>) -> Option<NisConsistency> {
+        let has_lost = !self.lock.lost_spans.is_empty() && self.kind != TrajectoryKind::ModelAlone;
+        let is_lost = |k: &usize| has_lost && self.time_s.get(*k).is_some_and(|t| self.lock.is_lost_at(*t));
+        let samples = range.clone().filter(|k| !is_lost(k));
         let nis = self.nis.get(range.clone())?;
-        let finite = nis.iter().filter(|v| v.is_finite());
+        let finite = samples.clone().map(|k| nis[k - range.start]).filter(|v| v.is_finite());
         let (updates, sum) = finite.fold((0_usize, 0.0), |(n, s), v| (n + 1, s + v));
-        let log_likelihood = self.log_likelihood.get(range)?.iter().filter(|v| v.is_finite()).sum();
+        let likelihood = self.log_likelihood.get(range.clone())?;
+        let likelihood = samples.map(|k| likelihood[k - range.start]).filter(|v| v.is_finite());
+        let log_likelihood = likelihood.sum();
         NisConsistency::of(sum, updates, log_likelihood)
     }
 }

@@ -328,6 +328,7 @@ mod tests {
             rejected: Vec::new(),
             gate_nis: None,
             gate_turns: Vec::new(),
+            restarts: Vec::new(),
             further: Vec::new(),
             error_spans: Vec::new(),
             whitens: true,

@@ -4,7 +4,7 @@ use super::budget::{BudgetRecord, UncertaintyBudget};
 use super::innovations::{InnovationEvidence, InnovationRecord, TestResult};
 use super::parameter::{ParameterAnswer, ParameterRecord};
 use super::rejections::{RejectionRecord, Rejections};
-use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
+use crate::estimate::{Lock, SegmentEstimate, Trajectory, TrajectoryKind};
 use crate::progress::Interruption;
 
 /// Judges the filters of one segment, in memory that does not grow with it.
@@ -31,13 +31,46 @@ pub struct Judgement {
     pub budgets: Vec<UncertaintyBudget>,
 }
 
+/// The innovations of a signal: those of a cycle that has not ended wait until it is known whether the signal is lost in it.
+#[derive(Clone)]
+struct SignalJudgement {
+    record: InnovationRecord,
+    /// Times in s, innovations and their standard deviations.
+    waiting: [Vec<f64>; 3],
+}
+
+impl SignalJudgement {
+    fn of(record: InnovationRecord) -> Self {
+        Self { record, waiting: Default::default() }
+    }
+
+    fn take(&mut self, new: [&[f64]; 3], lock: &Lock, stop: &Interruption) {
+        if self.waiting[0].is_empty() && lock.undecided_from_s.is_none() {
+            let [time_s, innovation, sd] = new;
+            return self.record.take(time_s, innovation, sd, stop);
+        }
+        self.waiting.iter_mut().zip(new).for_each(|(waiting, new)| waiting.extend_from_slice(new));
+        let [time_s, innovation, _] = &mut self.waiting;
+        let until_s = lock.undecided_from_s.unwrap_or(f64::INFINITY);
+        let known = time_s.partition_point(|t| *t < until_s);
+        for (innovation, time_s) in innovation.iter_mut().zip(&*time_s) {
+            if lock.is_lost_at(*time_s) {
+                *innovation = f64::NAN;
+            }
+        }
+        let [time_s, innovation, sd] = self.waiting.each_ref().map(|waiting| &waiting[..known]);
+        self.record.take(time_s, innovation, sd, stop);
+        self.waiting.iter_mut().for_each(|waiting| drop(waiting.drain(..known)));
+    }
+}
+
 /// One filter.
 #[derive(Clone)]
 struct FilterJudge {
     key: String,
-    innovations: InnovationRecord,
+    innovations: SignalJudgement,
     /// Those of further signals, with their names.
-    further: Vec<(String, InnovationRecord)>,
+    further: Vec<(String, SignalJudgement)>,
     whitens: bool,
     rejections: RejectionRecord,
     parameters: Vec<ParameterRecord>,
@@ -71,7 +104,7 @@ impl SegmentJudge {
 
     /// How many innovations there were, of the filter with most.
     pub fn count(&self) -> f64 {
-        self.filters.iter().map(|filter| filter.innovations.count()).fold(0.0, f64::max)
+        self.filters.iter().map(|filter| filter.innovations.record.count()).fold(0.0, f64::max)
     }
 
     /// What is known until now of the filter with this key.
@@ -82,7 +115,7 @@ impl SegmentJudge {
     /// What is known until now, for each trajectory; nothing of what makes no claim.
     pub fn judgements(&self, estimate: &SegmentEstimate) -> Vec<Judgement> {
         let of = |filter: &FilterJudge| {
-            let evidence = Some(filter.innovations.evidence());
+            let evidence = Some(filter.innovations.record.evidence());
             Judgement { evidence, ..filter.judgement() }
         };
         let found: Vec<Judgement> = self.filters.iter().map(of).collect();
@@ -113,7 +146,7 @@ impl FilterJudge {
             trajectory.state(prior.name).map(|state| ParameterRecord::new(*prior, state.unit))
         });
         let rejections = RejectionRecord::new(motions.clone());
-        let innovations = InnovationRecord::new(motions, estimate.start_s);
+        let innovations = SignalJudgement::of(InnovationRecord::new(motions, estimate.start_s));
         let further = trajectory.further.iter().map(|signal| (signal.of.clone(), innovations.clone()));
         Self {
             key: trajectory.key.clone(),
@@ -130,9 +163,10 @@ impl FilterJudge {
         let [time_s, innovation, sd] =
             [&trajectory.time_s, &trajectory.innovation, &trajectory.innovation_sd]
                 .map(|all| &all[scored.clone()]);
-        self.innovations.take(time_s, innovation, sd, stop);
-        for ((_, record), signal) in self.further.iter_mut().zip(&trajectory.further) {
-            record.take(time_s, &signal.innovation[scored.clone()], &signal.sd[scored.clone()], stop);
+        self.innovations.take([time_s, innovation, sd], &trajectory.lock, stop);
+        for ((_, judged), signal) in self.further.iter_mut().zip(&trajectory.further) {
+            let own = [time_s, &signal.innovation[scored.clone()], &signal.sd[scored.clone()]];
+            judged.take(own, &trajectory.lock, stop);
         }
         self.rejections.take(trajectory, estimate);
         for (record, prior) in self.parameters.iter_mut().zip(&trajectory.parameters) {
@@ -154,9 +188,9 @@ impl FilterJudge {
 
     /// Each test where it finds most: at the first signal, or at a further one.
     fn tests(&self) -> Vec<TestResult> {
-        let mut all = self.innovations.tests(self.whitens);
-        for (of, record) in &self.further {
-            for found in record.tests(self.whitens) {
+        let mut all = self.innovations.record.tests(self.whitens);
+        for (of, judged) in &self.further {
+            for found in judged.record.tests(self.whitens) {
                 let found = TestResult { signal: Some(of.clone()), ..found };
                 match all.iter_mut().find(|own| own.test == found.test) {
                     Some(own) if found.p_value < own.p_value => *own = found,

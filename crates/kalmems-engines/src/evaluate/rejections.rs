@@ -172,6 +172,8 @@ pub(super) struct RejectionRecord {
     by_chance: f64,
     open: Vec<OpenGate>,
     is_open: bool,
+    /// When the signal was lost, or the filter settled again: an open gate belongs to that.
+    lost_spans: Vec<[f64; 2]>,
 }
 
 /// When in the cycle of a motion something happens.
@@ -238,6 +240,13 @@ impl RejectionRecord {
                 cycle.take(one.time_s);
             }
         }
+        for span in &trajectory.lock.lost_spans {
+            match self.lost_spans.iter().position(|known| known[0] == span[0]) {
+                Some(known) => self.lost_spans[known] = *span,
+                None if self.lost_spans.len() < STRETCHES => self.lost_spans.push(*span),
+                None => {}
+            }
+        }
         for GateTurn { time_s, opens } in &trajectory.gate_turns {
             match (opens, self.is_open) {
                 (true, false) if self.open.len() < STRETCHES => {
@@ -257,6 +266,11 @@ impl RejectionRecord {
     pub(super) fn rejections(&self) -> Rejections {
         let expected = self.samples as f64 * self.by_chance;
         let looks = self.motions.len() as f64;
+        let belongs_to_a_loss = |open: &&OpenGate| {
+            let to_s = open.to_s.unwrap_or(f64::INFINITY);
+            self.lost_spans.iter().any(|[lost_s, again_s]| open.from_s < *again_s && to_s >= *lost_s)
+        };
+        let open = self.open.iter().filter(|open| !belongs_to_a_loss(open)).copied();
         let of_cycle = self.motions.iter().filter_map(RejectionCycle::p_value).reduce(f64::min);
         Rejections {
             count: self.count,
@@ -265,7 +279,7 @@ impl RejectionRecord {
             first: self.first.clone(),
             p_value: at_least(self.count, expected),
             p_of_cycle: of_cycle.map(|p| (looks * p).min(1.0)),
-            open: self.open.clone(),
+            open: open.collect(),
         }
     }
 }

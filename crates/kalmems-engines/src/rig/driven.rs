@@ -12,8 +12,9 @@ use crate::estimate::driven::{
 use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, DeviceParameter, EstimateError, FilterBasics, FilterPast,
     MeanAndCovariance, MotionRate, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
-    SignalStart, StartSearch, StartedCourse, StateName, StatePrior, Trajectory, answers_of_bank, begun,
-    follow, process_noise, rows_for_start, start_from_signal,
+    SignalStart, StartAgain, StartSearch, StartedCourse, StateName, StatePrior, Trajectory, answers_of_bank,
+    begun, follow, process_noise, rows_for_start, rows_to_start_again, start_again_from_signal,
+    start_from_signal,
 };
 use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::outlook::{Outlook, OutlookTopic};
@@ -299,10 +300,12 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
         let for_start =
             from_signal.map(|filter| rows_for_start(motion, filter.basics.states(&D::STATES).len()));
         let rows = for_start.fold(rows, usize::max);
+        let again = self.settings.filters.iter().map(|filter| filter.rows_to_start_again::<D>(motion));
+        let again = again.fold(0, usize::max);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         RowsAround {
             head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
-            before: INTERPOLATED,
+            before: INTERPOLATED + again,
             after: 1,
             smooths,
         }
@@ -423,12 +426,24 @@ impl<const M: usize> DrivenFilterSettings<M> {
         if self.start.is_some() {
             return Ok(None);
         }
-        let motion = self.start_sd.map(|sd| StatePrior { mean: 0.0, sd: Some(sd).filter(|sd| *sd > 0.0) });
-        let prior = motion.into_iter().chain(self.basics.priors()).collect();
-        let search = StartSearch::of_oscillation(prior, TAU * natural_hz);
+        let search = self.search(natural_hz);
         let (states, cycle_s) = (self.basics.states(&D::STATES), natural_hz.recip());
         let of = SignalStart { place, basics: &self.basics, states: (&states, M), sizes: &[], cycle_s };
         start_from_signal(course, &data.samples, &search, of).map(Some)
+    }
+
+    /// What the search for a start knows: how far from rest a motion may be, where the file says that.
+    fn search(&self, natural_hz: f64) -> StartSearch {
+        let is_stated = self.start.is_some();
+        let from_rest = |sd: &f64| !is_stated && *sd > 0.0;
+        let motion = self.start_sd.map(|sd| StatePrior { mean: 0.0, sd: Some(sd).filter(from_rest) });
+        let prior = motion.into_iter().chain(self.basics.priors()).collect();
+        StartSearch::of_oscillation(prior, TAU * natural_hz)
+    }
+
+    /// The rows that it is started again by, of a motion with this cycle and interval in s.
+    fn rows_to_start_again<D: DrivenDevice<M>>(&self, motion: (f64, f64)) -> usize {
+        rows_to_start_again(motion, self.basics.states(&D::STATES).len())
     }
 
     /// What is known at the first sample.
@@ -459,7 +474,17 @@ impl<const M: usize> DrivenFilterSettings<M> {
             if is_begun { None } else { self.batch_start::<D>(&mut course, natural_hz, (data, place))? };
         // The model alone is corrected by nothing, and an observer forgets its start.
         let corrects = basics.method != Method::Model && basics.gain().is_none();
-        let mut course = StartedCourse::new(course, found.as_ref().filter(|_| corrects));
+        let motion_hz = data.drive.first_sine().map_or(natural_hz, |sine| sine.frequency_hz);
+        let rows = self.rows_to_start_again::<D>((natural_hz.recip(), interval_s));
+        let again = basics.reacquisition(motion_hz, data.start_s, rows).map(|rule| {
+            let search = self.search(natural_hz);
+            StartAgain::by(rule, move |rows, _| {
+                let mut course = DrivenCourse::new(plant, variance, data).ok()?;
+                start_again_from_signal(&mut course, rows, &search, &basics.readout)
+            })
+        });
+        let mut course =
+            StartedCourse::new(course, found.as_ref().filter(|_| corrects)).starting_again(again);
         let begin = |left: Option<MeanAndCovariance>| {
             let left = begun(left, found.as_ref());
             let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(self.known())) };

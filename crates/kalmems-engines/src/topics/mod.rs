@@ -46,6 +46,7 @@ topics! {
     "verdict", "verdict.md", "what the verdict on a filter means";
     "overconfident", "overconfident.md", "what to do about `doubtful` and `failed`";
     "lock", "verdict.md", "what to do about `no estimate`";
+    "loss", "signals.md", "a signal that is lost and found again";
     "hidden", "diagnosis.md", "which errors of the device the signal does not show";
     "uncertainty", "uncertainty.md", "uncertain numbers of the device, and what they contribute";
     "outliers", "signals.md", "samples that a filter rejects";

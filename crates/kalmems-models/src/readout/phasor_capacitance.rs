@@ -83,16 +83,18 @@ impl<T: Scalar, const K: usize> Measurement<T, 5, 1> for DriftingPhasorCapacitan
     }
 }
 
-/// y = c₀ + C_s + g·(C(d₀ + A·cos φ) − c₀) in F, with the part c₀ of C that does not vary, on the states [A, f, φ, d₀, Ȧ].
+/// y = c₀ + C_s + g·(C(d) − c₀) in F, with the part c₀ of C that does not vary and d = d₀ + A·cos φ + c₂·cos 2φ + s₂·sin 2φ + c₃·cos 3φ + s₃·sin 3φ,
+/// on the states [A, f, φ, d₀, Ȧ].
 ///
 /// [`DriftingPhasorCapacitance`] behind a readout whose gain g and stray capacitance C_s are not known well: what an error of
-/// either does to the position is in no innovation of its own (Faller and Zangl, 2017, section II-D, calibrate both).
+/// either does to the position is in no innovation of its own (Faller and Zangl, 2017, section II-D, calibrate both); and of a motion
+/// that is not quite a sine, with its second and third harmonic.
 ///
 /// ```
 /// use kalmems_core::Measurement;
 /// use kalmems_models::{capacitance::DistanceSeries, readout::AmplifiedPhasorCapacitance};
 /// let series = DistanceSeries { reference_distance: 1e-3, coefficients: [3e-15, 109.3e-15] };
-/// let readout = AmplifiedPhasorCapacitance { series, gain: 1.01, stray: 2e-15 };
+/// let readout = AmplifiedPhasorCapacitance { series, gain: 1.01, stray: 2e-15, harmonics: [0.0; 4] };
 /// let [at_rest] = readout.predict(&[0.0_f64, 500.0, 0.0, 1e-3, 0.0]);
 /// assert!((at_rest - (5e-15 + 1.01 * 109.3e-15)).abs() < 1e-28);
 /// ```
@@ -104,13 +106,20 @@ pub struct AmplifiedPhasorCapacitance<P, const K: usize> {
     pub gain: P,
     /// C_s in F.
     pub stray: P,
+    /// c₂, s₂, c₃ and s₃ in m.
+    pub harmonics: [P; 4],
 }
 
 #[model(parametric)]
 impl<T: Scalar, const K: usize> Measurement<T, 5, 1> for AmplifiedPhasorCapacitance<T, K> {
     fn predict<S: Over<T>>(&self, x: &[S; 5]) -> [S; 1] {
         let fixed = self.series.coefficients[0];
-        let varying = self.series.capacitance(x[0] * x[2].cos() + x[3]) - fixed;
+        let [c2, s2, c3, s3] = self.harmonics;
+        let (c, s) = (x[2].cos(), x[2].sin());
+        let (double_c, double_s) = (c * c - s * s, c * s + c * s);
+        let (triple_c, triple_s) = (double_c * c - double_s * s, double_s * c + double_c * s);
+        let harmonics = double_c * c2 + double_s * s2 + triple_c * c3 + triple_s * s3;
+        let varying = self.series.capacitance(x[0] * c + x[3] + harmonics) - fixed;
         [varying * self.gain + (fixed + self.stray)]
     }
 

@@ -32,7 +32,7 @@ use crate::config::{
 };
 use crate::estimate::{
     DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
-    rows_for_start,
+    rows_for_start, rows_to_start_again,
 };
 use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::identify::{Identification, IdentifyError};
@@ -219,7 +219,8 @@ impl Estimator for AccelerometerEstimator<'_> {
         let fastest = Instrument::sensed(&self.settings.hardware).map_or(0.0, |device| device.fastest());
         let for_start =
             if from_signal { rows_for_start((TAU / fastest, interval_s), filters::MOST_STATES) } else { 0 };
-        RowsAround { head: skipped.max(HEAD).max(for_start), before: 1, after: 1, smooths }
+        let before = 1 + rows_to_start_again((TAU / fastest, interval_s), filters::MOST_STATES);
+        RowsAround { head: skipped.max(HEAD).max(for_start), before, after: 1, smooths }
     }
 
     fn past(&mut self) -> &mut Past {

@@ -3,15 +3,16 @@
 use super::bank::AccelerometerBankCourse;
 use super::course::{AccelerometerCourse, Hybrid, Prediction};
 use super::data::{AccelerometerSegment, ModelInput};
-use super::filters::{AccelerometerFilterSettings, INVERTED, states};
+use super::filters::{AccelerometerFilterSettings, INVERTED, MOST_STATES, states};
 use super::instrument::Instrument;
 use super::noise_estimate::NoiseEstimate;
 use super::settings::{AccelerometerHardware, AccelerometerSettings};
 use crate::config::Method;
 use crate::estimate::{
     AnyFilter, BatchStart, ConstantGain, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
-    SampleSelection, SignalStart, StartSearch, StartedCourse, StateFilter, StatePrior, StateSeries,
-    Trajectory, follow, inversion, start_from_signal,
+    ReadoutState, SampleSelection, SignalStart, StartAgain, StartSearch, StartedCourse, StateFilter,
+    StatePrior, StateSeries, Trajectory, follow, inversion, rows_to_start_again, start_again_from_signal,
+    start_from_signal,
 };
 use crate::progress::Progress;
 use crate::units::kind;
@@ -34,10 +35,10 @@ pub fn estimate(
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let mut all = Vec::new();
-    let start_s = past.start_s + settings.skip_s;
+    let (begun_s, start_s) = (past.start_s, past.start_s + settings.skip_s);
     for (index, filter) in settings.filters.iter().enumerate() {
         let device = &settings.hardware;
-        let task = AccelerometerFilterTask { filter, device, data, samples, place, progress };
+        let task = AccelerometerFilterTask { filter, device, data, samples, begun_s, place, progress };
         let past = past.filter(index);
         let scale = |_| filter.basics.no_gain(&"a scale of a state is no positive finite number");
         let mut trajectories = if filter.basics.method == Method::DirectInversion {
@@ -75,6 +76,8 @@ struct AccelerometerFilterTask<'a> {
     device: &'a AccelerometerHardware,
     data: &'a AccelerometerSegment<'a>,
     samples: &'a SampleSelection,
+    /// When the segment began, in s.
+    begun_s: f64,
     place: &'a str,
     progress: &'a dyn Progress,
 }
@@ -156,8 +159,6 @@ impl AccelerometerFilterTask<'_> {
     }
 
     /// The start from the signal, in scaled states; `None` where the file states one, and where the filter has begun.
-    ///
-    /// Of the acceleration and its rate as much is known before as the device's table says of them.
     fn batch_start<D, const N: usize>(
         &self,
         instrument: &Instrument<D, N>,
@@ -166,15 +167,11 @@ impl AccelerometerFilterTask<'_> {
     where
         D: Dynamics<f64, N, Input: ModelInput> + Copy,
     {
-        let (filter, prior) = (self.filter, self.device.sensed.prior);
+        let filter = self.filter;
         if is_begun || !filter.from_signal {
             return Ok(None);
         }
-        let stated = filter.start_sd.iter().zip([0.0, 0.0, prior.rms, prior.rms * prior.rate]);
-        let sds = stated.map(|(stated, usual)| if *stated > 0.0 { *stated } else { usual });
-        let sds = sds.chain(filter.spread).zip(instrument.scales.sizes());
-        let known = sds.map(|(sd, size)| StatePrior { mean: 0.0, sd: (sd > 0.0).then_some(sd / size) });
-        let search = StartSearch { prior: known.collect(), ..StartSearch::default() };
+        let search = self.search(instrument);
         let (interval_s, names) = (self.data.interval_s, states(N));
         let of = SignalStart {
             place: self.place,
@@ -185,6 +182,41 @@ impl AccelerometerFilterTask<'_> {
         };
         let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(interval_s));
         start_from_signal(&mut course, self.samples, &search, of).map(Some)
+    }
+
+    /// What the search for a start knows, in scaled states: of the acceleration and its rate as much as the device's table says of them.
+    fn search<D, const N: usize>(&self, instrument: &Instrument<D, N>) -> StartSearch
+    where
+        D: Dynamics<f64, N, Input: ModelInput> + Copy,
+    {
+        let (filter, prior) = (self.filter, self.device.sensed.prior);
+        let stated = filter.start_sd.iter().zip([0.0, 0.0, prior.rms, prior.rms * prior.rate]);
+        // What is stated of a start that is stated is not of a later one.
+        let sds =
+            stated.map(|(stated, usual)| if *stated > 0.0 && filter.from_signal { *stated } else { usual });
+        let sds = sds.chain(filter.spread).zip(instrument.scales.sizes());
+        let known = sds.map(|(sd, size)| StatePrior { mean: 0.0, sd: (sd > 0.0).then_some(sd / size) });
+        let readout = filter.basics.readout.iter().map(ReadoutState::prior);
+        StartSearch { prior: known.chain(readout).collect(), ..StartSearch::default() }
+    }
+
+    /// How the filter is started again where it has lost the signal.
+    fn start_again<'b, D, const N: usize>(
+        &'b self,
+        instrument: &'b Instrument<D, N>,
+    ) -> Option<StartAgain<'b>>
+    where
+        D: Dynamics<f64, N, Input: ModelInput> + Copy,
+    {
+        let (basics, interval_s) = (&self.filter.basics, self.data.interval_s);
+        let rows = rows_to_start_again((TAU / instrument.fastest(), interval_s), MOST_STATES);
+        let motion_hz = self.device.sensed.prior.rate / TAU;
+        let rule = basics.reacquisition(motion_hz, self.begun_s, rows)?;
+        let search = self.search(instrument);
+        Some(StartAgain::by(rule, move |rows, _| {
+            let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(interval_s));
+            start_again_from_signal(&mut course, rows, &search, &basics.readout)
+        }))
     }
 
     /// What is known at first, in scaled states.
@@ -228,7 +260,8 @@ impl AccelerometerFilterTask<'_> {
         let course = AccelerometerCourse::new(instrument, self.data, prediction).with_noise(noise);
         // The model alone is corrected by nothing.
         let corrects = self.filter.basics.method != Method::Model;
-        let mut course = StartedCourse::new(course, start.filter(|_| corrects));
+        let course = StartedCourse::new(course, start.filter(|_| corrects));
+        let mut course = course.starting_again(self.start_again(instrument));
         let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
         let mut all = follow(basics, begin_filter, way, states(N), self.progress)?;
         for trajectory in &mut all {

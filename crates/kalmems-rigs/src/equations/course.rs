@@ -7,8 +7,8 @@ use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval};
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
-    Bridge, Course, DerivedQuantities, EVENTS, Filtering, NEVER, SampleCounts, SampleSelection, StateName,
-    Trajectory, by_signal_taken_for, by_signals,
+    Bridge, Course, DerivedQuantities, EVENTS, Filtering, MotionRate, NEVER, SampleCounts, SampleSelection,
+    StateName, Trajectory, by_signal_taken_for, by_signals,
 };
 use kalmems_core::{FilterError, Innovation, Nodes};
 
@@ -40,6 +40,8 @@ pub struct EquationSegment<'a> {
     pub events: Vec<EventTimes<'a>>,
     /// Which samples are new.
     pub samples: SampleSelection,
+    /// How fast the device moves.
+    pub motion: MotionRate,
 }
 
 impl EquationSegment<'_> {

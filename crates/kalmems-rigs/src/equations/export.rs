@@ -5,7 +5,7 @@ use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, noises};
-use super::segment::{EquationFilterTask, at_rest, rates_of_inputs};
+use super::segment::{EquationFilterTask, at_rest, motion, rates_of_inputs};
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
 use super::{EquationColumns, names};
@@ -395,6 +395,7 @@ fn test_samples(
         volts.iter().map(|values| SegmentDrive::new(&time_s[..rows], &values[..rows], interval_s)).collect();
     let rates = rates_of_inputs(&own.device, &drives, interval_s);
     drives.extend(rates.iter().map(|values| SegmentDrive::new(&time_s[..rows], values, interval_s)));
+    let motion = motion(own, drives.iter().find_map(SegmentDrive::first_sine), interval_s);
     let place = file();
     let data = EquationSegment {
         place: &place,
@@ -412,6 +413,7 @@ fn test_samples(
             })
             .collect(),
         samples: SampleSelection::whole(count + 1, interval_s),
+        motion,
     };
     let models = filter.models(own).map_err(|error| ExportError::from(refused(experiment, &error)))?;
     let way = EquationFilterTask { own, filter, models: &models, data: &data, progress: &Silent };

@@ -6,7 +6,7 @@ use super::event_search::EventSearches;
 use super::model::{EquationModel, noises, steps_over};
 use super::names;
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
-use super::start::{most_rows, start_of};
+use super::start::{most_rows, rows_before, start_of};
 use super::table::refused;
 use crate::Estimator;
 use crate::config::{ConfigFault, Experiment, Key, Method};
@@ -18,7 +18,7 @@ use crate::estimate::{
     Trajectory, Transition, answers_of_bank, follow,
 };
 use crate::progress::{Interruption, Progress};
-use crate::signal::SLOPE_REACH;
+use crate::signal::{SLOPE_REACH, Sine};
 use kalmems_core::Nodes;
 use kalmems_equations::{Device, EquationError};
 
@@ -127,7 +127,14 @@ impl Estimator for EquationEstimator<'_> {
         let (before, after) = around
             .chain(rates)
             .fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
-        RowsAround { head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD), before, after, smooths }
+        let again = self.settings.filters.iter().map(|filter| filter.prior_of_a_later_start(own));
+        let again = again.map(|prior| rows_before((own, &prior), interval_s)).fold(0, usize::max);
+        RowsAround {
+            head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
+            before: before + again,
+            after,
+            smooths,
+        }
     }
 
     fn past(&mut self) -> &mut Past {
@@ -174,11 +181,7 @@ impl Estimator for EquationEstimator<'_> {
             return Err(self.experiment.error("device.equations", ConfigFault::Value { why }).into());
         }
         let drive = inputs.iter().find_map(|input| input.first_sine().copied());
-        let natural_hz = settings.own.natural_hz().unwrap_or_else(|| segment.interval_s.recip() / 100.0);
-        let motion = match &drive {
-            Some(sine) => MotionRate { frequency_hz: sine.frequency_hz, is_driven: true },
-            None => MotionRate { frequency_hz: natural_hz, is_driven: false },
-        };
+        let motion = motion(&settings.own, drive.as_ref(), segment.interval_s);
         let mut kept = EventSearches::of(settings, &variances, &segment, past)?;
         kept.look(settings, &self.columns, &segment)?;
         let events = kept.times(self.experiment, settings, &self.columns, &segment)?;
@@ -193,6 +196,7 @@ impl Estimator for EquationEstimator<'_> {
             channels,
             events,
             samples,
+            motion,
         };
         let states = settings.own.states();
         let judged = states[settings.own.judged()].0;
@@ -221,6 +225,17 @@ impl Estimator for EquationEstimator<'_> {
         past.numbers = kept.numbers();
         past.rig.put(Box::new(kept));
         Ok(estimate)
+    }
+}
+
+/// How fast the device moves that a steady drive moves, or none; as fast as a hundred samples where it does not oscillate.
+pub fn motion(own: &OwnDevice, drive: Option<&Sine>, interval_s: f64) -> MotionRate {
+    match drive {
+        Some(sine) => MotionRate { frequency_hz: sine.frequency_hz, is_driven: true },
+        None => {
+            let frequency_hz = own.natural_hz().unwrap_or_else(|| interval_s.recip() / 100.0);
+            MotionRate { frequency_hz, is_driven: false }
+        }
     }
 }
 
@@ -287,7 +302,8 @@ impl EquationFilterTask<'_> {
                 .taking_samples_for(self.filter.signal_variance);
             // The model alone is corrected by nothing, wherever it starts.
             let corrects = basics.method != Method::Model;
-            StartedCourse::new(course, start_of(&starts, index).filter(|_| corrects))
+            let started = StartedCourse::new(course, start_of(&starts, index).filter(|_| corrects));
+            started.starting_again(self.start_again(model, &channels, steps))
         };
         if basics.method == Method::Bank {
             let courses = self.models.iter().enumerate();

@@ -309,9 +309,16 @@ impl EquationFilterSettings {
         let EquationStart::Signal { about, sd } = &self.start else { return None };
         let mean = about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest));
         let states = mean.zip(sd).map(|(mean, sd)| StatePrior { mean, sd: *sd });
-        let parameters = self.basics.parameters().iter();
-        let parameters = parameters.map(|tracked| StatePrior { mean: 0.0, sd: Some(tracked.sd) });
-        Some(states.chain(parameters).collect())
+        Some(states.chain(self.basics.priors()).collect())
+    }
+
+    /// What is known of the states before a start that is sought later, since the signal was lost.
+    pub fn prior_of_a_later_start(&self, own: &OwnDevice) -> Vec<StatePrior> {
+        self.prior(own).unwrap_or_else(|| {
+            let motion = own.rest.iter().take(own.device.states().len());
+            let motion = motion.map(|rest| StatePrior { mean: *rest, sd: None });
+            motion.chain(self.basics.priors()).collect()
+        })
     }
 
     /// The models that it runs on: one, but for a bank, whose models have its parameters off by their deviations.

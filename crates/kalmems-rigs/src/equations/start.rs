@@ -5,7 +5,8 @@ use super::model::EquationModel;
 use super::segment::EquationFilterTask;
 use super::settings::OwnDevice;
 use crate::estimate::{
-    BatchStart, EstimateError, SignalStart, StartSearch, StatePrior, rows_for_start, start_from_signal,
+    BatchStart, EstimateError, SignalStart, StartAgain, StartSearch, StatePrior, rows_for_start,
+    rows_to_start_again, start_again_from_signal, start_from_signal,
 };
 use kalmems_equations::{MOST_STATES, Mode, shape};
 use std::f64::consts::TAU;
@@ -111,6 +112,39 @@ impl EquationFilterTask<'_> {
         let mut course = EquationCourse::new(model, (self.data, &self.own.between), (channels, &[]), steps);
         start_from_signal(&mut course, &self.data.samples, &search, of).map(Some)
     }
+}
+
+impl EquationFilterTask<'_> {
+    /// How a filter on one of its models is started again where it has lost the signal.
+    ///
+    /// Where the file states where it starts nothing is known of a later start, but of parameters.
+    pub fn start_again<'b>(
+        &'b self,
+        model: &'b EquationModel,
+        channels: &'b [usize],
+        steps: usize,
+    ) -> Option<StartAgain<'b>> {
+        let basics = &self.filter.basics;
+        let prior = self.filter.prior_of_a_later_start(self.own);
+        let rows =
+            rows_to_start_again((cycle_s(self.own, &prior), self.data.samples.interval_s), self.states());
+        let rule = basics.reacquisition(self.data.motion.frequency_hz, self.data.start_s, rows)?;
+        let search = search(self.own, prior);
+        Some(StartAgain::by(rule, move |rows, _| {
+            let of = (self.data, &*self.own.between);
+            let mut course = EquationCourse::new(model, of, (channels, &[]), steps);
+            start_again_from_signal(&mut course, rows, &search, &basics.readout)
+        }))
+    }
+
+    fn states(&self) -> usize {
+        self.own.device.states().len()
+    }
+}
+
+/// The rows that a filter is started again by, and one before them.
+pub fn rows_before((own, prior): (&OwnDevice, &[StatePrior]), interval_s: f64) -> usize {
+    rows_to_start_again((cycle_s(own, prior), interval_s), own.device.states().len()) + 1
 }
 
 /// How a course goes on behind a start from the signal.

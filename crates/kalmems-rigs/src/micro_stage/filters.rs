@@ -4,7 +4,7 @@ use super::hardware::StageHardware;
 use crate::config::{
     ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, Key, Sign, Values,
 };
-use crate::estimate::{DeviceParameter, FilterBasics, process_noise};
+use crate::estimate::{DeviceParameter, FilterBasics, process_noise, rows_to_start_again};
 use crate::units::kind;
 
 /// One filter.
@@ -22,6 +22,13 @@ pub struct StageFilterSettings {
     pub by_batch: bool,
     /// The density of the angular acceleration in rad²/s³.
     pub density: f64,
+}
+
+impl StageFilterSettings {
+    /// The rows that it is started again by where it has lost the signal, of a motion with this cycle and interval in s.
+    pub fn rows_to_start_again(&self, motion: (f64, f64)) -> usize {
+        rows_to_start_again(motion, 2 + self.basics.parameters().len())
+    }
 }
 
 /// The parameters that can be states. Gap and gain are off by one ratio for all electrodes.

@@ -230,7 +230,10 @@ impl Estimator for StageEstimator<'_> {
 
     fn around(&self, interval_s: f64) -> RowsAround {
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        RowsAround { head: self.head(interval_s), before: 1, after: 1, smooths }
+        let cycle_s = self.settings.hardware.natural_hz().recip();
+        let again =
+            self.settings.filters.iter().map(|filter| filter.rows_to_start_again((cycle_s, interval_s)));
+        RowsAround { head: self.head(interval_s), before: 1 + again.fold(0, usize::max), after: 1, smooths }
     }
 
     fn past(&mut self) -> &mut Past {

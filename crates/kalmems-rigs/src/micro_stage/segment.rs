@@ -10,8 +10,9 @@ use crate::config::Method;
 use crate::estimate::driven::{ByEuler, ParameterPlaces, PlainModel, Plant, side_by_side};
 use crate::estimate::{
     self, AnyFilter, BatchStart, ConstantGain, Course, EstimateError, FilterPast, GainOf, LockInWindows,
-    MeanAndCovariance, MotionRate, Past, SignalStart, StartSearch, StartedCourse, StateName, StatePrior,
-    Swing, Trajectory, answers_of_bank, begun, follow, kalman_bucy, lock_in, start_from_signal,
+    MeanAndCovariance, MotionRate, Past, SignalStart, StartAgain, StartSearch, StartedCourse, StateName,
+    StatePrior, Swing, Trajectory, answers_of_bank, begun, follow, kalman_bucy, lock_in,
+    start_again_from_signal, start_from_signal,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -167,7 +168,8 @@ impl StageFilterTask<'_> {
         // An observer forgets its start.
         let corrects = basics.gain().is_none();
         let course = self.course(plants)?.observed_by(observer);
-        let mut course = StartedCourse::new(course, found.as_ref().filter(|_| corrects));
+        let course = StartedCourse::new(course, found.as_ref().filter(|_| corrects));
+        let mut course = course.starting_again(self.start_again(plants));
         let way = (&mut course as _, &self.samples.taken);
         let begin = |left| begin(begun(left, found.as_ref()));
         follow((basics, past), begin, way, &states, self.progress)
@@ -184,14 +186,31 @@ impl StageFilterTask<'_> {
         if is_begun || !self.filter.by_batch {
             return Ok(None);
         }
-        let free = [StatePrior { mean: 0.0, sd: None }; 2];
-        let mut prior = free.to_vec();
-        prior.extend(basics.priors());
         let seed = start_from(&self.channels, self.samples, self.filter)?.to_vec();
-        let search = StartSearch { seeds: vec![seed], ..StartSearch::of_oscillation(prior, TAU * drive_hz) };
+        let search = StartSearch { seeds: vec![seed], ..self.search() };
         let states = basics.states(&STATES);
         let of = SignalStart { place, basics, states: (&states, 2), sizes: &[], cycle_s: drive_hz.recip() };
         start_from_signal(&mut self.course(plants)?, taken, &search, of).map(Some)
+    }
+
+    /// What the search for a start knows.
+    fn search(&self) -> StartSearch {
+        let free = [StatePrior { mean: 0.0, sd: None }; 2];
+        let prior = free.into_iter().chain(self.filter.basics.priors()).collect();
+        StartSearch::of_oscillation(prior, TAU * self.samples.drive_hz)
+    }
+
+    /// How the filter is started again where it has lost the signal.
+    fn start_again<'b, P: Plant>(&'b self, plants: &'b [P]) -> Option<StartAgain<'b>> {
+        let StageSamples { ref taken, drive_hz, .. } = *self.samples;
+        let natural_s = self.settings.hardware.natural_hz().recip();
+        let rows = self.filter.rows_to_start_again((natural_s, taken.interval_s));
+        let rule = self.filter.basics.reacquisition(drive_hz, self.begun_s, rows)?;
+        let search = self.search();
+        Some(StartAgain::by(rule, move |rows, _| {
+            let mut course = self.course(plants).ok()?;
+            start_again_from_signal(&mut course, rows, &search, &self.filter.basics.readout)
+        }))
     }
 
     fn course<'b, P: Plant>(&'b self, plants: &'b [P]) -> Result<StageCourse<'b, P>, EstimateError> {

@@ -1,7 +1,8 @@
 //! The mirror's way through one segment.
 
 use super::data::PistonSegment;
-use super::phasor::Phasor;
+use super::phasor::{Phasor, derived_with_harmonics};
+use super::settings::HARMONICS;
 use crate::estimate::driven::{ParameterAugmentedStep, ParameterStep};
 use crate::estimate::{
     Bridge, Course, DerivedQuantities, Filtering, ProcessTransition, SampleCounts, Sensor, Tracked, by_signal,
@@ -64,7 +65,13 @@ impl<P: Phasor<N>, const N: usize> Course for PhasorCourse<'_, P, N> {
     }
 
     fn derived(&self) -> Option<DerivedQuantities> {
-        Some(self.phasor.derived())
+        let of_parameter = |name: &str| {
+            let place = self.parameters.0.iter().position(|tracked| tracked.parameter.name == name);
+            place.map(|place| N + place)
+        };
+        let harmonics = HARMONICS.map(of_parameter);
+        let has_some = harmonics.iter().any(Option::is_some);
+        Some(if has_some { derived_with_harmonics(harmonics) } else { self.phasor.derived() })
     }
 
     fn advance(

@@ -45,7 +45,7 @@ pub use mechanics::Mechanics;
 pub use metamodel::{DegreeError, Metamodel, MetamodelError, OutsideTable, fit_table};
 pub use plates::{COEFFICIENTS, Plates, distance_at};
 use range::without_impossible;
-use remarks::RemarkTally;
+use remarks::{RemarkTally, changes_of_frequency};
 pub use segment::{PartData, estimate as estimate_segment};
 pub use settings::{MotionKnowledge, PistonFilterSettings, PistonHardware, PistonSettings};
 pub use start::{NoPistonBatchStart, PistonBatchStart, batch_fit, batch_start, canonical};
@@ -192,7 +192,12 @@ struct PistonEstimator<'a> {
 impl Estimator for PistonEstimator<'_> {
     fn around(&self, interval_s: f64) -> RowsAround {
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        RowsAround { head: self.head(interval_s), before: 1, after: 1, smooths }
+        RowsAround {
+            head: self.head(interval_s),
+            before: 1 + start::rows_of_window(interval_s),
+            after: 1,
+            smooths,
+        }
     }
 
     fn past(&mut self) -> &mut Past {
@@ -232,7 +237,10 @@ impl Estimator for PistonEstimator<'_> {
         segment.require_after_settling(CYCLES / motion.frequency_hz)?;
         let mut tally = self.past.rig.take::<RemarkTally>().unwrap_or_default();
         tally.add(hardware, beyond, &trajectories);
-        let remarks = if segment.ends { tally.remarks(hardware, &data, &trajectories) } else { Vec::new() };
+        let mut remarks = changes_of_frequency(&trajectories);
+        if segment.ends {
+            remarks.extend(tally.remarks(hardware, &data, &trajectories));
+        }
         self.past.rig.put(tally);
         Ok(SegmentEstimate { remarks, ..segment.estimated(motion, trajectories) })
     }

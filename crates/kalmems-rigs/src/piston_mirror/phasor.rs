@@ -1,7 +1,7 @@
 //! The models of the motion: what a filter knows of a phasor.
 
 use super::plates::{COEFFICIENTS, Plates};
-use crate::estimate::{DerivedQuantities, StateName, deviation};
+use crate::estimate::{DerivedQuantities, MOST_STATES, StateName, deviation};
 use crate::units::kind;
 use kalmems_core::Portable;
 use kalmems_core::{Measurement, NoiseDensity, Process};
@@ -79,7 +79,7 @@ impl Drifting {
 impl Drifting {
     /// What is measured, where gain and stray capacitance are not what the device table says.
     pub fn amplified(&self) -> AmplifiedPhasorCapacitance<f64, COEFFICIENTS> {
-        AmplifiedPhasorCapacitance { series: self.readout.series, gain: 1.0, stray: 0.0 }
+        AmplifiedPhasorCapacitance { series: self.readout.series, gain: 1.0, stray: 0.0, harmonics: [0.0; 4] }
     }
 }
 
@@ -136,9 +136,70 @@ pub fn position_and_velocity(&[a, f, phase, rest, drift]: &[f64; 5]) -> ([f64; 2
     (values, gradients)
 }
 
+/// The same of a motion with harmonics, whose amplitudes are states at these places in the order of [`HARMONICS`](super::settings::HARMONICS), where they
+/// are; the derivatives are by all states.
+fn with_harmonics(x: &[f64], places: &[Option<usize>; 4]) -> ([f64; 2], [[f64; MOST_STATES]; 2]) {
+    let of_sine: [f64; 5] = std::array::from_fn(|i| x.get(i).copied().unwrap_or(0.0));
+    let (mut values, of_five) = position_and_velocity(&of_sine);
+    let mut gradients: [[f64; MOST_STATES]; 2] =
+        of_five.map(|five| std::array::from_fn(|i| five.get(i).copied().unwrap_or(0.0)));
+    let ([_, f, phase, ..], rate) = (of_sine, TAU * of_sine[1]);
+    for (which, place) in places.iter().enumerate() {
+        let Some((place, amplitude)) = place.and_then(|place| Some((place, *x.get(place)?))) else {
+            continue;
+        };
+        let order = if which < 2 { 2.0 } else { 3.0 };
+        let (s, c) = (order * phase).portable_sin_cos();
+        // The shape by the phase, its derivative, and the derivative of that.
+        let (shape, slope) = if which % 2 == 0 { (c, -order * s) } else { (s, order * c) };
+        let curvature = -order * order * shape;
+        values[0] += amplitude * shape;
+        values[1] += rate * amplitude * slope;
+        gradients[0][2] += amplitude * slope;
+        gradients[0][place] += shape;
+        gradients[1][1] += TAU * amplitude * slope;
+        gradients[1][2] += rate * amplitude * curvature;
+        gradients[1][place] += TAU * f * slope;
+    }
+    (values, gradients)
+}
+
+/// Position and velocity of such a motion.
+pub fn derived_with_harmonics(places: [Option<usize>; 4]) -> DerivedQuantities {
+    DerivedQuantities::pair(DERIVED, move |x, p| {
+        let (values, gradients) = with_harmonics(x, &places);
+        let sd = gradients.map(|gradient| deviation(gradient.get(..x.len()).unwrap_or(&[]), p));
+        [(values[0], sd[0]), (values[1], sd[1])]
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn derivatives_of_harmonics_are_differences() {
+        let x = [5e-4, 500.0, 0.7, 1e-3, 2e-6, 3e-6, -4e-6, 5e-6, 1e-6];
+        let places = [Some(5), Some(6), Some(7), Some(8)];
+        let (_, gradients) = with_harmonics(&x, &places);
+        for (j, h) in [1e-8, 1e-3, 1e-5, 1e-8, 1e-8, 1e-8, 1e-8, 1e-8, 1e-8].into_iter().enumerate() {
+            let (mut up, mut down) = (x, x);
+            up[j] += h;
+            down[j] -= h;
+            let (up, down) = (with_harmonics(&up, &places).0, with_harmonics(&down, &places).0);
+            for i in 0..2 {
+                let difference = (up[i] - down[i]) / (2.0 * h);
+                assert!((gradients[i][j] - difference).abs() <= 1e-6 * difference.abs() + 1e-8, "{i} {j}");
+            }
+        }
+        // The velocity is the derivative along the motion.
+        let h = 1e-8;
+        let mut later = x;
+        (later[0], later[2]) = (x[0] + h * x[4], x[2] + TAU * x[1] * h);
+        let ([now, velocity], _) = with_harmonics(&x, &places);
+        let ([then, _], _) = with_harmonics(&later, &places);
+        assert!(((then - now) / h / velocity - 1.0).abs() < 1e-4);
+    }
 
     #[test]
     fn derivatives_are_differences() {

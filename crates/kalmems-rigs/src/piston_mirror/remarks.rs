@@ -5,7 +5,8 @@ use super::observability::ReadoutFault;
 use super::plates::{capacitance_range, last_term_m};
 use super::range::SamplesOutOfRange;
 use super::settings::PistonHardware;
-use crate::estimate::Trajectory;
+use crate::estimate::{Restart, Trajectory, TrajectoryKind};
+use crate::inspect::quantity;
 use kalmems_core::Portable;
 use kalmems_figures::significant;
 
@@ -35,6 +36,41 @@ struct OutsidePositions {
     count: usize,
     near: f64,
     far: f64,
+}
+
+/// Standard deviations by which a frequency differs that has changed.
+const CHANGED: f64 = 5.0;
+
+/// Of each filter that was started again in a part what the new start says of the frequency, where that is another one than before.
+pub fn changes_of_frequency(trajectories: &[Trajectory]) -> Vec<String> {
+    let filters = trajectories.iter().filter(|trajectory| trajectory.kind == TrajectoryKind::Filtered);
+    let change = |trajectory: &Trajectory, restart: &Restart| {
+        let (before, now) = (*restart.before.get(1)?, *restart.known.mean.get(1)?);
+        let sd = restart.known.lower.get(2)?.sqrt();
+        let lost_s =
+            trajectory.lock.lost_spans.iter().rev().find(|[from_s, _]| *from_s <= restart.time_s)?[0];
+        ((now - before).abs() > CHANGED * sd).then(|| {
+            format!(
+                "{}: at {} the frequency of the motion stepped from {} to {} Hz, which the samples until {} show with a standard deviation of {}",
+                trajectory.name,
+                quantity(lost_s, "s"),
+                digits(before, sd),
+                digits(now, sd),
+                quantity(restart.time_s, "s"),
+                quantity(sd, "Hz"),
+            )
+        })
+    };
+    let each =
+        filters.flat_map(|trajectory| trajectory.restarts.iter().filter_map(|one| change(trajectory, one)));
+    each.collect()
+}
+
+/// A number with the digits that this standard deviation of it leaves.
+fn digits(value: f64, sd: f64) -> String {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to 9
+    let decimals = (1.0 - sd.portable_log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.decimals$}")
 }
 
 impl RemarkTally {

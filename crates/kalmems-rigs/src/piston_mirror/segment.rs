@@ -7,13 +7,13 @@ use super::phase_lock::PhaseLock;
 use super::phasor::{Drifting, FixedRestPhasor, Phasor, STATES};
 use super::plates::distance_at;
 use super::settings::{MotionKnowledge, PistonFilterSettings, PistonSettings};
-use super::start::{PistonBatchStart, batch_fit, batch_start, wrapped};
+use super::start::{PistonBatchStart, batch_fit, batch_start_of, rows_of_window, wrapped};
 use crate::config::Method;
 use crate::estimate::driven::{OfMotion, ParametricReadout, combinations, shifted};
 use crate::estimate::{
     self, AnyFilter, Course, EstimateError, FilterPast, GainOf, LockInWindows, MeanAndCovariance,
-    MeasurementSensor, Past, SampleSelection, StateName, Swing, Tracked, Trajectory, answers,
-    answers_of_bank, follow, inversion, lock_in,
+    MeasurementSensor, Past, SampleSelection, StartAgain, StartedCourse, StateName, Swing, Tracked,
+    Trajectory, answers, answers_of_bank, follow, inversion, lock_in, start_again_from,
 };
 use crate::progress::Progress;
 use crate::signal::{Sine, fit_sine_at};
@@ -34,10 +34,12 @@ pub fn estimate(
     past: &mut Past,
     progress: &dyn Progress,
 ) -> Result<(Vec<Trajectory>, estimate::MotionRate), EstimateError> {
+    let begun_s = past.start_s;
+    let motion_hz = *past.motion_rate.get_or_insert_with(|| TAU * first_hz(settings, part)) / TAU;
     let mut all = Vec::new();
     for (index, filter) in settings.filters.iter().enumerate() {
-        let mut trajectories =
-            PistonFilterTask { settings, filter, part, progress }.run(past.filter(index))?;
+        let task = PistonFilterTask { settings, filter, part, begun_s, motion_hz, progress };
+        let mut trajectories = task.run(past.filter(index))?;
         let phases = trajectories.iter_mut().flat_map(|trajectory| &mut trajectory.states);
         for phase in phases.filter(|state| state.name == "phase") {
             phase.mean.iter_mut().for_each(|phase| *phase = wrapped(*phase));
@@ -51,7 +53,8 @@ pub fn estimate(
             Some(frequency_hz) => frequency_hz,
             // Where no filter says it, the signal does.
             None => {
-                PistonFilterTask { settings, filter: &settings.filters[0], part, progress }.batch()?.mean[1]
+                let filter = &settings.filters[0];
+                PistonFilterTask { settings, filter, part, begun_s, motion_hz, progress }.batch()?.mean[1]
             }
         },
     };
@@ -66,6 +69,20 @@ pub fn estimate(
         }
     }
     Ok((all.into_iter().flatten().collect(), motion))
+}
+
+/// The frequency of the motion in Hz at a segment's beginning, by its trigger, by its first samples, or by what the file says of the first filter
+/// that has a start; not a number where nothing tells it.
+fn first_hz(settings: &PistonSettings, part: &PartData) -> f64 {
+    let stated = settings.filters.iter().find_map(|filter| match filter.motion {
+        MotionKnowledge::Steady { start: Some((mean, ..)), .. } => Some(mean[1]),
+        MotionKnowledge::Drifting { start: Some((mean, _)), .. } => Some(mean[1]),
+        _ => None,
+    });
+    let has_harmonics = settings.filters.iter().any(PistonFilterSettings::has_harmonics);
+    let by_signal =
+        || Some(batch_start_of(&settings.hardware.plates, &part.head(), has_harmonics).ok()?.mean[1]);
+    part.data.motion_hz.or_else(by_signal).or(stated).unwrap_or(f64::NAN)
 }
 
 /// A part of a segment of capacitances as the filters see it, or the whole of it.
@@ -105,6 +122,10 @@ struct PistonFilterTask<'a> {
     settings: &'a PistonSettings,
     filter: &'a PistonFilterSettings,
     part: &'a PartData<'a>,
+    /// When the segment began, in s.
+    begun_s: f64,
+    /// The frequency of the motion in Hz by which its loss is judged.
+    motion_hz: f64,
     progress: &'a dyn Progress,
 }
 
@@ -183,7 +204,9 @@ impl PistonFilterTask<'_> {
         let of = |tracked: &Tracked| match (given, tracked.parameter.unit) {
             (Some(_), _) => [0.0; 2],
             (None, "1") => ReadoutFault::gain(plates, motion).takes_up(),
-            (None, _) => ReadoutFault::offset(plates, motion).takes_up(),
+            (None, "F") => ReadoutFault::offset(plates, motion).takes_up(),
+            // The start is that of a motion with harmonics.
+            (None, _) => [0.0; 2],
         };
         self.filter.basics.tracked.iter().map(of).collect()
     }
@@ -198,9 +221,8 @@ impl PistonFilterTask<'_> {
         let basics = &self.filter.basics;
         let readout =
             ParametricReadout::new(drifting.amplified(), &basics.tracked, |parameter| parameter.in_readout);
-        let sensor = Box::new(readout.map_err(|why| basics.no_model(why))?);
-        let start = || {
-            let (mean, covariance) = self.started(given)?;
+        let readout = readout.map_err(|why| basics.no_model(why))?;
+        let known = |given: Option<StatedStart>, &(mean, covariance): &PistonState<5>| {
             let misled = self.misled(given, &mean);
             let parameters = basics.tracked.iter().map(|tracked| (0.0, tracked.sd));
             let mut known = MeanAndCovariance::from((mean, covariance)).with(parameters);
@@ -209,10 +231,15 @@ impl PistonFilterTask<'_> {
                 let column = [(0, -amplitude), (3, -rest)];
                 known.correlate(5 + parameter, &column, tracked.sd);
             }
-            Ok(known)
+            known
         };
-        let mut course =
-            PhasorCourse::new(drifting, &self.part.data, sensor).with_parameters(&basics.tracked);
+        let start = || Ok(known(given, &self.started(given)?));
+        let course = || {
+            PhasorCourse::new(drifting, &self.part.data, Box::new(readout.clone()))
+                .with_parameters(&basics.tracked)
+        };
+        let again = self.start_again(course, |found| known(None, found));
+        let mut course = StartedCourse::new(course(), None).starting_again(again);
         let way = (&mut course as _, &self.part.samples);
         answers((basics, past), start, way, &basics.states(&STATES), self.progress)
     }
@@ -346,8 +373,16 @@ impl PistonFilterTask<'_> {
         past: &mut FilterPast,
         start: impl FnOnce() -> Result<MeanAndCovariance, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let sensor = Box::new(MeasurementSensor::<_, N>(phasor.readout()));
-        let mut course = PhasorCourse::new(phasor, &self.part.data, sensor);
+        let course = || {
+            let sensor = Box::new(MeasurementSensor::<_, N>(phasor.readout()));
+            PhasorCourse::new(phasor, &self.part.data, sensor)
+        };
+        // A filter of three states has the first three.
+        let again = self.start_again(course, |(mean, covariance)| {
+            let first = std::array::from_fn::<f64, N, _>(|i| mean[i]);
+            (first, Covariance::from_lower(Mat::from_fn(|i, j| covariance.get(i, j)))).into()
+        });
+        let mut course = StartedCourse::new(course(), None).starting_again(again);
         let (past, course) = ((&self.filter.basics, past), (&mut course as _, &self.part.samples));
         let mut all = answers(past, start, course, states, self.progress)?;
         if self.filter.basics.method == Method::Model {
@@ -356,10 +391,28 @@ impl PistonFilterTask<'_> {
         Ok(all)
     }
 
+    /// How the filter is started again where it has lost the signal, along such a course; `known` gives its states by the motion that was found.
+    fn start_again<'b, C: Course + 'b>(
+        &'b self,
+        course: impl Fn() -> C + 'b,
+        known: impl Fn(&PistonState<5>) -> MeanAndCovariance + 'b,
+    ) -> Option<StartAgain<'b>> {
+        let data = &self.part.data;
+        let (plates, basics) = (&self.settings.hardware.plates, &self.filter.basics);
+        let rule = basics.reacquisition(self.motion_hz, self.begun_s, rows_of_window(data.interval_s))?;
+        Some(StartAgain::by(rule, move |rows, _| {
+            let (time_s, signal) = (data.time_s.get(rows.clone())?, data.signal.get(rows.clone())?);
+            let window = PistonSegment { time_s, signal, motion_hz: None, ..*data };
+            let found = batch_start_of(plates, &window, self.filter.has_harmonics()).ok()?;
+            let covariance = with_rate(&widened(&found.covariance), RATE_SD * found.mean[0]);
+            start_again_from(&mut course(), rows, &known(&(found.mean, covariance)), &basics.readout)
+        }))
+    }
+
     /// Where the first samples say that the motion starts.
     fn batch(&self) -> Result<PistonBatchStart, EstimateError> {
         let (plates, head) = (&self.settings.hardware.plates, self.part.head());
-        batch_start(plates, &head).map_err(|why| EstimateError::NoStart {
+        batch_start_of(plates, &head, self.filter.has_harmonics()).map_err(|why| EstimateError::NoStart {
             place: self.part.place.to_owned(),
             filter: self.filter.basics.name.clone(),
             why: why.to_string(),

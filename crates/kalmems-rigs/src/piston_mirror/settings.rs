@@ -46,8 +46,20 @@ pub struct PistonFilterSettings {
     pub motion: MotionKnowledge,
 }
 
-/// What of the readout can be a state: its gain on all that varies with the distance, and a capacitance beside the plates.
-pub static PARAMETERS: [DeviceParameter; 2] = [
+impl PistonFilterSettings {
+    /// Whether harmonics of the motion are states.
+    pub fn has_harmonics(&self) -> bool {
+        self.basics.tracked.iter().any(|tracked| HARMONICS.contains(&tracked.parameter.name))
+    }
+}
+
+/// The amplitudes of the second and third harmonic of the motion, by cos 2φ, sin 2φ, cos 3φ and sin 3φ, as states.
+pub const HARMONICS: [&str; 4] =
+    ["second_harmonic_cosine", "second_harmonic_sine", "third_harmonic_cosine", "third_harmonic_sine"];
+
+/// What can be a state beside the motion of a sine: the gain of the readout on all that varies with the distance, a capacitance beside the plates,
+/// and harmonics of the motion.
+pub static PARAMETERS: [DeviceParameter; 6] = [
     DeviceParameter::factor("gain").in_readout("gain").written(&[
         ("capacitance.coefficients[1]", 1),
         ("capacitance.coefficients[2]", 1),
@@ -61,6 +73,10 @@ pub static PARAMETERS: [DeviceParameter; 2] = [
     DeviceParameter::farads("stray_capacitance")
         .in_readout("stray")
         .written(&[("capacitance.coefficients[0]", 1)]),
+    DeviceParameter::metres(HARMONICS[0]).in_readout("harmonics.0"),
+    DeviceParameter::metres(HARMONICS[1]).in_readout("harmonics.1"),
+    DeviceParameter::metres(HARMONICS[2]).in_readout("harmonics.2"),
+    DeviceParameter::metres(HARMONICS[3]).in_readout("harmonics.3"),
 ];
 
 /// What a filter knows of the motion.
@@ -175,7 +191,7 @@ impl PistonFilterSettings {
                        `process_noise` an `amplitude_rate`";
             return refuse("states", why);
         }
-        let basics = FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &[1.0; 2]))?;
+        let basics = FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &[1.0; 6]))?;
         Ok(Self { basics, motion })
     }
 }

@@ -4,7 +4,7 @@ use super::data::PistonSegment;
 use super::plates::{Plates, distance_at};
 use crate::fit::{ByDual, FitError, FitSettings, ResidualLaw, fit, outliers};
 use crate::signal::{fit_sine, fit_sine_at};
-use kalmems_core::{Covariance, Over};
+use kalmems_core::{Covariance, Mat, Over};
 use std::f64::consts::TAU;
 
 /// A motion with constant rates: [A, f, φ, d₀, Ȧ] at the first sample, and how well they are known from the samples
@@ -59,6 +59,14 @@ impl std::fmt::Display for NoPistonBatchStart {
 pub const WINDOW_S: f64 = 20e-3;
 /// Cycles that the window must hold at least; it grows until it does.
 pub const CYCLES: f64 = 6.0;
+
+/// The rows that a filter is started again by that has lost its signal, at this interval in s.
+pub fn rows_of_window(interval_s: f64) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+    let rows = (WINDOW_S / interval_s).ceil() as usize;
+    rows
+}
+
 /// How often samples are left out and the motion is fitted anew.
 const ROUNDS: usize = 6;
 /// What a fit may leave of the noise's mean square. A window of 400 samples varies by 7 %, a lost start leaves
@@ -72,12 +80,21 @@ const POOR: f64 = 4.0;
 ///
 /// Ȧ is held at 0: so short a window says nothing of it.
 pub fn batch_start(plates: &Plates, data: &PistonSegment) -> Result<PistonBatchStart, NoPistonBatchStart> {
+    batch_start_of(plates, data, false)
+}
+
+/// The same of a motion that may have a second and a third harmonic; the start is that of its sine.
+pub fn batch_start_of(
+    plates: &Plates,
+    data: &PistonSegment,
+    has_harmonics: bool,
+) -> Result<PistonBatchStart, NoPistonBatchStart> {
     let first_s = data.time_s.first().copied().ok_or(NoPistonBatchStart::NoSine)?;
     let mut window_s = WINDOW_S;
     loop {
         let end = data.time_s.partition_point(|t| *t < first_s + window_s);
         let window = PistonSegment { time_s: &data.time_s[..end], signal: &data.signal[..end], ..*data };
-        let start = within(plates, &window);
+        let start = within(plates, &window, has_harmonics);
         let enough = start.as_ref().is_ok_and(|start| start.mean[1] * window_s >= CYCLES);
         if enough || end == data.time_s.len() {
             return start;
@@ -87,13 +104,17 @@ pub fn batch_start(plates: &Plates, data: &PistonSegment) -> Result<PistonBatchS
 }
 
 /// The same in one window, without the samples that are none of the signal by what the motion leaves of them.
-fn within(plates: &Plates, window: &PistonSegment) -> Result<PistonBatchStart, NoPistonBatchStart> {
+fn within(
+    plates: &Plates,
+    window: &PistonSegment,
+    has_harmonics: bool,
+) -> Result<PistonBatchStart, NoPistonBatchStart> {
     let mut signal = window.signal.to_vec();
-    let mut found = of_all(plates, window)?;
+    let (mut found, mut parameters) = of_all(plates, window, has_harmonics)?;
     for _ in 0..ROUNDS {
         let law = MotionLaw { plates, window };
         let mut residuals = Vec::with_capacity(signal.len());
-        law.residuals(&found.mean, &mut |residual: f64| residuals.push(residual));
+        law.residuals(&parameters, &mut |residual: f64| residuals.push(residual));
         let Some(is_out) = outliers(&residuals) else { break };
         let mut is_out = is_out.into_iter();
         // Those that are no number have no residual.
@@ -106,7 +127,7 @@ fn within(plates: &Plates, window: &PistonSegment) -> Result<PistonBatchStart, N
             break;
         }
         signal = used;
-        found = of_all(plates, &PistonSegment { signal: &signal, ..*window })?;
+        (found, parameters) = of_all(plates, &PistonSegment { signal: &signal, ..*window }, has_harmonics)?;
     }
     if found.mean_square > POOR {
         return Err(NoPistonBatchStart::Poor { mean_square: found.mean_square });
@@ -114,7 +135,12 @@ fn within(plates: &Plates, window: &PistonSegment) -> Result<PistonBatchStart, N
     Ok(found)
 }
 
-fn of_all(plates: &Plates, window: &PistonSegment) -> Result<PistonBatchStart, NoPistonBatchStart> {
+/// The start by all samples of a window, and what was fitted to them.
+fn of_all(
+    plates: &Plates,
+    window: &PistonSegment,
+    has_harmonics: bool,
+) -> Result<(PistonBatchStart, [f64; WITH_HARMONICS]), NoPistonBatchStart> {
     let first_s = window.time_s.first().copied().ok_or(NoPistonBatchStart::NoSine)?;
     let distances: Vec<f64> =
         window.signal.iter().map(|c| distance_at(plates, *c).unwrap_or(f64::NAN)).collect();
@@ -124,12 +150,16 @@ fn of_all(plates: &Plates, window: &PistonSegment) -> Result<PistonBatchStart, N
         None => fit_sine(&times, &distances, window.interval_s),
     };
     let sine = sine.ok_or(NoPistonBatchStart::NoSine)?;
-    batch_fit(plates, window, [sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.offset, 0.0], false)
-        .map_err(|_| NoPistonBatchStart::NotFitted)
-        .map(|mut start| {
-            start.left_out = distances.iter().filter(|d| !d.is_finite()).count();
-            start
-        })
+    let from = [sine.amplitude, sine.frequency_hz, sine.phase_rad, sine.offset, 0.0];
+    let found = if has_harmonics {
+        fit_motion::<WITH_HARMONICS>(plates, window, from, false)
+    } else {
+        fit_motion::<5>(plates, window, from, false)
+            .map(|(start, sine)| (start, std::array::from_fn(|i| sine.get(i).copied().unwrap_or(0.0))))
+    };
+    let (mut start, parameters) = found.map_err(|_| NoPistonBatchStart::NotFitted)?;
+    start.left_out = distances.iter().filter(|d| !d.is_finite()).count();
+    Ok((start, parameters))
 }
 
 /// The motion with constant rates that fits the capacitances of a window best, from a start nearby; `drifts` says
@@ -140,27 +170,40 @@ pub fn batch_fit(
     start: [f64; 5],
     drifts: bool,
 ) -> Result<PistonBatchStart, FitError> {
+    fit_motion::<5>(plates, window, start, drifts).map(|(start, _)| start)
+}
+
+/// [A, f, φ, d₀, Ȧ], and the amplitudes of the harmonics.
+const WITH_HARMONICS: usize = 9;
+
+/// The same with the parameters as they were fitted: five, or nine with harmonics.
+fn fit_motion<const N: usize>(
+    plates: &Plates,
+    window: &PistonSegment,
+    start: [f64; 5],
+    drifts: bool,
+) -> Result<(PistonBatchStart, [f64; N]), FitError> {
     let law = ByDual(MotionLaw { plates, window });
-    let settings = FitSettings {
-        free: [true, true, true, true, drifts],
-        tolerance: 1e-10,
-        ..FitSettings::from_start(start)
-    };
+    let from = std::array::from_fn(|i| start.get(i).copied().unwrap_or(0.0));
+    let free: [bool; N] = std::array::from_fn(|i| i != 4 || drifts);
+    let settings = FitSettings { free, tolerance: 1e-10, ..FitSettings::from_start(from) };
     let found = fit(&law, &settings)?;
     let mean_square = found.residual_deviation().powi(2);
-    let mut covariance = found.covariance.to_full();
     // The fit scales by what it found of the noise; here the noise is known.
-    covariance = covariance.scaled(mean_square.recip());
+    let all = found.covariance.to_full().scaled(mean_square.recip());
+    let mut covariance = Mat::<f64, 5, 5>::from_fn(|i, j| all.0[i][j]);
     if !drifts {
         covariance.0[4][4] = f64::INFINITY;
     }
-    Ok(PistonBatchStart {
-        mean: canonical(found.parameters),
+    let of_sine = std::array::from_fn(|i| found.parameters.get(i).copied().unwrap_or(f64::NAN));
+    let start = PistonBatchStart {
+        mean: canonical(of_sine),
         covariance: Covariance::from_lower(covariance),
-        samples: found.degrees_of_freedom + if drifts { 5 } else { 4 },
+        samples: found.degrees_of_freedom + free.iter().filter(|is_free| **is_free).count(),
         left_out: 0,
         mean_square,
-    })
+    };
+    Ok((start, found.parameters))
 }
 
 /// The same motion with A > 0, f > 0 and φ in (−π, π].
@@ -185,14 +228,20 @@ struct MotionLaw<'a> {
     window: &'a PistonSegment<'a>,
 }
 
-impl ResidualLaw<5> for MotionLaw<'_> {
-    fn residuals<S: Over<f64>>(&self, p: &[S; 5], each: &mut impl FnMut(S)) {
+impl<const N: usize> ResidualLaw<N> for MotionLaw<'_> {
+    fn residuals<S: Over<f64>>(&self, p: &[S; N], each: &mut impl FnMut(S)) {
         let weight = self.window.noise_variance.sqrt().recip();
         let first_s = self.window.time_s.first().copied().unwrap_or(0.0);
         let samples = self.window.time_s.iter().zip(self.window.signal).filter(|(_, y)| y.is_finite());
         for (time, y) in samples {
             let t = time - first_s;
-            let distance = (p[0] + p[4] * t) * (p[2] + p[1] * (TAU * t)).cos() + p[3];
+            let phase = p[2] + p[1] * (TAU * t);
+            let mut distance = (p[0] + p[4] * t) * phase.cos() + p[3];
+            if let [c2, s2, c3, s3] = p[5..] {
+                let (double, triple) = (phase * 2.0, phase * 3.0);
+                distance =
+                    distance + c2 * double.cos() + s2 * double.sin() + c3 * triple.cos() + s3 * triple.sin();
+            }
             each((self.plates.capacitance(distance) - *y) * weight);
         }
     }

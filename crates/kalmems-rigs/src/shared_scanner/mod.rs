@@ -28,7 +28,7 @@ use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SideOutputs,
-    SignalSegment, rows_for_start,
+    SignalSegment, rows_for_start, rows_to_start_again,
 };
 use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::export::{ExportError, ExportableFilter};
@@ -227,7 +227,10 @@ impl Estimator for ScannerEstimator<'_> {
         let around = around_driven(interval_s, self.settings.skip_s + STARTING_CYCLES * cycle_s, smooths);
         let by_batch = self.settings.filters.iter().filter(|filter| filter.by_batch);
         let rows = by_batch.map(|filter| rows_for_start((cycle_s, interval_s), filter.states().len()));
-        RowsAround { head: rows.fold(around.head, usize::max), ..around }
+        let again = self.settings.filters.iter().map(|filter| filter.states().len());
+        let again =
+            again.map(|states| rows_to_start_again((cycle_s, interval_s), states)).fold(0, usize::max);
+        RowsAround { head: rows.fold(around.head, usize::max), before: around.before + again, ..around }
     }
 
     fn past(&mut self) -> &mut Past {

@@ -10,14 +10,16 @@ use crate::estimate::driven::{
 };
 use crate::estimate::{
     AnyFilter, BatchStart, Course, EstimateError, FilterBasics, FilterPast, GainOf, MeanAndCovariance, Past,
-    PhasePrediction, PhasePredictor, SideOutputs, SignalStart, StartSearch, StartedCourse, StateName,
-    StatePrior, Swing, Trajectory, answers_of_bank, begun, follow, lock_in, start_from_signal,
+    PhasePrediction, PhasePredictor, Reacquisition, SideOutputs, SignalStart, StartAgain, StartSearch,
+    StartedCourse, StateName, StatePrior, Swing, Trajectory, answers_of_bank, begun, follow, lock_in,
+    rows_to_start_again, start_again_from_signal, start_from_signal, with_the_sign_before,
 };
 use crate::progress::Progress;
 use crate::signal::Sine;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Filter, Gaussian};
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 /// Runs the filters of the settings over the new samples of a segment, and gives each trajectory the sign of the motion and
 /// the judgement of its lock.
@@ -201,6 +203,15 @@ fn one(task: &ScannerFilterTask, past: &mut FilterPast) -> Result<Vec<Trajectory
     }
 }
 
+/// How a start is sought again.
+pub struct SearchAgain<'a> {
+    /// When, by which rows.
+    pub rule: Reacquisition,
+    /// On a course, in these rows, with the time in s and the state at which the signal was not lost yet: what is known at the row behind them.
+    #[allow(clippy::type_complexity)] // the rows and the state of one search
+    pub seek: Box<dyn Fn(&mut dyn Course, Range<usize>, (f64, &[f64])) -> Option<MeanAndCovariance> + 'a>,
+}
+
 /// A filter of one axis or two on its way through a segment.
 pub struct ScannerFilterRun<'a> {
     /// The filter.
@@ -215,6 +226,8 @@ pub struct ScannerFilterRun<'a> {
     pub progress: &'a dyn Progress,
     /// Where it starts, or each model of a bank does, where all of the first samples say that.
     pub starts: Vec<Option<BatchStart>>,
+    /// How its start is sought again where it has lost the signal.
+    pub again: Option<SearchAgain<'a>>,
 }
 
 impl ScannerFilterRun<'_> {
@@ -281,7 +294,14 @@ impl ScannerFilterRun<'_> {
         let course = course.predicting_phases(self.phase_predictor(past)?, from_s);
         // An observer forgets its start.
         let corrects = self.filter.gain().is_none();
-        let mut course = StartedCourse::new(course, self.start(0).filter(|_| corrects));
+        let course = StartedCourse::new(course, self.start(0).filter(|_| corrects));
+        let again = self.again.as_ref().map(|again| {
+            StartAgain::by(again.rule, |rows, held| {
+                let mut course = DrivenCourse::new(plant, self.noise_variance, self.data).ok()?;
+                (again.seek)(&mut course, rows, held)
+            })
+        });
+        let mut course = course.starting_again(again);
         let begin = |left| begin(begun(left, self.start(0)));
         let told =
             follow((self.filter, past), begin, (&mut course, &self.data.samples), states, self.progress);
@@ -310,7 +330,8 @@ impl ScannerFilterTask<'_> {
     fn follower(&self) -> ScannerFilterRun<'_> {
         let (filter, noise_variance) = (&self.filter.basics, self.settings.hardware.noise_variance);
         let (data, side_outputs, progress) = (self.data, self.side_outputs, self.progress);
-        ScannerFilterRun { filter, data, noise_variance, side_outputs, progress, starts: Vec::new() }
+        let (starts, again) = (Vec::new(), self.start_again());
+        ScannerFilterRun { filter, data, noise_variance, side_outputs, progress, starts, again }
     }
 
     fn bank<P: Plant>(&self, plants: &[P], past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
@@ -335,30 +356,59 @@ impl ScannerFilterTask<'_> {
         }
         let motion_hz = data.motion(hardware.natural_hz()).frequency_hz;
         let first_s = data.time_s.first().copied().unwrap_or(0.0);
-        let volts = |angle: f64| {
-            hardware.readout.gain * hardware.readout.comb.capacitance(angle) + hardware.readout.offset
-        };
-        let stages = if filter.demodulator_sd.is_some() { 2 } else { 0 };
-        let prior = |mean: f64| StatePrior { mean, sd: None };
-        let prior = [prior(0.0); 2].into_iter().chain(vec![prior(volts(0.0)); stages]);
-        let prior = prior.chain(filter.basics.priors()).collect();
+        let stages = self.stages();
         // Without a steady drive there is no lock-in, and the search begins at its own phases.
         let swing = self.data.drive.first_sine().and_then(|_| self.first_swing().ok());
         let seed = |(swing, _): (Swing, f64)| {
             let [angle, rate] = swing.at(first_s);
-            [angle, rate].into_iter().chain(vec![volts(angle); stages]).collect()
+            [angle, rate].into_iter().chain(vec![self.volts(angle); stages]).collect()
         };
-        let search = StartSearch {
-            seeds: swing.map(seed).into_iter().collect(),
-            is_symmetric: true,
-            ..StartSearch::of_oscillation(prior, TAU * motion_hz)
-        };
+        let search = StartSearch { seeds: swing.map(seed).into_iter().collect(), ..self.search() };
         let course = DrivenCourse::new(plant, hardware.noise_variance, data);
         let mut course = course.map_err(|why| filter.basics.no_model(why))?;
         let (states, place) = (filter.states(), self.place);
         let (basics, cycle_s) = (&filter.basics, motion_hz.recip());
         let of = SignalStart { place, basics, states: (&states, 2 + stages), sizes: &[], cycle_s };
         start_from_signal(&mut course, &data.samples, &search, of).map(Some)
+    }
+
+    /// How the filter is started again where it has lost the signal.
+    fn start_again(&self) -> Option<SearchAgain<'_>> {
+        let (filter, data) = (self.filter, self.data);
+        let (search, natural_hz) = (self.search(), self.settings.hardware.natural_hz());
+        let rows = rows_to_start_again((natural_hz.recip(), data.interval_s), filter.states().len());
+        let driven_hz = data.drive.first_sine().map(|sine| 0.5 * sine.frequency_hz);
+        let rule = filter.basics.reacquisition(driven_hz.unwrap_or(natural_hz), data.start_s, rows)?;
+        let seek = move |course: &mut dyn Course, rows: Range<usize>, held: (f64, &[f64])| {
+            let time_s = data.time_s.get(rows.end).copied()?;
+            let found = start_again_from_signal(course, rows, &search, &filter.basics.readout)?;
+            // Signal and torque are those of the mirrored motion as well; the drive holds its phase, and so its sign.
+            Some(match driven_hz {
+                Some(hz) => with_the_sign_before(found, 0, (time_s, TAU * hz), held),
+                None => found,
+            })
+        };
+        Some(SearchAgain { rule, seek: Box::new(seek) })
+    }
+
+    /// The voltage that a mirror at rest at this angle has.
+    fn volts(&self, angle: f64) -> f64 {
+        let readout = &self.settings.hardware.readout;
+        readout.gain * readout.comb.capacitance(angle) + readout.offset
+    }
+
+    /// Stages of the demodulator that are states.
+    fn stages(&self) -> usize {
+        if self.filter.demodulator_sd.is_some() { 2 } else { 0 }
+    }
+
+    /// What the search for a start knows.
+    fn search(&self) -> StartSearch {
+        let motion_hz = self.data.motion(self.settings.hardware.natural_hz()).frequency_hz;
+        let prior = |mean: f64| StatePrior { mean, sd: None };
+        let prior = [prior(0.0); 2].into_iter().chain(vec![prior(self.volts(0.0)); self.stages()]);
+        let prior = prior.chain(self.filter.basics.priors()).collect();
+        StartSearch { is_symmetric: true, ..StartSearch::of_oscillation(prior, TAU * motion_hz) }
     }
 
     /// What is known at the first sample.

@@ -168,9 +168,10 @@ impl ThresholdFilterSettings {
         self.basics.states(&MOTION)
     }
 
-    /// What is known of its states before the first sample, where the start comes from the signal.
+    /// What is known of its states before a start from the signal: how far from rest they may be, where the file says that.
     pub fn prior(&self) -> Vec<StatePrior> {
-        let motion = self.start_sd.map(|sd| StatePrior { mean: 0.0, sd: Some(sd).filter(|sd| *sd > 0.0) });
+        let from_rest = |sd: &f64| self.from_signal && *sd > 0.0;
+        let motion = self.start_sd.map(|sd| StatePrior { mean: 0.0, sd: Some(sd).filter(from_rest) });
         motion.into_iter().chain(self.basics.priors()).collect()
     }
 

@@ -25,7 +25,7 @@ use crate::crossings::{CrossingReading, LevelCrossing, RowsNeeded, SearchState, 
 use crate::estimate::driven::{BLOCK, DrivenSegment};
 use crate::estimate::{
     self, AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart,
-    SignalSegment, rows_for_start,
+    SignalSegment, rows_for_start, rows_to_start_again,
 };
 use crate::evaluate::Instruments;
 use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceLag, ReferenceMotion, evaluate_motion};
@@ -224,8 +224,11 @@ impl Estimator for ThresholdEstimator<'_> {
         let rows = from_signal.map(|filter| rows_for_start((cycle_s, interval_s), filter.states().len()));
         let head = rows.fold(head, usize::max);
         let RowsNeeded { before, after } = needed(settings, interval_s).with_a_margin();
+        let again = settings.filters.iter().map(|filter| filter.states().len());
+        let again =
+            again.map(|states| rows_to_start_again((cycle_s, interval_s), states)).fold(0, usize::max);
         let smooths = settings.filters.iter().any(|filter| filter.basics.smooth);
-        RowsAround { head, before, after, smooths }
+        RowsAround { head, before: before + again, after, smooths }
     }
 
     fn past(&mut self) -> &mut Past {

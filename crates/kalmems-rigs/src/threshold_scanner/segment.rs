@@ -11,8 +11,8 @@ use crate::crossings::LevelCrossing;
 use crate::estimate::driven::{DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
     AnyFilter, BatchStart, Course, EstimateError, FilterPast, GainOf, MeanAndCovariance, MotionRate, Past,
-    SignalStart, StartSearch, StartedCourse, Swing, Trajectory, answers, answers_of_bank, follow, lock_in,
-    start_from_signal,
+    SignalStart, StartAgain, StartSearch, StartedCourse, Swing, Trajectory, answers, answers_of_bank, follow,
+    lock_in, rows_to_start_again, start_again_from_signal, start_from_signal,
 };
 use crate::progress::Progress;
 use kalmems_core::augmentation::AugmentationError;
@@ -102,7 +102,9 @@ impl ThresholdFilterTask<'_> {
             Method::EulerEkf => self.course(&plant, &euler)?,
             _ => self.course(&plant, &plant)?,
         };
-        let mut course = StartedCourse::new(course, found.as_ref().filter(|_| corrects));
+        let by_signal = self.by_signal();
+        let course = StartedCourse::new(course, found.as_ref().filter(|_| corrects));
+        let mut course = course.starting_again(self.start_again(&plant, &by_signal));
         let basics = (&filter.basics, past);
         if let Some(gain) = filter.basics.gain() {
             let begin =
@@ -124,26 +126,13 @@ impl ThresholdFilterTask<'_> {
         if is_begun || !filter.from_signal {
             return Ok(None);
         }
-        let noise_variance = self.settings.hardware.noise_variance;
-        let by_signal = ThresholdFilterSettings {
-            variant: Variant::Full,
-            signal_variance: noise_variance,
-            threshold: None,
-            ..filter.clone()
-        };
-        let course = ThresholdCourse::new(
-            (plant, plant),
-            (noise_variance, self.settings.judged_angle()),
-            data,
-            self.samples.drive_slope,
-            &by_signal,
-            (&[], self.samples.first),
-        );
+        let by_signal = self.by_signal();
+        let course = self.signal_course(plant, &by_signal);
         let mut course = course.map_err(|why| filter.basics.no_model(why))?;
         let (motion_hz, first_s) = (self.motion_hz(), data.time_s.first().copied().unwrap_or(0.0));
         let search = StartSearch {
             seeds: self.first_swing().map(|swing| swing.at(first_s).to_vec()).into_iter().collect(),
-            ..StartSearch::of_oscillation(filter.prior(), TAU * motion_hz)
+            ..self.search()
         };
         let (states, place) = (filter.states(), self.place);
         let of = SignalStart {
@@ -154,6 +143,54 @@ impl ThresholdFilterTask<'_> {
             cycle_s: motion_hz.recip(),
         };
         start_from_signal(&mut course, &data.samples, &search, of).map(Some)
+    }
+
+    /// The filter as its start is sought: each sample as it is recorded, and no crossing.
+    fn by_signal(&self) -> ThresholdFilterSettings {
+        ThresholdFilterSettings {
+            variant: Variant::Full,
+            signal_variance: self.settings.hardware.noise_variance,
+            threshold: None,
+            ..self.filter.clone()
+        }
+    }
+
+    /// The course on which a start is sought.
+    fn signal_course<'a>(
+        &'a self,
+        plant: &'a MirrorPlant,
+        by_signal: &'a ThresholdFilterSettings,
+    ) -> Result<ThresholdCourse<'a>, AugmentationError> {
+        ThresholdCourse::new(
+            (plant, plant),
+            (self.settings.hardware.noise_variance, self.settings.judged_angle()),
+            self.samples.data,
+            self.samples.drive_slope,
+            by_signal,
+            (&[], self.samples.first),
+        )
+    }
+
+    /// What the search for a start knows.
+    fn search(&self) -> StartSearch {
+        StartSearch::of_oscillation(self.filter.prior(), TAU * self.motion_hz())
+    }
+
+    /// How the filter is started again where it has lost the signal.
+    fn start_again<'a>(
+        &'a self,
+        plant: &'a MirrorPlant,
+        by_signal: &'a ThresholdFilterSettings,
+    ) -> Option<StartAgain<'a>> {
+        let (filter, data) = (self.filter, self.samples.data);
+        let cycle_s = self.settings.hardware.natural_hz().recip();
+        let rows = rows_to_start_again((cycle_s, data.interval_s), filter.states().len());
+        let rule = filter.basics.reacquisition(self.motion_hz(), data.start_s, rows)?;
+        let search = self.search();
+        Some(StartAgain::by(rule, move |rows, _| {
+            let mut course = self.signal_course(plant, by_signal).ok()?;
+            start_again_from_signal(&mut course, rows, &search, &filter.basics.readout)
+        }))
     }
 
     /// The swing that the first cycle of the signal shows.

@@ -49,12 +49,31 @@ pub(super) fn with_lock(panel: Panel, trajectory: &Trajectory) -> Panel {
     let lost = times(|event| if let LockEvent::Lost { time_s, .. } = event { Some(*time_s) } else { None });
     let flipped =
         times(|event| if let LockEvent::Flipped { time_s, .. } = event { Some(*time_s) } else { None });
-    for (label, points) in [("signal lost", lost), ("other branch", flipped)] {
+    let regained =
+        times(|event| if let LockEvent::Regained { time_s, .. } = event { Some(*time_s) } else { None });
+    let all = [("signal lost", lost), ("signal found again", regained), ("other branch", flipped)];
+    for (label, points) in all {
         if !points.is_empty() {
             panel = panel.with(Series::points(label, SeriesRole::Model, points));
         }
     }
-    panel
+    with_lost(panel, trajectory)
+}
+
+/// The panel with the time shaded in which the signal is lost or the filter settles again.
+fn with_lost(panel: Panel, trajectory: &Trajectory) -> Panel {
+    let ends = trajectory.time_s.first().zip(trajectory.time_s.last());
+    let (Some((first_s, last_s)), Some([low, high])) = (ends, extent(&panel)) else { return panel };
+    let spans = trajectory.lock.lost_spans.iter().take(MOST);
+    let spans = spans.map(|[from_s, to_s]| [from_s.max(*first_s), to_s.min(*last_s)]);
+    let corners = spans
+        .filter(|[from_s, to_s]| from_s < to_s)
+        .flat_map(|[from_s, to_s]| [(from_s, low, high), (to_s, low, high), (to_s, f64::NAN, f64::NAN)]);
+    let corners: Vec<(f64, f64, f64)> = corners.collect();
+    if corners.is_empty() {
+        return panel;
+    }
+    panel.with(Series::band("no estimate", SeriesRole::Model, corners))
 }
 
 /// The lowest and the highest value of a panel's series; nothing where there is none.

@@ -261,6 +261,10 @@ impl EstimatorMetrics {
     fn judge(&mut self) {
         let (errors, consistency) = (self.errors.as_ref(), self.consistency.as_ref());
         self.verdict = Verdict::of(self.kind, (self.failure.is_some(), &self.lock), errors, consistency);
+        let is_mostly_lost = 2 * self.counts.lost > self.counts.samples;
+        if is_mostly_lost && self.verdict.is_of_an_estimate() {
+            self.verdict = Verdict::LostLock;
+        }
         self.grade = self.graded();
     }
 
@@ -287,6 +291,7 @@ impl EstimatorMetrics {
         };
         let room = LISTED.saturating_sub(self.lock.events.len());
         self.lock.events.extend(later.lock.events.into_iter().take(room));
+        self.lock.lost = later.lock.lost;
         self.crossings_log_likelihood += later.crossings_log_likelihood;
         self.mirrored |= later.mirrored;
         self.failure = self.failure.take().or(later.failure);
@@ -450,6 +455,7 @@ fn estimator(
     estimate: &SegmentEstimate,
 ) -> EstimatorMetrics {
     let Judgement { tests, parameters, rejections, budgets, .. } = judgement.cloned().unwrap_or_default();
+    let lost = trajectory.lost_among(trajectory.scored_after(estimate.start_s, estimate.skip_s));
     let mut metrics = EstimatorMetrics {
         key: trajectory.key.clone(),
         name: trajectory.name.clone(),
@@ -466,7 +472,7 @@ fn estimator(
         consistency: consistency(trajectory, estimate),
         lock: trajectory.lock.clone(),
         crossings_log_likelihood: trajectory.crossings_log_likelihood,
-        counts: trajectory.counts,
+        counts: SampleCounts { lost, ..trajectory.counts },
         mirrored: trajectory.mirrored,
         failure: trajectory.failure.map(|f| format!("stopped at {} s: {}", f.time_s, f.why)),
         seconds_per_step: trajectory.seconds_per_step,

@@ -2,7 +2,7 @@
 
 use super::verdict::angles_of;
 use super::{EstimatorMetrics, FilterSelection, Metrics, SegmentMetrics, Verdict};
-use crate::estimate::{NisConsistency, ParameterCorrelation, TrajectoryKind};
+use crate::estimate::{LockEvent, NisConsistency, ParameterCorrelation, TrajectoryKind};
 use crate::evaluate::{
     Claim, DeviceUncertainty, ErrorDecomposition, Grade, MotionErrors, ParameterAnswer, PartErrors,
     TestResult, nis,
@@ -448,12 +448,30 @@ fn worst_of_each_filter(notices: Vec<Notice>) -> Vec<Notice> {
     short.into_iter().map(of).collect()
 }
 
+/// When the signal was lost and found again, of a filter that has found it each time.
+fn of_losses(estimator: &EstimatorMetrics) -> String {
+    let events = &estimator.lock.events;
+    let losses = events.iter().filter(|event| matches!(event, LockEvent::Lost { .. })).count();
+    let first = events.iter().take(2).map(ToString::to_string).collect::<Vec<_>>().join("; it ");
+    let more = match losses - losses.min(1) {
+        0 => String::new(),
+        1 => "; once more later".to_owned(),
+        more => format!("; {more} more times later"),
+    };
+    format!(
+        "{first}{more}; the {} samples until it had settled again are no estimate and are left out of the errors and of the tests",
+        estimator.counts.lost
+    )
+}
+
 fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<Notice> {
     let mut said = Vec::new();
     if let Some(failure) = &estimator.failure {
         said.push(Notice::new(NoticeSeverity::Failure, failure.clone()).explained_by("lock"));
     }
-    if let Some(first) = estimator.lock.events.first() {
+    if estimator.verdict.is_of_an_estimate() && !estimator.lock.events.is_empty() {
+        said.push(Notice::new(NoticeSeverity::Warning, of_losses(estimator)).explained_by("loss"));
+    } else if let Some(first) = estimator.lock.events.first() {
         let more = match estimator.lock.events.len() - 1 {
             0 => String::new(),
             more => format!(", and {more} more times"),

@@ -15,7 +15,7 @@ pub enum Verdict {
     Cautious,
     /// It lies above: the filter claims more than it knows, or the model is wrong.
     Overconfident,
-    /// It lost the signal or changed branch on the way. No figure of it is a good estimate.
+    /// It lost the signal for good, or for more than half of the samples, or changed branch on the way. No figure of it is a good estimate.
     LostLock,
     /// It stopped before the end.
     Failed,
@@ -56,9 +56,11 @@ impl Verdict {
         if failed {
             return Self::Failed;
         }
-        if !lock.held() {
-            let alone = kind == TrajectoryKind::ModelAlone;
-            return if alone { Self::Astray } else { Self::LostLock };
+        match kind {
+            TrajectoryKind::ModelAlone if !lock.held() => return Self::Astray,
+            TrajectoryKind::ModelAlone => {}
+            _ if !lock.is_usable() => return Self::LostLock,
+            _ => {}
         }
         if errors.is_some_and(|e| e.each().any(|e| e.sign_disagrees)) {
             return Self::WrongSign;
@@ -91,7 +93,10 @@ impl EstimatorMetrics {
             Grade::Failed
         } else if self.failing().next().is_some() || has_fault || self.rejections.faults().next().is_some() {
             Grade::Doubtful
-        } else if self.verdict == Verdict::Consistent && !self.rejections.is_remarkable() {
+        } else if self.verdict == Verdict::Consistent
+            && !self.rejections.is_remarkable()
+            && self.lock.events.is_empty()
+        {
             Grade::Passes
         } else {
             Grade::PassesWithRemarks
@@ -141,7 +146,7 @@ pub(super) fn angles_of(verdict: Verdict, lock: &Lock, errors: Option<&MotionErr
         Verdict::LostLock | Verdict::Astray => {
             for event in &lock.events {
                 match event {
-                    LockEvent::Lost { .. } => return Vec::new(),
+                    LockEvent::Lost { .. } | LockEvent::Regained { .. } => return Vec::new(),
                     LockEvent::Flipped { of, .. } if !angles.contains(of) => angles.push(of),
                     LockEvent::Flipped { .. } => {}
                 }

@@ -67,7 +67,7 @@ pub enum Event {
         /// When, in s.
         time_s: f64,
     },
-    /// The filter lost the motion, or changed the branch.
+    /// The filter lost the signal, found it again, or changed the branch.
     Lock(LockEvent),
     /// A sample was rejected as an outlier, and corrected nothing.
     Rejected {

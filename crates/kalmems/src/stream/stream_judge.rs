@@ -25,7 +25,7 @@ impl StreamJudge {
     }
 
     pub(super) fn take(&mut self, estimate: &SegmentEstimate) {
-        self.now.take(estimate, &Interruption::never());
+        self.now.take(&estimate.without_lost(), &Interruption::never());
         if self.now.count() >= WINDOW {
             let all = estimate.trajectories.iter().map(|t| (t.key.clone(), failing(&self.now, &t.key)));
             self.before = all.collect();

@@ -4,7 +4,10 @@ mod coverage;
 mod devices;
 mod diagnose;
 mod impairments;
+mod losses;
 mod outliers;
+#[path = "../parts/mod.rs"]
+mod parts;
 mod readouts;
 mod starts;
 mod verdict;

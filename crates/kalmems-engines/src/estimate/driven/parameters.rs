@@ -9,6 +9,7 @@ use kalmems_core::{Dual, Measurement, Parameters, Process, ProcessNoise};
 pub const MOST_PARAMETERS: usize = MOST_STATES;
 
 /// Which parameter of one model each state behind those of the motion enters.
+#[derive(Clone)]
 pub(super) struct ParameterIndices {
     /// The parameter's index, where it enters this model, and the state.
     states: Vec<(Option<usize>, AddedState<f64>)>,
@@ -150,6 +151,7 @@ impl<P: Process<f64, M>, const M: usize> Transition for ParameterAugmentedStep<'
 }
 
 /// A readout of `M` states and of parameters behind them.
+#[derive(Clone)]
 pub struct ParametricReadout<H, const M: usize> {
     readout: H,
     places: ParameterIndices,

@@ -1,7 +1,7 @@
 //! The rig of a scanner with two axes.
 
 use super::outlook::outlook;
-use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz};
+use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz, rows_of_window};
 use super::settings::TwoAxisSettings;
 use super::simulation::simulation;
 use crate::config::{ConfigError, DeviceKind, DeviceUses, Experiment, Method};
@@ -170,7 +170,8 @@ impl Estimator for TwoAxesEstimator<'_> {
         let open = self.settings.filters.iter().any(|filter| filter.basics.method == Method::LockIn);
         let open_s = if open { WINDOW_S } else { 0.0 };
         let started_s = (self.settings.skip_s + STARTING_CYCLES / slowest_hz + open_s).max(WINDOW_S);
-        around_driven(interval_s, started_s, smooths)
+        let around = around_driven(interval_s, started_s, smooths);
+        RowsAround { before: around.before + rows_of_window(interval_s), ..around }
     }
 
     fn past(&mut self) -> &mut Past {

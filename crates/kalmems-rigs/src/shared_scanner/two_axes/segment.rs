@@ -8,11 +8,13 @@ use super::tones::DriveTones;
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, EstimateError, FilterPast, GainOf, MeanAndCovariance, Past, Swing, Trajectory, lock_in,
+    AnyFilter, Course, EstimateError, FilterPast, GainOf, MeanAndCovariance, Past, Swing, Trajectory,
+    lock_in, start_again_from, with_the_sign_before,
 };
 use crate::progress::Progress;
-use crate::shared_scanner::segment::{FilterSideOutputs, ScannerFilterRun};
+use crate::shared_scanner::segment::{FilterSideOutputs, ScannerFilterRun, SearchAgain};
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// The drives of x and y as the samples that were there first show them.
 pub fn first_tones(
@@ -71,6 +73,13 @@ pub fn resonances_hz(settings: &TwoAxisSettings) -> [f64; 2] {
 
 /// How much of the signal a start from it takes in, in s.
 pub const WINDOW_S: f64 = 2e-3;
+
+/// The rows that it has, at this interval in s.
+pub fn rows_of_window(interval_s: f64) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+    let rows = (WINDOW_S / interval_s).ceil() as usize;
+    rows
+}
 
 /// One filter over one segment.
 struct TwoAxisFilterTask<'a> {
@@ -160,7 +169,30 @@ impl TwoAxisFilterTask<'_> {
             side_outputs: FilterSideOutputs::default(),
             progress: self.progress,
             starts: Vec::new(),
+            again: self.start_again(),
         }
+    }
+
+    /// How the filter is started again where it has lost the signal; the drives hold the phases of both axes, and so their signs.
+    fn start_again(&self) -> Option<SearchAgain<'_>> {
+        let (basics, data) = (&self.filter.basics, self.data);
+        let motions = self.drive.motions().map(|(_, motion)| motion.frequency_hz);
+        let slowest_hz = motions.into_iter().fold(f64::INFINITY, f64::min);
+        let rule = basics.reacquisition(slowest_hz, data.start_s, rows_of_window(data.interval_s))?;
+        let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
+        let readout = &self.settings.hardware.readout;
+        let seek = move |course: &mut dyn Course, rows: Range<usize>, held: (f64, &[f64])| {
+            let (time_s, signal) = (data.time_s.get(rows.clone())?, data.signal.get(rows.clone())?);
+            let found = TwoAxisBatchStart::of(readout, time_s, signal, drives_hz).ok()?;
+            let first_s = *time_s.first()?;
+            let mut known = MeanAndCovariance::from((found.mean, found.covariance));
+            for (axis, hz) in motions.into_iter().enumerate() {
+                known = with_the_sign_before(known, 2 * axis, (first_s, TAU * hz), held);
+            }
+            let known = known.with(basics.parameters().iter().map(|tracked| (0.0, tracked.sd)));
+            start_again_from(course, rows, &known, &basics.readout)
+        };
+        Some(SearchAgain { rule, seek: Box::new(seek) })
     }
 
     /// What is known at the first sample.

@@ -1,0 +1,382 @@
+//! Signals that are lost for a while: when that is said, and how good the estimate is behind it.
+
+use crate::devices::{Setting, put};
+use crate::outliers::signals::{DEVICES, Of, noise, signals};
+use crate::parts;
+use kalmems::config::Experiment;
+use kalmems::estimate::{LockEvent, Trajectory};
+use kalmems::evaluate::Grade;
+use kalmems::progress::Silent;
+use kalmems::results::{EstimatorMetrics, Metrics};
+use kalmems::rigs::published;
+use kalmems::simulate::{ComputedRecording, WhiteNoise, described};
+use kalmems::workflow::estimate_computed;
+use std::f64::consts::TAU;
+use std::path::Path;
+
+/// What happens to the first signal of a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Loss {
+    /// So many samples in a row are missing.
+    Dropped(usize),
+    /// The samples of a millisecond are off by 5 to 100 standard deviations of the noise, to either side.
+    Burst,
+    /// The cable is out for so many cycles of the motion: noise about the mean of the signal.
+    Unplugged(f64),
+    /// From then on the cable is out.
+    ForGood,
+}
+
+use Loss::{Burst, Dropped, ForGood, Unplugged};
+
+pub const LOSSES: [Loss; 4] = [Dropped(100), Burst, Unplugged(50.0), ForGood];
+
+/// When it happens, in parts of the recording behind the settling time.
+const PLACE: f64 = 0.3;
+
+impl Loss {
+    /// The rows of the samples that are wrong.
+    fn spoil(
+        self,
+        values: &mut [f64],
+        times: &[f64],
+        (skip_s, motion_hz, seed): (f64, f64, u64),
+    ) -> [f64; 2] {
+        let from = times.partition_point(|time| *time < times[0] + skip_s);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a row
+        let place = from + ((times.len() - from) as f64 * PLACE) as usize;
+        let sd = noise(values);
+        let mut chance = WhiteNoise::new(seed, 78);
+        let mean = values[from..].iter().sum::<f64>() / (values.len() - from) as f64;
+        let until = |time_s: f64| times.partition_point(|time| *time < times[place] + time_s);
+        match self {
+            Dropped(count) => {
+                values[place..place + count].fill(f64::NAN);
+                [times[place], times[place + count]]
+            }
+            Burst => {
+                let end = until(1e-3);
+                for value in &mut values[place..end] {
+                    let size = 5.0 * 20_f64.powf((chance.sample() * 1e6).rem_euclid(1.0));
+                    *value += if chance.sample() < 0.0 { -size * sd } else { size * sd };
+                }
+                [times[place], times[end]]
+            }
+            Unplugged(cycles) => {
+                let end = until(cycles / motion_hz);
+                values[place..end].iter_mut().for_each(|value| *value = mean + sd * chance.sample());
+                [times[place], times[end]]
+            }
+            ForGood => {
+                values[place..].iter_mut().for_each(|value| *value = mean + sd * chance.sample());
+                [times[place], f64::INFINITY]
+            }
+        }
+    }
+}
+
+/// Settings by which a recording lasts for some hundred cycles behind the loss.
+fn longer(of: Of) -> Vec<Setting<'static>> {
+    let duration = |text: &str| vec![("simulate.duration", format!("\"{text}\""))];
+    match of.name() {
+        "shared scanner" => duration("48 ms"),
+        "micro-stage" => duration("40 ms"),
+        "threshold scanner" => duration("400 ms"),
+        "piston mirror" => {
+            let mut settings = duration("1.4 s");
+            settings.push(("estimate.skip", "\"0.2 s\"".to_owned()));
+            settings.push(("simulate.sampling_rate", "\"20 kHz\"".to_owned()));
+            settings.push(("simulate.integration_rate", "\"20 kHz\"".to_owned()));
+            settings
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// What came of a recording.
+pub struct LossOutcome {
+    /// When the loss began and ended, in s.
+    pub happened_s: [f64; 2],
+    pub trajectory: Trajectory,
+    pub metrics: EstimatorMetrics,
+    /// The root mean square error of what the device is for, from 100 cycles behind the loss on.
+    pub error: f64,
+    pub motion_hz: f64,
+}
+
+/// The recording of a device with this loss, or without one but judged over the same samples.
+pub fn outcome(
+    (experiment, simulated): &(Experiment, ComputedRecording),
+    loss: Loss,
+    happens: bool,
+    seed: u64,
+) -> Option<LossOutcome> {
+    let clean = estimate_computed(published(), experiment, simulated, &Silent).ok()?;
+    let motion_hz = clean.recordings[0].segments[0].estimate.motion.frequency_hz;
+    let skip_s = experiment.estimate.as_ref().unwrap().skip.si();
+    let (mut simulated, mut happened_s) = (simulated.clone(), [f64::NAN; 2]);
+    let signal = &signals(experiment)[0];
+    assert!(simulated.change_recorded(signal, |values, times| {
+        let mut spoilt = values.to_vec();
+        happened_s = loss.spoil(&mut spoilt, times, (skip_s, motion_hz, seed));
+        if happens {
+            values.copy_from_slice(&spoilt);
+        }
+    }));
+    let found = estimate_computed(published(), experiment, &simulated, &Silent);
+    let found = found.unwrap_or_else(|why| panic!("{why}"));
+    let metrics = Metrics::of(&found).estimators().next().unwrap().clone();
+    let segment = &found.recordings[0].segments[0];
+    let from_s = happened_s[1] + 100.0 / motion_hz;
+    let errors = segment.errors[0].as_ref().map(|errors| &errors.error);
+    let errors = errors.or_else(|| segment.values[0].values().next().map(|value| &value.error)).unwrap();
+    let late = errors.time_s.iter().zip(&errors.error).filter(|(time, _)| **time >= from_s);
+    let late: Vec<f64> = late.map(|(_, error)| *error).filter(|error| error.is_finite()).collect();
+    let error = (late.iter().map(|error| error * error).sum::<f64>() / late.len() as f64).sqrt();
+    let trajectory = segment.estimate.trajectories[0].clone();
+    Some(LossOutcome { happened_s, trajectory, metrics, error, motion_hz })
+}
+
+impl LossOutcome {
+    fn first_loss(&self) -> Option<[f64; 2]> {
+        self.trajectory.lock.events.iter().find_map(|event| match event {
+            LockEvent::Lost { time_s, detected_s, .. } => Some([*time_s, *detected_s]),
+            _ => None,
+        })
+    }
+
+    fn first_return_s(&self) -> Option<f64> {
+        self.trajectory.lock.events.iter().find_map(|event| match event {
+            LockEvent::Regained { time_s, .. } => Some(*time_s),
+            _ => None,
+        })
+    }
+
+    fn row(&self, of: Of, loss: Loss, clean: f64) -> String {
+        let cycles = |time_s: Option<f64>, from_s: f64| {
+            time_s
+                .map_or_else(|| "–".to_owned(), |time_s| format!("{:.1}", (time_s - from_s) * self.motion_hz))
+        };
+        let lost = self.first_loss();
+        format!(
+            "| {} ({:.0} cycles) | {loss:?} | {} | {} | {} | {} | {:.2} | {:?} | {} |",
+            of.name(),
+            self.motion_hz * (self.trajectory.time_s.last().unwrap() - self.trajectory.time_s[0]),
+            cycles(lost.map(|lost| lost[0]), self.happened_s[0]),
+            cycles(lost.map(|lost| lost[1]), self.happened_s[0]),
+            cycles(self.first_return_s(), self.happened_s[1]),
+            self.trajectory.restarts.len(),
+            self.error / clean,
+            self.metrics.grade,
+            self.metrics.counts.lost,
+        )
+    }
+}
+
+/// The piston mirror by its example, moving by this amplitude in m and phase in rad about a rest position of 1 mm, at each time in s.
+fn piston(seed: u64, motion: impl Fn(f64) -> [f64; 2]) -> (Experiment, ComputedRecording) {
+    piston_at(&[], seed, |time_s| {
+        let [amplitude, phase] = motion(time_s);
+        1e-3 + amplitude * phase.cos()
+    })
+}
+
+/// The same at these distances in m, and with these settings.
+fn piston_at(
+    settings: &[Setting],
+    seed: u64,
+    distance: impl Fn(f64) -> f64,
+) -> (Experiment, ComputedRecording) {
+    const FARADS: f64 = 109.3e-15;
+    const SD: f64 = 15.1e-18;
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror/simulation.toml");
+    let mut document: toml::Value =
+        std::fs::read_to_string(&path).unwrap().parse::<toml::Table>().unwrap().into();
+    for (key, value) in longer(Of::Published("piston mirror")).iter().chain(settings) {
+        put(&mut document, key, Some(value));
+    }
+    let experiment = published().parse(&toml::to_string(&document).unwrap(), &path).unwrap();
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
+    let mut simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
+    let mut chance = WhiteNoise::new(seed, 79);
+    assert!(simulated.change_recorded("signal", |values, times| {
+        for (value, time_s) in values.iter_mut().zip(times) {
+            *value = FARADS * 1e-3 / distance(*time_s) + SD * chance.sample();
+        }
+    }));
+    (described(&experiment, &*simulation), simulated)
+}
+
+/// The first filter of a recording, and the root mean square of how far its position is from a motion about 1 mm, in m, from a time in s on.
+fn followed(
+    (experiment, simulated): &(Experiment, ComputedRecording),
+    from_s: f64,
+    motion: impl Fn(f64) -> [f64; 2],
+) -> (Trajectory, f64) {
+    let rig = published().rig(experiment).unwrap();
+    let recording = simulated.recorded(&rig.layout(experiment, 0).unwrap()).unwrap();
+    let mut found = rig.estimate(experiment, 0, &recording, &Silent).unwrap_or_else(|why| panic!("{why}"));
+    let trajectory = found.swap_remove(0).trajectories.swap_remove(0);
+    let position = &trajectory.state("position").unwrap().mean;
+    let late = trajectory.time_s.iter().zip(position).filter(|(time_s, _)| **time_s >= from_s);
+    let squares = late.map(|(time_s, position)| {
+        let [amplitude, phase] = motion(*time_s);
+        (position - 1e-3 - amplitude * phase.cos()).powi(2)
+    });
+    let squares: Vec<f64> = squares.collect();
+    let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    (trajectory, rms)
+}
+
+/// A frequency that steps by a part in a thousand is named within two cycles, and a hundred cycles later the estimate is as good as without.
+#[test]
+fn a_step_of_the_frequency_is_named_and_followed() {
+    const STEP_S: f64 = 0.6;
+    let steady = |time_s: f64| [5e-4, TAU * 500.0 * time_s + 0.7];
+    let steps = |time_s: f64| [5e-4, TAU * (500.0 * time_s + 0.5 * (time_s - STEP_S).max(0.0)) + 0.7];
+    let from_s = STEP_S + 100.0 / 500.0;
+    let (_, clean) = followed(&piston(1, steady), from_s, steady);
+    let (found, error) = followed(&piston(1, steps), from_s, steps);
+    println!("{:?}: {error:.2e} m, {clean:.2e} m without", found.lock.events);
+    let [
+        LockEvent::Lost { time_s, detected_s, .. },
+        LockEvent::Regained { time_s: again_s, restarted_s, .. },
+    ] = found.lock.events[..]
+    else {
+        panic!("{:?}", found.lock)
+    };
+    assert!((STEP_S - 2e-3..STEP_S + 3.0 * 2e-3).contains(&time_s) && detected_s <= time_s + 2.1e-3);
+    assert!(restarted_s.is_some() && again_s < STEP_S + 25.0 * 2e-3);
+    assert!(found.lock.is_usable() && error <= 2.0 * clean, "{error:e} {clean:e}");
+}
+
+/// A second harmonic of 1 % and a third of 0.5 % of the stroke, as states: without them the motion is refused, with them its position is as good as
+/// that of a sine but for what four more states cost, and within its claim.
+#[test]
+fn harmonics_of_the_piston_mirror_are_states() {
+    let states =
+        ["second_harmonic_cosine", "second_harmonic_sine", "third_harmonic_cosine", "third_harmonic_sine"];
+    let each: Vec<String> =
+        states.iter().map(|name| format!("{name} = {{ start_sd = \"10 um\" }}")).collect();
+    let with: Vec<Setting> = vec![("estimate.filter.0.states", format!("{{ {} }}", each.join(", ")))];
+    let (amplitudes, skip_s) = ([4e-6, -3e-6, 2e-6, 1.5e-6], 0.4);
+    let at = |time_s: f64| {
+        let phase = TAU * 500.0 * time_s + 0.7;
+        let [a, b, c, d] = amplitudes;
+        1e-3 + 5e-4 * phase.cos()
+            + a * (2.0 * phase).cos()
+            + b * (2.0 * phase).sin()
+            + c * (3.0 * phase).cos()
+            + d * (3.0 * phase).sin()
+    };
+    let of = |settings: &[Setting]| {
+        let (experiment, simulated) = piston_at(settings, 3, at);
+        let rig = published().rig(&experiment).unwrap();
+        let recording = simulated.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap();
+        let found = rig.estimate(&experiment, 0, &recording, &Silent);
+        found.map(|mut found| found.swap_remove(0).trajectories.swap_remove(0))
+    };
+    let why = of(&[]).unwrap_err().to_string();
+    assert!(why.contains("times the stated noise in its first samples"), "{why}");
+    let found = of(&with).unwrap();
+    let from = found.time_s.partition_point(|time_s| *time_s < skip_s);
+    let position = found.state("position").unwrap();
+    let z: Vec<f64> = (from..found.time_s.len())
+        .map(|k| (position.mean[k] - at(found.time_s[k])) / position.sd[k])
+        .collect();
+    let size = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
+    let consistency = found.consistency(from..found.time_s.len()).unwrap();
+    println!("errors of {size:.2} claimed deviations, of {:.2e} m; {consistency:?}", position.sd[z.len()]);
+    // Errors follow each other: few of them are independent.
+    assert!(size < 2.0 && consistency.holds() && found.lock.held(), "{size} {consistency:?}");
+    for (name, truth) in states.iter().zip(amplitudes) {
+        let state = found.state(name).unwrap();
+        let (mean, sd) = (state.mean.last().unwrap(), state.sd.last().unwrap());
+        assert!((mean - truth).abs() < 4.0 * sd && *sd < 2e-8, "{name}: {mean:e} ± {sd:e}, {truth:e}");
+    }
+}
+
+/// While a motion that nothing drives has stopped it is no estimate, and noise is never taken for a motion.
+#[test]
+fn a_motion_that_stops_and_starts_is_lost_and_found() {
+    let moves =
+        |time_s: f64| [if (0.5..0.7).contains(&time_s) { 0.0 } else { 5e-4 }, TAU * 500.0 * time_s + 0.7];
+    let steady = |time_s: f64| [5e-4, TAU * 500.0 * time_s + 0.7];
+    let from_s = 0.7 + 100.0 / 500.0;
+    let (_, clean) = followed(&piston(2, steady), from_s, steady);
+    let (found, error) = followed(&piston(2, moves), from_s, moves);
+    println!("{:?}: {error:.2e} m, {clean:.2e} m without", found.lock.events);
+    let [LockEvent::Lost { time_s, .. }, LockEvent::Regained { time_s: again_s, .. }] = found.lock.events[..]
+    else {
+        panic!("{:?}", found.lock)
+    };
+    assert!((0.498..0.506).contains(&time_s) && (0.7..0.8).contains(&again_s), "{:?}", found.lock);
+    assert!(found.lock.is_usable() && error <= 2.0 * clean, "{error:e} {clean:e}");
+    let (stopped, _) =
+        followed(&piston(2, |t| [if t < 0.5 { 5e-4 } else { 0.0 }, TAU * 500.0 * t + 0.7]), 0.5, steady);
+    assert!(!stopped.lock.is_usable() && stopped.lock.events.len() == 1, "{:?}", stopped.lock);
+}
+
+/// In parts the filters lose and find the signal as over the whole recording, to the last bit.
+fn is_the_same_in_parts(devices: impl IntoIterator<Item = Of>) {
+    for of in devices {
+        let (experiment, mut simulated) = of.recorded(&longer(of), 690);
+        let rig = published().rig(&experiment).unwrap();
+        let recording =
+            |simulated: &ComputedRecording| simulated.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap();
+        let clean = rig.estimate(&experiment, 0, &recording(&simulated), &Silent).unwrap();
+        let (motion_hz, skip_s) = (clean[0].motion.frequency_hz, clean[0].skip_s);
+        let signal = &signals(&experiment)[0];
+        assert!(simulated.change_recorded(signal, |values, times| {
+            Unplugged(50.0).spoil(values, times, (skip_s, motion_hz, 690));
+        }));
+        let recording = recording(&simulated);
+        let found = rig.estimate(&experiment, 0, &recording, &Silent).unwrap();
+        println!("{}: {:?}", of.name(), found[0].trajectories[0].lock.events);
+        assert!(!found[0].trajectories[0].lock.held(), "{}", of.name());
+        parts::same_bits_in_parts(&experiment, &recording, &[257, 4_999]);
+    }
+}
+
+#[test]
+fn a_loss_is_the_same_in_parts() {
+    is_the_same_in_parts([Of::Published("shared scanner"), Of::Published("piston mirror")]);
+}
+
+#[test]
+#[ignore = "slow: a minute in a release build"]
+fn slow_a_loss_is_the_same_in_parts_of_every_device() {
+    is_the_same_in_parts(DEVICES);
+}
+
+/// Twenty seeds a cell, or as many as `KALMEMS_SEEDS` says, of all devices or of those whose name has `KALMEMS_DEVICE` in it:
+/// `cargo test --release -p kalmems --test trust -- --ignored slow_losses --nocapture`.
+#[test]
+#[ignore = "slow: half an hour on two processors"]
+fn slow_losses_of_every_device() {
+    let count = std::env::var("KALMEMS_SEEDS").ok().and_then(|count| count.parse::<u64>().ok());
+    println!("| device | loss | begun | known | back | starts | error | grade | left out |");
+    let mut wrong = Vec::new();
+    let wanted = std::env::var("KALMEMS_DEVICE").unwrap_or_default();
+    for of in DEVICES.into_iter().filter(|of| of.name().contains(&wanted)) {
+        for seed in 701..=700 + count.unwrap_or(20) {
+            let recorded = of.recorded(&longer(of), seed);
+            for loss in LOSSES {
+                let Some(clean) = outcome(&recorded, loss, false, seed) else { continue };
+                let Some(found) = outcome(&recorded, loss, true, seed) else { continue };
+                let row = found.row(of, loss, clean.error);
+                println!("{row}");
+                let passes = found.metrics.grade.is_some_and(|grade| grade <= Grade::PassesWithRemarks);
+                let claims_nothing = loss == ForGood && !found.trajectory.lock.is_usable();
+                let is_right = match loss {
+                    ForGood => claims_nothing && !passes,
+                    _ => found.error <= 2.0 * clean.error || !passes,
+                };
+                if !is_right {
+                    wrong.push(row);
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
