@@ -421,17 +421,7 @@ fn test_samples(
         .follow(&mut FilterPast::default())
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;
     let Some(trajectory) = found.first() else { return Err(ExportError::NoInterval { file: file() }) };
-    let states = own.device.states().len();
-    let expected = |k: usize| -> Vec<f64> {
-        let own_states = trajectory.states.iter().take(states).map(|state| state.mean[k]);
-        let values =
-            trajectory.states.iter().skip(states).zip(filter.basics.parameters()).map(|(state, tracked)| {
-                let value =
-                    own.device.parameter(tracked.parameter.name).and_then(|place| own.values.get(place));
-                value.copied().unwrap_or(f64::NAN) + state.mean[k] * tracked.added.scale
-            });
-        own_states.chain(values).collect()
-    };
+    let expected = |k: usize| expected_of(own, filter, trajectory, k);
     let sample = |(k, part): (usize, usize)| {
         let inputs = inputs_of_part(&data, &own.between, (k, part, parts));
         if part + 1 < parts {
@@ -445,4 +435,21 @@ fn test_samples(
         }
     };
     Ok((1..=count).flat_map(|k| (0..parts).map(move |part| (k, part))).map(sample).collect())
+}
+
+/// States and values of parameters as the source has them, at a sample of a trajectory.
+fn expected_of(
+    own: &OwnDevice,
+    filter: &EquationFilterSettings,
+    trajectory: &Trajectory,
+    k: usize,
+) -> Vec<f64> {
+    let states = own.device.states().len();
+    let own_states = trajectory.states.iter().take(states).map(|state| state.mean[k]);
+    let values =
+        trajectory.states.iter().skip(states).zip(filter.basics.parameters()).map(|(state, tracked)| {
+            let value = own.device.parameter(tracked.parameter.name).and_then(|place| own.values.get(place));
+            value.copied().unwrap_or(f64::NAN) + state.mean[k] * tracked.added.scale
+        });
+    own_states.chain(values).collect()
 }

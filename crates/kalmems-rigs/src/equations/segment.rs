@@ -230,12 +230,10 @@ impl Estimator for EquationEstimator<'_> {
 
 /// How fast the device moves that a steady drive moves, or none; as fast as a hundred samples where it does not oscillate.
 pub fn motion(own: &OwnDevice, drive: Option<&Sine>, interval_s: f64) -> MotionRate {
-    match drive {
-        Some(sine) => MotionRate { frequency_hz: sine.frequency_hz, is_driven: true },
-        None => {
-            let frequency_hz = own.natural_hz().unwrap_or_else(|| interval_s.recip() / 100.0);
-            MotionRate { frequency_hz, is_driven: false }
-        }
+    let free_hz = || own.natural_hz().unwrap_or_else(|| interval_s.recip() / 100.0);
+    MotionRate {
+        frequency_hz: drive.map_or_else(free_hz, |sine| sine.frequency_hz),
+        is_driven: drive.is_some(),
     }
 }
 

@@ -49,14 +49,17 @@ pub fn estimate(
     // What is known of it when the head is over serves the whole segment.
     let frequency_hz = match past.numbers[..] {
         [frequency_hz] => frequency_hz,
-        _ => match all.iter().flatten().find_map(|trajectory| found_frequency(trajectory, part.head.len())) {
-            Some(frequency_hz) => frequency_hz,
+        _ => {
+            let mut of_filters = all.iter().flatten();
+            let found = of_filters.find_map(|trajectory| found_frequency(trajectory, part.head.len()));
             // Where no filter says it, the signal does.
-            None => {
+            let of_signal = || {
                 let filter = &settings.filters[0];
-                PistonFilterTask { settings, filter, part, begun_s, motion_hz, progress }.batch()?.mean[1]
-            }
-        },
+                let task = PistonFilterTask { settings, filter, part, begun_s, motion_hz, progress };
+                task.batch().map(|batch| batch.mean[1])
+            };
+            found.map_or_else(of_signal, Ok)?
+        }
     };
     past.numbers = vec![frequency_hz];
     let motion = estimate::MotionRate { frequency_hz, is_driven: false };
@@ -202,11 +205,10 @@ impl PistonFilterTask<'_> {
     fn misled(&self, given: Option<StatedStart>, mean: &[f64; 5]) -> Vec<[f64; 2]> {
         let (plates, motion) = (&self.settings.hardware.plates, [mean[0], mean[3]]);
         let of = |tracked: &Tracked| match (given, tracked.parameter.unit) {
-            (Some(_), _) => [0.0; 2],
             (None, "1") => ReadoutFault::gain(plates, motion).takes_up(),
             (None, "F") => ReadoutFault::offset(plates, motion).takes_up(),
-            // The start is that of a motion with harmonics.
-            (None, _) => [0.0; 2],
+            // A start of values, and one of a motion with harmonics.
+            _ => [0.0; 2],
         };
         self.filter.basics.tracked.iter().map(of).collect()
     }
