@@ -6,9 +6,7 @@ use crate::diagnose::{
 };
 use crate::inspect::quantity;
 use crate::topics::{explained, link};
-use kalmems_figures::{
-    ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
-};
+use kalmems_figures::{ColumnHead, NoticeSeverity, Page, PagePart, PageSection, TextTable, significant};
 use std::fmt::Write as _;
 
 impl Diagnosis {
@@ -203,7 +201,12 @@ fn people_read(unit: &'static str) -> (&'static str, f64) {
 }
 
 /// The report of a diagnosis: the page's text, which needs nothing else.
-pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
+#[cfg(feature = "report")]
+pub fn diagnosis_page(found: &Diagnosis) -> Result<String, kalmems_figures::ReportError> {
+    page(found).to_html()
+}
+
+fn page(found: &Diagnosis) -> Page {
     let (severity, text) = match found.finding {
         DiagnosisFinding::NothingToChange => (
             NoticeSeverity::Ok,
@@ -286,5 +289,5 @@ pub fn diagnosis_page(found: &Diagnosis) -> Result<String, ReportError> {
         page =
             page.with(found.notes.iter().fold(section, |section, note| section.paragraph(note.to_string())));
     }
-    explained(page.with(PageSection::made("diagnose", env!("CARGO_PKG_VERSION"), ""))).to_html()
+    explained(page.with(PageSection::made("diagnose", env!("CARGO_PKG_VERSION"), "")))
 }

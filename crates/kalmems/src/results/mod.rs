@@ -2,7 +2,6 @@
 
 #[cfg(feature = "report")]
 mod compare;
-#[cfg(feature = "report")]
 mod diagnosis;
 #[cfg(feature = "report")]
 mod evidence;
