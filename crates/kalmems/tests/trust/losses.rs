@@ -87,6 +87,8 @@ fn longer(of: Of) -> Vec<Setting<'static>> {
             settings.push(("estimate.skip", "\"0.2 s\"".to_owned()));
             settings.push(("simulate.sampling_rate", "\"20 kHz\"".to_owned()));
             settings.push(("simulate.integration_rate", "\"20 kHz\"".to_owned()));
+            // What is smoothed over the whole of a loss has samples in it that are none of the signal.
+            settings.push(("estimate.filter.0.smooth", "false".to_owned()));
             settings
         }
         _ => Vec::new(),
