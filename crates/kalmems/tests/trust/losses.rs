@@ -80,7 +80,7 @@ fn longer(of: Of) -> Vec<Setting<'static>> {
     let duration = |text: &str| vec![("simulate.duration", format!("\"{text}\""))];
     match of.name() {
         "shared scanner" => duration("48 ms"),
-        "micro-stage" => duration("40 ms"),
+        "micro-stage" => duration("160 ms"),
         "threshold scanner" => duration("400 ms"),
         "piston mirror" => {
             let mut settings = duration("1.4 s");
