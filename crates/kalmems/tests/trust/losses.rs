@@ -80,13 +80,15 @@ fn longer(of: Of) -> Vec<Setting<'static>> {
     let duration = |text: &str| vec![("simulate.duration", format!("\"{text}\""))];
     match of.name() {
         "shared scanner" => duration("48 ms"),
-        "micro-stage" => duration("40 ms"),
+        "micro-stage" => duration("160 ms"),
         "threshold scanner" => duration("400 ms"),
         "piston mirror" => {
             let mut settings = duration("1.4 s");
             settings.push(("estimate.skip", "\"0.2 s\"".to_owned()));
             settings.push(("simulate.sampling_rate", "\"20 kHz\"".to_owned()));
             settings.push(("simulate.integration_rate", "\"20 kHz\"".to_owned()));
+            // What is smoothed over the whole of a loss has samples in it that are none of the signal.
+            settings.push(("estimate.filter.0.smooth", "false".to_owned()));
             settings
         }
         _ => Vec::new(),
