@@ -13,7 +13,8 @@ use crate::Rig;
 use crate::config::{ConfigFault, Experiment, Key, Method};
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
-    AnyFilter, FilterPast, GainOf, MeanAndCovariance, SampleSelection, Sensor, Tracked, Transition,
+    AnyFilter, FilterPast, GainOf, MeanAndCovariance, SampleSelection, Sensor, Tracked, Trajectory,
+    Transition,
 };
 use crate::export::{
     ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, c_name, heading, place_of_filter,

@@ -47,19 +47,18 @@ pub fn estimate(
         all.push(trajectories);
     }
     // What is known of it when the head is over serves the whole segment.
-    let frequency_hz = match past.numbers[..] {
-        [frequency_hz] => frequency_hz,
-        _ => {
-            let mut of_filters = all.iter().flatten();
-            let found = of_filters.find_map(|trajectory| found_frequency(trajectory, part.head.len()));
-            // Where no filter says it, the signal does.
-            let of_signal = || {
-                let filter = &settings.filters[0];
-                let task = PistonFilterTask { settings, filter, part, begun_s, motion_hz, progress };
-                task.batch().map(|batch| batch.mean[1])
-            };
-            found.map_or_else(of_signal, Ok)?
-        }
+    let frequency_hz = if let [frequency_hz] = past.numbers[..] {
+        frequency_hz
+    } else {
+        let mut of_filters = all.iter().flatten();
+        let found = of_filters.find_map(|trajectory| found_frequency(trajectory, part.head.len()));
+        // Where no filter says it, the signal does.
+        let of_signal = || {
+            let filter = &settings.filters[0];
+            let task = PistonFilterTask { settings, filter, part, begun_s, motion_hz, progress };
+            task.batch().map(|batch| batch.mean[1])
+        };
+        found.map_or_else(of_signal, Ok)?
     };
     past.numbers = vec![frequency_hz];
     let motion = estimate::MotionRate { frequency_hz, is_driven: false };
