@@ -87,8 +87,10 @@ impl SignalCycle {
 
     /// What the updates tell, where there are enough of them; `usual` is the mean NIS before.
     fn judged(&self, was_lost: bool, usual: f64) -> Option<CycleJudgement> {
-        if self.rejected >= FEWEST && self.rejected > REJECTED * (self.count + self.rejected) {
-            let (is_lost, is_shown, is_rejected) = (true, false, true);
+        // Before the first cycle that is explained the gate may reject because the noise is stated too small.
+        let is_rejected = self.rejected >= FEWEST && self.rejected > REJECTED * (self.count + self.rejected);
+        if is_rejected && usual.is_finite() {
+            let (is_lost, is_shown) = (true, false);
             return Some(CycleJudgement {
                 is_lost,
                 is_shown,
