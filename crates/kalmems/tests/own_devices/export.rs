@@ -335,7 +335,9 @@ fn the_program_of_a_source_estimates_what_the_library_does_where_a_sample_takes_
         ("comb_resonator/experiment.toml", "ekf", ["drive", "signal"]),
         ("thermal_mirror/experiment.toml", "ekf", ["drive", "bridge"]),
     ] {
-        let experiment = example(path);
+        // What a source does not do: with the numbers of the thermal mirror the filter loses the signal, and would be started again.
+        let text = example(path).text().replacen("method = \"ekf\"", "method = \"ekf\"\ngate = false", 1);
+        let experiment = published().parse(&text, example(path).path()).unwrap();
         let exported = export(&experiment, &request(SourceLanguage::C, "EKF")).unwrap();
         let folder = tempfile::tempdir().unwrap();
         if compiled(&exported.files, folder.path()).is_none() {

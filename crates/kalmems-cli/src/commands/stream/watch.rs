@@ -2,11 +2,11 @@
 
 use super::viewer::{self, SCHEME as UDP, USUAL};
 use crate::CommandEnding;
-use crate::tell::tell;
 use std::io::{self, Write};
 #[cfg(feature = "mcap")]
 use {
     super::mcap_file::{self, McapFile},
+    crate::tell::tell,
     kalmems::results::create_file,
     std::path::Path,
 };

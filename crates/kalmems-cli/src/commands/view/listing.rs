@@ -31,6 +31,7 @@ pub fn page(folder: &Path) -> String {
     let count = match found.len() {
         0 => "No result of kalmems is in this folder.".to_owned(),
         MOST => format!("The first {MOST} results that were found; choose a folder further down for others."),
+        1 => "One result.".to_owned(),
         count => format!("{count} results, the newest first."),
     };
     let items: String = found.iter().map(ListedResult::html).collect();
