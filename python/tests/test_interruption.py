@@ -149,6 +149,14 @@ def ended_behind() -> float:
     return time.monotonic() - begun
 
 
+@pytest.fixture(autouse=True)
+def handler_of_python() -> Iterator[None]:
+    """A shell starts what runs behind it with interruptions ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 KINDS = [
     estimate, report, written, simulate, identify, identify_by_likelihood, diagnose, study, batch, stream, linear_filter, python_filter, command
 ]  # fmt: skip

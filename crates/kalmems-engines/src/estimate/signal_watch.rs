@@ -87,9 +87,10 @@ impl SignalCycle {
 
     /// What the updates tell, where there are enough of them; `usual` is the mean NIS before.
     fn judged(&self, was_lost: bool, usual: f64) -> Option<CycleJudgement> {
-        // Before the first cycle that is explained the gate may reject because the noise is stated too small.
+        // A gate also rejects because the noise is stated too small: then what it takes is not as small as claimed either. Before the first cycle that
+        // is explained nothing tells.
         let is_rejected = self.rejected >= FEWEST && self.rejected > REJECTED * (self.count + self.rejected);
-        if is_rejected && usual.is_finite() {
+        if is_rejected && usual < ALARM {
             let (is_lost, is_shown) = (true, false);
             return Some(CycleJudgement {
                 is_lost,
