@@ -102,6 +102,10 @@ pub struct FilterTable {
     /// all are taken again until the filter follows them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gate: Option<OutlierGate>,
+    /// Whether a filter that has lost its signal stays as it is and is not started again from the signal. No key of a file: a search for what is wrong
+    /// compares filters by their innovations, and asks for it.
+    #[serde(skip)]
+    pub stays_lost: bool,
     /// How a sample whose innovation is large is weighed; `normal` if left out. With the others the stated variance is that of the
     /// bulk of the noise, of which a part has heavier tails.
     #[serde(default, skip_serializing_if = "Update::is_normal")]

@@ -35,6 +35,8 @@ pub struct FilterBasics {
     pub lag_s: Option<f64>,
     /// Which samples it takes, and how.
     pub taking: GateMode,
+    /// Whether it stays as it is where it has lost the signal.
+    pub stays_lost: bool,
     /// What is between sensor and recording as states, behind all others.
     pub readout: Vec<ReadoutState>,
 }
@@ -73,6 +75,7 @@ impl FilterBasics {
             observer_rate: filter.observer_bandwidth.as_ref().map_or(0.0, |bandwidth| TAU * bandwidth.si()),
             lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
             taking: taking(experiment, filter),
+            stays_lost: filter.stays_lost,
             readout: ReadoutState::of(experiment, at, filter)?,
         })
     }
@@ -128,7 +131,8 @@ impl FilterBasics {
     /// rows; `None` of one that is not: without a gate a filter takes each sample as it is told to, an observer forgets where it starts, the models
     /// of a bank are weighed by the same samples, and the model alone is corrected by none.
     pub fn reacquisition(&self, motion_hz: f64, start_s: f64, rows: usize) -> Option<Reacquisition> {
-        let starts = self.taking.largest_nis.is_some()
+        let starts = !self.stays_lost
+            && self.taking.largest_nis.is_some()
             && self.gain().is_none()
             && self.method != Method::Bank
             && self.method.claims();

@@ -207,6 +207,11 @@ impl<'a> TrialBench<'a> {
         changes: &[TrialChange],
         judged: Judged,
     ) -> Option<DiagnosisTrial> {
+        // Trials are compared by their innovations, and most of what is tried loses the signal.
+        let mut told = told.clone();
+        let filters = told.estimate.iter_mut().flat_map(|estimate| &mut estimate.filters);
+        filters.for_each(|filter| filter.stays_lost = true);
+        let told = &told;
         let rig = self.workbench.rig(told).ok()?;
         let mut trial = DiagnosisTrial::default();
         for (index, recording) in &self.recordings {
