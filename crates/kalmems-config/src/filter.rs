@@ -20,6 +20,7 @@ use std::fmt;
 /// One way of estimating the motion: a method, where it starts, and which states it tracks beside the motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[allow(clippy::struct_excessive_bools)] // keys of a file
 pub struct FilterTable {
     /// Its name in tables and pictures. Files are named after it, in lower case.
     pub name: FilterName,
