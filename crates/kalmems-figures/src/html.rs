@@ -121,8 +121,8 @@ fn brief(text: &str) -> &str {
     ends.min().and_then(|end| text.get(..end)).unwrap_or(text)
 }
 
-/// Plain text as HTML.
-fn escaped(text: &str) -> String {
+/// Plain text as HTML, in which none of its letters is a mark.
+pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

@@ -72,6 +72,8 @@ pub use decimate::{DecimatedSignal, Thinning, decimate, decimate_band, pairs, tr
 #[cfg(feature = "draw")]
 pub use error::ReportError;
 pub use figure::{Axis, AxisScale, Figure, MapGrid, Panel, SamplesPlace, Series, SeriesRole, Shape};
+#[cfg(feature = "draw")]
+pub use html::escaped;
 pub use page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection, SamplesLink};
 pub use record::{BandCentre, SampledQuantity, Track};
 #[cfg(feature = "draw")]

@@ -1,5 +1,6 @@
 //! The page that lists the results of a folder.
 
+use kalmems::figures::escaped;
 use kalmems::results::{RUN_FILE, StoredResult};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -186,15 +187,6 @@ fn utc(time: SystemTime) -> String {
         month += 1;
     }
     format!("{year}-{month:02}-{:02} {:02}:{:02} UTC", day + 1, second / 3600, second / 60 % 60)
-}
-
-/// Text as HTML.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-        .replace('\'', "&#x27;")
 }
 
 /// A step of a path as a part of an address.
