@@ -25,6 +25,8 @@
 #![cfg_attr(not(feature = "draw"), allow(dead_code))]
 
 mod decimate;
+#[cfg(feature = "draw")]
+mod drawing;
 mod figure;
 mod page;
 mod prefix;
@@ -35,49 +37,12 @@ mod style;
 mod table;
 mod text;
 
-#[cfg(feature = "draw")]
-mod axis;
-#[cfg(feature = "draw")]
-mod clip;
-#[cfg(feature = "draw")]
-mod draw;
-#[cfg(feature = "draw")]
-mod error;
-#[cfg(feature = "draw")]
-mod files;
-#[cfg(feature = "draw")]
-mod html;
-#[cfg(feature = "draw")]
-mod layout;
-#[cfg(feature = "draw")]
-mod live;
-#[cfg(feature = "draw")]
-mod map;
-#[cfg(feature = "draw")]
-mod notes;
-#[cfg(feature = "draw")]
-mod pages;
-#[cfg(feature = "draw")]
-mod png;
-#[cfg(feature = "draw")]
-mod render;
-#[cfg(feature = "draw")]
-mod ruler;
-#[cfg(feature = "draw")]
-mod samples;
-#[cfg(feature = "draw")]
-mod svg;
-
 pub use decimate::{DecimatedSignal, Thinning, decimate, decimate_band, pairs, triples};
 #[cfg(feature = "draw")]
-pub use error::ReportError;
+pub use drawing::{ReportError, SamplesWriter, escaped};
 pub use figure::{Axis, AxisScale, Figure, MapGrid, Panel, SamplesPlace, Series, SeriesRole, Shape};
-#[cfg(feature = "draw")]
-pub use html::escaped;
 pub use page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection, SamplesLink};
 pub use record::{BandCentre, SampledQuantity, Track};
-#[cfg(feature = "draw")]
-pub use samples::SamplesWriter;
 pub use significant::{number, significant, with_short_numbers};
 pub use style::SeriesStyle;
 pub use table::{ColumnHead, TextTable};

@@ -2,7 +2,7 @@
 
 use super::Metrics;
 #[cfg(feature = "report")]
-use super::{Output, ResultWriteError, RunInfo, WriteOptions, page::page, write_estimate};
+use super::{Output, ResultWriteError, RunInfo, WriteOptions, report::page, write_estimate};
 use crate::config::{Experiment, Recording};
 use crate::diagnose::{DiagnoseError, FoundNoise, NumberCheck, check_numbers, check_numbers_of};
 use crate::estimate::EstimateError;

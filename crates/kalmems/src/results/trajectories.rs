@@ -1,6 +1,6 @@
 //! The trajectories of a recording as one Parquet file.
 
-use super::files::{columns, signal_unit};
+use super::report::{columns, signal_unit};
 use crate::parquet::{Cells, ParquetColumn, ParquetColumnKind, ParquetFile};
 use crate::workflow::{RecordingOutcome, SegmentOutcome};
 use std::borrow::Cow;

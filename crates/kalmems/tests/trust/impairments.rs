@@ -2,15 +2,13 @@
 
 use crate::devices::put;
 use crate::outliers::signals::{DEVICES, Of, Outcome, noise, signals};
+use crate::side_by_side::side_by_side;
 use kalmems::config::Experiment;
 use kalmems::estimate::EstimateError;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use kalmems::simulate::ComputedRecording;
 use std::f64::consts::TAU;
-use std::ops::RangeInclusive;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 
 /// What is wrong with the first signal, or with what the filter is told.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -230,53 +228,41 @@ impl Cell {
     }
 }
 
-/// All cells of a device.
-fn of_device(of: Of, seeds: RangeInclusive<u64>) -> Vec<(Impairment, Cell)> {
-    let mut cells: Vec<(Impairment, Cell)> =
-        IMPAIRMENTS.into_iter().filter(|i| i.applies(of)).map(|i| (i, Cell::default())).collect();
-    for seed in seeds {
-        let recorded = of.recorded(&[], seed);
-        let clean = Outcome::of(&recorded.0, &recorded.1);
-        assert!(clean.passes(), "{} {seed}: {}", of.name(), clean.refused);
-        for (impairment, cell) in &mut cells {
-            cell.add(*impairment, &clean, &impairment.outcome(of, &recorded));
-        }
-    }
-    cells
+/// A recording of a device, and what comes of it with each impairment.
+fn spoilt(of: Of, seed: u64) -> (Outcome, Vec<(Impairment, Outcome)>) {
+    let recorded = of.recorded(&[], seed);
+    let clean = Outcome::of(&recorded.0, &recorded.1);
+    assert!(clean.passes(), "{} {seed}: {}", of.name(), clean.refused);
+    let impairments = IMPAIRMENTS.into_iter().filter(|impairment| impairment.applies(of));
+    (clean, impairments.map(|impairment| (impairment, impairment.outcome(of, &recorded))).collect())
 }
 
-/// Every device and impairment, twenty seeds each. An answer that passes is as good as without the impairment.
+/// Every device and impairment, twenty seeds each or as many as `KALMEMS_SEEDS` says. An answer that passes is as good as without the impairment.
 #[test]
 #[ignore = "slow: an hour on two processors"]
 fn slow_impairments_of_every_device() {
-    let seeds = match std::env::var("KALMEMS_SEEDS").ok().and_then(|count| count.parse::<u64>().ok()) {
-        Some(count) => 601..=600 + count,
-        None => 601..=620,
-    };
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mut own = Vec::new();
-        while let Some(of) = DEVICES.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let cells = of_device(*of, seeds.clone());
-            for (impairment, cell) in &cells {
-                println!("{}", cell.row(*of, *impairment));
-            }
-            own.extend(cells.into_iter().map(|(impairment, cell)| (*of, impairment, cell)));
+    let count = std::env::var("KALMEMS_SEEDS").ok().and_then(|count| count.parse::<u64>().ok());
+    let seeds = 601..=600 + count.unwrap_or(20);
+    let wanted: Vec<(Of, u64)> =
+        DEVICES.iter().flat_map(|of| seeds.clone().map(|seed| (*of, seed))).collect();
+    let mut cells: Vec<(Of, Impairment, Cell)> = Vec::new();
+    let outcomes = side_by_side(&wanted, |(of, seed)| spoilt(*of, *seed));
+    for ((of, _), (clean, outcomes)) in wanted.iter().zip(&outcomes) {
+        for (impairment, outcome) in outcomes {
+            let place = cells.iter().position(|(device, other, _)| device == of && other == impairment);
+            let place = place.unwrap_or_else(|| {
+                cells.push((*of, *impairment, Cell::default()));
+                cells.len() - 1
+            });
+            cells[place].2.add(*impairment, clean, outcome);
         }
-        own
-    };
-    let cells: Vec<_> = thread::scope(|scope| {
-        let workers: Vec<_> = (0..2).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
-    });
+    }
     println!("| device | signal | error, median | largest | within | doubted | refused | passed |");
     println!("|---|---|---|---|---|---|---|---|");
-    for of in DEVICES {
-        for (_, impairment, cell) in cells.iter().filter(|(own, ..)| *own == of) {
-            println!("{}", cell.row(of, *impairment));
-            if let Some(why) = cell.refused.first() {
-                println!("    {why}");
-            }
+    for (of, impairment, cell) in &cells {
+        println!("{}", cell.row(*of, *impairment));
+        if let Some(why) = cell.refused.first() {
+            println!("    {why}");
         }
     }
     let passed: Vec<String> =

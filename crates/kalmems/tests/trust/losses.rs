@@ -3,6 +3,7 @@
 use crate::devices::{Setting, put};
 use crate::outliers::signals::{DEVICES, Of, noise, signals};
 use crate::parts;
+use crate::side_by_side::side_by_side;
 use kalmems::config::Experiment;
 use kalmems::estimate::{LockEvent, Trajectory};
 use kalmems::evaluate::Grade;
@@ -358,27 +359,32 @@ fn slow_a_loss_is_the_same_in_parts_of_every_device() {
 fn slow_losses_of_every_device() {
     let count = std::env::var("KALMEMS_SEEDS").ok().and_then(|count| count.parse::<u64>().ok());
     println!("| device | loss | begun | known | back | starts | error | grade | left out |");
-    let mut wrong = Vec::new();
     let wanted = std::env::var("KALMEMS_DEVICE").unwrap_or_default();
-    for of in DEVICES.into_iter().filter(|of| of.name().contains(&wanted)) {
-        for seed in 701..=700 + count.unwrap_or(20) {
-            let recorded = of.recorded(&longer(of), seed);
-            for loss in LOSSES {
-                let Some(clean) = outcome(&recorded, loss, false, seed) else { continue };
-                let Some(found) = outcome(&recorded, loss, true, seed) else { continue };
-                let row = found.row(of, loss, clean.error);
-                println!("{row}");
-                let passes = found.metrics.grade.is_some_and(|grade| grade <= Grade::PassesWithRemarks);
-                let claims_nothing = loss == ForGood && !found.trajectory.lock.is_usable();
-                let is_right = match loss {
-                    ForGood => claims_nothing && !passes,
-                    _ => found.error <= 2.0 * clean.error || !passes,
-                };
-                if !is_right {
-                    wrong.push(row);
-                }
+    let wanted: Vec<(Of, u64)> = DEVICES
+        .into_iter()
+        .filter(|of| of.name().contains(&wanted))
+        .flat_map(|of| (701..=700 + count.unwrap_or(20)).map(move |seed| (of, seed)))
+        .collect();
+    let wrong = side_by_side(&wanted, |(of, seed)| {
+        let recorded = of.recorded(&longer(*of), *seed);
+        let mut wrong = Vec::new();
+        for loss in LOSSES {
+            let Some(clean) = outcome(&recorded, loss, false, *seed) else { continue };
+            let Some(found) = outcome(&recorded, loss, true, *seed) else { continue };
+            let row = found.row(*of, loss, clean.error);
+            println!("{row}");
+            let passes = found.metrics.grade.is_some_and(|grade| grade <= Grade::PassesWithRemarks);
+            let claims_nothing = loss == ForGood && !found.trajectory.lock.is_usable();
+            let is_right = match loss {
+                ForGood => claims_nothing && !passes,
+                _ => found.error <= 2.0 * clean.error || !passes,
+            };
+            if !is_right {
+                wrong.push(row);
             }
         }
-    }
+        wrong
+    })
+    .concat();
     assert!(wrong.is_empty(), "{wrong:#?}");
 }

@@ -9,5 +9,6 @@ mod outliers;
 #[path = "../parts/mod.rs"]
 mod parts;
 mod readouts;
+mod side_by_side;
 mod starts;
 mod verdict;

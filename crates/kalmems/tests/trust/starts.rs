@@ -1,6 +1,7 @@
 //! Starts from the signal: how far they are off, beside what they claim, and whether the filter is right from there.
 
 use crate::devices::{Device, Setting};
+use crate::side_by_side::side_by_side;
 use kalmems::estimate::Trajectory;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
@@ -100,7 +101,8 @@ impl Begun {
 fn judge(seeds: std::ops::Range<u64>, [least, most]: [f64; 2], lost: usize) {
     let mut problems = Vec::new();
     for begun in &BEGUN {
-        let all: Vec<_> = seeds.clone().map(|seed| (seed, begun.off(seed))).collect();
+        let seeds: Vec<u64> = seeds.clone().collect();
+        let all = side_by_side(&seeds, |seed| (*seed, begun.off(*seed)));
         let refused: Vec<_> =
             all.iter().filter_map(|(seed, one)| Some((*seed, one.as_ref().err()?))).collect();
         let found: Vec<_> = all.iter().filter_map(|(_, one)| one.as_ref().ok()).collect();

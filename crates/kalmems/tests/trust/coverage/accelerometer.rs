@@ -164,11 +164,10 @@ fn tones(count: u32) -> Vec<f64> {
 /// The numbers of so many recordings with these tones, told up to 30 % wrong; error of the acceleration after over that before.
 fn identified(runs: u64, count: u32, seed: u64, rows: &mut Rows) -> Vec<f64> {
     let tones = if count == 0 { Vec::new() } else { tones(count) };
-    let folder = tempfile::tempdir().unwrap();
-    let run = |seed: u64| {
+    rows.of_recordings(seed..seed + runs, |seed, folder, rows| {
         let mut chance = Chance::new(!seed);
         let factors = [0; 3].map(|_| chance.between(-0.3, 0.3_f64).exp());
-        let told = recording(seed, &tones, 40_000).told(folder.path(), factors);
+        let told = recording(seed, &tones, 40_000).told(folder, factors);
         let before = error(&told, "acceleration");
         let found = published()
             .rig(&told)
@@ -179,8 +178,7 @@ fn identified(runs: u64, count: u32, seed: u64, rows: &mut Rows) -> Vec<f64> {
             rows.push(&format!("{count} tones, {name}"), truth, &found.parameters[place]);
         }
         error(&found.experiment, "acceleration") / before
-    };
-    (seed..seed + runs).map(run).collect()
+    })
 }
 
 #[test]

@@ -83,19 +83,17 @@ start = "from_signal"
 }
 
 fn identified(words: &str, runs: u64, samples: usize, most_wrong: f64, rows: &mut Rows) -> Vec<f64> {
-    let folder = tempfile::tempdir().unwrap();
-    let run = |seed: u64| {
+    rows.of_recordings(0..runs, |seed, folder, rows| {
         let mut chance = Chance::new(15_000 + seed);
-        write(&mut chance, samples, folder.path());
-        let told = told(folder.path(), [0; 4].map(|_| chance.between(-most_wrong, most_wrong).exp()));
+        write(&mut chance, samples, folder);
+        let told = told(folder, [0; 4].map(|_| chance.between(-most_wrong, most_wrong).exp()));
         let before = error(&told, "position");
         let found = likeliest(published(), &told, &Silent).unwrap_or_else(|e| panic!("{seed}: {e}"));
         for (found, (name, truth)) in found.parameters.iter().zip(NAMES.into_iter().zip(TRUTH)) {
             rows.push(&format!("{words}, {name}"), truth, found);
         }
         error(&found.experiment, "position") / before
-    };
-    (0..runs).map(run).collect()
+    })
 }
 
 #[test]

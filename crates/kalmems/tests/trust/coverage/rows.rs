@@ -1,7 +1,10 @@
 //! What many identifications of one number say together.
 
+use crate::side_by_side::side_by_side;
 use kalmems::identify::Identified;
 use statrs::distribution::{Binomial, DiscreteCDF};
+use std::ops::Range;
+use std::path::Path;
 
 /// One number over all recordings.
 struct Row {
@@ -36,6 +39,36 @@ impl Rows {
         } else {
             row.untold += 1;
         }
+    }
+
+    fn join(&mut self, others: Self) {
+        for other in others.0 {
+            match self.0.iter_mut().find(|row| row.name == other.name) {
+                Some(row) => {
+                    row.told.extend(other.told);
+                    row.untold += other.untold;
+                }
+                None => self.0.push(other),
+            }
+        }
+    }
+
+    /// Adds what recordings of these seeds tell, several at once; what `one` says of each of them.
+    pub fn of_recordings<R: Send>(
+        &mut self,
+        seeds: Range<u64>,
+        one: impl Fn(u64, &Path, &mut Self) -> R + Sync,
+    ) -> Vec<R> {
+        let told = side_by_side(&seeds.collect::<Vec<_>>(), |seed| {
+            let (folder, mut rows) = (tempfile::tempdir().unwrap(), Self::default());
+            let said = one(*seed, folder.path(), &mut rows);
+            (rows, said)
+        });
+        let join = |(rows, said)| {
+            self.join(rows);
+            said
+        };
+        told.into_iter().map(join).collect()
     }
 
     /// Prints each row, and fails where one or all of them together hold the truth too seldom, or claim too much.

@@ -187,15 +187,14 @@ start_sd = {{ angle = "0.15 rad", rate = "15e3 rad/s" }}
 
 /// Numbers of so many devices' recordings; error of the angle after over that before.
 fn identified(words: &str, runs: u64, laboratory: Laboratory, most_wrong: f64, rows: &mut Rows) -> Vec<f64> {
-    let folder = tempfile::tempdir().unwrap();
-    let run = |seed: u64| {
+    rows.of_recordings(0..runs, |seed, folder, rows| {
         let mut chance = Chance::new(7_000 + seed);
-        ring_down(&mut chance, laboratory, folder.path());
-        steady(&mut chance, 0.0, folder.path());
+        ring_down(&mut chance, laboratory, folder);
+        steady(&mut chance, 0.0, folder);
         // A stiffness 30 % off is another device: a resonance is known to a few per cent at least.
         let limits = [0.01_f64.min(most_wrong), most_wrong, most_wrong, most_wrong, most_wrong, 0.0];
         let factors = limits.map(|limit| chance.between(-limit, limit).exp());
-        let told = told(folder.path(), factors, laboratory, "", 1e6);
+        let told = told(folder, factors, laboratory, "", 1e6);
         let before = error(&told, "angle");
         let found = match published().rig(&told).unwrap().identify(&told, &Silent) {
             Ok(found) => found,
@@ -213,8 +212,7 @@ fn identified(words: &str, runs: u64, laboratory: Laboratory, most_wrong: f64, r
             }
         }
         error(&found.experiment, "angle") / before
-    };
-    (0..runs).map(run).collect()
+    })
 }
 
 const WITH: Laboratory = Laboratory { ring_down: 8000, reference: true, steady: true };
@@ -223,30 +221,28 @@ const SHORT: Laboratory = Laboratory { ring_down: 1500, reference: false, steady
 
 /// The density of the process noise, told up to 30 times too large or small.
 fn densities(runs: u64, rows: &mut Rows) {
-    let folder = tempfile::tempdir().unwrap();
-    for seed in 0..runs {
+    rows.of_recordings(0..runs, |seed, folder, rows| {
         let mut chance = Chance::new(9_000 + seed);
-        ring_down(&mut chance, SHORT, folder.path());
-        steady(&mut chance, 1e8, folder.path());
+        ring_down(&mut chance, SHORT, folder);
+        steady(&mut chance, 1e8, folder);
         let density = 1e8 * chance.between(-3.0, 3.0_f64).exp();
         let parameters = "parameters = [\"process_noise.angular_acceleration\"]";
-        let mut told = told(folder.path(), [1.0; 6], WITHOUT, parameters, density);
+        let mut told = told(folder, [1.0; 6], WITHOUT, parameters, density);
         // By the driven motion alone.
         told.recordings.remove(0);
         let found = likeliest(published(), &told, &Silent).unwrap_or_else(|e| panic!("{seed}: {e}"));
         rows.push("scanner, process noise", 1e8, &found.parameters[0]);
-    }
+    });
 }
 
 /// Width, gain and offset from a steady state alone; error of the angle after over that before.
 fn by_steady_state(runs: u64, most_wrong: f64, rows: &mut Rows) -> Vec<f64> {
-    let folder = tempfile::tempdir().unwrap();
-    let run = |seed: u64| {
+    rows.of_recordings(0..runs, |seed, folder, rows| {
         let mut chance = Chance::new(17_000 + seed);
-        steady(&mut chance, 0.0, folder.path());
+        steady(&mut chance, 0.0, folder);
         let wrong = |chance: &mut Chance, limit: f64| chance.between(-limit, limit).exp();
         let factors = [1.0, 1.0, 1.0, wrong(&mut chance, most_wrong), wrong(&mut chance, most_wrong), 1.0];
-        let mut told = told(folder.path(), factors, WITH, "", 1e8);
+        let mut told = told(folder, factors, WITH, "", 1e8);
         told.recordings.remove(0);
         let before = error(&told, "angle");
         let found = published()
@@ -259,8 +255,7 @@ fn by_steady_state(runs: u64, most_wrong: f64, rows: &mut Rows) -> Vec<f64> {
             rows.push(&format!("by a steady state, {name}"), truth, named(&found, name));
         }
         error(&found.experiment, "angle") / before
-    };
-    (0..runs).map(run).collect()
+    })
 }
 
 #[test]

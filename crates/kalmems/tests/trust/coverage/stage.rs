@@ -154,16 +154,15 @@ fn identified(
     (training, noise_v, most_wrong): (usize, f64, f64),
     rows: &mut Rows,
 ) -> Vec<f64> {
-    let folder = tempfile::tempdir().unwrap();
     let drives = [1.0, 1.3, 1.15, 1.2];
     let names: Vec<String> =
         (0..=3).filter(|k| *k != 2).take(training).map(|k| format!("\"r{k}\"")).collect();
-    let run = |seed: u64| {
+    rows.of_recordings(0..runs, |seed, folder, rows| {
         let mut chance = Chance::new(13_000 + seed);
-        write(&mut chance, &drives, noise_v, folder.path());
+        write(&mut chance, &drives, noise_v, folder);
         let gaps = [0; 4].map(|_| chance.between(-0.3 * most_wrong, 0.3 * most_wrong).exp());
         let gains = [0; 4].map(|_| chance.between(-most_wrong, most_wrong).exp());
-        let told = told(folder.path(), gaps, gains, &format!("[{}]", names.join(", ")));
+        let told = told(folder, gaps, gains, &format!("[{}]", names.join(", ")));
         let before = error(&told, "rate");
         let found = match published().rig(&told).unwrap().identify(&told, &Silent) {
             Ok(found) => found,
@@ -181,8 +180,7 @@ fn identified(
         }
         rows.push(&format!("{words}, delay"), DELAY_S, named(&found, "delay of the vibrometer"));
         error(&found.experiment, "rate") / before
-    };
-    (0..runs).map(run).collect()
+    })
 }
 
 const USUAL: (usize, f64, f64) = (3, 4e-6, 0.1);

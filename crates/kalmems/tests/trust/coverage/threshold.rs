@@ -97,13 +97,12 @@ fn identified(
     most_wrong: f64,
     rows: &mut Rows,
 ) -> Vec<f64> {
-    let folder = tempfile::tempdir().unwrap();
-    let run = |seed: u64| {
+    rows.of_recordings(0..runs, |seed, folder, rows| {
         let mut chance = Chance::new(11_000 + seed);
-        let start = decay(&mut chance, record, folder.path());
+        let start = decay(&mut chance, record, folder);
         let limits = [0.01_f64.min(most_wrong), most_wrong, most_wrong, most_wrong, most_wrong];
         let factors = limits.map(|limit| chance.between(-limit, limit).exp());
-        let told = told(folder.path(), factors, start);
+        let told = told(folder, factors, start);
         let before = error(&told, "angle");
         let found = match published().rig(&told).unwrap().identify(&told, &Silent) {
             Ok(found) => found,
@@ -116,8 +115,7 @@ fn identified(
             rows.push(&format!("{words}, {name}"), truth, named(&found, name));
         }
         error(&found.experiment, "angle") / before
-    };
-    (0..runs).map(run).collect()
+    })
 }
 
 const LONG: (f64, usize, f64) = (0.15, 6000, NOISE_V);

@@ -1,8 +1,7 @@
 //! Outliers by share and by size, device by device.
 
 use super::signals::{DEVICES, IMPAIRMENTS, Impairment, Of, both};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
+use crate::side_by_side::side_by_side;
 
 /// What came of a cell.
 struct Cell {
@@ -74,25 +73,11 @@ impl Cell {
 fn cells(seeds: std::ops::RangeInclusive<u64>) -> Vec<Cell> {
     let wanted: Vec<(Of, Impairment)> =
         DEVICES.iter().flat_map(|of| IMPAIRMENTS.map(|impairment| (*of, impairment))).collect();
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mut own = Vec::new();
-        while let Some((place, (of, impairment))) = {
-            let place = next.fetch_add(1, Ordering::Relaxed);
-            wanted.get(place).map(|cell| (place, *cell))
-        } {
-            let cell = Cell::of(of, impairment, seeds.clone());
-            println!("{}", cell.row());
-            own.push((place, cell));
-        }
-        own
-    };
-    let mut cells: Vec<(usize, Cell)> = thread::scope(|scope| {
-        let workers: Vec<_> = (0..2).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
-    });
-    cells.sort_by_key(|(place, _)| *place);
-    cells.into_iter().map(|(_, cell)| cell).collect()
+    side_by_side(&wanted, |(of, impairment)| {
+        let cell = Cell::of(*of, *impairment, seeds.clone());
+        println!("{}", cell.row());
+        cell
+    })
 }
 
 fn judge(cells: &[Cell]) {

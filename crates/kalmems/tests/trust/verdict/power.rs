@@ -12,9 +12,8 @@
 
 use super::wrong::{By, KINDS, Kind, claims, size};
 use crate::devices::{Device, Setting};
+use crate::side_by_side::side_by_side;
 use kalmems::results::{EstimatorMetrics, Metrics};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 
 /// From here on a test that knows what is wrong sees it.
 const HELD: f64 = 61.5;
@@ -145,27 +144,12 @@ impl Kind {
 
 /// Several curves at once.
 fn curves(kinds: &'static [Kind]) -> Vec<Curve> {
-    let next = AtomicUsize::new(0);
-    let threads = thread::available_parallelism().map_or(1, usize::from);
-    let mut curves: Vec<(usize, Curve)> = thread::scope(|scope| {
-        let work = || {
-            let mut own = Vec::new();
-            while let Some((place, kind)) = {
-                let place = next.fetch_add(1, Ordering::Relaxed);
-                kinds.get(place).map(|kind| (place, kind))
-            } {
-                let curve = kind.curve();
-                // As soon as it is known: all of them take long.
-                println!("{}", row(&curve));
-                own.push((place, curve));
-            }
-            own
-        };
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
-    });
-    curves.sort_by_key(|(place, _)| *place);
-    curves.into_iter().map(|(_, curve)| curve).collect()
+    side_by_side(kinds, |kind| {
+        let curve = kind.curve();
+        // As soon as it is known: all of them take long.
+        println!("{}", row(&curve));
+        curve
+    })
 }
 
 /// How a size reads.

@@ -1,7 +1,7 @@
 //! A drawing as PNG, with the bundled font.
 
-use crate::error::ReportError;
-use crate::ruler::{Ruler, font};
+use crate::drawing::error::ReportError;
+use crate::drawing::ruler::{Ruler, font};
 use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneMark};
 use tiny_skia::{
     FillRule, LineCap, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform,

@@ -2,9 +2,9 @@
 
 use super::figure_files::write_figure;
 use super::inspection::write_png;
-use super::{DrawError, Output, ResultWriteError, RunInfo, RunTiming};
 use crate::config::Experiment;
 use crate::outlook::{AmplitudeDeviations, AmplitudeResponse, AtFrequency, Outlook, SmallMotionGrowth};
+use crate::results::{DrawError, Output, ResultWriteError, RunInfo, RunTiming};
 use crate::simulate::{SteadyMotion, SweepPoint};
 use kalmems_figures::{
     Axis, Figure, MapGrid, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole,
@@ -180,7 +180,7 @@ fn information_panel(information: &[AmplitudeDeviations]) -> Panel {
         ))
 }
 
-/// Draws all pictures, one below the other, to a PNG file; see [`write_file`](super::write_file).
+/// Draws all pictures, one below the other, to a PNG file; see [`write_file`](crate::results::write_file).
 pub fn draw_outlook(outlook: &Outlook, path: &Path, force: bool) -> Result<(), DrawError> {
     let panels = outlook_figures(outlook).into_iter().flat_map(|figure| figure.panels);
     let figure = panels.fold(Figure::new("outlook", outlook.experiment.clone(), ""), Figure::with);
@@ -250,6 +250,6 @@ struct OutlookRecord {
     experiment: toml::Table,
 }
 
-fn failed(path: &Path, source: io::Error) -> super::OutputError {
-    super::OutputError::Io { path: path.to_owned(), source }
+fn failed(path: &Path, source: io::Error) -> crate::results::OutputError {
+    crate::results::OutputError::Io { path: path.to_owned(), source }
 }

@@ -3,7 +3,7 @@
 use ttf_parser::Face;
 
 /// The font of the figures, `DejaVu` Sans reduced to the characters that they use; see `assets/README.md`.
-const FONT: &[u8] = include_bytes!("../assets/dejavu-sans-subset.ttf");
+const FONT: &[u8] = include_bytes!("../../assets/dejavu-sans-subset.ttf");
 
 /// The bundled font. A test makes sure that it can be read.
 pub(crate) fn font() -> Option<Face<'static>> {

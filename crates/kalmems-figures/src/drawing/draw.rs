@@ -1,16 +1,16 @@
 //! From a figure to a drawing.
 
-use crate::axis::Range;
-use crate::clip;
 use crate::decimate::{Thinning, is_drawable};
-use crate::figure::{AxisScale, Figure, Series, Shape};
-use crate::layout::{
+use crate::drawing::axis::Range;
+use crate::drawing::clip;
+use crate::drawing::layout::{
     AXIS_LINE, AXIS_SIZE, EDGE, FigureLayout, LEGEND_SIZE, LegendEntry, PanelPlace, SWATCH, TICK_SIZE,
     TITLE_LINE, TITLE_SIZE, WIDTH,
 };
-use crate::map::{cells, contour};
-use crate::notes::notes;
-use crate::ruler::Ruler;
+use crate::drawing::map::{cells, contour};
+use crate::drawing::notes::notes;
+use crate::drawing::ruler::Ruler;
+use crate::figure::{AxisScale, Figure, Series, Shape};
 use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneMark, Stroke};
 use crate::style::{self, BAND_OPACITY, FAINT_INK, FRAME, GRID, INK};
 

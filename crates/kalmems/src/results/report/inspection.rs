@@ -1,7 +1,7 @@
 //! The picture of an inspection.
 
-use super::{OutputError, write_file};
 use crate::inspect::{self, InspectedChannel, Inspection};
+use crate::results::{OutputError, write_file};
 use crate::topics::{explained, link};
 use kalmems_figures::{
     Axis, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole, Track,

@@ -1,10 +1,10 @@
 //! The report page as HTML: one file that needs nothing else.
 
-use crate::error::ReportError;
+use crate::drawing::error::ReportError;
+use crate::drawing::layout::extent;
+use crate::drawing::live::LiveFigures;
+use crate::drawing::notes::quantity;
 use crate::figure::{Figure, Series};
-use crate::layout::extent;
-use crate::live::LiveFigures;
-use crate::notes::quantity;
 use crate::page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection};
 use crate::table::{ColumnHead, TextTable};
 use base64::Engine;
@@ -15,9 +15,9 @@ const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 /// The library that draws axes and follows the mouse, and what of a page it needs.
 const PLOTS: [&str; 3] = [
-    include_str!("../assets/uplot.min.js"),
-    include_str!("../assets/uplot.min.css"),
-    include_str!("../assets/uplot-LICENSE.txt"),
+    include_str!("../../assets/uplot.min.js"),
+    include_str!("../../assets/uplot.min.css"),
+    include_str!("../../assets/uplot-LICENSE.txt"),
 ];
 const SCRIPT: &str = include_str!("page.js");
 /// A table of so many columns becomes cards where the page is narrow.

@@ -1,8 +1,8 @@
 //! Pictures of figures.
 
-use crate::error::ReportError;
+use super::{draw, png, svg};
+use crate::drawing::error::ReportError;
 use crate::figure::Figure;
-use crate::{draw, png, svg};
 
 impl Figure {
     /// The picture as SVG, 900 units wide. The same figure gives the same bytes.

@@ -1,9 +1,9 @@
 //! The files of a simulation.
 
-use super::{Output, OutputError, RunInfo, RunTiming, way_from};
 use crate::config::Experiment;
 use crate::progress::Progress;
 use crate::recording::RecordingSource;
+use crate::results::{Output, OutputError, RunInfo, RunTiming, way_from};
 use crate::simulate::{
     RECORDING, REFERENCE, SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise, described,
 };

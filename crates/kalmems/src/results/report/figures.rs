@@ -1,21 +1,21 @@
 //! The pictures of an estimate.
 
-use super::Verdict;
 use super::evidence::evidence;
 use super::long_estimate::{FilterFigures, PartFigures};
-use super::marks::with_lock;
-use super::metrics::consistency;
 use super::passings::passings;
-use super::summary::named;
-use super::summary::shown as shown_unit;
-use super::tracks::{
-    BAND, INPUT, SIGNAL, Tracks, VALUE, of_error, of_prediction, of_reference, of_state, signal_unit,
-    state_unit,
-};
-use super::verdict::{angles_of, words_with};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::SampledRecording;
+use crate::results::Verdict;
+use crate::results::marks::with_lock;
+use crate::results::metrics::consistency;
+use crate::results::summary::named;
+use crate::results::summary::shown as shown_unit;
+use crate::results::tracks::{
+    BAND, INPUT, SIGNAL, Tracks, VALUE, of_error, of_prediction, of_reference, of_state, signal_unit,
+    state_unit,
+};
+use crate::results::verdict::{angles_of, words_with};
 use crate::units::kind;
 use crate::workflow::{RecordingOutcome, SegmentOutcome};
 use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};

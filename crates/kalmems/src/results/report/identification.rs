@@ -1,11 +1,11 @@
 //! The files of an identification.
 
 use super::figure_files::write_figure;
-use super::{Output, ResultWriteError, way_from};
-use super::{RunInfo, RunTiming};
 use crate::identify::{Correlated, Identification, Identified, Undetermined};
 use crate::inspect::{fitting_unit, quantity};
 use crate::recording::RecordingSource;
+use crate::results::{Output, ResultWriteError, way_from};
+use crate::results::{RunInfo, RunTiming};
 use crate::topics::{explained, link, topic};
 use kalmems_core::Portable;
 use kalmems_figures::{ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable};

@@ -1,6 +1,6 @@
 //! The files that a figure is kept in.
 
-use crate::error::ReportError;
+use crate::drawing::error::ReportError;
 use crate::figure::Figure;
 
 impl Figure {

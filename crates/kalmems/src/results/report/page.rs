@@ -3,21 +3,21 @@
 use super::figures::SegmentFigures;
 use super::long_estimate::PICTURED;
 use super::names::prefix;
-use super::summary::{segment_name, shown, summary_grades, without_repeats};
-use super::tracks::Tracks;
-use super::{
-    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, is_unexplained,
-    notices, parameters_table, summary_table,
-};
 use crate::config::{Experiment, ExtremeSign};
 use crate::estimate::TrajectoryKind;
 use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
+use crate::results::summary::{segment_name, shown, summary_grades, without_repeats};
+use crate::results::tracks::Tracks;
+use crate::results::{
+    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, is_unexplained,
+    notices, parameters_table, summary_table,
+};
 use crate::topics::explained;
 use crate::workflow::{Outcome, SegmentOutcome};
 use kalmems_figures::{ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, TextTable};
 
 /// The page, and its figures once more by their name.
-pub(super) fn page(outcome: &Outcome, metrics: &Metrics) -> (Page, Vec<Figure>) {
+pub(in crate::results) fn page(outcome: &Outcome, metrics: &Metrics) -> (Page, Vec<Figure>) {
     let drawn = outcome.recordings.iter().zip(&metrics.recordings).map(|(recording, judged)| {
         let of = |(segment, judged): (&SegmentOutcome, &SegmentMetrics)| {
             let own = &segment.estimate.segment;

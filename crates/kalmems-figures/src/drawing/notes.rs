@@ -1,9 +1,9 @@
 //! What a figure does not show, in words below it: missing samples, thinned points, values off the axis.
 
-use crate::axis::Range;
 use crate::decimate::{SMALLEST, Thinning, is_drawable};
+use crate::drawing::axis::Range;
+use crate::drawing::layout::{FigureLayout, PanelPlace, extent};
 use crate::figure::{Axis, AxisScale, Figure, Panel, Series, Shape};
-use crate::layout::{FigureLayout, PanelPlace, extent};
 use crate::prefix::{Prefixed, prefixed};
 
 /// One sentence for each thing.

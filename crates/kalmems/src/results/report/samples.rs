@@ -1,9 +1,9 @@
 //! The file beside a report that has each sample of the series that it shows.
 
-use super::ResultWriteError;
 use super::long_estimate::PICTURED;
 use super::names::prefix;
-use super::tracks::{PartPlace, SampleSink, each_track};
+use crate::results::ResultWriteError;
+use crate::results::tracks::{PartPlace, SampleSink, each_track};
 use crate::workflow::{Outcome, RecordingOutcome, SegmentOutcome};
 use kalmems_figures::{SampledQuantity, SamplesLink, SamplesWriter};
 use kalmems_store::{Output, ResultFile};

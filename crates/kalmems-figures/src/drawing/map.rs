@@ -1,10 +1,10 @@
 //! Maps: cells in the colours of their values, the line at a level, and the colour bar.
 
-use crate::axis::{Range, Ticks};
 use crate::decimate::is_drawable;
+use crate::drawing::axis::{Range, Ticks};
+use crate::drawing::layout::{AXIS_LINE, AXIS_SIZE, TICK_SIZE};
+use crate::drawing::ruler::Ruler;
 use crate::figure::{Axis, AxisScale, MapGrid, Panel, Shape};
-use crate::layout::{AXIS_LINE, AXIS_SIZE, TICK_SIZE};
-use crate::ruler::Ruler;
 use crate::scene::{Anchor, Colour, MarkGroup, Rect, SceneMark};
 use crate::style::{self, FRAME, INK};
 

@@ -1,9 +1,9 @@
 //! Where the panels of a figure lie, what their axes show, and where the legends stand.
 
-use crate::axis::{Range, Ticks};
+use crate::drawing::axis::{Range, Ticks};
+use crate::drawing::map::ColourBar;
+use crate::drawing::ruler::Ruler;
 use crate::figure::{Axis, AxisScale, Figure, Panel, Series, Shape};
-use crate::map::ColourBar;
-use crate::ruler::Ruler;
 use crate::scene::Rect;
 
 pub(crate) const WIDTH: f64 = 900.0;

@@ -5,13 +5,13 @@ use super::figures::{SegmentFigures, course};
 use super::files::{columns, run_record, signal_unit, write_header, write_rows};
 use super::names::of_parts;
 use super::page::page_with;
-use super::pooled::PooledMetrics;
 use super::samples::SamplesFile;
-use super::tracks::{PartPlace, Tracks};
-use super::{Metrics, Output, ResultFile, ResultWriteError, RunInfo, SegmentMetrics, WriteOptions};
 use crate::config::Experiment;
 use crate::diagnose::{FoundNoise, NumberCheck};
 use crate::recording::{RecordingSource, Segment};
+use crate::results::pooled::PooledMetrics;
+use crate::results::tracks::{PartPlace, Tracks};
+use crate::results::{Metrics, Output, ResultFile, ResultWriteError, RunInfo, SegmentMetrics, WriteOptions};
 use crate::rigs::Rig;
 use crate::workflow::{PartOutcome, SegmentOutcome, WholeRecording};
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ pub(super) const PICTURED: usize = 16;
 
 /// The results of an estimate on the way.
 ///
-/// They are those of [`write_estimate`](super::write_estimate), but that the pictures show the last part of each segment, and
+/// They are those of [`write_estimate`](crate::results::write_estimate), but that the pictures show the last part of each segment, and
 /// how the filters fared from part to part.
 pub struct LongEstimate<'a> {
     rig: &'a dyn Rig,

@@ -4,11 +4,11 @@ use super::figure_files::write_figure;
 use super::names::prefix;
 use super::page::page;
 use super::samples::SamplesFile;
-use super::{Metrics, Output, OutputError, RunInfo, RunTiming};
 use crate::config::{ConfigError, Experiment};
 use crate::estimate::Trajectory;
 use crate::progress::Pace;
 use crate::recording::{RecordingSource, contribution_column};
+use crate::results::{Metrics, Output, OutputError, RunInfo, RunTiming};
 use crate::workflow::{Outcome, RecordingOutcome, SegmentOutcome};
 use kalmems_figures::ReportError;
 use serde::Serialize;
@@ -111,7 +111,10 @@ fn input_id(outcome: &Outcome) -> String {
 }
 
 /// The columns of a trajectory: their names with units, and a number for each sample, which is not finite where there is none.
-pub(super) fn columns<'a>(trajectory: &'a Trajectory, signal_unit: &str) -> Vec<(String, Cow<'a, [f64]>)> {
+pub(in crate::results) fn columns<'a>(
+    trajectory: &'a Trajectory,
+    signal_unit: &str,
+) -> Vec<(String, Cow<'a, [f64]>)> {
     let mut columns = vec![("time_s".to_owned(), Cow::from(&trajectory.time_s))];
     for state in &trajectory.states {
         columns.push((format!("{}_{}", state.name, state.unit), Cow::from(&state.mean)));
@@ -175,7 +178,7 @@ pub(super) fn write_rows(
 }
 
 /// The unit of the signal that a segment's innovations are of, as names of columns have it.
-pub(super) fn signal_unit(recording: &RecordingOutcome, segment: &SegmentOutcome) -> String {
+pub(in crate::results) fn signal_unit(recording: &RecordingOutcome, segment: &SegmentOutcome) -> String {
     let column = recording.recording.column(&segment.estimate.signal_column).ok();
     let unit = column.and_then(|column| column.header.unit);
     unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header())

@@ -1,14 +1,14 @@
 //! Figures as data that the script of a page draws: axes, series, and their samples as text.
 
-use crate::axis::Range;
+use crate::drawing::axis::Range;
+use crate::drawing::layout::FigureLayout;
+use crate::drawing::ruler::Ruler;
+use crate::drawing::svg::hex;
 use crate::figure::{Axis, AxisScale, Figure, SamplesPlace, Series, SeriesRole, Shape};
-use crate::layout::FigureLayout;
 use crate::page::SamplesLink;
 use crate::prefix::prefixed;
 use crate::record::{Abscissae, PackedValues, Record, RecordValues};
-use crate::ruler::Ruler;
 use crate::style;
-use crate::svg::hex;
 use crate::text::with_printed_unit;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

@@ -1,10 +1,10 @@
 //! What the innovations of the filters look like, as figures of a page.
 
 use super::figures::{label, role, stacked, time_axis};
-use super::marks::with_lock;
-use super::tracks::{BAND, Tracks, VALUE, of_innovation, signal_unit};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::InnovationEvidence;
+use crate::results::marks::with_lock;
+use crate::results::tracks::{BAND, Tracks, VALUE, of_innovation, signal_unit};
 use crate::workflow::SegmentOutcome;
 use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 

@@ -1,8 +1,8 @@
 //! Figures of more panels than a sheet of paper takes, over several sheets.
 
+use crate::drawing::layout::FigureLayout;
+use crate::drawing::ruler::Ruler;
 use crate::figure::Figure;
-use crate::layout::FigureLayout;
-use crate::ruler::Ruler;
 
 /// The height of a sheet in units of the drawing: half of the highest picture that is drawn.
 const SHEET: f64 = 4_000.0;
