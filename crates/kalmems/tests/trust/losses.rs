@@ -83,6 +83,7 @@ fn longer(of: Of) -> Vec<Setting<'static>> {
         "shared scanner" => duration("48 ms"),
         "micro-stage" => duration("160 ms"),
         "threshold scanner" => duration("400 ms"),
+        "accelerometer" => duration("4 s"),
         "piston mirror" => {
             let mut settings = duration("1.4 s");
             settings.push(("estimate.skip", "\"0.2 s\"".to_owned()));
