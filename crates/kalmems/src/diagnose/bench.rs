@@ -2,6 +2,7 @@
 
 use super::DiagnoseError;
 use super::change::TrialChange;
+use super::document::{document, text};
 use super::stop::StopFlag;
 use super::trial::DiagnosisTrial;
 use crate::config::{ConfigFault, Experiment, Key, Method, RecordingRole, exactly};
@@ -72,13 +73,10 @@ impl<'a> TrialBench<'a> {
             let key = Key::from("estimate").child("filter").index(place).child("method");
             return Err(experiment.error(key, ConfigFault::Value { why }).into());
         }
-        let unwritten = |why: String| experiment.error(Key::default(), ConfigFault::Value { why });
-        let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
-        let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
+        let mut document = document(experiment)?;
         keep_one_filter(&mut document, place);
         let parsed = |document: &Table| -> Result<Experiment, DiagnoseError> {
-            let text = toml::to_string(document).map_err(|e| unwritten(e.to_string()))?;
-            Ok(workbench.parse(&text, experiment.path())?)
+            Ok(workbench.parse(&text(document, experiment)?, experiment.path())?)
         };
         let uncertain = parsed(&document)?;
         let varied = uncertain.varied()?.iter().map(|varied| varied.experiment.clone()).collect();

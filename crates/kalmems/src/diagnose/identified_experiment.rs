@@ -1,8 +1,9 @@
 //! An experiment with the numbers that an identification found, whose noises are to be found again.
 
 use super::FoundNoise;
-use crate::config::{ConfigError, ConfigFault, Experiment, FROM_RECORDING, Key, put};
-use toml::{Table, Value};
+use super::document::{document, text};
+use crate::config::{ConfigError, Experiment, FROM_RECORDING, Key, put};
+use toml::Value;
 
 /// The experiment with the numbers of `found` in the places of its own, and with these noises left to the recording again.
 ///
@@ -16,11 +17,6 @@ pub fn with_found_numbers(
     found: &Experiment,
     noises: &[FoundNoise],
 ) -> Result<Experiment, ConfigError> {
-    let unwritten = |why: String| experiment.error(Key::default(), ConfigFault::Value { why });
-    let document = |of: &Experiment| -> Result<Table, ConfigError> {
-        let text = of.to_toml().map_err(|e| unwritten(e.to_string()))?;
-        text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))
-    };
     let (mut own, found) = (document(experiment)?, document(found)?);
     if let (Some(own), Some(found)) = (own.get_mut("device"), found.get("device")) {
         take(own, found);
@@ -29,8 +25,7 @@ pub fn with_found_numbers(
         let (key, word) = (Key::from(noise.key.as_str()), Value::String(FROM_RECORDING.to_owned()));
         put(&mut own, &key, word).map_err(|fault| experiment.error(key.clone(), fault))?;
     }
-    let text = toml::to_string(&own).map_err(|e| unwritten(e.to_string()))?;
-    Experiment::parse(&text, experiment.path())
+    Experiment::parse(&text(&own, experiment)?, experiment.path())
 }
 
 /// Takes the values that differ, where both have one.

@@ -25,6 +25,10 @@ struct Begun {
     is_widened: bool,
 }
 
+/// The simulated motion has none; the examples' filters are told more, and their starts would claim as much more error.
+const WITHOUT_PROCESS_NOISE: (&str, &str) =
+    ("estimate.process_noise", "{ angular_acceleration = \"0 rad^2/s^3\" }");
+
 const MOTION: &[(&str, &str)] = &[("angle", "rad"), ("rate", "rad/s")];
 
 fn between(chance: &mut WhiteNoise, [least, most]: [f64; 2]) -> f64 {
@@ -56,6 +60,7 @@ const BEGUN: [Begun; 5] = [
             ("simulate.duration", "\"20 ms\""),
             ("estimate.skip", "\"2 ms\""),
             ("simulate.drive", "{ constant = { voltage = \"0 V\" } }"),
+            WITHOUT_PROCESS_NOISE,
         ],
         table: "simulate.start",
         drawn: MOTION,
@@ -77,7 +82,7 @@ const BEGUN: [Begun; 5] = [
     },
     Begun {
         device: "micro-stage",
-        settings: &[("simulate.duration", "\"6 ms\""), ("estimate.skip", "\"2 ms\"")],
+        settings: &[("simulate.duration", "\"6 ms\""), ("estimate.skip", "\"2 ms\""), WITHOUT_PROCESS_NOISE],
         // Its motion is steady from the first sample on.
         table: "simulate.drive.sine",
         drawn: &[("offset", "V"), ("amplitude", "V"), ("frequency", "Hz"), ("phase", "rad")],

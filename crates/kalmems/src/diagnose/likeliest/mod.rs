@@ -7,6 +7,8 @@ mod outcome;
 mod prior;
 
 use super::bench::{TestedRows, TrialBench};
+use super::confirm::confirmed;
+use super::document::{document, keep_recordings, text};
 use super::search::MOST_SIZES;
 use super::suspect::{NumberRole, Suspect, WrittenNumber};
 use super::{DiagnoseError, begin};
@@ -19,7 +21,7 @@ use judgement::NumberJudgement;
 use likelihood_search::LikelihoodSearch;
 use outcome::LikelihoodOutcome;
 use prior::FactorPrior;
-use toml::{Table, Value};
+use toml::Value;
 
 /// Rows after the settling times that are looked at, in all.
 const ROWS: TestedRows = TestedRows(200_000);
@@ -79,7 +81,8 @@ pub fn likeliest(
 }
 
 /// Identifies what an experiment asks for: the numbers that `identify.parameters` names ([`likeliest`]), or else what its device's rig
-/// identifies.
+/// identifies. Where recordings of the role `test` that had no part in it are less likely with what was found than with the numbers of the
+/// experiment, these stay, and the identification says so.
 pub fn identify(
     workbench: &Workbench,
     experiment: &Experiment,
@@ -89,14 +92,15 @@ pub fn identify(
     if names_numbers {
         likeliest(workbench, experiment, progress)
     } else {
-        workbench.rig(experiment)?.identify(experiment, progress)
+        let found = workbench.rig(experiment)?.identify(experiment, progress)?;
+        confirmed(workbench, experiment, found, progress)
     }
 }
 
 const NOWHERE: &str = "the filter cannot be run beside the numbers of the experiment, so that no likelihood rises from there; `kalmems \
                        diagnose` looks further";
 
-fn refused(error: DiagnoseError) -> IdentifyError {
+pub(super) fn refused(error: DiagnoseError) -> IdentifyError {
     match error {
         DiagnoseError::Config(error) => error.into(),
         DiagnoseError::Read(error) => error.into(),
@@ -114,22 +118,19 @@ const MOVES: [RecordingRole; 4] =
 /// The experiment with the recordings that count as such to be estimated, and its first filter that is judged, none of whose states is
 /// a parameter; and the name of that filter.
 fn prepared(workbench: &Workbench, experiment: &Experiment) -> Result<(Experiment, String), IdentifyError> {
-    let unwritten = |why: String| experiment.error(Key::default(), ConfigFault::Value { why });
-    let text = experiment.to_toml().map_err(|e| unwritten(e.to_string()))?;
-    let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
+    let mut document = document(experiment)?;
     let trains = experiment.recordings.iter().any(|recording| recording.role == RecordingRole::Training);
     let counts =
         |role: RecordingRole| if trains { role == RecordingRole::Training } else { MOVES.contains(&role) };
-    let mut roles = experiment.recordings.iter().map(|recording| recording.role);
+    let is_described = document.contains_key("recording");
+    if keep_recordings(&mut document, experiment, counts) == 0 && is_described {
+        let why = "no recording has the role `training`, `test`, `steady_state`, `ring_down` or `sweep`; parameters are identified \
+                   from those";
+        return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
+    }
     if let Some(Value::Array(recordings)) = document.get_mut("recording") {
-        recordings.retain(|_| roles.next().is_some_and(counts));
         for recording in recordings.iter_mut().filter_map(Value::as_table_mut) {
             recording.insert("role".to_owned(), Value::String(RecordingRole::Test.key().to_owned()));
-        }
-        if recordings.is_empty() {
-            let why = "no recording has the role `training`, `test`, `steady_state`, `ring_down` or `sweep`; parameters are identified \
-                       from those";
-            return Err(experiment.error("recording", ConfigFault::Value { why: why.to_owned() }).into());
         }
     }
     let mut chosen = String::new();
@@ -146,8 +147,7 @@ fn prepared(workbench: &Workbench, experiment: &Experiment) -> Result<(Experimen
             "no filter has innovations that are white when it is right; add one with `method = \"ekf\"`";
         return Err(experiment.error("estimate.filter", ConfigFault::Value { why: why.to_owned() }).into());
     }
-    let text = toml::to_string(&document).map_err(|e| unwritten(e.to_string()))?;
-    Ok((workbench.parse(&text, experiment.path())?, chosen))
+    Ok((workbench.parse(&text(&document, experiment)?, experiment.path())?, chosen))
 }
 
 /// The numbers that the experiment names, among all that may be wrong.

@@ -19,6 +19,7 @@ pub use compare::{CompareError, compare_page};
 pub(crate) use figure_files::write_figure;
 pub use figures::figures as estimate_figures;
 pub use files::{ResultWriteError, WriteOptions, write_estimate};
+#[cfg(feature = "parquet-results")]
 pub(super) use files::{columns, signal_unit};
 pub use identification::{IdentificationSummary, identification_page, write_identification};
 pub use inspection::{DrawError, draw_inspection, inspection_figure, inspection_page};

@@ -1,9 +1,10 @@
 //! Spring, damping, mass and noise of the accelerometer, with dithers of three and of sixteen tones and without any.
 
 use super::chance::Chance;
-use super::harm::{assert_no_harm, error};
+use super::harm::{assert_no_harm, error, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
+use kalmems::diagnose::identify;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use std::f64::consts::TAU;
@@ -169,15 +170,11 @@ fn identified(runs: u64, count: u32, seed: u64, rows: &mut Rows) -> Vec<f64> {
         let factors = [0; 3].map(|_| chance.between(-0.3, 0.3_f64).exp());
         let told = recording(seed, &tones, 40_000).told(folder, factors);
         let before = error(&told, "acceleration");
-        let found = published()
-            .rig(&told)
-            .unwrap()
-            .identify(&told, &Silent)
-            .unwrap_or_else(|e| panic!("{seed}: {e}"));
+        let found = identify(published(), &told, &Silent).unwrap_or_else(|e| panic!("{seed}: {e}"));
         for (place, (name, truth)) in NAMES.into_iter().zip(TRUTH).enumerate() {
             rows.push(&format!("{count} tones, {name}"), truth, &found.parameters[place]);
         }
-        error(&found.experiment, "acceleration") / before
+        ratio(error(&found.experiment, "acceleration"), before)
     })
 }
 

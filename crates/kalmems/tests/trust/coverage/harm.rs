@@ -1,16 +1,21 @@
 //! Whether an experiment is better with what was found than it was before.
 
 use kalmems::config::Experiment;
+use kalmems::estimate::EstimateError;
 use kalmems::identify::{Identification, Identified};
 use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
-use kalmems::workflow;
+use kalmems::workflow::{self, WorkflowError};
 
-/// The error of a quantity by the experiment's first filter, root mean square in SI, or that of its angle in degrees; infinite where the filter
-/// stops.
+/// The error of a quantity by the experiment's first filter, root mean square in SI, or that of its angle in degrees; infinite where there is no
+/// estimate: the start from the signal is refused, the filter stops, or the signal is lost.
 pub fn error(experiment: &Experiment, quantity: &str) -> f64 {
-    let outcome = workflow::estimate(published(), experiment, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let outcome = match workflow::estimate(published(), experiment, &Silent) {
+        Ok(outcome) => outcome,
+        Err(WorkflowError::Estimate(EstimateError::NoStart { .. })) => return f64::INFINITY,
+        Err(other) => panic!("{other}"),
+    };
     let metrics = Metrics::of(&outcome);
     let first = metrics.estimators().next().unwrap();
     if let Some(values) = first.values.get(quantity) {
@@ -18,6 +23,11 @@ pub fn error(experiment: &Experiment, quantity: &str) -> f64 {
     }
     let errors = first.errors.as_ref();
     errors.map_or(f64::INFINITY, |errors| errors.angle.rmse_deg)
+}
+
+/// The error after over that before; 1 where there was no estimate and is none.
+pub fn ratio(after: f64, before: f64) -> f64 {
+    if after == before { 1.0 } else { after / before }
 }
 
 /// The parameter with a name that begins so.

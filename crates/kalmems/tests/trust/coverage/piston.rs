@@ -1,7 +1,7 @@
 //! The piston mirror's noise and the densities of its walks, by the likelihood of innovations.
 
 use super::chance::Chance;
-use super::harm::{assert_no_harm, error};
+use super::harm::{assert_no_harm, error, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
 use kalmems::diagnose::likeliest;
@@ -92,7 +92,7 @@ fn identified(words: &str, runs: u64, samples: usize, most_wrong: f64, rows: &mu
         for (found, (name, truth)) in found.parameters.iter().zip(NAMES.into_iter().zip(TRUTH)) {
             rows.push(&format!("{words}, {name}"), truth, found);
         }
-        error(&found.experiment, "position") / before
+        ratio(error(&found.experiment, "position"), before)
     })
 }
 

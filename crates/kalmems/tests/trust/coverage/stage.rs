@@ -1,9 +1,10 @@
 //! Gaps, gains and the vibrometer's delay of the micro-stage, from three training records.
 
 use super::chance::Chance;
-use super::harm::{assert_no_harm, error, named};
+use super::harm::{assert_no_harm, error, named, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
+use kalmems::diagnose::identify;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use std::f64::consts::TAU;
@@ -164,7 +165,7 @@ fn identified(
         let gains = [0; 4].map(|_| chance.between(-most_wrong, most_wrong).exp());
         let told = told(folder, gaps, gains, &format!("[{}]", names.join(", ")));
         let before = error(&told, "rate");
-        let found = match published().rig(&told).unwrap().identify(&told, &Silent) {
+        let found = match identify(published(), &told, &Silent) {
             Ok(found) => found,
             Err(refused) => {
                 println!("{words}, seed {seed}: refused: {refused}");
@@ -179,7 +180,7 @@ fn identified(
             }
         }
         rows.push(&format!("{words}, delay"), DELAY_S, named(&found, "delay of the vibrometer"));
-        error(&found.experiment, "rate") / before
+        ratio(error(&found.experiment, "rate"), before)
     })
 }
 

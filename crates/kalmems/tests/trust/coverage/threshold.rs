@@ -1,9 +1,10 @@
 //! Resonance, damping and comb of the threshold-sensing scanner from free decays with a reference.
 
 use super::chance::Chance;
-use super::harm::{assert_no_harm, error, named};
+use super::harm::{assert_no_harm, error, named, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
+use kalmems::diagnose::identify;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use std::f64::consts::TAU;
@@ -104,7 +105,7 @@ fn identified(
         let factors = limits.map(|limit| chance.between(-limit, limit).exp());
         let told = told(folder, factors, start);
         let before = error(&told, "angle");
-        let found = match published().rig(&told).unwrap().identify(&told, &Silent) {
+        let found = match identify(published(), &told, &Silent) {
             Ok(found) => found,
             Err(refused) => {
                 println!("{words}, seed {seed}: refused: {refused}");
@@ -114,13 +115,13 @@ fn identified(
         for (name, truth) in NAMES.into_iter().zip(TRUTH) {
             rows.push(&format!("{words}, {name}"), truth, named(&found, name));
         }
-        error(&found.experiment, "angle") / before
+        ratio(error(&found.experiment, "angle"), before)
     })
 }
 
 const LONG: (f64, usize, f64) = (0.15, 6000, NOISE_V);
 /// A small motion behind much noise.
-const POOR: (f64, usize, f64) = (0.04, 2500, 4.0 * NOISE_V);
+const POOR: (f64, usize, f64) = (0.04, 5000, 4.0 * NOISE_V);
 
 #[test]
 fn a_few_threshold_scanners() {

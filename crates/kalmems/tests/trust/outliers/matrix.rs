@@ -39,9 +39,7 @@ impl Cell {
             cell.ratios.push(ratio);
             cell.passed += usize::from(spoilt.passes());
             cell.rejected += spoilt.first().map_or(0.0, |first| first.rejections.count as f64) / count;
-            if !spoilt.refused.is_empty() {
-                cell.refused.push(spoilt.refused.clone());
-            }
+            cell.refused.extend(spoilt.why_none());
             if spoilt.passes() && ratio > allowed(impairment) {
                 cell.wrong.push(format!("seed {seed} passes with {ratio:.2} times the error"));
             }

@@ -154,6 +154,15 @@ impl Outcome {
         angle.or_else(value).unwrap_or(f64::INFINITY)
     }
 
+    /// Why there is no answer: a refusal, or when the signal was lost that was not found again.
+    pub fn why_none(&self) -> Option<String> {
+        if !self.refused.is_empty() {
+            return Some(self.refused.clone());
+        }
+        let lost = self.first().filter(|first| !first.verdict.is_of_an_estimate())?;
+        lost.lock.events.first().map(ToString::to_string)
+    }
+
     pub fn passes(&self) -> bool {
         self.first().is_some_and(EstimatorMetrics::passes)
     }
