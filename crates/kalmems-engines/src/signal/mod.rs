@@ -10,6 +10,7 @@ mod extremes;
 mod interval;
 mod sample_slopes;
 mod sine;
+mod white_noise;
 
 pub use allan::{AllanDeviation, Deviation, octaves};
 pub use band_limited::band_limited;
@@ -23,3 +24,4 @@ pub use sample_slopes::{SLOPE_REACH, sample_slopes};
 pub(crate) use sine::largest_line;
 pub use sine::least_squares;
 pub use sine::{Sine, fit_sine, fit_sine_at, fit_sine_near, fit_sine_until};
+pub use white_noise::white_noise_variance;

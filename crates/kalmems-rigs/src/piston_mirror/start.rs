@@ -3,7 +3,7 @@
 use super::data::PistonSegment;
 use super::plates::{Plates, distance_at};
 use crate::fit::{ByDual, FitError, FitSettings, ResidualLaw, fit, outliers};
-use crate::signal::{fit_sine, fit_sine_at};
+use crate::signal::{fit_sine, fit_sine_at, white_noise_variance};
 use kalmems_core::{Covariance, Mat, Over};
 use std::f64::consts::TAU;
 
@@ -13,7 +13,8 @@ use std::f64::consts::TAU;
 pub struct PistonBatchStart {
     /// [A, f, φ, d₀, Ȧ] in m, Hz, rad, m and m/s, with A > 0, f > 0 and φ in (−π, π].
     pub mean: [f64; 5],
-    /// Their covariance, from the stated noise of a sample; that of Ȧ is without limit where it was held at 0.
+    /// Their covariance, from the stated noise of a sample, or from what the fit leaves where that is far more; that of Ȧ is without limit where it
+    /// was held at 0.
     pub covariance: Covariance<f64, 5>,
     /// Samples that were used.
     pub samples: usize,
@@ -69,7 +70,7 @@ pub fn rows_of_window(interval_s: f64) -> usize {
 
 /// How often samples are left out and the motion is fitted anew.
 const ROUNDS: usize = 6;
-/// What a fit may leave of the noise's mean square. A window of 400 samples varies by 7 %, a lost start leaves
+/// What a fit may leave of the noise's mean square, by the larger of the stated noise and of what neighbouring samples show. A window of 400 samples varies by 7 %, a lost start leaves
 /// thousands.
 const POOR: f64 = 4.0;
 
@@ -129,10 +130,16 @@ fn within(
         signal = used;
         (found, parameters) = of_all(plates, &PistonSegment { signal: &signal, ..*window }, has_harmonics)?;
     }
-    if found.mean_square > POOR {
+    // Neighbouring samples show the noise where less is stated: then the verdict names the factor, and the motion is found all the same.
+    let shown = white_noise_variance(window.signal).unwrap_or(0.0) / window.noise_variance;
+    if found.mean_square > POOR * shown.max(1.0) {
         return Err(NoPistonBatchStart::Poor { mean_square: found.mean_square });
     }
-    Ok(found)
+    if found.mean_square <= POOR {
+        return Ok(found);
+    }
+    let covariance = found.covariance.to_full().scaled(found.mean_square);
+    Ok(PistonBatchStart { covariance: Covariance::from_lower(covariance), ..found })
 }
 
 /// The start by all samples of a window, and what was fitted to them.

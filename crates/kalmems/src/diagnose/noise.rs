@@ -13,6 +13,7 @@ use crate::identify::TWO_SIDED;
 use crate::progress::Progress;
 use crate::recording::SampledRecording;
 use crate::rigs::Workbench;
+use crate::signal::white_noise_variance;
 use crate::units::Unit;
 use kalmems_core::Scalar;
 use serde::Serialize;
@@ -335,7 +336,7 @@ impl UnknownNoise {
         let signal = signals.iter().find(of).or_else(|| signals.first());
         let samples = signal.and_then(|signal| bench.samples(signal));
         let (values, interval_s) = samples.unwrap_or((&[], f64::NAN));
-        let variance = differences_variance(values).filter(|variance| *variance > 0.0);
+        let variance = white_noise_variance(values).filter(|variance| *variance > 0.0);
         let variance = variance.ok_or_else(|| {
             let why = "the recording's signal is constant or too short: there is no noise to find; state it"
                 .to_owned();
@@ -406,37 +407,4 @@ fn most_likely(search: &CauseSearch) -> Option<MostLikelySizes> {
         }
     }
     Some(best)
-}
-
-/// The variance of white noise by the fourth differences of samples, which a slow motion hardly changes; by the median of their sizes,
-/// so that outliers do not either. `None` of fewer than 16 of them.
-fn differences_variance(values: &[f64]) -> Option<f64> {
-    let of = |w: &[f64]| (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).abs();
-    let mut sizes: Vec<f64> = values.windows(5).map(of).filter(|size| size.is_finite()).collect();
-    if sizes.len() < 16 {
-        return None;
-    }
-    let middle = sizes.len() / 2;
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    // The median of the size of a normal number is 0.6745 standard deviations; 1 + 16 + 36 + 16 + 1 = 70.
-    Some((*median / 0.674_489_75).powi(2) / 70.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::simulate::WhiteNoise;
-
-    #[test]
-    fn differences_tell_the_noise_beside_a_motion_and_outliers() {
-        let mut noise = WhiteNoise::new(3, 1);
-        let mut values: Vec<f64> =
-            (0..20_000).map(|k| 5.0 * (0.05 * f64::from(k)).sin() + 0.02 * noise.sample()).collect();
-        for k in (0..values.len()).step_by(400) {
-            values[k] += 3.0;
-        }
-        let variance = differences_variance(&values).unwrap();
-        assert!((variance / 4e-4 - 1.0).abs() < 0.06, "{variance}");
-        assert!(differences_variance(&values[..12]).is_none());
-    }
 }

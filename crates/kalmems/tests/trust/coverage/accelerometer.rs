@@ -1,7 +1,7 @@
 //! Spring, damping, mass and noise of the accelerometer, with dithers of three and of sixteen tones and without any.
 
 use super::chance::Chance;
-use super::harm::{assert_no_harm, error, ratio};
+use super::harm::{Harm, error, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
 use kalmems::diagnose::identify;
@@ -180,21 +180,23 @@ fn identified(runs: u64, count: u32, seed: u64, rows: &mut Rows) -> Vec<f64> {
 
 #[test]
 fn a_few_accelerometers() {
-    let mut rows = Rows::default();
+    let (mut rows, mut harm) = (Rows::default(), Harm::default());
     for count in [0, 3, 16] {
         let ratios = identified(2, count, 77, &mut rows);
-        assert_no_harm(&format!("{count} tones"), ratios);
+        harm.take(&format!("{count} tones"), ratios);
     }
+    harm.judge();
     rows.judge();
 }
 
 #[test]
 #[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
 fn slow_accelerometers() {
-    let mut rows = Rows::default();
+    let (mut rows, mut harm) = (Rows::default(), Harm::default());
     for (count, seed) in [(0, 1000), (3, 2000), (16, 3000)] {
         let ratios = identified(100, count, seed, &mut rows);
-        assert_no_harm(&format!("{count} tones"), ratios);
+        harm.take(&format!("{count} tones"), ratios);
     }
+    harm.judge();
     rows.judge();
 }

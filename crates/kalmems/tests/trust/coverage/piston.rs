@@ -1,7 +1,7 @@
 //! The piston mirror's noise and the densities of its walks, by the likelihood of innovations.
 
 use super::chance::Chance;
-use super::harm::{assert_no_harm, error, ratio};
+use super::harm::{Harm, error, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
 use kalmems::diagnose::likeliest;
@@ -98,17 +98,19 @@ fn identified(words: &str, runs: u64, samples: usize, most_wrong: f64, rows: &mu
 
 #[test]
 fn a_few_piston_mirrors() {
-    let mut rows = Rows::default();
-    assert_no_harm("piston", identified("piston", 1, 20_000, 1.0, &mut rows));
+    let (mut rows, mut harm) = (Rows::default(), Harm::default());
+    harm.take("piston", identified("piston", 1, 20_000, 1.0, &mut rows));
+    harm.judge();
     rows.judge();
 }
 
 #[test]
 #[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
 fn slow_piston_mirrors() {
-    let mut rows = Rows::default();
-    assert_no_harm("piston", identified("piston", 100, 30_000, 1.0, &mut rows));
+    let (mut rows, mut harm) = (Rows::default(), Harm::default());
+    harm.take("piston", identified("piston", 100, 30_000, 1.0, &mut rows));
     let mut unjudged = Rows::default();
-    assert_no_harm("piston, short, told right", identified("short", 60, 4_000, 0.0, &mut unjudged));
+    harm.take("piston, short, told right", identified("short", 60, 4_000, 0.0, &mut unjudged));
+    harm.judge();
     rows.judge();
 }

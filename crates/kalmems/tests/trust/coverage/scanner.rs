@@ -2,7 +2,7 @@
 //! from a steady state, and the process-noise density by likelihood.
 
 use super::chance::Chance;
-use super::harm::{assert_no_harm, error, named, ratio};
+use super::harm::{Harm, error, named, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
 use kalmems::diagnose::{identify, likeliest};
@@ -258,30 +258,32 @@ fn by_steady_state(runs: u64, most_wrong: f64, rows: &mut Rows) -> Vec<f64> {
 
 #[test]
 fn a_few_scanners() {
-    let mut rows = Rows::default();
+    let (mut rows, mut harm) = (Rows::default(), Harm::default());
     for (words, laboratory) in [("with a reference", WITH), ("without", WITHOUT)] {
         let ratios = identified(words, 1, laboratory, 0.2, &mut rows);
-        assert_no_harm(words, ratios);
+        harm.take(words, ratios);
     }
-    assert_no_harm("by a steady state", by_steady_state(1, 0.2, &mut rows));
+    harm.take("by a steady state", by_steady_state(1, 0.2, &mut rows));
     densities(1, &mut rows);
+    harm.judge();
     rows.judge();
 }
 
 #[test]
 #[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
 fn slow_scanners() {
-    let mut rows = Rows::default();
+    let (mut rows, mut harm) = (Rows::default(), Harm::default());
     for (words, laboratory) in [("with a reference", WITH), ("without", WITHOUT)] {
         let ratios = identified(words, 100, laboratory, 0.2, &mut rows);
-        assert_no_harm(words, ratios);
+        harm.take(words, ratios);
     }
-    assert_no_harm("by a steady state", by_steady_state(100, 0.2, &mut rows));
+    harm.take("by a steady state", by_steady_state(100, 0.2, &mut rows));
     densities(100, &mut rows);
     let mut unjudged = Rows::default();
-    assert_no_harm("by a steady state, told right", by_steady_state(60, 0.0, &mut unjudged));
+    harm.take("by a steady state, told right", by_steady_state(60, 0.0, &mut unjudged));
     // A short ring-down of a device that is told right.
-    assert_no_harm("short, told right", identified("short", 60, SHORT, 0.0, &mut unjudged));
-    assert_no_harm("short, told wrong", identified("short", 60, SHORT, 0.3, &mut unjudged));
+    harm.take("short, told right", identified("short", 60, SHORT, 0.0, &mut unjudged));
+    harm.take("short, told wrong", identified("short", 60, SHORT, 0.3, &mut unjudged));
+    harm.judge();
     rows.judge();
 }

@@ -1,7 +1,7 @@
 //! Gaps, gains and the vibrometer's delay of the micro-stage, from three training records.
 
 use super::chance::Chance;
-use super::harm::{assert_no_harm, error, named, ratio};
+use super::harm::{Harm, error, named, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
 use kalmems::diagnose::identify;
@@ -188,19 +188,21 @@ const USUAL: (usize, f64, f64) = (3, 4e-6, 0.1);
 
 #[test]
 fn a_few_stages() {
-    let mut rows = Rows::default();
-    assert_no_harm("stage", identified("stage", 1, USUAL, &mut rows));
+    let (mut rows, mut harm) = (Rows::default(), Harm::default());
+    harm.take("stage", identified("stage", 1, USUAL, &mut rows));
+    harm.judge();
     rows.judge();
 }
 
 #[test]
 #[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
 fn slow_stages() {
-    let mut rows = Rows::default();
-    assert_no_harm("stage", identified("stage", 100, USUAL, &mut rows));
+    let (mut rows, mut harm) = (Rows::default(), Harm::default());
+    harm.take("stage", identified("stage", 100, USUAL, &mut rows));
     let mut unjudged = Rows::default();
     // Two training records behind much noise.
-    assert_no_harm("stage, told right", identified("poor", 60, (2, 2e-4, 0.0), &mut unjudged));
-    assert_no_harm("stage, told wrong", identified("poor", 60, (2, 2e-4, 0.3), &mut unjudged));
+    harm.take("stage, told right", identified("poor", 60, (2, 2e-4, 0.0), &mut unjudged));
+    harm.take("stage, told wrong", identified("poor", 60, (2, 2e-4, 0.3), &mut unjudged));
+    harm.judge();
     rows.judge();
 }
