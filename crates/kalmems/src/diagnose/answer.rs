@@ -5,6 +5,13 @@ use crate::evaluate::{ErrorDecomposition, ErrorSeries};
 use crate::progress::Interruption;
 use serde::Serialize;
 
+/// The root mean square by which the answers of two runs over the same samples differ, in SI; 0 where they have none in common.
+pub(super) fn moved(from: &DiagnosisTrial, to: &DiagnosisTrial) -> f64 {
+    let differences = to.answer.iter().zip(&from.answer).map(|(b, a)| b - a).filter(|d| d.is_finite());
+    let (count, sum) = differences.fold((0.0, 0.0), |(count, sum), d| (count + 1.0, sum + d * d));
+    (sum / f64::max(count, 1.0)).sqrt()
+}
+
 /// How an answer differs from another one of the same samples: Δx = offset + scale·x + early·ẋ and a rest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AnswerChange {

@@ -22,7 +22,6 @@ mod bench;
 mod cause;
 mod change;
 mod check_numbers;
-mod confirm;
 mod distinguish;
 mod document;
 mod error;

@@ -154,6 +154,13 @@ impl DiagnosisTrial {
         self.part(blocks).log_likelihood()
     }
 
+    /// The mean of the innovations' squares over their claimed variances; 1 without one.
+    pub(super) fn mean_nis(&self) -> f64 {
+        let in_sd = self.innovations.in_sd().into_iter().filter(|size| size.is_finite());
+        let (count, sum) = in_sd.fold((0.0, 0.0), |(count, sum), size| (count + 1.0, sum + size * size));
+        if count > 0.0 { sum / count } else { 1.0 }
+    }
+
     /// The innovations in some of the blocks; the others are missing.
     pub(super) fn part(&self, blocks: TrialBlocks) -> Innovations {
         let is_in = |is_fitted: bool| match blocks {

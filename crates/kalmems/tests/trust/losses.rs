@@ -30,6 +30,17 @@ pub enum Loss {
 
 use Loss::{Burst, Dropped, ForGood, Unplugged};
 
+impl Loss {
+    fn words(self) -> String {
+        match self {
+            Dropped(count) => format!("{count} samples missing"),
+            Burst => "a burst of 1 ms".to_owned(),
+            Unplugged(cycles) => format!("cable out for {cycles:.0} cycles"),
+            ForGood => "cable out to the end".to_owned(),
+        }
+    }
+}
+
 pub const LOSSES: [Loss; 4] = [Dropped(100), Burst, Unplugged(50.0), ForGood];
 
 /// When it happens, in parts of the recording behind the settling time.
@@ -156,23 +167,84 @@ impl LossOutcome {
         })
     }
 
-    fn row(&self, of: Of, loss: Loss, clean: f64) -> String {
-        let cycles = |time_s: Option<f64>, from_s: f64| {
-            time_s
-                .map_or_else(|| "–".to_owned(), |time_s| format!("{:.1}", (time_s - from_s) * self.motion_hz))
+    fn passes(&self) -> bool {
+        self.metrics.grade.is_some_and(|grade| grade <= Grade::PassesWithRemarks)
+    }
+}
+
+/// What came of a loss over several recordings: of each, in cycles, when the loss was known and when the signal was found again, and the error
+/// over that of the same samples without the loss.
+struct LossCell {
+    of: Of,
+    loss: Loss,
+    known: Vec<f64>,
+    found_again: Vec<f64>,
+    restarted: usize,
+    ratios: Vec<f64>,
+    passed: usize,
+    no_estimate: usize,
+    wrong: Vec<String>,
+}
+
+impl LossCell {
+    fn of(of: Of, loss: Loss) -> Self {
+        Self {
+            of,
+            loss,
+            known: Vec::new(),
+            found_again: Vec::new(),
+            restarted: 0,
+            ratios: Vec::new(),
+            passed: 0,
+            no_estimate: 0,
+            wrong: Vec::new(),
+        }
+    }
+
+    fn take(&mut self, seed: u64, clean: &LossOutcome, found: &LossOutcome) {
+        let cycles = |time_s: f64, from_s: f64| (time_s - from_s) * found.motion_hz;
+        self.known.extend(found.first_loss().map(|[_, known_s]| cycles(known_s, found.happened_s[0])));
+        self.found_again.extend(found.first_return_s().map(|time_s| cycles(time_s, found.happened_s[1])));
+        self.restarted += usize::from(!found.trajectory.restarts.is_empty());
+        self.ratios.push(found.error / clean.error);
+        let passes = found.passes();
+        self.passed += usize::from(passes);
+        self.no_estimate += usize::from(!found.trajectory.lock.is_usable());
+        // The loop of an accelerometer holds its signal near zero: noise about the mean is what the filter expects.
+        let claims_nothing = !found.trajectory.lock.is_usable() || self.of.name() == "accelerometer";
+        let is_right = match self.loss {
+            ForGood => claims_nothing && !passes,
+            _ => found.error <= 2.0 * clean.error || !passes,
         };
-        let lost = self.first_loss();
+        if !is_right {
+            self.wrong.push(format!(
+                "seed {seed}: {:.2} times the error, {:?}",
+                found.error / clean.error,
+                found.metrics.grade
+            ));
+        }
+    }
+
+    /// The row of the book.
+    fn row(&self) -> String {
+        let of_all = |values: &[f64]| {
+            let mut values: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+            values.sort_by(f64::total_cmp);
+            match (values.get(values.len() / 2), values.last()) {
+                (Some(median), Some(largest)) => format!("{median:.2} ({largest:.2})"),
+                _ => "–".to_owned(),
+            }
+        };
         format!(
-            "| {} ({:.0} cycles) | {loss:?} | {} | {} | {} | {} | {:.2} | {:?} | {} |",
-            of.name(),
-            self.motion_hz * (self.trajectory.time_s.last().unwrap() - self.trajectory.time_s[0]),
-            cycles(lost.map(|lost| lost[0]), self.happened_s[0]),
-            cycles(lost.map(|lost| lost[1]), self.happened_s[0]),
-            cycles(self.first_return_s(), self.happened_s[1]),
-            self.trajectory.restarts.len(),
-            self.error / clean,
-            self.metrics.grade,
-            self.metrics.counts.lost,
+            "| {} | {} | {} | {} | {} | {} | {} | {} |",
+            self.of.name(),
+            self.loss.words(),
+            of_all(&self.known),
+            of_all(&self.found_again),
+            self.restarted,
+            of_all(&self.ratios),
+            self.passed,
+            self.no_estimate,
         )
     }
 }
@@ -359,34 +431,39 @@ fn slow_a_loss_is_the_same_in_parts_of_every_device() {
 #[ignore = "slow: half an hour on two processors"]
 fn slow_losses_of_every_device() {
     let count = std::env::var("KALMEMS_SEEDS").ok().and_then(|count| count.parse::<u64>().ok());
-    println!("| device | loss | begun | known | back | starts | error | grade | left out |");
     let wanted = std::env::var("KALMEMS_DEVICE").unwrap_or_default();
     let wanted: Vec<(Of, u64)> = DEVICES
         .into_iter()
         .filter(|of| of.name().contains(&wanted))
         .flat_map(|of| (701..=700 + count.unwrap_or(20)).map(move |seed| (of, seed)))
         .collect();
-    let wrong = side_by_side(&wanted, |(of, seed)| {
+    let outcomes = side_by_side(&wanted, |(of, seed)| {
         let recorded = of.recorded(&longer(*of), *seed);
-        let mut wrong = Vec::new();
-        for loss in LOSSES {
-            let Some(clean) = outcome(&recorded, loss, false, *seed) else { continue };
-            let Some(found) = outcome(&recorded, loss, true, *seed) else { continue };
-            let row = found.row(*of, loss, clean.error);
-            println!("{row}");
-            let passes = found.metrics.grade.is_some_and(|grade| grade <= Grade::PassesWithRemarks);
-            // The loop of an accelerometer holds its signal near zero: noise about the mean is what the filter expects.
-            let claims_nothing = !found.trajectory.lock.is_usable() || of.name() == "accelerometer";
-            let is_right = match loss {
-                ForGood => claims_nothing && !passes,
-                _ => found.error <= 2.0 * clean.error || !passes,
-            };
-            if !is_right {
-                wrong.push(row);
-            }
+        LOSSES.map(|loss| {
+            Some([outcome(&recorded, loss, false, *seed)?, outcome(&recorded, loss, true, *seed)?])
+        })
+    });
+    let mut cells: Vec<LossCell> = Vec::new();
+    for ((of, seed), outcomes) in wanted.iter().zip(&outcomes) {
+        for (loss, outcome) in LOSSES.into_iter().zip(outcomes) {
+            let Some([clean, found]) = outcome else { continue };
+            let place = cells.iter().position(|cell| cell.of == *of && cell.loss == loss);
+            let place = place.unwrap_or_else(|| {
+                cells.push(LossCell::of(*of, loss));
+                cells.len() - 1
+            });
+            cells[place].take(*seed, clean, found);
         }
-        wrong
-    })
-    .concat();
+    }
+    println!("| device | loss | known | found again | started again | error | passed | no estimate |");
+    println!("|---|---|--:|--:|--:|--:|--:|--:|");
+    for cell in &cells {
+        println!("{}", cell.row());
+    }
+    let wrong: Vec<String> = cells
+        .iter()
+        .filter(|cell| !cell.wrong.is_empty())
+        .map(|cell| format!("{}: {:?}", cell.row(), cell.wrong))
+        .collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
 }

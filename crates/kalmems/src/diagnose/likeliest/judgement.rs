@@ -1,7 +1,7 @@
 //! Which of the likeliest numbers are put into the experiment.
 
 use super::likelihood_search::{DETERMINED, LikelihoodSearch};
-use crate::diagnose::answer::AnswerChange;
+use crate::diagnose::answer::{AnswerChange, moved};
 use crate::diagnose::search::MostLikelySizes;
 use crate::diagnose::suspect::Suspect;
 use crate::diagnose::trial::TrialBlocks;
@@ -13,7 +13,12 @@ const SPEAKS: f64 = 0.99;
 
 /// How much of the filter's claimed error what is not known of the numbers may add, where the recordings do not speak against what is
 /// stated: with 0.3 of it the error grows by 5 %.
-const ADDS: f64 = 0.3;
+pub(super) const ADDS: f64 = 0.3;
+
+/// The gain of ln p by so many numbers that a recording of the device as it is stated does not exceed but once in a hundred times.
+pub(super) fn by_chance(count: f64) -> f64 {
+    ChiSquared::new(count).map_or(f64::INFINITY, |law| 0.5 * law.inverse_cdf(SPEAKS))
+}
 
 /// What becomes of each number, and why.
 ///
@@ -156,9 +161,8 @@ fn refused(
     }
     let moved = with(suspects.len(), found, group);
     let gain = likelihood(&moved, TrialBlocks::All)? - likelihood(&stated, TrialBlocks::All)?;
-    let limit = ChiSquared::new(count).map_or(f64::INFINITY, |law| 0.5 * law.inverse_cdf(SPEAKS));
     // Where the filter does not follow the motion with what is stated, anything that follows it is better.
-    if gain > limit || !sought.base.follows() {
+    if gain > by_chance(count) || !sought.base.follows() {
         return None;
     }
     let claimed = AnswerChange::between(sought.base, sought.base)?.claimed;
@@ -186,9 +190,7 @@ fn unknown(
             there[*place] += row[direction] * found.sd[*place];
         }
         let beside = sought.run(suspects, &there)?;
-        let difference = beside.answer.iter().zip(&own.answer).map(|(b, a)| b - a).filter(|d| d.is_finite());
-        let (count, sum) = difference.fold((0.0, 0.0), |(count, sum), d| (count + 1.0, sum + d * d));
-        square += sum / f64::max(count, 1.0);
+        square += moved(&own, &beside).powi(2);
     }
     Some(square.sqrt())
 }

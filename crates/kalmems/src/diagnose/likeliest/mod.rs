@@ -1,5 +1,6 @@
 //! The numbers of a device's table under which the recordings are the likeliest.
 
+mod confirm;
 mod informative;
 mod judgement;
 mod likelihood_search;
@@ -7,7 +8,6 @@ mod outcome;
 mod prior;
 
 use super::bench::{TestedRows, TrialBench};
-use super::confirm::confirmed;
 use super::document::{document, keep_recordings, text};
 use super::search::MOST_SIZES;
 use super::suspect::{NumberRole, Suspect, WrittenNumber};
@@ -17,6 +17,7 @@ use crate::config::{ConfigError, ConfigFault, Experiment, Key, RecordingRole};
 use crate::identify::{Identification, IdentifyError};
 use crate::progress::Progress;
 use crate::rigs::Workbench;
+use confirm::confirmed;
 use judgement::NumberJudgement;
 use likelihood_search::LikelihoodSearch;
 use outcome::LikelihoodOutcome;
@@ -81,8 +82,7 @@ pub fn likeliest(
 }
 
 /// Identifies what an experiment asks for: the numbers that `identify.parameters` names ([`likeliest`]), or else what its device's rig
-/// identifies. Where recordings of the role `test` that had no part in it are less likely with what was found than with the numbers of the
-/// experiment, these stay, and the identification says so.
+/// identifies. Where the estimate would become worse with what was found, the numbers of the experiment stay, and the identification says so.
 pub fn identify(
     workbench: &Workbench,
     experiment: &Experiment,
@@ -100,7 +100,7 @@ pub fn identify(
 const NOWHERE: &str = "the filter cannot be run beside the numbers of the experiment, so that no likelihood rises from there; `kalmems \
                        diagnose` looks further";
 
-pub(super) fn refused(error: DiagnoseError) -> IdentifyError {
+fn refused(error: DiagnoseError) -> IdentifyError {
     match error {
         DiagnoseError::Config(error) => error.into(),
         DiagnoseError::Read(error) => error.into(),

@@ -46,7 +46,7 @@ fn decay(chance: &mut Chance, (amplitude, samples, noise): (f64, usize, f64), fo
     [angle + 5e-3 * chance.normal(), rate + 20.0 * chance.normal()]
 }
 
-fn told(folder: &Path, factors: [f64; 5], [angle, rate]: [f64; 2]) -> Experiment {
+fn told(folder: &Path, factors: [f64; 5], [angle, rate]: [f64; 2], noise_v: f64) -> Experiment {
     let [hz, ratio, gain, steepness, threshold] = std::array::from_fn(|i| TRUTH[i] * factors[i]);
     let text = format!(
         r#"
@@ -63,7 +63,7 @@ feedback_resistance = "10 Mohm"
 bias = "10 V"
 offset = "0 V"
 feedthrough_capacitance = "0 F"
-noise_variance = "1.89225e-3 V^2"
+noise_variance = "{:e} V^2"
 [device.threshold_scanner.position_detector]
 gain = "0.5 mm/V"
 distance = "32.7 mm"
@@ -85,7 +85,8 @@ name = "EKF"
 method = "ekf"
 start = {{ angle = "{angle:e} rad", rate = "{rate} rad/s" }}
 start_sd = {{ angle = "5 mrad", rate = "20 rad/s" }}
-"#
+"#,
+        noise_v * noise_v
     );
     published().parse(&text, &folder.join("experiment.toml")).unwrap()
 }
@@ -103,7 +104,7 @@ fn identified(
         let start = decay(&mut chance, record, folder);
         let limits = [0.01_f64.min(most_wrong), most_wrong, most_wrong, most_wrong, most_wrong];
         let factors = limits.map(|limit| chance.between(-limit, limit).exp());
-        let told = told(folder, factors, start);
+        let told = told(folder, factors, start, record.2);
         let before = error(&told, "angle");
         let found = match identify(published(), &told, &Silent) {
             Ok(found) => found,
