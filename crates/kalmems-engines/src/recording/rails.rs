@@ -12,10 +12,11 @@
 //!   leaves it by within `n` rows if it is straight there, by a fourteenth if it is a clipped parabola. One that
 //!   settles creeps: [`SATURATION_CREEP`] divides the two.
 //!
-//! A clipped sine with few samples in a cycle stays at its rail for fewer rows. The first argument holds down to [`SHORT_RUN`] rows, but a
-//! recording whose values are each written several times has such runs everywhere. So these count only where there are many of them,
-//! and where they hold [`SATURATION_SHARE`] times as many samples as the values within three steps of the level: of a sine that is rounded,
-//! which is acos(1 − q/A)/π of the time on its highest step and as long on the next three together, and of noise they do not.
+//! A clipped sine with few samples in a cycle stays at its rail for fewer rows. The first argument holds down to [`SHORT_RUN`] rows, of which
+//! a parabola leaves its top by 4² steps and two by rounding, but noise of about a step makes such runs as well, and in a recording whose values
+//! are each written several times they are everywhere ([`HELD`]). So these count only where the level has [`SATURATION_SHARE`] times as many samples as
+//! the values within three steps of it: a sine that is rounded is acos(1 − q/A)/π of the time on its highest step and as long on the
+//! next three together, and noise is at its highest value less often than at those next to it.
 //!
 //! All of this is found in one pass. The runs at the present extreme are judged when the rows after them are there; a
 //! new extreme drops them. What a run leaves its value by is compared with the step at the end, since the step can only
@@ -40,13 +41,19 @@ const MOST_UNDECIDED: usize = 1 << 14;
 pub const SATURATION_RUN: usize = 8;
 
 /// The shortest run that can be saturation among many.
-pub const SHORT_RUN: usize = 4;
+pub const SHORT_RUN: usize = 3;
 
-/// Samples that runs of fewer than [`SATURATION_RUN`] rows must have together.
-const SHORT_SAMPLES: usize = 32;
+/// Samples that a level must have where its runs have fewer than [`SATURATION_RUN`] rows.
+const SHORT_SAMPLES: usize = 12;
 
-/// How many times as many samples these runs must have as the values within three steps of the level.
+/// By how many steps the signal must leave the extreme value next to such a run: those of a smooth peak of three rows, and its rounding.
+const SHORT_STEPS: f64 = 18.0;
+
+/// How many times as many samples it must have then as the values within three steps of it.
 pub const SATURATION_SHARE: f64 = 3.0;
+
+/// The share of rows that repeat the one before, away from the rails, from which on shorter runs say nothing.
+const HELD: f64 = 0.25;
 
 /// Values next to the level whose samples are counted: a converter has three within three steps.
 const NEIGHBOURS: usize = 8;
@@ -191,10 +198,18 @@ impl Rails {
         self.hear_rails();
     }
 
+    /// Whether values are written several times, or change so slowly that neighbours are often the same.
+    fn is_held(&self) -> bool {
+        let at_rails = self.sides.iter().flatten().map(|rail| rail.near.own).sum::<usize>();
+        let away = |rows: usize| rows.saturating_sub(at_rails) as f64;
+        away(self.stuck.repeated()) > HELD * away(self.numbers)
+    }
+
     /// Counts the runs at a rail that have become sure.
     fn hear_rails(&mut self) {
+        let is_held = self.is_held();
         for (name, rail) in ["lowest", "highest"].into_iter().zip(self.sides.iter_mut().flatten()) {
-            let Some((segment, tally)) = rail.news() else { continue };
+            let Some((segment, tally)) = rail.news(is_held) else { continue };
             let place =
                 FindingPlace { column: Some(self.column), segment: Some(segment), line: tally.first.1 };
             self.news.found(Kind::Saturation, place, tally.samples, || {
@@ -255,6 +270,7 @@ impl Rails {
 
     /// The end of the recording.
     pub(super) fn finish(self, segments: usize, findings: &mut Findings) {
+        let is_held = self.is_held();
         let place = |segment, line| FindingPlace { column: Some(self.column), segment, line };
         let Some([low, high]) = self.sides else { return };
         if low.level.to_bits() == high.level.to_bits() {
@@ -278,7 +294,7 @@ impl Rails {
         let mut found: BTreeMap<usize, [RailTally; 2]> = BTreeMap::new();
         let levels = [high.level, low.level];
         for (side, rail) in [high, low].into_iter().enumerate() {
-            for (segment, tally) in rail.tallies() {
+            for (segment, tally) in rail.tallies(is_held) {
                 if let Some(own) = found.entry(segment).or_default().get_mut(side) {
                     *own = tally;
                 }
@@ -365,7 +381,6 @@ struct Rail {
     sure: BTreeMap<usize, RailTally>,
     /// The same of shorter ones, which count where they are many.
     short: BTreeMap<usize, RailTally>,
-    short_samples: usize,
     /// What of either has become sure since it was last asked, with its segment.
     fresh: [Option<(usize, RailTally)>; 2],
     /// What depends on the step, by what the runs leave their value by (the bits of a number that is not negative are in its
@@ -418,7 +433,6 @@ impl Rail {
             waiting: Vec::new(),
             sure: BTreeMap::new(),
             short: BTreeMap::new(),
-            short_samples: 0,
             fresh: [None, None],
             undecided: BTreeMap::new(),
         }
@@ -488,7 +502,7 @@ impl Rail {
             };
             let tally = RailTally { first: (run.start, run.line), longest: run.rows, samples: run.rows };
             let is_short = run.rows < SATURATION_RUN;
-            if departure > SATURATION_STEPS * self.near.step {
+            if departure > steps_of(is_short) * self.near.step {
                 self.is_sure((part.segment, is_short), tally);
             } else if departure > 0.0 {
                 self.undecided.entry((departure.to_bits(), part.segment, is_short)).or_default().add(tally);
@@ -539,29 +553,33 @@ impl Rail {
     /// Moves what the step has decided.
     fn decide(&mut self) {
         let least = (SATURATION_STEPS * self.near.step).to_bits();
-        for ((_, segment, is_short), tally) in self.undecided.split_off(&(least + 1, 0, false)) {
-            self.is_sure((segment, is_short), tally);
+        for ((departure, segment, is_short), tally) in self.undecided.split_off(&(least + 1, 0, false)) {
+            if f64::from_bits(departure) > steps_of(is_short) * self.near.step {
+                self.is_sure((segment, is_short), tally);
+            } else {
+                self.undecided.insert((departure, segment, is_short), tally);
+            }
         }
     }
 
     fn is_sure(&mut self, (segment, is_short): (usize, bool), tally: RailTally) {
         let own = if is_short { &mut self.short } else { &mut self.sure };
         own.entry(segment).or_default().add(tally);
-        self.short_samples += if is_short { tally.samples } else { 0 };
         self.fresh[usize::from(is_short)].get_or_insert((segment, RailTally::default())).1.add(tally);
     }
 
     /// Whether the shorter runs count.
-    fn has_many_short(&self) -> bool {
-        let samples = self.short_samples;
-        samples >= SHORT_SAMPLES
+    fn has_many_short(&self, is_held: bool) -> bool {
+        let samples = self.near.own;
+        !is_held
+            && samples >= SHORT_SAMPLES
             && samples as f64 > SATURATION_SHARE * self.near.within_three_steps(self.level) as f64
     }
 
     /// What has become sure since this was last called, with the segment where it begins.
-    fn news(&mut self) -> Option<(usize, RailTally)> {
+    fn news(&mut self, is_held: bool) -> Option<(usize, RailTally)> {
         let long = self.fresh[0].take();
-        let short = if self.has_many_short() { self.fresh[1].take() } else { None };
+        let short = if self.has_many_short(is_held) { self.fresh[1].take() } else { None };
         let (segment, mut tally) = long.or(short)?;
         if long.is_some()
             && let Some((_, short)) = short
@@ -572,14 +590,20 @@ impl Rail {
     }
 
     /// All runs that the step leaves, by segment.
-    fn tallies(mut self) -> BTreeMap<usize, RailTally> {
+    fn tallies(mut self, is_held: bool) -> BTreeMap<usize, RailTally> {
         self.decide();
-        let counted = if self.has_many_short() { std::mem::take(&mut self.short) } else { BTreeMap::new() };
+        let counted =
+            if self.has_many_short(is_held) { std::mem::take(&mut self.short) } else { BTreeMap::new() };
         for (segment, tally) in counted {
             self.sure.entry(segment).or_default().add(tally);
         }
         self.sure
     }
+}
+
+/// By how many steps a run must be left.
+const fn steps_of(is_short: bool) -> f64 {
+    if is_short { SHORT_STEPS } else { SATURATION_STEPS }
 }
 
 /// How many rows are next to a run.

@@ -40,6 +40,8 @@ pub(super) struct StuckValues {
     found: Vec<EqualRows>,
     /// How many of these were told while the values came.
     told: usize,
+    /// Rows whose value is that of the row before.
+    repeated: usize,
 }
 
 impl StuckValues {
@@ -62,6 +64,7 @@ impl StuckValues {
             }
         }
         if difference == 0.0 {
+            self.repeated += 1;
             let (_, at, rows) = self.present.get_or_insert((row - 1, 0, 1));
             *rows += 1;
             if *rows == STUCK_RUN {
@@ -103,6 +106,11 @@ impl StuckValues {
             self.before.pop_front();
         }
         self.before.push_back(difference);
+    }
+
+    /// Rows whose value is that of the row before.
+    pub(super) const fn repeated(&self) -> usize {
+        self.repeated
     }
 
     /// The next run that was found and not told yet, as far as it is between these levels now.

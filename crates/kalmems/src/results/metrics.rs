@@ -212,6 +212,9 @@ pub struct EstimatorMetrics {
     pub crossings_log_likelihood: f64,
     /// What happened to the samples.
     pub counts: SampleCounts,
+    /// Samples after the settling time, of which a verdict is.
+    #[serde(skip)]
+    pub(super) scored: usize,
     /// Whether the answer was mirrored to have the stated sign.
     pub mirrored: bool,
     /// Where and why it stopped, if it did.
@@ -261,7 +264,7 @@ impl EstimatorMetrics {
     fn judge(&mut self) {
         let (errors, consistency) = (self.errors.as_ref(), self.consistency.as_ref());
         self.verdict = Verdict::of(self.kind, (self.failure.is_some(), &self.lock), errors, consistency);
-        let is_mostly_lost = 2 * self.counts.lost > self.counts.samples;
+        let is_mostly_lost = 2 * self.counts.lost > self.scored;
         if is_mostly_lost && self.verdict.is_of_an_estimate() {
             self.verdict = Verdict::LostLock;
         }
@@ -274,6 +277,7 @@ impl EstimatorMetrics {
         self.seconds_per_step =
             (self.seconds_per_step * own + later.seconds_per_step * others) / (own + others).max(1.0);
         self.counts.add(&later.counts);
+        self.scored += later.scored;
         match (&mut self.errors, &later.errors) {
             (Some(errors), Some(later)) => errors.pool(later),
             (None, Some(_)) => self.errors.clone_from(&later.errors),
@@ -455,7 +459,8 @@ fn estimator(
     estimate: &SegmentEstimate,
 ) -> EstimatorMetrics {
     let Judgement { tests, parameters, rejections, budgets, .. } = judgement.cloned().unwrap_or_default();
-    let lost = trajectory.lost_among(trajectory.scored_after(estimate.start_s, estimate.skip_s));
+    let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
+    let lost = trajectory.lost_among(scored.clone());
     let mut metrics = EstimatorMetrics {
         key: trajectory.key.clone(),
         name: trajectory.name.clone(),
@@ -473,6 +478,7 @@ fn estimator(
         lock: trajectory.lock.clone(),
         crossings_log_likelihood: trajectory.crossings_log_likelihood,
         counts: SampleCounts { lost, ..trajectory.counts },
+        scored: scored.len(),
         mirrored: trajectory.mirrored,
         failure: trajectory.failure.map(|f| format!("stopped at {} s: {}", f.time_s, f.why)),
         seconds_per_step: trajectory.seconds_per_step,
