@@ -190,7 +190,7 @@ fn start_ups() -> [(&'static str, Vec<Setting<'static>>); 3] {
     let scanner = set(&[
         ("simulate.start", "{ angle = \"1e-4 rad\", rate = \"0 rad/s\" }"),
         ("simulate.duration", "\"60 ms\""),
-        ("estimate.skip", "\"20 ms\""),
+        ("estimate.skip", "\"30 ms\""),
     ]);
     let two_axes = set(&[
         (
