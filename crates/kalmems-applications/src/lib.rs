@@ -19,4 +19,6 @@ mod write_error;
 #[cfg(feature = "report")]
 pub use write_error::WriteError;
 
-use kalmems_engines::{config, fit, identify, inspect, progress, recording, signal, simulate, units};
+use kalmems_engines::{
+    config, estimate, fit, identify, inspect, progress, recording, signal, simulate, units,
+};

@@ -2,6 +2,7 @@
 
 use super::tone::ToneError;
 use crate::config::ConfigError;
+use crate::estimate::EstimateError;
 use crate::fit::FitError;
 use crate::recording::ReadError;
 
@@ -14,6 +15,9 @@ pub enum CalibrationError {
     /// A file that it names cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// A channel is clipped, or repeats another one.
+    #[error(transparent)]
+    Signal(#[from] EstimateError),
     /// A record cannot be used.
     #[error("{place}: {fault}")]
     Tone {

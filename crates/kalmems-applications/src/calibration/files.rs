@@ -4,8 +4,9 @@ use super::error::CalibrationError;
 use super::tone::{AXES, AxisSignals};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference, is_per_record};
 use crate::config::{Channels, ConfigFault, Key};
+use crate::estimate::EstimateError;
 use crate::named_files::{NamedFileError, NamedFiles};
-use crate::recording::{Instant, RecordingLayout, SampledRecording, moved_by};
+use crate::recording::{Instant, RecordingLayout, SampledRecording, Segment, moved_by};
 use crate::units::{Kind, Unit, kind};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -70,6 +71,8 @@ impl InputFiles<'_> {
                     let place = path.display().to_string();
                     return Err(CalibrationError::NoRecord { place, record: label, known: labels });
                 };
+                let all = [Some(&unit.channels), unit.accelerometers.as_ref()];
+                require_usable(&recording, segment, &all.map(|channels| columns(channels)).concat())?;
                 let time_s = segment.time.to_vec();
                 let axes = |channels: Option<&Channels>, kind: &Kind| -> Result<_, CalibrationError> {
                     let mut axes = [None, None, None];
@@ -108,12 +111,12 @@ impl InputFiles<'_> {
             let layout = RecordingLayout { origin: self.origins.get(*name).copied(), ..layout.clone() };
             let path = self.file.resolve(&reference.file, name);
             let contributions = contribution_columns(&path, reference);
-            let columns =
+            let of_each =
                 |(_, own): &(String, [Option<String>; 3])| own.iter().flatten().cloned().collect::<Vec<_>>();
             let layout = RecordingLayout {
                 columns: layout
                     .columns
-                    .map(|own| own.into_iter().chain(contributions.iter().flat_map(columns)).collect()),
+                    .map(|own| own.into_iter().chain(contributions.iter().flat_map(of_each)).collect()),
                 ..layout
             };
             let there = whole.as_ref().map(SampledRecording::origin);
@@ -131,6 +134,7 @@ impl InputFiles<'_> {
                     known: recording.segments().iter().map(|s| s.label.clone()).collect(),
                 });
             };
+            require_usable(recording, segment, &columns(Some(&reference.channels)))?;
             let mut axes = [None, None, None];
             let mut shows = [ReferenceQuantity::Rate; 3];
             for ((axis, slot), shows) in AXES.iter().zip(&mut axes).zip(&mut shows) {
@@ -183,6 +187,28 @@ impl InputFiles<'_> {
             NamedFileError::Read(error) => error.into(),
         })
     }
+}
+
+/// The columns of some channels.
+pub(super) fn columns(channels: Option<&Channels>) -> Vec<&str> {
+    AXES.iter().filter_map(|axis| channels?.column(axis)).collect()
+}
+
+/// Refuses a segment in which one of these columns is clipped, or is another channel, as an estimate does.
+pub(super) fn require_usable(
+    recording: &SampledRecording,
+    segment: &Segment,
+    columns: &[&str],
+) -> Result<(), CalibrationError> {
+    let file = &recording.source().file;
+    let place = match segment.label.as_str() {
+        "" => file.clone(),
+        label => format!("{file}, record `{label}`"),
+    };
+    EstimateError::of_unusable_signal(recording.diagnosis(), (&place, columns), |label| {
+        label == segment.label
+    })?;
+    Ok(())
 }
 
 /// The bytes of a file among which its names of columns are looked for.

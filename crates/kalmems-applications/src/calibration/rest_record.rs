@@ -1,7 +1,7 @@
 //! The record at rest of a calibration file: read, divided at its gaps, and looked at for motion.
 
 use super::error::CalibrationError;
-use super::files::InputFiles;
+use super::files::{InputFiles, columns, require_usable};
 use super::motion::{RestMotion, motions};
 use super::rest::{AxisAtRest, finite_runs};
 use super::stretches::stretches;
@@ -19,6 +19,9 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<(Vec<AxisAtRest>, Vec<St
     let (channels, layout) = (record.channels(&file.gyroscope), record.layout(&file.gyroscope));
     let path = file.resolve(&record.file, "");
     let recording = files.read(Key::from("rest").child("file"), &path, &layout)?;
+    for segment in recording.segments() {
+        require_usable(&recording, segment, &columns(Some(&channels)))?;
+    }
     let mut remarks = Vec::new();
     let time = RestTime::of(&recording, file, &mut remarks);
     let mut rest = Vec::new();

@@ -93,6 +93,20 @@ pub enum EstimateError {
         /// The filter.
         filter: String,
     },
+    /// The drive of a device that is modelled under a steady sine changes.
+    #[error(
+        "{place}: the drive `{column}` is not a steady sine behind {} s; the device is estimated under a steady sine alone, by which its \
+         drive's part of the signal is known: end the recording there, or tell steady parts apart by a segment column",
+        number(*time_s)
+    )]
+    DriveChanges {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// When, in s.
+        time_s: f64,
+    },
     /// The states of a filter do not make a model.
     #[error("the filter `{filter}`: {why}; correct its table `[estimate.filter.states]`")]
     Model {
@@ -351,6 +365,7 @@ impl EstimateError {
             Self::TooShort { .. }
                 | Self::NoSignal { .. }
                 | Self::NoSteadyDrive { .. }
+                | Self::DriveChanges { .. }
                 | Self::NoStart { .. }
                 | Self::NotTwoSines { .. }
                 | Self::NoCrossing { .. }

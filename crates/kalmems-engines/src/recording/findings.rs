@@ -81,6 +81,11 @@ impl Findings {
         });
     }
 
+    /// Whether there are none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.entries.is_empty() && self.absent.is_empty()
+    }
+
     /// Whether one of them makes the recording unusable.
     pub(super) fn is_fatal(&self) -> bool {
         let fatal = |(kind, ..): &FindingKey| kind.severity() == Severity::Fatal;

@@ -59,7 +59,7 @@ pub use contribution::{contribution_column, moved_by};
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Purpose, Severity};
 pub use origin::TimeOrigin;
-pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_STEPS};
+pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_SHARE, SATURATION_STEPS, SHORT_RUN};
 pub use restart::StretchPlace;
 pub use segment::{Segment, TimeBase};
 pub use signal_check::unusable_signal;

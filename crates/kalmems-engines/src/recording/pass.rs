@@ -60,6 +60,9 @@ pub(super) struct Pass {
     rails: Vec<Option<Rails>>,
     /// Columns that are one.
     repeats: Repeats,
+    /// What became known last before the end, and how many samples were at a rail or stayed until then.
+    last_news: Vec<Finding>,
+    disturbed: [usize; 2],
     /// The interval of the nominal rate in s, where the settings say one of a column of times.
     nominal_s: Option<f64>,
     /// The times of the rows from `base` on, where they have any; the targets hold their values.
@@ -88,6 +91,8 @@ impl Pass {
             plan.targets.iter().map(|target| plan.segment_column != Some(target.index)).collect();
         Self {
             repeats: Repeats::new(&looked_at),
+            last_news: Vec::new(),
+            disturbed: [0; 2],
             rails: plan.targets.iter().map(rails).collect(),
             plan,
             clock,
@@ -398,11 +403,33 @@ impl Pass {
         }
         self.refuse_many(self.lines.rows(), true);
         self.end_segment(self.lines.rows(), true);
+        // What follows asks the columns for all that they know, and they are none then.
+        self.last_news = self.news();
+        self.disturbed = self.disturbed();
         for rails in std::mem::take(&mut self.rails).into_iter().flatten() {
             rails.finish(self.labels.len(), &mut self.findings);
         }
         let repeats = std::mem::replace(&mut self.repeats, Repeats::new(&[]));
         repeats.finish(&self.plan.targets, &self.plan.names, &mut self.findings);
+    }
+
+    /// Gives what has become known of the columns' values since this was last called: each kind of a column once in a stretch.
+    pub(super) fn news(&mut self) -> Vec<Finding> {
+        let mut findings = Findings::default();
+        self.rails.iter_mut().flatten().for_each(|rails| rails.tell_news(&mut findings));
+        self.repeats.tell_news(&self.plan.targets, &self.plan.names, &mut findings);
+        if !findings.is_empty() {
+            self.last_news.extend(self.listed(&findings));
+        }
+        std::mem::take(&mut self.last_news)
+    }
+
+    /// The samples at a rail and those that stay, of all columns, as far as they are known.
+    pub(super) fn disturbed(&self) -> [usize; 2] {
+        self.rails.iter().flatten().fold(self.disturbed, |[saturated, stuck], rails| {
+            let [own_saturated, own_stuck] = rails.counts();
+            [saturated + own_saturated, stuck + own_stuck]
+        })
     }
 
     /// Lets go of rows, so far as no check needs them any more; at least those from `row` on stay.
@@ -522,8 +549,12 @@ impl Pass {
 
     /// All that was found, the fatal first.
     pub(super) fn findings(&self) -> Vec<Finding> {
+        self.listed(&self.findings)
+    }
+
+    fn listed(&self, findings: &Findings) -> Vec<Finding> {
         let labels = if self.plan.shows_cells { self.labels.as_slice() } else { &[] };
-        self.findings.list(&self.plan.names, labels)
+        findings.list(&self.plan.names, labels)
     }
 
     /// The whole recording, of which no row was let go of.

@@ -12,6 +12,12 @@
 //!   leaves it by within `n` rows if it is straight there, by a fourteenth if it is a clipped parabola. One that
 //!   settles creeps: [`SATURATION_CREEP`] divides the two.
 //!
+//! A clipped sine with few samples in a cycle stays at its rail for fewer rows. The first argument holds down to [`SHORT_RUN`] rows, of which
+//! a parabola leaves its top by 4² steps and two by rounding, but noise of about a step makes such runs as well, and in a recording whose values
+//! are each written several times they are everywhere ([`HELD`]). So these count only where the level has [`SATURATION_SHARE`] times as many samples as
+//! the values within three steps of it: a sine that is rounded is acos(1 − q/A)/π of the time on its highest step and as long on the
+//! next three together, and noise is at its highest value less often than at those next to it.
+//!
 //! All of this is found in one pass. The runs at the present extreme are judged when the rows after them are there; a
 //! new extreme drops them. What a run leaves its value by is compared with the step at the end, since the step can only
 //! shrink. Where rows are let go of before the end, a run of [`LONG_RUN`] rows or more is judged by as many rows on
@@ -20,7 +26,7 @@
 use super::FindingKind as Kind;
 use super::findings::{FindingPlace, Findings, short};
 use super::segment::LineNumbers;
-use super::stuck::StuckValues;
+use super::stuck::{EqualRows, StuckValues};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -33,6 +39,24 @@ const MOST_UNDECIDED: usize = 1 << 14;
 
 /// The shortest run of rows at an extreme value that can be saturation.
 pub const SATURATION_RUN: usize = 8;
+
+/// The shortest run that can be saturation among many.
+pub const SHORT_RUN: usize = 3;
+
+/// Samples that a level must have where its runs have fewer than [`SATURATION_RUN`] rows.
+const SHORT_SAMPLES: usize = 12;
+
+/// By how many steps the signal must leave the extreme value next to such a run: those of a smooth peak of three rows, and its rounding.
+const SHORT_STEPS: f64 = 18.0;
+
+/// How many times as many samples it must have then as the values within three steps of it.
+pub const SATURATION_SHARE: f64 = 3.0;
+
+/// The share of rows that repeat the one before, away from the rails, from which on shorter runs say nothing.
+const HELD: f64 = 0.25;
+
+/// Values next to the level whose samples are counted: a converter has three within three steps.
+const NEIGHBOURS: usize = 8;
 
 /// By how many steps the signal must leave the extreme value next to the run: twice those of a smooth peak.
 pub const SATURATION_STEPS: f64 = 16.0;
@@ -53,6 +77,33 @@ pub(super) struct Rails {
     /// Segments whose values are all the same: position, line and value.
     constant: Vec<(usize, usize, f64)>,
     stuck: StuckValues,
+    news: RailNews,
+}
+
+/// What has become known of a column while its values come.
+#[derive(Default)]
+struct RailNews {
+    /// Samples at a rail, and samples that stay, so far.
+    saturated: usize,
+    stuck: usize,
+    /// What was told in this stretch already.
+    told: [bool; 2],
+    /// What was not told yet.
+    waiting: Vec<(Kind, FindingPlace, usize, String)>,
+}
+
+impl RailNews {
+    /// So many samples of this kind are found; `words` are asked for at the first in a stretch.
+    fn found(&mut self, kind: Kind, place: FindingPlace, samples: usize, words: impl FnOnce() -> String) {
+        let (count, told) = match kind {
+            Kind::Stuck => (&mut self.stuck, &mut self.told[1]),
+            _ => (&mut self.saturated, &mut self.told[0]),
+        };
+        *count += samples;
+        if !std::mem::replace(told, true) {
+            self.waiting.push((kind, place, samples, words()));
+        }
+    }
 }
 
 /// What is known of the present segment.
@@ -95,6 +146,7 @@ impl Rails {
             segment: SegmentExtremes::default(),
             constant: Vec::new(),
             stuck: StuckValues::default(),
+            news: RailNews::default(),
         }
     }
 
@@ -113,6 +165,7 @@ impl Rails {
         for (row, value) in (begin..).zip(fresh) {
             self.stuck.take(*value, (row, part.segment), |row| lines.of(row));
         }
+        self.hear_stuck();
         let numbers = || fresh.iter().copied().filter(|v| !v.is_nan());
         let (Some(low), Some(high)) = (numbers().reduce(f64::min), numbers().reduce(f64::max)) else {
             self.meet(part, lines);
@@ -123,14 +176,17 @@ impl Rails {
         self.segment.extremes = Some((lowest.min(low), highest.max(high)));
         let [bottom, top] = self.sides.get_or_insert_with(|| [Rail::new(low), Rail::new(high)]);
         if low < bottom.level {
-            *bottom = Rail::below_all(low, bottom.level);
+            *bottom = bottom.beyond(low);
         }
         if high > top.level {
-            *top = Rail::below_all(high, top.level);
+            *top = top.beyond(high);
         }
         for rail in [bottom, top] {
-            rail.step =
-                numbers().map(|v| (v - rail.level).abs()).filter(|d| *d > 0.0).fold(rail.step, f64::min);
+            let before = rail.near.step;
+            numbers().for_each(|value| rail.near.take(rail.level, value));
+            if rail.near.step < before {
+                rail.decide();
+            }
         }
         self.meet(part, lines);
     }
@@ -138,6 +194,49 @@ impl Rails {
     fn meet(&mut self, part: &RailPart, lines: &LineNumbers) {
         for rail in self.sides.iter_mut().flatten() {
             rail.take(part, lines);
+        }
+        self.hear_rails();
+    }
+
+    /// Whether values are written several times, or change so slowly that neighbours are often the same.
+    fn is_held(&self) -> bool {
+        let at_rails = self.sides.iter().flatten().map(|rail| rail.near.own).sum::<usize>();
+        let away = |rows: usize| rows.saturating_sub(at_rails) as f64;
+        away(self.stuck.repeated()) > HELD * away(self.numbers)
+    }
+
+    /// Counts the runs at a rail that have become sure.
+    fn hear_rails(&mut self) {
+        let is_held = self.is_held();
+        for (name, rail) in ["lowest", "highest"].into_iter().zip(self.sides.iter_mut().flatten()) {
+            let Some((segment, tally)) = rail.news(is_held) else { continue };
+            let place =
+                FindingPlace { column: Some(self.column), segment: Some(segment), line: tally.first.1 };
+            self.news.found(Kind::Saturation, place, tally.samples, || {
+                format!("stays {}", at_rail(name, rail.level, &tally))
+            });
+        }
+    }
+
+    /// Counts the runs of equal values that have become known.
+    fn hear_stuck(&mut self) {
+        let levels = self.sides.as_ref().map_or([f64::NAN; 2], |[low, high]| [low.level, high.level]);
+        while let Some(run) = self.stuck.next_between(levels) {
+            let place =
+                FindingPlace { column: Some(self.column), segment: Some(run.segment), line: run.line };
+            self.news.found(Kind::Stuck, place, run.rows, || stays(&run));
+        }
+    }
+
+    /// The samples at a rail and those that stay, as far as they are known.
+    pub(super) const fn counts(&self) -> [usize; 2] {
+        [self.news.saturated, self.news.stuck]
+    }
+
+    /// Gives what has become known since this was last called, once of each kind in a stretch.
+    pub(super) fn tell_news(&mut self, findings: &mut Findings) {
+        for (kind, place, samples, words) in self.news.waiting.drain(..) {
+            findings.add_many(kind, place, samples, || words);
         }
     }
 
@@ -154,6 +253,8 @@ impl Rails {
         for rail in self.sides.iter_mut().flatten() {
             rail.end_segment(part);
         }
+        self.hear_rails();
+        self.news.told = [false; 2];
     }
 
     /// The end of a segment, after that of its last stretch.
@@ -169,6 +270,7 @@ impl Rails {
 
     /// The end of the recording.
     pub(super) fn finish(self, segments: usize, findings: &mut Findings) {
+        let is_held = self.is_held();
         let place = |segment, line| FindingPlace { column: Some(self.column), segment, line };
         let Some([low, high]) = self.sides else { return };
         if low.level.to_bits() == high.level.to_bits() {
@@ -187,14 +289,12 @@ impl Rails {
             }
         }
         for run in self.stuck.finish([low.level, high.level]) {
-            findings.add_many(Kind::Stuck, place(Some(run.segment), run.line), run.rows, || {
-                format!("stays at {} for {} rows, between rows that differ", short(run.value), run.rows)
-            });
+            findings.add_many(Kind::Stuck, place(Some(run.segment), run.line), run.rows, || stays(&run));
         }
         let mut found: BTreeMap<usize, [RailTally; 2]> = BTreeMap::new();
         let levels = [high.level, low.level];
         for (side, rail) in [high, low].into_iter().enumerate() {
-            for (segment, tally) in rail.tallies() {
+            for (segment, tally) in rail.tallies(is_held) {
                 if let Some(own) = found.entry(segment).or_default().get_mut(side) {
                     *own = tally;
                 }
@@ -209,13 +309,7 @@ impl Rails {
                     .zip(levels)
                     .zip(&tallies)
                     .filter(|(_, tally)| tally.samples > 0)
-                    .map(|((name, level), tally)| {
-                        format!(
-                            "at its {name} value {} in runs of up to {} rows",
-                            short(level),
-                            tally.longest
-                        )
-                    })
+                    .map(|((name, level), tally)| at_rail(name, level, tally))
                     .collect();
                 format!("stays {}", parts.join(" and "))
             });
@@ -223,19 +317,75 @@ impl Rails {
     }
 }
 
-/// An extreme value, the distance to the next one that occurs, and the runs at it.
+fn at_rail(name: &str, level: f64, tally: &RailTally) -> String {
+    format!("at its {name} value {} in runs of up to {} rows", short(level), tally.longest)
+}
+
+fn stays(run: &EqualRows) -> String {
+    format!("stays at {} for {} rows, between rows that differ", short(run.value), run.rows)
+}
+
+/// The values nearest to an extreme one.
+struct NearValues {
+    /// The distance to the nearest.
+    step: f64,
+    /// Samples at the extreme value itself, and at each of the nearest others.
+    own: usize,
+    nearest: Vec<(f64, usize)>,
+}
+
+impl NearValues {
+    const NONE: Self = Self { step: f64::INFINITY, own: 0, nearest: Vec::new() };
+
+    fn take(&mut self, level: f64, value: f64) {
+        self.add(level, value, 1);
+    }
+
+    fn add(&mut self, level: f64, value: f64, samples: usize) {
+        let distance = (value - level).abs();
+        if distance == 0.0 {
+            self.own += samples;
+            return;
+        }
+        let is_full = self.nearest.len() == NEIGHBOURS;
+        if is_full && self.nearest.last().is_some_and(|(last, _)| distance > (last - level).abs()) {
+            return;
+        }
+        let place = self.nearest.partition_point(|(near, _)| (near - level).abs() < distance);
+        match self.nearest.get_mut(place).filter(|(near, _)| *near == value) {
+            Some((_, count)) => *count += samples,
+            None => {
+                self.nearest.truncate(NEIGHBOURS - 1);
+                self.nearest.insert(place, (value, samples));
+            }
+        }
+        self.step = self.step.min(distance);
+    }
+
+    /// Samples at values within three steps of the extreme one, but for those at itself.
+    fn within_three_steps(&self, level: f64) -> usize {
+        let near = |value: &f64| (value - level).abs() <= 3.5 * self.step;
+        self.nearest.iter().filter(|(value, _)| near(value)).map(|(_, samples)| samples).sum()
+    }
+}
+
+/// An extreme value, those next to it, and the runs at it.
 struct Rail {
     level: f64,
-    step: f64,
+    near: NearValues,
     /// The run that is going on.
     open: Option<RailRun>,
     /// Runs whose rows after them are not all there.
     waiting: Vec<RailRun>,
-    /// What is sure, by segment.
+    /// What is sure of runs of [`SATURATION_RUN`] rows or more, by segment.
     sure: BTreeMap<usize, RailTally>,
+    /// The same of shorter ones, which count where they are many.
+    short: BTreeMap<usize, RailTally>,
+    /// What of either has become sure since it was last asked, with its segment.
+    fresh: [Option<(usize, RailTally)>; 2],
     /// What depends on the step, by what the runs leave their value by (the bits of a number that is not negative are in its
-    /// order) and by segment.
-    undecided: BTreeMap<(u64, usize), RailTally>,
+    /// order), by segment and by whether they are short.
+    undecided: BTreeMap<(u64, usize, bool), RailTally>,
 }
 
 /// A run of rows at an extreme value.
@@ -243,7 +393,7 @@ struct Rail {
 struct RailRun {
     start: usize,
     rows: usize,
-    /// The line of its first row.
+    /// The line of its first row, once it counts.
     line: usize,
     /// What is before it, where its rows are let go of.
     before: Option<SignalSide>,
@@ -278,17 +428,23 @@ impl Rail {
     const fn new(level: f64) -> Self {
         Self {
             level,
-            step: f64::INFINITY,
+            near: NearValues::NONE,
             open: None,
             waiting: Vec::new(),
             sure: BTreeMap::new(),
+            short: BTreeMap::new(),
+            fresh: [None, None],
             undecided: BTreeMap::new(),
         }
     }
 
-    /// A level beyond all values before, the nearest of which is the level until now.
-    fn below_all(level: f64, before: f64) -> Self {
-        Self { step: (before - level).abs(), ..Self::new(level) }
+    /// A level beyond all values before.
+    fn beyond(&self, level: f64) -> Self {
+        let mut nearest = self.near.nearest.clone();
+        nearest.insert(0, (self.level, self.near.own));
+        nearest.truncate(NEIGHBOURS);
+        let near = NearValues { step: (self.level - level).abs(), own: 0, nearest };
+        Self { near, ..Self::new(level) }
     }
 
     fn take(&mut self, part: &RailPart, lines: &LineNumbers) {
@@ -306,7 +462,7 @@ impl Rail {
             let more = rest.iter().position(|v| *v != self.level).unwrap_or(rest.len());
             row += more;
             if let Some(run) = &mut self.open {
-                if run.rows < SATURATION_RUN && run.rows + more >= SATURATION_RUN {
+                if run.rows < SHORT_RUN && run.rows + more >= SHORT_RUN {
                     run.line = lines.of(run.start);
                 }
                 run.rows += more;
@@ -319,7 +475,7 @@ impl Rail {
     }
 
     fn close(&mut self) {
-        self.waiting.extend(self.open.take().filter(|run| run.rows >= SATURATION_RUN));
+        self.waiting.extend(self.open.take().filter(|run| run.rows >= SHORT_RUN));
     }
 
     /// Judges the runs that have all their rows after them, at the end of a segment all.
@@ -345,10 +501,11 @@ impl Rail {
                 (false, false) => before.departure.max(after.departure),
             };
             let tally = RailTally { first: (run.start, run.line), longest: run.rows, samples: run.rows };
-            if departure > SATURATION_STEPS * self.step {
-                self.sure.entry(part.segment).or_default().add(tally);
+            let is_short = run.rows < SATURATION_RUN;
+            if departure > steps_of(is_short) * self.near.step {
+                self.is_sure((part.segment, is_short), tally);
             } else if departure > 0.0 {
-                self.undecided.entry((departure.to_bits(), part.segment)).or_default().add(tally);
+                self.undecided.entry((departure.to_bits(), part.segment, is_short)).or_default().add(tally);
             }
         }
         if self.undecided.len() > MOST_UNDECIDED {
@@ -395,17 +552,58 @@ impl Rail {
 
     /// Moves what the step has decided.
     fn decide(&mut self) {
-        let least = (SATURATION_STEPS * self.step).to_bits();
-        for ((_, segment), tally) in self.undecided.split_off(&(least + 1, 0)) {
-            self.sure.entry(segment).or_default().add(tally);
+        let least = (SATURATION_STEPS * self.near.step).to_bits();
+        for ((departure, segment, is_short), tally) in self.undecided.split_off(&(least + 1, 0, false)) {
+            if f64::from_bits(departure) > steps_of(is_short) * self.near.step {
+                self.is_sure((segment, is_short), tally);
+            } else {
+                self.undecided.insert((departure, segment, is_short), tally);
+            }
         }
     }
 
+    fn is_sure(&mut self, (segment, is_short): (usize, bool), tally: RailTally) {
+        let own = if is_short { &mut self.short } else { &mut self.sure };
+        own.entry(segment).or_default().add(tally);
+        self.fresh[usize::from(is_short)].get_or_insert((segment, RailTally::default())).1.add(tally);
+    }
+
+    /// Whether the shorter runs count.
+    fn has_many_short(&self, is_held: bool) -> bool {
+        let samples = self.near.own;
+        !is_held
+            && samples >= SHORT_SAMPLES
+            && samples as f64 > SATURATION_SHARE * self.near.within_three_steps(self.level) as f64
+    }
+
+    /// What has become sure since this was last called, with the segment where it begins.
+    fn news(&mut self, is_held: bool) -> Option<(usize, RailTally)> {
+        let long = self.fresh[0].take();
+        let short = if self.has_many_short(is_held) { self.fresh[1].take() } else { None };
+        let (segment, mut tally) = long.or(short)?;
+        if long.is_some()
+            && let Some((_, short)) = short
+        {
+            tally.add(short);
+        }
+        Some((segment, tally))
+    }
+
     /// All runs that the step leaves, by segment.
-    fn tallies(mut self) -> BTreeMap<usize, RailTally> {
+    fn tallies(mut self, is_held: bool) -> BTreeMap<usize, RailTally> {
         self.decide();
+        let counted =
+            if self.has_many_short(is_held) { std::mem::take(&mut self.short) } else { BTreeMap::new() };
+        for (segment, tally) in counted {
+            self.sure.entry(segment).or_default().add(tally);
+        }
         self.sure
     }
+}
+
+/// By how many steps a run must be left.
+const fn steps_of(is_short: bool) -> f64 {
+    if is_short { SHORT_STEPS } else { SATURATION_STEPS }
 }
 
 /// How many rows are next to a run.

@@ -6,6 +6,8 @@ use super::plan::TargetColumn;
 
 /// Rows that tell it, at least.
 const LEAST: usize = 16;
+/// Rows that tell it while more are to come: two channels that hardly move may be equal for a while.
+const LEAST_SO_FAR: usize = 256;
 
 /// Two columns that have been the same until now.
 struct EqualColumns {
@@ -14,6 +16,8 @@ struct EqualColumns {
     /// Whether each value of one is that of the other, and whether it is that with the other sign.
     is_same: bool,
     is_negative: bool,
+    /// Whether it was told while the rows came.
+    is_told: bool,
 }
 
 /// All pairs of columns that are the same as far as they are known.
@@ -30,7 +34,7 @@ impl Repeats {
     pub(super) fn new(looked_at: &[bool]) -> Self {
         let is = |place: &usize| looked_at.get(*place).copied().unwrap_or(false);
         let places = || (0..looked_at.len()).filter(is);
-        let pair = |places| EqualColumns { places, is_same: true, is_negative: true };
+        let pair = |places| EqualColumns { places, is_same: true, is_negative: true, is_told: false };
         Self {
             pairs: places()
                 .flat_map(|a| places().filter(move |b| *b < a).map(move |b| pair([a, b])))
@@ -75,23 +79,41 @@ impl Repeats {
         }
     }
 
+    /// Gives the pairs that are equal so far, each once.
+    pub(super) fn tell_news(&mut self, targets: &[TargetColumn], names: &[String], findings: &mut Findings) {
+        if self.rows < LEAST_SO_FAR {
+            return;
+        }
+        for pair in &mut self.pairs {
+            if !pair.is_told && self.seen.get(pair.places[0]).is_some_and(|(_, varies)| *varies) {
+                pair.is_told = true;
+                pair.tell((targets, names), self.line, findings);
+            }
+        }
+    }
+
     /// The end of the recording.
     pub(super) fn finish(self, targets: &[TargetColumn], names: &[String], findings: &mut Findings) {
         if self.rows < LEAST {
             return;
         }
-        for EqualColumns { places: [later, earlier], is_same, .. } in self.pairs {
-            let (Some(one), Some(other)) = (targets.get(later), targets.get(earlier)) else { continue };
-            if !self.seen.get(later).is_some_and(|(_, varies)| *varies) {
-                continue;
+        for pair in self.pairs {
+            if self.seen.get(pair.places[0]).is_some_and(|(_, varies)| *varies) {
+                pair.tell((targets, names), self.line, findings);
             }
-            let sign = if is_same { "" } else { " with the other sign" };
-            // Of both it is told: which one is right is not known.
-            for [of, as_in] in [[one, other], [other, one]] {
-                let name = names.get(as_in.index).map_or("", String::as_str);
-                let place = FindingPlace { column: Some(of.index), segment: None, line: self.line };
-                findings.add(Kind::Repeats, place, || format!("repeats column `{name}`{sign} in every row"));
-            }
+        }
+    }
+}
+
+impl EqualColumns {
+    /// Of both it is told: which one is right is not known.
+    fn tell(&self, (targets, names): (&[TargetColumn], &[String]), line: usize, findings: &mut Findings) {
+        let [Some(one), Some(other)] = self.places.map(|place| targets.get(place)) else { return };
+        let sign = if self.is_same { "" } else { " with the other sign" };
+        for [of, as_in] in [[one, other], [other, one]] {
+            let name = names.get(as_in.index).map_or("", String::as_str);
+            let place = FindingPlace { column: Some(of.index), segment: None, line };
+            findings.add(Kind::Repeats, place, || format!("repeats column `{name}`{sign} in every row"));
         }
     }
 }

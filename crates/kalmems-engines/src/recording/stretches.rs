@@ -194,6 +194,18 @@ impl Stretches {
         }
     }
 
+    /// What has become known of the columns' values since this was last called, while rows are to come: that a column is clipped, that a value
+    /// stays, that a column repeats another. Each kind of a column is told once in a stretch of rows without a gap, by what was read
+    /// until then: a higher value may come after one that was the highest.
+    pub fn news(&mut self) -> Vec<Finding> {
+        self.reading.pass.news()
+    }
+
+    /// How many values were found clipped, and how many that stay, as far as that is known: of all columns, and until the rows end.
+    pub fn disturbed(&self) -> [usize; 2] {
+        self.reading.pass.disturbed()
+    }
+
     /// Gives a stretch back, for its memory to be used again.
     pub fn reuse(&mut self, stretch: Stretch) {
         for segment in stretch.recording.segments {

@@ -38,6 +38,10 @@ pub(super) struct StuckValues {
     /// A run whose rows after it are not all there.
     waiting: Option<(EqualRows, Vec<f64>)>,
     found: Vec<EqualRows>,
+    /// How many of these were told while the values came.
+    told: usize,
+    /// Rows whose value is that of the row before.
+    repeated: usize,
 }
 
 impl StuckValues {
@@ -60,6 +64,7 @@ impl StuckValues {
             }
         }
         if difference == 0.0 {
+            self.repeated += 1;
             let (_, at, rows) = self.present.get_or_insert((row - 1, 0, 1));
             *rows += 1;
             if *rows == STUCK_RUN {
@@ -103,11 +108,31 @@ impl StuckValues {
         self.before.push_back(difference);
     }
 
+    /// Rows whose value is that of the row before.
+    pub(super) const fn repeated(&self) -> usize {
+        self.repeated
+    }
+
+    /// The next run that was found and not told yet, as far as it is between these levels now.
+    pub(super) fn next_between(&mut self, levels: [f64; 2]) -> Option<EqualRows> {
+        loop {
+            let run = *self.found.get(self.told)?;
+            self.told += 1;
+            if counts(&run, levels) {
+                return Some(run);
+            }
+        }
+    }
+
     /// The runs at neither the lowest nor the highest value, which may be those of a rail, nor at 0, which is what a generator shows that is
     /// switched off.
-    pub(super) fn finish(self, [low, high]: [f64; 2]) -> Vec<EqualRows> {
-        self.found.into_iter().filter(|run| run.value > low && run.value < high && run.value != 0.0).collect()
+    pub(super) fn finish(self, levels: [f64; 2]) -> Vec<EqualRows> {
+        self.found.into_iter().filter(|run| counts(run, levels)).collect()
     }
+}
+
+fn counts(run: &EqualRows, [low, high]: [f64; 2]) -> bool {
+    run.value > low && run.value < high && run.value != 0.0
 }
 
 /// Whether half of these differences are some steps at least.

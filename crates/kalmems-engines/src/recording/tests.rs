@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::units::kind;
+use kalmems_core::Portable;
 use proptest::prelude::*;
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -339,6 +340,48 @@ fn a_signal_that_settles_is_not_saturated() {
     }
 }
 
+/// A signal of so many rows, whose values are rounded to whole steps.
+fn steps(rows: u32, value: impl Fn(f64) -> f64) -> String {
+    let mut text = "time_us,cap_V\n".to_owned();
+    for i in 0..rows {
+        writeln!(text, "{i},{}", value(f64::from(i)).round()).unwrap();
+    }
+    text
+}
+
+/// Numbers of variance 1 that are nearly normal, one for each row.
+fn nearly_normal(seed: u64, row: f64) -> f64 {
+    let uniform = |k: u32| {
+        let turn = (12.989_8 * row + 78.233 * f64::from(k) + 0.37 * seed as f64).portable_sin();
+        (43_758.545_3 * turn).rem_euclid(1.0)
+    };
+    (0..12).map(uniform).sum::<f64>() - 6.0
+}
+
+/// A rail that a few samples of each cycle reach is one, whatever the noise and the resolution are. Of the cycles whose next sample is a step
+/// from the rail the samples are not counted.
+#[test]
+fn a_signal_of_few_samples_in_a_cycle_is_saturated() {
+    for period in [24.3, 31.9, 45.3] {
+        for amplitude in [100.0, 1800.0, 3e4] {
+            for noise in [0.0, 0.01] {
+                let limit = (0.8_f64 * amplitude).round();
+                let wave = |row: f64| {
+                    let wave = (std::f64::consts::TAU * row / period).portable_sin();
+                    amplitude * (wave + noise * nearly_normal(1, row))
+                };
+                let text = steps(8000, |row| wave(row).min(limit));
+                let (found, at) = (
+                    saturated(&text),
+                    text.lines().filter(|line| line.ends_with(&format!(",{limit}"))).count(),
+                );
+                assert!(4 * found > at && found <= at, "{period} {amplitude} {noise}: {found} of {at}");
+                assert_eq!(saturated(&steps(8000, wave)), 0, "{period} {amplitude} {noise}");
+            }
+        }
+    }
+}
+
 /// What a reading gives, bit for bit: columns, segments with their times, and findings.
 #[derive(Debug, PartialEq)]
 struct ReadingBits {
@@ -641,6 +684,20 @@ proptest! {
         prop_assert!(saturated(&text).abs_diff(clipped) <= 2 * short, "{} of {clipped}", saturated(&text));
     }
 
+    /// Nor is one whose cycles have a whole number of samples, nor one whose values are written twice, with noise or without.
+    #[test]
+    fn a_sine_that_repeats_is_not_saturated(
+        amplitude in 5.0..4000.0_f64, period in 5_u32..200, phase in 0.0..6.3_f64, held in 1_u32..3,
+        noise in prop_oneof![Just(0.0), 0.01..5.0_f64], seed in 0_u64..1000,
+    ) {
+        let text = steps(6000, |row| {
+            let row = (row / f64::from(held)).floor();
+            let turn = std::f64::consts::TAU * row / f64::from(period) + phase;
+            amplitude * turn.portable_sin() + noise * nearly_normal(seed, row)
+        });
+        prop_assert_eq!(saturated(&text), 0);
+    }
+
     #[test]
     fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
         let _ = read(&bytes, &layout("time_s", "", &[]));
@@ -908,4 +965,73 @@ fn a_stuck_value_is_reported_beside_saturation() {
     let recording = read(text.as_bytes(), &layout("time_us", "", &["cap_V"])).unwrap();
     let [finding] = recording.diagnosis.as_slice() else { panic!("{:?}", recording.diagnosis) };
     assert_eq!((finding.kind, finding.first_row, finding.count), (FindingKind::Stuck, 702, 30));
+}
+
+/// What is clipped, stays or repeats another column is told while the rows come: once in a stretch, with the samples until then counted.
+#[test]
+fn a_recording_that_arrives_tells_its_faults_while_it_goes_on() {
+    // Of the second of two records the rail is at another height; a channel of both is another one with the other sign.
+    let mut text = "record,time_s,x_V,y_V,z_V\n".to_owned();
+    for row in 0..40_000 {
+        let (record, limit) = if row < 20_000 { ("a", 0.6) } else { ("b", 0.8) };
+        let time = f64::from(row);
+        let mut noise = (43_758.545_3 * (12.989_8 * time).portable_sin()).rem_euclid(1.0) - 0.5;
+        if (30_000..30_020).contains(&row) {
+            noise = 0.1;
+        }
+        let x = (0.01 * time).portable_sin() + 1e-3 * noise;
+        // The first record is clipped from its middle on.
+        let x = if row < 10_000 { 0.5 * x } else { x.clamp(-limit, limit) };
+        text += &format!("{record},{:e},{x:e},{noise:e},{:e}\n", 1e-6 * time, -noise);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("arrives.csv");
+    std::fs::write(&path, &text).unwrap();
+    let layout = layout("time_s", "record", &["x_V", "y_V", "z_V"]);
+    let mut told = Vec::new();
+    for rows in [1, 999] {
+        let around = StretchSize { rows, first: 500, before: 0, after: 0 };
+        let mut stretches = Stretches::open(&path, &layout, around).unwrap();
+        let mut found = stretches.news();
+        let (mut given, mut before) = (0, [0; 2]);
+        while let Some(stretch) = stretches.next(&mut |_, _| ControlFlow::Continue(())).unwrap() {
+            given += stretch.fresh.len();
+            stretches.reuse(stretch);
+            let news = stretches.news();
+            // The file is read ahead by a block, which says of its lines what they are.
+            assert!(news.iter().all(|finding| finding.first_row <= given + 40_000));
+            found.extend(news);
+            let counts = stretches.disturbed();
+            assert!(counts[0] >= before[0] && counts[1] >= before[1]);
+            before = counts;
+        }
+        found.extend(stretches.news());
+        let counts = stretches.disturbed();
+        let (_, diagnosis) = stretches.finish();
+        let texts: Vec<String> = found.iter().map(ToString::to_string).collect();
+        let of = |kind, column: &str| {
+            let is = |finding: &&Finding| finding.kind == kind && finding.column.as_deref() == Some(column);
+            found.iter().filter(is).collect::<Vec<_>>()
+        };
+        let clipped = of(FindingKind::Saturation, "x_V");
+        assert_eq!(clipped.len(), 2, "{texts:#?}");
+        let segments: Vec<_> = clipped.iter().map(|finding| finding.segment.as_deref()).collect();
+        assert_eq!(segments, [Some("a"), Some("b")]);
+        assert!(clipped[0].first_row > 10_000 && clipped[1].first_row > 20_000, "{texts:#?}");
+        for column in ["y_V", "z_V"] {
+            assert_eq!(of(FindingKind::Repeats, column).len(), 1, "{texts:#?}");
+            assert_eq!(of(FindingKind::Stuck, column).len(), 1, "{texts:#?}");
+        }
+        assert_eq!(found.len(), 6, "{texts:#?}");
+        assert_eq!(counts[1], 40);
+        // At the end the rail of the first record is none, as the second goes beyond it.
+        let at_end = |column: &str, kind| {
+            let of = |finding: &&Finding| finding.kind == kind && finding.column.as_deref() == Some(column);
+            diagnosis.iter().filter(of).map(|finding| finding.count).sum::<usize>()
+        };
+        assert_eq!(["y_V", "z_V"].map(|column| at_end(column, FindingKind::Stuck)), [20, 20]);
+        assert!(counts[0] > at_end("x_V", FindingKind::Saturation), "{counts:?} {diagnosis:?}");
+        told.push(texts);
+    }
+    assert_eq!(told[0], told[1]);
 }

@@ -175,6 +175,16 @@ impl DriveSine {
     }
 }
 
+/// By how much of its amplitude a drive has left its sine.
+const LEFT: f64 = 0.1;
+
+/// The time in s of the first sample in which a drive has left a sine; `None` where it changes too slowly for that.
+pub fn leaves_at(sine: &Sine, time_s: &[f64], volts: &[f64]) -> Option<f64> {
+    let has_left =
+        |(time_s, volts): &(&f64, &f64)| (*volts - sine.at(**time_s)).abs() > LEFT * sine.amplitude;
+    time_s.iter().zip(volts).find(has_left).map(|(time_s, _)| *time_s)
+}
+
 /// No sine.
 const NOTHING: Sine =
     Sine { offset: 0.0, amplitude: 0.0, frequency_hz: 0.0, phase_rad: 0.0, residual_rms: 0.0 };

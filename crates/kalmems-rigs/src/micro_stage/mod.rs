@@ -36,10 +36,10 @@ use crate::micro_stage::device::MicroStage;
 use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress};
 use crate::recording::{Finding, RecordingLayout};
-use crate::signal::Sine;
+use crate::signal::{Sine, fit_sine};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-use drive_sine::DriveSine;
+use drive_sine::{DriveSine, leaves_at};
 pub use feedthrough::{BiasOffRecord, without_drive};
 pub use hardware::{ElectrodeChannel, StageHardware};
 use records::{DRIVE, StageRecords, columns, of_role, place, require_one_frequency};
@@ -340,8 +340,11 @@ impl StageEstimator<'_> {
         volts: &[f64],
         place: &str,
     ) -> Result<FollowedDrive, EstimateError> {
-        let not_steady =
-            || EstimateError::NoSteadyDrive { place: place.to_owned(), filter: "the rig".to_owned() };
+        let not_steady = |time_s| EstimateError::DriveChanges {
+            place: place.to_owned(),
+            column: self.columns.0.to_owned(),
+            time_s,
+        };
         let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
         let resumed = || match self.past.numbers[..] {
             [first_hz, ref rest @ ..] if !segment.begins => {
@@ -356,11 +359,20 @@ impl StageEstimator<'_> {
             let head = fresh.start..fresh.end.min(fresh.start + self.head(interval_s));
             fresh.start = head.end;
             let block = (interval_s, self.block(interval_s));
-            let sine = DriveSine::of_head(&time_s[head.clone()], &volts[head], block);
-            let sine = sine.ok_or_else(not_steady)?;
+            let (time_s, volts) = (&time_s[head.clone()], &volts[head]);
+            let sine = DriveSine::of_head(time_s, volts, block).ok_or_else(|| {
+                // Where it begins with a sine, that tells when it changes.
+                let part = time_s.len() / 4;
+                let begins = fit_sine(&time_s[..part], &volts[..part], interval_s).filter(Sine::is_steady);
+                let left_s = begins.and_then(|sine| leaves_at(&sine, time_s, volts));
+                not_steady(left_s.or(time_s.first().copied()).unwrap_or(f64::NAN))
+            })?;
             FollowedDrive { first_hz: sine.sine().frequency_hz, sine }
         };
-        followed.sine.take(time_s, volts, fresh).map_err(|_| not_steady())?;
+        followed.sine.take(time_s, volts, fresh).map_err(|block_s| {
+            let from = time_s.partition_point(|time_s| *time_s < block_s);
+            not_steady(leaves_at(&followed.sine.sine(), &time_s[from..], &volts[from..]).unwrap_or(block_s))
+        })?;
         Ok(followed)
     }
 

@@ -1,6 +1,7 @@
 //! What may be the cause, with its size.
 
 use super::change::{ChannelAlteration, TrialChange};
+use super::coloured_noise::ColouredNoiseCause;
 use super::suspect::Suspect;
 
 /// Something that may be wrong, and by how much.
@@ -10,6 +11,8 @@ pub(super) enum Cause {
     Numbers(Vec<(usize, f64)>),
     /// A line in the signal: its frequency in Hz, the amplitudes of cosine and sine, and which harmonic of the motion it is, if it is one.
     Line { signal: String, frequency_hz: f64, amplitude: [f64; 2], harmonic: Option<usize> },
+    /// Noise in the signal that a sample shares with those before it, beside the white noise.
+    ColouredNoise(ColouredNoiseCause),
     /// Samples of a signal that are none of its noise, by their times in s.
     Outliers { signal: String, times: Vec<f64> },
 }
@@ -30,6 +33,7 @@ impl Cause {
                 signal,
                 ChannelAlteration::WithoutLine { frequency_hz: *frequency_hz, amplitude: *amplitude },
             ),
+            Self::ColouredNoise(noise) => Some(vec![noise.change()]),
             Self::Outliers { signal, times } => of(signal, ChannelAlteration::Without(times.clone())),
         }
     }
@@ -49,6 +53,10 @@ impl Cause {
                 },
                 _ => self.clone(),
             },
+            Self::ColouredNoise(noise) => match *sizes {
+                [sd, time] => Self::ColouredNoise(noise.resized([sd, time])),
+                _ => self.clone(),
+            },
             Self::Outliers { .. } => self.clone(),
         }
     }
@@ -58,6 +66,7 @@ impl Cause {
         match self {
             Self::Numbers(numbers) => numbers.iter().map(|(_, size)| *size).collect(),
             Self::Line { amplitude, .. } => amplitude.to_vec(),
+            Self::ColouredNoise(noise) => noise.sizes().to_vec(),
             Self::Outliers { .. } => Vec::new(),
         }
     }

@@ -32,6 +32,8 @@ enum Job {
     Number(usize),
     /// Lines in the signal.
     Lines,
+    /// Noise that a sample shares with those before it.
+    ColouredNoise,
     /// Samples of the signal that are none of its noise.
     Outliers,
 }
@@ -82,7 +84,7 @@ impl Explanations {
         let promises = promises.ok_or(DiagnoseError::Interrupted)?;
         let largest = promises.iter().flatten().copied().fold(0.0, f64::max);
         let numbers = (0..count).filter(|place| search.is_worth(promises[*place], largest)).map(Job::Number);
-        let jobs: Vec<Job> = numbers.chain([Job::Lines, Job::Outliers]).collect();
+        let jobs: Vec<Job> = numbers.chain([Job::Lines, Job::ColouredNoise, Job::Outliers]).collect();
         let tried = listed(map_on_threads(
             (progress, "trying causes"),
             processors(),
@@ -94,11 +96,12 @@ impl Explanations {
                 Some(match jobs[place] {
                     Job::Number(number) => search.number(number).into_iter().collect(),
                     Job::Lines => search.lines(),
+                    Job::ColouredNoise => search.coloured_noise().into_iter().collect(),
                     Job::Outliers => search.outliers().into_iter().collect(),
                 })
             },
         ))?;
-        let alone = Self::of(&search, tried, count + 2);
+        let alone = Self::of(&search, tried, count + 3);
         if !alone.causes.is_empty() {
             return Ok(alone);
         }

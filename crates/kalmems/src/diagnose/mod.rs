@@ -22,6 +22,7 @@ mod bench;
 mod cause;
 mod change;
 mod check_numbers;
+mod coloured_noise;
 mod distinguish;
 mod document;
 mod error;
@@ -58,9 +59,10 @@ use crate::progress::Progress;
 use crate::recording::SampledRecording;
 use crate::rigs::Workbench;
 use bench::{TestedRows, TrialBench};
+use cause::Cause;
 use change::TrialChange;
 use check_numbers::take_numbers;
-use explain::Explanations;
+use explain::{ExaminedCause, Explanations};
 use suspect::Suspect;
 use trial::DiagnosisTrial;
 
@@ -131,7 +133,10 @@ fn of_bench(
         .collect();
     let of_device =
         |changes: &Vec<TrialChange>| changes.iter().all(|change| matches!(change, TrialChange::Key(..)));
-    let proposal = if causes.len() > 1 && causes.iter().all(of_device) {
+    // Noise of the readout is in any recording that could be proposed.
+    let is_noise = |found: &ExaminedCause| matches!(found.cause, Cause::ColouredNoise(_));
+    let has_noise = explained.iter().flat_map(|found| &found.causes).any(is_noise);
+    let proposal = if causes.len() > 1 && !has_noise && causes.iter().all(of_device) {
         distinguish::proposal(workbench, experiment, (bench, &base), &causes, progress)?
     } else {
         None

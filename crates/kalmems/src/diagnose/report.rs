@@ -11,7 +11,7 @@ use super::invisible_parameters::ScaleNote;
 use super::suspect::{NumberRole, Suspect};
 use super::trial::DiagnosisTrial;
 use crate::config::get;
-use crate::config::{Experiment, Key};
+use crate::config::{Experiment, Key, KeyStep};
 use crate::evaluate::TestResult;
 use kalmems_core::Portable;
 use serde::Serialize;
@@ -142,7 +142,7 @@ fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -
         name: name(&found.cause, suspects),
         numbers: match &found.cause {
             Cause::Numbers(numbers) => numbers.len(),
-            Cause::Line { .. } | Cause::Outliers { .. } => 0,
+            Cause::Line { .. } | Cause::ColouredNoise(_) | Cause::Outliers { .. } => 0,
         },
         gain: found.gain,
         passes: found.trial.passes(),
@@ -174,6 +174,7 @@ fn name(cause: &Cause, suspects: &[Suspect]) -> String {
             let amplitude = a.portable_hypot(*b);
             format!("a line of {} in the signal, {amplitude:.3e} in SI{harmonic}", hertz(*frequency_hz))
         }
+        Cause::ColouredNoise(noise) => noise.name(),
         Cause::Outliers { times, .. } => {
             format!("{} samples of the signal that are none of its noise", times.len())
         }
@@ -245,10 +246,13 @@ fn edits(
 fn in_file(key: &Key, filter: usize) -> Key {
     let own = Key::from("estimate").child("filter").index(0);
     match key.steps().strip_prefix(own.steps()) {
-        Some([crate::config::KeyStep::Name(name)]) => {
-            Key::from("estimate").child("filter").index(filter).child(name)
+        Some(steps) => {
+            steps.iter().fold(Key::from("estimate").child("filter").index(filter), |key, step| match step {
+                KeyStep::Name(name) => key.child(name),
+                KeyStep::Index(index) => key.index(*index),
+            })
         }
-        _ => key.clone(),
+        None => key.clone(),
     }
 }
 
@@ -269,6 +273,10 @@ pub(super) fn rounded(value: &toml::Value, relative_sd: Option<f64>) -> toml::Va
         toml::Value::Float(number) => return toml::Value::Float(digits(*number, count_of(relative_sd))),
         toml::Value::Array(list) => {
             return toml::Value::Array(list.iter().map(|value| rounded(value, relative_sd)).collect());
+        }
+        toml::Value::Table(table) => {
+            let each = table.iter().map(|(key, value)| (key.clone(), rounded(value, relative_sd)));
+            return toml::Value::Table(each.collect());
         }
         other => return other.clone(),
     };

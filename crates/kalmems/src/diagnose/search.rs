@@ -2,6 +2,7 @@
 
 use super::bench::TrialBench;
 use super::cause::Cause;
+use super::coloured_noise::ColouredNoiseCause;
 use super::suspect::Suspect;
 use super::trial::{DiagnosisTrial, TrialBlocks};
 use crate::evaluate::{InnovationTest, TestPlace};
@@ -52,6 +53,12 @@ const MOST_STEPS: f64 = 400.0;
 
 /// Steps by which the frequency of a line is tuned, in parts of what the recording can tell from the next.
 const TUNING: [f64; 4] = [0.3, 0.1, 0.03, 0.01];
+
+/// Where a search for coloured noise begins, by what the innovations show of it: factors of its standard deviation and its correlation time.
+const STARTS: [[f64; 2]; 4] = [[1.0, 1.0], [2.0, 2.0], [4.0, 4.0], [4.0, 16.0]];
+
+/// A first step of the logarithm of either.
+const COLOURED_STEP: f64 = 0.1;
 
 /// Second causes that are followed up for a first.
 const SECONDS: usize = 4;
@@ -236,6 +243,17 @@ impl CauseSearch<'_> {
         (last - first).abs().max(f64::MIN_POSITIVE)
     }
 
+    /// Noise that a sample shares with those before it, where the innovations show some.
+    pub(super) fn coloured_noise(&self) -> Option<FittedCause> {
+        let shown = ColouredNoiseCause::of(self.base)?;
+        // The filter has followed a part of it.
+        let starts = STARTS.iter().map(|factors| Cause::ColouredNoise(shown.times(*factors)));
+        let tried = starts
+            .filter_map(|cause| Some((self.run_unjudged(&cause)?.log_likelihood(TrialBlocks::Fitted), cause)))
+            .max_by(|a, b| a.0.total_cmp(&b.0))?;
+        self.refined(&tried.1)
+    }
+
     /// Samples that are none of the noise, where there are some and not too many.
     pub(super) fn outliers(&self) -> Option<FittedCause> {
         let mut times: Vec<f64> = Vec::new();
@@ -300,6 +318,7 @@ impl CauseSearch<'_> {
     pub(super) fn most_likely(&self, cause: &Cause, blocks: TrialBlocks) -> Option<MostLikelySizes> {
         let steps: Vec<f64> = match cause {
             Cause::Numbers(numbers) => numbers.iter().map(|(place, _)| self.step(*place)).collect(),
+            Cause::ColouredNoise(_) => vec![COLOURED_STEP; 2],
             Cause::Line { .. } | Cause::Outliers { .. } => vec![0.1 * self.base.innovation_sd(); 2],
         };
         most_likely_sizes(&cause.sizes(), &steps, &mut |at| self.innovations(cause, at, blocks))

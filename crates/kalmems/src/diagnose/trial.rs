@@ -8,6 +8,7 @@ use crate::fit::Innovations;
 use crate::progress::Interruption;
 use crate::rigs::Rig;
 use crate::signal::Sine;
+use crate::units::kind;
 
 /// Blocks of a segment, of which every second one is fitted.
 const BLOCKS: f64 = 20.0;
@@ -47,6 +48,8 @@ pub(super) struct DiagnosisTrial {
     /// The name of the answer among the states, and its unit.
     pub(super) answer_name: &'static str,
     pub(super) answer_unit: &'static str,
+    /// The unit of the first signal.
+    pub(super) signal_unit: &'static str,
     /// The drive, where it is a steady sine.
     pub(super) drive: Option<Sine>,
     /// The states of the motion after the settling time: name, unit and value.
@@ -104,6 +107,7 @@ impl DiagnosisTrial {
                 self.updates += usize::from(value.is_finite());
             }
         }
+        self.signal_unit = if *estimate.signal_kind == kind::CAPACITANCE { "F" } else { "V" };
         if self.start.is_empty() {
             self.drive = estimate.drive;
             let of_motion = trajectory.states.iter().take(MOTION).filter_map(|state| {

@@ -752,6 +752,11 @@ fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &NisConsistency) -
         (_, Verdict::Consistent) => format!(
             "the innovations of the accepted samples agree with the model, with a mean NIS of {mean_nis:.3}"
         ),
+        _ if let Some(times) = estimator.innovations_smaller_by() => format!(
+            "the mean NIS of {mean_nis:.3}: the filter claims innovations that are {times:.1} times as large as they are, so that it averages \
+             over more samples than it should; the stated noise or process noise is too large, and `from_recording` in the place of the \
+             noise finds it"
+        ),
         (_, Verdict::Cautious) => format!(
             "the mean NIS of {mean_nis:.3} lies below {lower:.3}, so that the filter claims larger errors than it makes"
         ),

@@ -77,6 +77,10 @@ impl Verdict {
 /// The mean NIS from which on a claim is not doubtful but wrong: errors of the prediction that are 1.4 times as large as claimed.
 const WRONG_NIS: f64 = 2.0;
 
+/// The mean NIS up to which a claim is not careful but wrong: errors of the prediction that are less than a third as large as claimed. A filter that
+/// is told so much noise averages over more samples than it should, and follows a change too late.
+const UNUSUALLY_CAREFUL_NIS: f64 = 0.1;
+
 impl EstimatorMetrics {
     /// How far its answer can be trusted; `None` of what makes no claim.
     pub(super) fn graded(&self) -> Option<Grade> {
@@ -91,7 +95,11 @@ impl EstimatorMetrics {
             || self.of_the_device().any(|number| number.contradicted().is_some());
         Some(if self.broken_claims().next().is_some() || self.failing().any(is_wrong) {
             Grade::Failed
-        } else if self.failing().next().is_some() || has_fault || self.rejections.faults().next().is_some() {
+        } else if self.failing().next().is_some()
+            || has_fault
+            || self.rejections.faults().next().is_some()
+            || self.innovations_smaller_by().is_some()
+        {
             Grade::Doubtful
         } else if self.verdict == Verdict::Consistent
             && !self.rejections.is_remarkable()
@@ -101,6 +109,13 @@ impl EstimatorMetrics {
         } else {
             Grade::PassesWithRemarks
         })
+    }
+
+    /// How many times as large as they are the filter claims its innovations to be, where that is so many times that the stated noise is wrong.
+    pub(super) fn innovations_smaller_by(&self) -> Option<f64> {
+        let mean_nis = self.consistency.as_ref()?.mean_nis;
+        (self.verdict == Verdict::Cautious && mean_nis < UNUSUALLY_CAREFUL_NIS)
+            .then(|| mean_nis.sqrt().recip())
     }
 
     /// What a reference shows to be further off than claimed, by the name of the state.

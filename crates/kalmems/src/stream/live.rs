@@ -97,6 +97,8 @@ pub(super) struct LiveEstimate<'a> {
     stretches: u64,
     start_s: f64,
     last_s: Option<f64>,
+    /// Samples that were found clipped, and samples whose value stays.
+    disturbed: [usize; 2],
     keeper: Option<StateWriter>,
     arrivals: ArrivalTimes,
     shared: Shared,
@@ -148,6 +150,7 @@ impl<'a> LiveEstimate<'a> {
             stretches: 0,
             start_s: f64::NAN,
             last_s: None,
+            disturbed: [0; 2],
             keeper,
             arrivals,
             shared,
@@ -195,12 +198,16 @@ impl<'a> LiveEstimate<'a> {
                 }
                 next => next?,
             };
-            let Some(stretch) = stretch else { return Ok(true) };
+            let Some(stretch) = stretch else {
+                self.hear(stretches)?;
+                return Ok(true);
+            };
             match self.stretch(&stretch, estimator) {
                 // Stopped: what was written is all there is.
                 Err(StreamError::Estimate(EstimateError::Interrupted)) => return Ok(true),
                 taken => taken?,
             }
+            self.hear(stretches)?;
             if stretch.begins {
                 stretches.give(whole);
             }
@@ -263,6 +270,7 @@ impl<'a> LiveEstimate<'a> {
         health.time_s = self.last_s;
         (health.estimated, health.not_estimated) = (self.summary.estimated, self.summary.not_estimated);
         health.stretches = self.stretches;
+        [health.clipped, health.staying] = self.disturbed.map(|samples| samples as u64);
         health.noise_only = self.noise.is_noise_only();
         let of = |(key, watch): &(String, TrajectoryWatch)| FilterHealth {
             failing: self.judged.failing(key),
@@ -275,6 +283,16 @@ impl<'a> LiveEstimate<'a> {
     fn notice(&mut self, event: &StreamEvent) -> io::Result<()> {
         self.summary.events += 1;
         self.writer.notice(event)
+    }
+
+    /// Tells what the checks of the recording have found since this was last called.
+    fn hear(&mut self, stretches: &mut Stretches) -> io::Result<()> {
+        self.disturbed = stretches.disturbed();
+        for found in stretches.news() {
+            let time_s = self.last_s.unwrap_or(self.start_s);
+            self.notice(&StreamEvent::InputCheck { time_s, found })?;
+        }
+        Ok(())
     }
 
     /// Takes a stretch of samples, new ones of a segment.

@@ -2,6 +2,7 @@
 
 use super::shared::{Shared, StreamCounts, StreamEnd, StreamNotice};
 use crate::evaluate::InnovationTest;
+use crate::recording::Finding;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
@@ -52,6 +53,14 @@ pub enum StreamEvent {
         /// When, in s.
         time_s: f64,
     },
+    /// The samples show that a column is clipped, repeats another column, or has a value that stays; once for each in a stretch.
+    InputCheck {
+        /// The time of the newest sample when it became known, in s.
+        time_s: f64,
+        /// What was found, of the samples until then.
+        #[serde(flatten)]
+        found: Finding,
+    },
     /// How the stream fares.
     Health(Box<Health>),
 }
@@ -93,6 +102,10 @@ pub struct Health {
     /// What was received, and what the way has made of it.
     #[serde(flatten)]
     pub received: StreamCounts,
+    /// Samples that were found clipped, of all columns.
+    pub clipped: u64,
+    /// Samples whose value stays while those around them move, of all columns.
+    pub staying: u64,
     /// Whether the signal is only noise, as far as that is known.
     pub noise_only: bool,
     /// How each answer fares.
@@ -175,6 +188,8 @@ impl Heartbeat {
             not_estimated: 0,
             stretches: 0,
             received,
+            clipped: 0,
+            staying: 0,
             noise_only: false,
             filters: Vec::new(),
         })

@@ -107,6 +107,22 @@ impl Bench {
         Self { folder, toml }
     }
 
+    /// Changes the numbers of each row of a file, by the place of its column.
+    fn change(&self, file: &str, change: impl Fn(&mut [f64])) {
+        let path = self.folder.path().join(file);
+        let text = fs::read_to_string(&path).unwrap();
+        let mut lines = text.lines();
+        let mut changed = format!("{}\n", lines.next().unwrap());
+        for line in lines {
+            let (record, numbers) = line.split_once(',').unwrap();
+            let mut numbers: Vec<f64> = numbers.split(',').map(|cell| cell.parse().unwrap()).collect();
+            change(&mut numbers);
+            let cells: Vec<String> = numbers.iter().map(|number| format!("{number:e}")).collect();
+            changed += &format!("{record},{}\n", cells.join(","));
+        }
+        fs::write(path, changed).unwrap();
+    }
+
     fn calibrate(&self) -> Result<Calibration, CalibrationError> {
         let path = self.folder.path().join("bench.toml");
         calibrate(&GyroscopeCalibration::parse(&self.toml, &path).unwrap(), &Silent)
@@ -119,6 +135,70 @@ fn about(main: usize, others: f64, amplitude: f64) -> Vibration {
         Vibration { frequency_hz: 1700.0, amplitude: [others * amplitude; 3], phase_rad: [0.3, 1.1, -0.9] };
     vibration.amplitude[main] = amplitude;
     vibration
+}
+
+/// The signals of a unit, of a reference and of a record at rest are checked as those of an estimate are, and refused in the same words.
+#[test]
+fn clipped_and_repeated_channels_are_refused_as_an_estimate_refuses_them() {
+    let force = SpecificForce { arm: [0.8e-3, -0.3e-3, 1.1e-3] };
+    let accelerometers =
+        SimulatedInstrument { noise: 0.05, step: 4.8e-3, full_scale: 1e4, ..SimulatedInstrument::IDEAL };
+    let unit = SimulatedUnit { accelerometers: Some((accelerometers, force, [0.0, 0.0, -9.81])), ..UNIT };
+    // Slow enough that a crest at the end of a range lasts for more than eight samples.
+    let vibrations: Vec<Vibration> =
+        (0..3).map(|k| Vibration { frequency_hz: 170.0, ..about(k, 0.2, 12.0) }).collect();
+    let refused = |file: &str, change: &dyn Fn(&mut [f64]), rest: &str| {
+        let bench = Bench::new(&unit, &vibrations, [true; 3], 3);
+        bench.change(file, change);
+        let bench = Bench { toml: bench.toml.clone() + rest, ..bench };
+        bench.calibrate().map(|_| ()).unwrap_err().to_string()
+    };
+    let clip = |place: usize, level: f64| move |row: &mut [f64]| row[place] = row[place].clamp(-level, level);
+    for (file, change, expected) in [
+        ("gyro.csv", clip(0, 6.0), "gyro.csv, record `r0`: the signal `wx_rad_per_s` is clipped in "),
+        ("gyro.csv", clip(2, 6.0), "gyro.csv, record `r2`: the signal `wz_rad_per_s` is clipped in "),
+        ("gyro.csv", clip(5, 9.0), "the signal `fz_m_per_s2` is clipped in "),
+        (
+            "reference.csv",
+            clip(2, 6.0),
+            "reference.csv, record `r1`: the signal `wy_rad_per_s` is clipped in ",
+        ),
+    ] {
+        let why = refused(file, &change, "");
+        assert!(why.contains(expected) && why.contains("widen the range of the converter"), "{why}");
+    }
+    let twice = refused("gyro.csv", &|row| row[1] = -row[0], "");
+    let expected = "the signal `wx_rad_per_s` repeats column `wy_rad_per_s` with the other sign in every row";
+    assert!(twice.contains(expected) && twice.contains("check the wiring"), "{twice}");
+    let twice = refused("reference.csv", &|row| row[3] = row[1], "");
+    assert!(
+        twice.contains("the signal `wx_rad_per_s` repeats column `wz_rad_per_s` in every row"),
+        "{twice}"
+    );
+    // A file that is called one at rest and is one of a clipped motion.
+    let rest = "\n[rest]\nfile = \"reference.csv\"\nsegments = { column = \"record\" }\nclock = { column = \"time_s\" }\n";
+    let unit_alone = |toml: &str| {
+        let conditions = toml.find("[[condition]]").unwrap();
+        toml[..conditions].replace("accelerometers = ", "# ")
+    };
+    let bench = Bench::new(&unit, &vibrations, [true; 3], 3);
+    bench.change("reference.csv", clip(1, 6.0));
+    let bench = Bench { toml: unit_alone(&bench.toml) + rest, ..bench };
+    let why = bench.calibrate().unwrap_err().to_string();
+    assert!(why.contains("reference.csv, record `r0`: the signal `wx_rad_per_s` is clipped in "), "{why}");
+    // A value that stays is reported, as an estimate reports it.
+    let bench = Bench::new(&unit, &vibrations, [true; 3], 3);
+    let hung = std::cell::Cell::new((0, 0.0));
+    bench.change("gyro.csv", |row| {
+        let (count, value) = hung.get();
+        row[1] = if (301..321).contains(&count) { value } else { row[1] };
+        hung.set((count + 1, row[1]));
+    });
+    let found = bench.calibrate().unwrap().findings;
+    assert!(
+        found.iter().any(|finding| finding.contains("column `wy_rad_per_s`, segment `r0`: stays at ")),
+        "{found:?}"
+    );
 }
 
 /// All nine entries, told from rotations about three axes; scale, squareness and mounting apart, and the accelerometers'

@@ -1,5 +1,6 @@
 //! Diagnoses of simulated recordings whose fault is known.
 
+mod coloured;
 mod faults;
 mod outside;
 mod single;

@@ -1,6 +1,7 @@
 //! Signals as a laboratory has them: what each impairment costs an estimate, and whether the answer is refused, doubted or passed then.
 
 use crate::devices::put;
+use crate::motions::{Driven, Motion};
 use crate::outliers::signals::{DEVICES, Of, Outcome, noise, signals};
 use crate::side_by_side::side_by_side;
 use kalmems::config::Experiment;
@@ -15,6 +16,10 @@ use std::f64::consts::TAU;
 enum Impairment {
     /// So many samples in a row are missing.
     Missing(usize),
+    /// All samples of so many s are.
+    NanBurst(f64),
+    /// The frequency of the drive steps by this part in the middle of the recording.
+    DriveSteps(f64),
     /// So large a part of its range, from below, is what the converter has.
     Clipped(f64),
     /// It is so many standard deviations of its noise higher.
@@ -29,11 +34,13 @@ enum Impairment {
     Start(f64),
 }
 
-use Impairment::{Clipped, Hum, Missing, NoiseTold, Offset, SecondHarmonic, Start};
+use Impairment::{Clipped, DriveSteps, Hum, Missing, NanBurst, NoiseTold, Offset, SecondHarmonic, Start};
 
-const IMPAIRMENTS: [Impairment; 15] = [
+const IMPAIRMENTS: [Impairment; 17] = [
     Missing(10),
     Missing(100),
+    NanBurst(1e-3),
+    DriveSteps(1e-3),
     Clipped(0.9),
     Offset(1.0),
     Offset(10.0),
@@ -53,6 +60,8 @@ impl Impairment {
     fn words(self) -> String {
         match self {
             Missing(count) => format!("{count} samples missing"),
+            NanBurst(long_s) => format!("all samples of {:.0} ms missing", 1e3 * long_s),
+            DriveSteps(by) => format!("the drive's frequency steps by {by:e}"),
             Clipped(share) => format!("clipped at {} % of its range", 100.0 * share),
             Offset(sds) => format!("an offset of {sds} σ"),
             NoiseTold(factor) => format!("noise told {factor} times as strong"),
@@ -62,9 +71,9 @@ impl Impairment {
         }
     }
 
-    /// By how much the error may be larger: a gap is an event within which nothing is measured.
+    /// By how much the error may be larger: a gap is an event within which nothing is measured, and so is a step.
     fn allowed(self) -> f64 {
-        if matches!(self, Missing(_) | Start(_)) { 2.0 } else { 1.3 }
+        if matches!(self, Missing(_) | NanBurst(_) | DriveSteps(_) | Start(_)) { 2.0 } else { 1.3 }
     }
 
     /// Changes the samples after the settling time; a converter clips all of them.
@@ -86,6 +95,11 @@ impl Impairment {
                 let place = fresh.len() / 3;
                 fresh[place..place + count].fill(f64::NAN);
             }
+            NanBurst(long_s) => {
+                let (place, times) = (fresh.len() / 3, &times[from..]);
+                let end = times.partition_point(|time| *time < times[place] + long_s);
+                fresh[place..end].fill(f64::NAN);
+            }
             Offset(sds) => fresh.iter_mut().for_each(|y| *y += sds * sd),
             Hum(hz, factor) => {
                 let amplitude = factor * sd * 2.0 * interval_s.sqrt();
@@ -99,7 +113,7 @@ impl Impairment {
                     *y += share * (*y - middle).powi(2) / peak;
                 }
             }
-            Clipped(_) | NoiseTold(_) | Start(_) => {}
+            Clipped(_) | NoiseTold(_) | Start(_) | DriveSteps(_) => {}
         }
     }
 
@@ -152,9 +166,13 @@ impl Impairment {
         }
     }
 
-    /// Whether there is such a thing of a device: a start from the signal is not stated.
+    /// Whether there is such a thing of a device: a start from the signal is not stated, and not every one is driven.
     fn applies(self, of: Of) -> bool {
-        !matches!(self, Start(_)) || !self.told(of).is_empty()
+        match self {
+            Start(_) => !self.told(of).is_empty(),
+            DriveSteps(_) => Driven::of(of).is_some(),
+            _ => true,
+        }
     }
 
     /// What comes of a recording with it.
@@ -228,27 +246,45 @@ impl Cell {
     }
 }
 
-/// A recording of a device, and what comes of it with each impairment.
-fn spoilt(of: Of, seed: u64) -> (Outcome, Vec<(Impairment, Outcome)>) {
+/// What comes of a recording without an impairment, and with it.
+type Compared = (Impairment, Outcome, Outcome);
+
+/// Recordings of a device with each impairment, beside the one without.
+fn spoilt(of: Of, seed: u64) -> Vec<Compared> {
     let recorded = of.recorded(&[], seed);
     let clean = Outcome::of(&recorded.0, &recorded.1);
     assert!(clean.passes(), "{} {seed}: {}", of.name(), clean.refused);
     let impairments = IMPAIRMENTS.into_iter().filter(|impairment| impairment.applies(of));
-    (clean, impairments.map(|impairment| (impairment, impairment.outcome(of, &recorded))).collect())
+    let compared = impairments.map(|impairment| match impairment {
+        // Another drive is another simulation.
+        DriveSteps(by) => {
+            let driven = Driven::of(of).unwrap();
+            let [steady, steps] =
+                [Motion::Steady, Motion::Step(by)].map(|motion| driven.outcome(motion, seed));
+            (impairment, steady, steps)
+        }
+        _ => (impairment, clean.clone(), impairment.outcome(of, &recorded)),
+    });
+    compared.collect()
 }
 
-/// Every device and impairment, twenty seeds each or as many as `KALMEMS_SEEDS` says. An answer that passes is as good as without the impairment.
+/// Every device and impairment, twenty seeds each or as many as `KALMEMS_SEEDS` says, of all devices or of those whose name has
+/// `KALMEMS_DEVICE` in it. An answer that passes is as good as without the impairment.
 #[test]
 #[ignore = "slow: an hour on two processors"]
 fn slow_impairments_of_every_device() {
     let count = std::env::var("KALMEMS_SEEDS").ok().and_then(|count| count.parse::<u64>().ok());
     let seeds = 601..=600 + count.unwrap_or(20);
-    let wanted: Vec<(Of, u64)> =
-        DEVICES.iter().flat_map(|of| seeds.clone().map(|seed| (*of, seed))).collect();
+    let device = std::env::var("KALMEMS_DEVICE").unwrap_or_default();
+    let wanted: Vec<(Of, u64)> = DEVICES
+        .iter()
+        .filter(|of| of.name().contains(&device))
+        .flat_map(|of| seeds.clone().map(|seed| (*of, seed)))
+        .collect();
     let mut cells: Vec<(Of, Impairment, Cell)> = Vec::new();
     let outcomes = side_by_side(&wanted, |(of, seed)| spoilt(*of, *seed));
-    for ((of, _), (clean, outcomes)) in wanted.iter().zip(&outcomes) {
-        for (impairment, outcome) in outcomes {
+    for ((of, _), outcomes) in wanted.iter().zip(&outcomes) {
+        for (impairment, clean, outcome) in outcomes {
             let place = cells.iter().position(|(device, other, _)| device == of && other == impairment);
             let place = place.unwrap_or_else(|| {
                 cells.push((*of, *impairment, Cell::default()));

@@ -1,10 +1,12 @@
 //! Whether what is claimed holds: verdicts, diagnoses, outliers, coverage.
 
+mod clipping;
 mod coverage;
 mod devices;
 mod diagnose;
 mod impairments;
 mod losses;
+mod motions;
 mod outliers;
 #[path = "../parts/mod.rs"]
 mod parts;

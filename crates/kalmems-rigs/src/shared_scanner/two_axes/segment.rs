@@ -16,19 +16,27 @@ use crate::shared_scanner::segment::{FilterSideOutputs, ScannerFilterRun, Search
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// The drives of x and y as the samples that were there first show them.
+/// The drives of x and y as the samples that were there first show them: all of these, or of drives that change those before the end of the
+/// settling time, from which on signs are told by the drives' phases.
 pub fn first_tones(
     settings: &TwoAxisSettings,
     data: &DrivenSegment,
     past: &mut Past,
     place: &str,
 ) -> Result<DriveTones, EstimateError> {
+    let of = |rows: Range<usize>| {
+        let (time_s, volts) = (data.time_s.get(rows.clone())?, data.drive.volts().get(rows)?);
+        DriveTones::of(time_s, volts, data.interval_s, resonances_hz(settings))
+    };
+    let found = || {
+        let end = data.time_s.partition_point(|time_s| *time_s < data.scored_from(settings.skip_s));
+        let end = end.max(rows_of_window(data.interval_s)).min(data.time_s.len());
+        let settled = end.saturating_sub(rows_of_window(data.interval_s))..end;
+        of(0..data.time_s.len()).or_else(|| Some(DriveTones { is_steady: false, ..of(settled)? }))
+    };
     let tones = match past.rig.take::<DriveTones>() {
         Some(tones) => tones,
-        None => Box::new(
-            DriveTones::of(data.time_s, data.drive.volts(), data.interval_s, resonances_hz(settings))
-                .ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })?,
-        ),
+        None => Box::new(found().ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })?),
     };
     let found = *tones;
     past.rig.put(tones);

@@ -14,6 +14,8 @@ pub struct DriveTones {
     pub tones: [Sine; 2],
     /// The root mean square of what they leave, in V.
     pub residual_rms: f64,
+    /// Whether the drive follows them in all samples that are known. Where it does not, the motions have no phase that they would have to keep.
+    pub is_steady: bool,
 }
 
 /// How often the sines are fitted in turns. What one sine leaks into the fit of the other falls with their distance
@@ -25,7 +27,7 @@ impl DriveTones {
     pub fn motions(&self) -> [(&'static str, MotionRate); 2] {
         [0, 1].map(|axis| {
             let frequency_hz = 0.5 * self.tones[axis].frequency_hz;
-            (STATES[2 * axis].0, MotionRate { frequency_hz, is_driven: true })
+            (STATES[2 * axis].0, MotionRate { frequency_hz, is_driven: self.is_steady })
         })
     }
 
@@ -61,6 +63,7 @@ impl DriveTones {
             offset: last.offset,
             tones,
             residual_rms: last.residual_rms,
+            is_steady: true,
         })
     }
 }

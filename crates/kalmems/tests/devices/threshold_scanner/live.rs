@@ -93,6 +93,47 @@ fn zero_phases_of_noise_are_not_reported() {
     assert!(count(&run, "zero_phase") > 20);
 }
 
+/// A stream cannot be refused for what its samples show: it says once in a stretch that they are clipped or stay, while it runs.
+#[test]
+fn a_stream_says_while_it_runs_that_its_signal_is_clipped_or_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = experiment(folder.path(), &[], "");
+    let text = std::fs::read_to_string(example("recording.csv")).unwrap();
+    let signals = text.lines().skip(1).map(|line| line.split(',').nth(2).unwrap().parse::<f64>().unwrap());
+    let signals: Vec<f64> = signals.collect();
+    let limit = 0.5 * signals.iter().copied().fold(0.0, f64::max);
+    // Where it does not come near the rails for a while.
+    let is_quiet = |rows: &[f64]| rows.iter().all(|value| value.abs() < limit) && rows[20] != 0.0;
+    let hung = 3_000 + signals[3_000..].windows(60).position(is_quiet).unwrap() + 20;
+    let (mut last, mut rows) = (String::new(), String::new());
+    for (i, line) in text.lines().enumerate() {
+        let cells: Vec<&str> = line.split(',').collect();
+        let cell = match cells[2].parse::<f64>() {
+            Ok(_) if (hung + 2..hung + 20).contains(&i) => last.clone(),
+            Ok(value) => value.clamp(-limit, limit).to_string(),
+            Err(_) => cells[2].to_owned(),
+        };
+        last.clone_from(&cell);
+        rows += &format!("{},{},{cell},{}\n", cells[0], cells[1], cells[3]);
+    }
+    let checks = |run: &Streamed| -> Vec<serde_json::Value> {
+        run.events.iter().filter(|event| event["event"] == "input_check").cloned().collect()
+    };
+    let run = streamed(&experiment, std::io::Cursor::new(rows), None);
+    let found = checks(&run);
+    let kinds: Vec<_> = found.iter().map(|event| event["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["saturation", "stuck"], "{found:#?}");
+    for event in &found {
+        assert_eq!(event["column"], "cap_V");
+        let time_s = event["time_s"].as_f64().unwrap();
+        assert!(time_s > 0.0 && time_s <= 0.03, "{event}");
+        assert!(event["detail"].as_str().unwrap().starts_with("stays at "), "{event}");
+    }
+    let clean = streamed(&experiment, std::io::Cursor::new(text.clone()), None);
+    assert!(checks(&clean).is_empty(), "{:?}", checks(&clean));
+    assert!(clean.ended.is_ok() && run.ended.is_ok());
+}
+
 #[test]
 fn a_decay_in_parts_gives_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();

@@ -276,3 +276,17 @@ pub fn stuck(values: &mut [f64], _: &[f64], size: f64, _: u64) {
     let held = values[half];
     values[half..end].fill(held);
 }
+
+/// The correlation time of coloured noise in samples.
+pub const CORRELATED: f64 = 40.0;
+
+/// Noise of first order, of so many standard deviations of the white noise.
+pub fn coloured(values: &mut [f64], _: &[f64], size: f64, seed: u64) {
+    let (sd, decay) = (size * noise(values), (-1.0 / CORRELATED).exp());
+    let mut source = WhiteNoise::new(seed, 11);
+    let mut now = sd * source.sample();
+    for value in values {
+        *value += now;
+        now = decay * now + sd * (1.0 - decay * decay).sqrt() * source.sample();
+    }
+}

@@ -113,6 +113,7 @@ impl Of {
 }
 
 /// What came of a recording.
+#[derive(Clone)]
 pub struct Outcome {
     pub metrics: Option<Metrics>,
     /// Why it was refused.

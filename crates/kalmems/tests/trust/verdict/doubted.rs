@@ -3,8 +3,9 @@
 use crate::devices::{Device, Setting};
 use kalmems::evaluate::Grade;
 use kalmems::progress::Silent;
-use kalmems::results::{Estimated, EstimatorMetrics, Metrics, SegmentMetrics};
+use kalmems::results::{Estimated, EstimatorMetrics, Metrics, SegmentMetrics, notices};
 use kalmems::rigs::published;
+use kalmems::workflow::estimate_computed;
 use std::path::Path;
 
 fn owned(settings: &[(&'static str, &str)]) -> Vec<Setting<'static>> {
@@ -33,6 +34,23 @@ fn a_wrong_model_does_not_pass_by_a_noise_that_is_found_while_filtering() {
     ] {
         let found = accelerometer(&[MEMORY, NO_SMOOTHER, wrong]);
         assert!(!found.passes(), "{wrong:?}: {:?}", found.grade);
+    }
+}
+
+/// A noise that is told far too strong makes a filter slow: its claim is kept, and its errors are larger than those of the right one.
+#[test]
+fn a_noise_that_is_told_a_hundred_times_too_strong_does_not_pass() {
+    const NOISE: &str = "device.accelerometer.readout.noise_variance";
+    for (told, passes) in [("\"1.952e-8 V^2\"", true), ("\"4.88e-7 V^2\"", false)] {
+        let setting = owned(&[(NOISE, told)]);
+        let (experiment, simulated) = Device::named("accelerometer").recorded(&[], &setting, 31);
+        let outcome = estimate_computed(published(), &experiment, &simulated, &Silent).unwrap();
+        let metrics = Metrics::of(&outcome);
+        let first = metrics.estimators().next().unwrap();
+        assert_eq!(first.passes(), passes, "{told}: {:?} {:?}", first.grade, first.consistency);
+        let texts: Vec<String> = notices(&metrics).iter().map(|notice| notice.text.clone()).collect();
+        let says = texts.iter().any(|text| text.contains("times as large as they are"));
+        assert_eq!(says, !passes, "{texts:?}");
     }
 }
 
