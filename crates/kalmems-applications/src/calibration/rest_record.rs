@@ -20,7 +20,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<(Vec<AxisAtRest>, Vec<St
     let path = file.resolve(&record.file, "");
     let recording = files.read(Key::from("rest").child("file"), &path, &layout)?;
     for segment in recording.segments() {
-        require_usable(&recording, segment, &columns(Some(&channels)))?;
+        require_usable(&recording, segment, &columns(Some(channels)))?;
     }
     let mut remarks = Vec::new();
     let time = RestTime::of(&recording, file, &mut remarks);

@@ -338,13 +338,9 @@ impl NearValues {
     const NONE: Self = Self { step: f64::INFINITY, own: 0, nearest: Vec::new() };
 
     fn take(&mut self, level: f64, value: f64) {
-        self.add(level, value, 1);
-    }
-
-    fn add(&mut self, level: f64, value: f64, samples: usize) {
         let distance = (value - level).abs();
         if distance == 0.0 {
-            self.own += samples;
+            self.own += 1;
             return;
         }
         let is_full = self.nearest.len() == NEIGHBOURS;
@@ -352,12 +348,11 @@ impl NearValues {
             return;
         }
         let place = self.nearest.partition_point(|(near, _)| (near - level).abs() < distance);
-        match self.nearest.get_mut(place).filter(|(near, _)| *near == value) {
-            Some((_, count)) => *count += samples,
-            None => {
-                self.nearest.truncate(NEIGHBOURS - 1);
-                self.nearest.insert(place, (value, samples));
-            }
+        if let Some((_, count)) = self.nearest.get_mut(place).filter(|(near, _)| *near == value) {
+            *count += 1;
+        } else {
+            self.nearest.truncate(NEIGHBOURS - 1);
+            self.nearest.insert(place, (value, 1));
         }
         self.step = self.step.min(distance);
     }
