@@ -1,10 +1,8 @@
 //! The pictures of an image's evidence: how the sharpness depends on the phase, and how well a sample's place is known.
 
+use super::claimed::PlaceUncertainty;
 use super::reconstruct::{AxisOutcome, ImageOutcome};
 use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
-
-/// Points of a curve across the field of view.
-const ACROSS: i32 = 200;
 
 /// Sharpness over the phase of each axis that was searched, and what is uncertain of a sample's place across the field.
 pub fn image_figures(outcome: &ImageOutcome) -> Vec<Figure> {
@@ -46,28 +44,39 @@ fn sharpness(axes: &[AxisOutcome]) -> Option<Figure> {
     (!figure.panels.is_empty()).then_some(figure)
 }
 
-/// At an angle x of a sine of amplitude A a phase error δ moves a sample by √(A² − x²)·δ.
+/// How far the places of samples are uncertain.
 fn position(axes: &[AxisOutcome]) -> Option<Figure> {
-    let caption = "By how many pixels the place of a sample is uncertain across the field of view, one standard deviation of the phase \
-                   and the bound of the interpolation between samples of the trajectory. The trajectory's own error, of which its \
-                   file of numbers has the standard deviation, comes on top.";
+    let caption = "By how many pixels the place of a sample is uncertain across the field of view, one standard deviation: by the phase \
+                   that was found, by the trajectory where the image file names the column of its standard deviation, and by both; and the \
+                   bound of the interpolation between samples of the trajectory.";
     let mut figure = Figure::new("position_uncertainty", "Uncertainty of a sample's place", caption);
     for axis in axes {
-        let Some(sd_rad) = axis.found.map(|found| found.sd_rad).filter(|sd| sd.is_finite()) else { continue };
         let pixels_per_rad = f64::from(axis.pixels) / (2.0 * axis.half_field_rad);
-        let points = (-ACROSS..=ACROSS).map(|i| axis.half_field_rad * f64::from(i) / f64::from(ACROSS));
-        let by_phase: Vec<(f64, f64)> = points
-            .map(|x| {
-                let speed = (axis.amplitude_rad.powi(2) - x * x).max(0.0).sqrt();
-                (x.to_degrees(), pixels_per_rad * speed * sd_rad)
-            })
-            .collect();
-        let panel = Panel::new(
+        let line = |label: &str, role, of: &dyn Fn(&PlaceUncertainty) -> Option<f64>| {
+            let points = axis.places.iter();
+            let points =
+                points.filter_map(|part| Some((part.angle_rad.to_degrees(), pixels_per_rad * of(part)?)));
+            Series::line(label, role, points.collect::<Vec<_>>())
+        };
+        let has_phase = axis.found.is_some_and(|found| found.sd_rad.is_finite());
+        let has_claim = axis.places.iter().any(|part| part.by_trajectory_rad.is_some());
+        let mut panel = Panel::new(
             Axis::new(format!("angle of {}", axis.name), "deg"),
             Axis::new("uncertainty (pixels)", ""),
-        )
-        .with(Series::line("phase, one standard deviation", SeriesRole::Estimate, by_phase))
-        .with(Series::level(
+        );
+        if has_phase {
+            panel = panel.with(line("phase", SeriesRole::Estimate, &|part| Some(part.by_phase_rad)));
+        }
+        if has_claim {
+            panel = panel.with(line("trajectory", SeriesRole::Other, &|part| part.by_trajectory_rad));
+        }
+        if has_phase && has_claim {
+            panel = panel.with(line("both", SeriesRole::Reference, &|part| Some(part.together_rad())));
+        }
+        if !has_phase && !has_claim {
+            continue;
+        }
+        let panel = panel.with(Series::level(
             "interpolation, at most",
             SeriesRole::Bound,
             axis.interpolation_error_px,

@@ -83,6 +83,11 @@ pub struct ImageAxis {
     /// The column of the angle.
     #[schemars(example = &"angle_rad")]
     pub column: ColumnChoice,
+    /// The column of the standard deviation that its filter claims, such as `angle_sd_rad`: what the trajectory adds to the uncertainty of a
+    /// sample's place is then part of the results.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"angle_sd_rad")]
+    pub uncertainty: Option<ColumnChoice>,
     /// Pixels along the axis, 2 to 16384.
     #[schemars(range(min = 2, max = 16384), example = 400)]
     pub pixels: u32,
@@ -215,7 +220,8 @@ impl ImageAxis {
     }
 
     fn in_file(&self) -> FileColumns<'_> {
-        let columns = vec![("column", &self.column, Some("rad"))];
+        let mut columns = vec![("column", &self.column, Some("rad"))];
+        columns.extend(self.uncertainty.as_ref().map(|column| ("uncertainty", column, Some("rad"))));
         FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
     }
 }

@@ -22,6 +22,7 @@
 //! ```
 
 mod accuracy;
+mod claimed;
 mod figures;
 mod file;
 mod grey_png;
@@ -39,6 +40,7 @@ mod sharpness;
 mod track;
 
 pub use accuracy::{PhaseAccuracy, ShiftHistogram, pixel_index};
+pub use claimed::PlaceUncertainty;
 pub use figures::image_figures;
 pub use file::{Fill, Image, ImageAxis, Intensity};
 pub use grey_png::{PictureError, preview, read_grey, write_grey};

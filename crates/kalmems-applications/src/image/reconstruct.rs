@@ -1,5 +1,6 @@
 //! From an image file to an image.
 
+use super::claimed::{PlaceUncertainty, across_the_field};
 use super::raster::Passes;
 use super::scan::{ImageScan, ScanAxis, ScanSampleCounts};
 use super::search::{FoundPhase, PhaseSearchError, PhaseSearchResult, TriedPhase, search_phases};
@@ -55,6 +56,8 @@ pub struct AxisOutcome {
     pub start_rad: f64,
     /// Where the search measured the sharpness; empty without a search.
     pub tried: Vec<TriedPhase>,
+    /// How far the place of a sample is uncertain, from one edge of the field of view to the other.
+    pub places: Vec<PlaceUncertainty>,
     /// What a cubic between samples of the trajectory may be off by, in pixels.
     pub interpolation_error_px: f64,
     /// Gaps in the trajectory.
@@ -110,11 +113,20 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
     let (file, column) = (&image.intensity.file, image.intensity.column.name());
     let place = || Key::from("intensity");
     let (time_s, intensity) = files.read(place(), file, &image.intensity.layout(), column, None)?;
-    let mut axes = Vec::new();
+    let (mut axes, mut claims) = (Vec::new(), Vec::new());
     for (name, axis) in image.axes() {
         let key = Key::from(name);
         let layout = axis.layout();
         let (time_s, angle) = files.read(key, &axis.file, &layout, axis.column.name(), Some(&kind::ANGLE))?;
+        let claimed = match &axis.uncertainty {
+            Some(column) => {
+                let (_, sd) =
+                    files.read(Key::from(name), &axis.file, &layout, column.name(), Some(&kind::ANGLE))?;
+                Some((angle.clone(), sd))
+            }
+            None => None,
+        };
+        claims.push(claimed);
         let track = AxisTrack::new(time_s, angle).map_err(|fault| ImageError::Track {
             place: format!("{}, column `{}`", image.resolve(&axis.file).display(), axis.column),
             fault,
@@ -154,6 +166,14 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
             found: found[index],
             start_rad: start[index],
             tried: tried.get_mut(index).map(std::mem::take).unwrap_or_default(),
+            places: across_the_field(
+                (*half_field_rad, track.amplitude_rad()),
+                found[index],
+                claims
+                    .get(index)
+                    .and_then(Option::as_ref)
+                    .map(|(angle, sd)| (angle.as_slice(), sd.as_slice())),
+            ),
             interpolation_error_px: track.interpolation_error_rad() * pixels_per_rad,
             gaps: track.gaps(),
         })

@@ -5,7 +5,9 @@ use super::grey_png::{preview, preview_of, write_counts, write_grey};
 use crate::WriteError;
 use crate::image::figures::image_figures;
 use crate::image::file::Fill;
-use crate::image::{ImageOutcome, PhaseAccuracy, Picture, ScanSampleCounts, psnr_db, structural_similarity};
+use crate::image::{
+    AxisOutcome, ImageOutcome, PhaseAccuracy, Picture, ScanSampleCounts, psnr_db, structural_similarity,
+};
 use crate::recording::RecordingSource;
 use kalmems_core::Portable;
 use kalmems_engines::inspect::quantity;
@@ -104,6 +106,9 @@ pub struct ImageAxisMetrics {
     pub one_pixel_deg: f64,
     /// The root mean square of the difference between its passes, as a grey value.
     pub passes_differ_rms: Option<f64>,
+    /// By how many pixels the place of a sample is uncertain, root mean square over the field of view: one standard deviation of the phase that was
+    /// found and of what the trajectory's filter claims. None where neither is known.
+    pub place_sd_px: Option<f64>,
     /// What the interpolation of the trajectory may be off by in pixels.
     pub interpolation_error_px: f64,
     /// Gaps in the trajectory, in which nothing was interpolated.
@@ -152,6 +157,7 @@ impl ImageMetrics {
             phase_sd_deg: axis.found.and_then(|found| finite(found.sd_rad.to_degrees())),
             one_pixel_deg: PhaseAccuracy::of(axis.pixels, 1).one_pass_rad.to_degrees(),
             passes_differ_rms: passes.and_then(|passes| finite(passes.difference_rms() / span)),
+            place_sd_px: place_sd_px(axis),
             interpolation_error_px: axis.interpolation_error_px,
             gaps: axis.gaps,
         });
@@ -212,6 +218,9 @@ impl ImageMetrics {
                 "; one pixel is {:.3} deg, interpolation within {:.4} pixels",
                 axis.one_pixel_deg, axis.interpolation_error_px
             );
+            if let Some(sd) = axis.place_sd_px {
+                text += &format!("; the place of a sample is known to {sd:.3} pixels");
+            }
             if let Some(rms) = axis.passes_differ_rms {
                 text += &format!("; forward and backward differ by {rms:.4} rms");
             }
@@ -421,6 +430,14 @@ fn white_of(counts: &[u32]) -> f64 {
     f64::from(sorted.get(place).copied().unwrap_or(1).max(1))
 }
 
+/// Root mean square over the parts of the field of view.
+fn place_sd_px(axis: &AxisOutcome) -> Option<f64> {
+    let pixels_per_rad = f64::from(axis.pixels) / (2.0 * axis.half_field_rad);
+    let square = axis.places.iter().map(|part| part.together_rad().powi(2)).sum::<f64>();
+    let sd = pixels_per_rad * (square / axis.places.len() as f64).sqrt();
+    (sd.is_finite() && sd > 0.0).then_some(sd)
+}
+
 /// What is said of the axes.
 fn axes_table(metrics: &ImageMetrics) -> TextTable {
     let columns = [
@@ -429,6 +446,7 @@ fn axes_table(metrics: &ImageMetrics) -> TextTable {
         ColumnHead::number("amplitude", "deg"),
         ColumnHead::number("phase", "deg"),
         ColumnHead::number("sd of the phase", "deg"),
+        ColumnHead::number("sd of a sample's place", "pixels"),
         ColumnHead::number("passes differ", "grey, rms"),
         ColumnHead::number("interpolation within", "pixels"),
     ];
@@ -441,6 +459,7 @@ fn axes_table(metrics: &ImageMetrics) -> TextTable {
             format!("{:.4}", axis.amplitude_deg),
             format!("{:.4}", axis.phase_deg),
             known(axis.phase_sd_deg),
+            known(axis.place_sd_px),
             known(axis.passes_differ_rms),
             format!("{:.4}", axis.interpolation_error_px),
         ]);

@@ -156,15 +156,51 @@ fn an_image_along_an_estimate_is_that_along_the_truth() {
         let json = done(&[&["image", &file, "--out", &out, "--force", "--json"], arguments].concat()).stdout;
         serde_json::from_slice::<serde_json::Value>(&json).unwrap()
     };
-    let along_truth = image("simulated/reference.csv", &[]);
+    let along_truth = {
+        // The truth is certain.
+        let text = text.lines().filter(|line| !line.starts_with("uncertainty"));
+        let text = text.collect::<Vec<_>>().join("\n").replace("../../out/intensity.csv", "intensity.csv");
+        let text = text.replace(
+            "../../out/shared_scanner_two_axes-simulated/trajectory_ekf.csv",
+            "simulated/reference.csv",
+        );
+        std::fs::write(path("truth.toml"), text).unwrap();
+        let json = done(&["image", &path("truth.toml"), "--out", &path("image"), "--json"]).stdout;
+        serde_json::from_slice::<serde_json::Value>(&json).unwrap()
+    };
     assert_eq!(along_truth["samples"]["used"].as_u64(), Some(14_001), "{}", along_truth["samples"]);
     std::fs::copy(path("image/image.png"), path("truth.png")).unwrap();
     let reference = ["--reference", &path("truth.png")];
     let [right, wrong, alone] =
         ["estimated/trajectory_ekf.csv", "told/trajectory_ekf.csv", "told/trajectory_model.csv"]
             .map(|trajectory| image(trajectory, &reference)["reference"]["psnr_db"].as_f64().unwrap());
+    // How far the places of samples are off, in pixels, beside what the image says of them.
+    let own = image("estimated/trajectory_ekf.csv", &[]);
+    for (place, axis, half_field) in [(0, "angle_x_rad", 0.18), (1, "angle_y_rad", 0.125)] {
+        let [found, truth] =
+            ["estimated/trajectory_ekf.csv", "simulated/reference.csv"].map(|file| column(&path(file), axis));
+        let truth: std::collections::BTreeMap<String, f64> = truth.into_iter().collect();
+        let errors: Vec<f64> = (found.iter())
+            .filter(|(_, angle)| angle.abs() < half_field)
+            .filter_map(|(time, angle)| Some(angle - truth.get(time)?))
+            .collect();
+        let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
+        let (pixels, claimed) =
+            (80.0 * rms / (2.0 * half_field), own["axes"][place]["place_sd_px"].as_f64().unwrap());
+        println!("{axis}: off by {pixels:.4} pixels, claimed {claimed:.4}, {} samples", errors.len());
+        assert!(errors.len() > 5000 && (0.5..2.0).contains(&(pixels / claimed)), "{pixels} {claimed}");
+    }
     println!("{right:.1} dB; with a wrong stiffness {wrong:.1} dB, and without the sensor {alone:.1} dB");
     // White noise between 0 and 1 of the intensities' own deviation would be 34 dB.
     assert!(right > 34.0, "{right}");
     assert!(right > wrong && wrong > alone + 6.0, "{right} {wrong} {alone}");
+}
+
+/// The values of a column of a CSV file, each with its time as it is written.
+fn column(file: &str, name: &str) -> Vec<(String, f64)> {
+    let text = std::fs::read_to_string(file).unwrap();
+    let mut lines = text.lines();
+    let place = lines.next().unwrap().split(',').position(|column| column == name).unwrap();
+    let cells = lines.map(|line| line.split(',').collect::<Vec<_>>());
+    cells.map(|cells| (cells[0].to_owned(), cells[place].parse().unwrap_or(f64::NAN))).collect()
 }

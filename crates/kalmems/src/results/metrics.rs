@@ -264,7 +264,9 @@ impl EstimatorMetrics {
     fn judge(&mut self) {
         let (errors, consistency) = (self.errors.as_ref(), self.consistency.as_ref());
         self.verdict = Verdict::of(self.kind, (self.failure.is_some(), &self.lock), errors, consistency);
-        let is_mostly_lost = 2 * self.counts.lost > self.scored;
+        let SampleCounts { lost, samples, .. } = self.counts;
+        // Of a short recording all that is left after the settling time may be lost, and be less than half.
+        let is_mostly_lost = 2 * lost > samples || (lost > 0 && lost >= self.scored);
         if is_mostly_lost && self.verdict.is_of_an_estimate() {
             self.verdict = Verdict::LostLock;
         }
