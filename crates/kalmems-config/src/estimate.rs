@@ -3,9 +3,9 @@
 use super::event::EventSource;
 use super::filter::FilterTable;
 use super::kinds::{Frequency, Time};
+use super::process_noise::ProcessNoiseTable;
 use super::quantity::Quantity;
 use super::sign::{NotNegative, Positive};
-use super::values::Values;
 use super::{ConfigFault, Key};
 use schemars::JsonSchema;
 use serde::de::Error;
@@ -27,8 +27,9 @@ pub struct Estimate {
     pub first_peak_y: Option<ExtremeSign>,
     /// The power density of the process noise by state, such as
     /// `{ angular_acceleration = "1e8 rad^2/s^3" }`, for every filter that does not state its own.
-    #[serde(default, skip_serializing_if = "Values::is_empty")]
-    pub process_noise: Values,
+    /// `"from_recording"` in the place of a density, or of the table, has it found from the recording.
+    #[serde(default, skip_serializing_if = "ProcessNoiseTable::is_empty")]
+    pub process_noise: ProcessNoiseTable,
     /// In how many equal parts of its duration a record is judged beside the whole; none if left out.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "parts")]
     #[schemars(range(min = 2, max = 100))]

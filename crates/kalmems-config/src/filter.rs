@@ -4,6 +4,7 @@ use super::error::shown;
 use super::event::EventUse;
 use super::kinds::{Frequency, Time, VoltageVariance};
 use super::outliers::{OutlierGate, Update};
+use super::process_noise::ProcessNoiseTable;
 use super::quantity::Quantity;
 use super::readout::ReadoutStates;
 use super::sign::Positive;
@@ -43,8 +44,8 @@ pub struct FilterTable {
     #[serde(default, skip_serializing_if = "Values::is_empty")]
     pub start_about: Values,
     /// The power density of the process noise by state; what `[estimate]` says if left out.
-    #[serde(default, skip_serializing_if = "Values::is_empty")]
-    pub process_noise: Values,
+    #[serde(default, skip_serializing_if = "ProcessNoiseTable::is_empty")]
+    pub process_noise: ProcessNoiseTable,
     /// Parameters of the device that are tracked as states, by their names, such as
     /// `{ stiffness = { start_sd = "1 %", drift = "1e-7 1/s" } }`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]

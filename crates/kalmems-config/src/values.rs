@@ -37,6 +37,11 @@ impl ExpectedEntry {
 }
 
 impl AnyValue {
+    /// Reads it; what is wrong comes back in words.
+    pub(super) fn of(text: &str) -> Result<Self, String> {
+        parse(text, "a value with a unit", "0.05 rad").map(Self)
+    }
+
     /// The value as parsed.
     pub const fn value(&self) -> &Value {
         &self.0
@@ -77,7 +82,7 @@ impl<'de> Deserialize<'de> for AnyValue {
             }
 
             fn visit_str<E: Error>(self, text: &str) -> Result<AnyValue, E> {
-                parse(text, "a value with a unit", "0.05 rad").map(AnyValue).map_err(E::custom)
+                AnyValue::of(text).map_err(E::custom)
             }
 
             fn visit_i64<E: Error>(self, number: i64) -> Result<AnyValue, E> {

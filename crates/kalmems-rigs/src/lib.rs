@@ -15,7 +15,7 @@ pub mod workflow;
 
 pub use kalmems_engines::rig::{
     DrivenDevice, DrivenModel, DrivenRig, Estimator, Expansion, NumberForm, OmittedNumber, RecordingChannels,
-    Rig, Template, TemplateChannel, Workbench,
+    Rig, StateDensity, Template, TemplateChannel, Workbench,
 };
 
 use kalmems_engines::{

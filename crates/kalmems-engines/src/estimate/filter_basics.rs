@@ -7,8 +7,7 @@ use super::{
     ReadoutState, StateName,
 };
 use crate::config::{
-    ConfigError, ConfigFault, Estimate, Experiment, FilterTable, Key, Method, OutlierGate, Quantity, Update,
-    Values,
+    ConfigError, ConfigFault, Experiment, FilterTable, Key, Method, OutlierGate, Quantity, Update, Values,
 };
 use kalmems_core::SigmaPoints;
 use kalmems_core::augmentation::AugmentationError;
@@ -178,10 +177,23 @@ const HUBER_BOUND: f64 = 1.345;
 const STUDENT_FREEDOM: f64 = 4.0;
 
 /// Where the file has a filter's process noise, its own or that of all, and what it says.
-pub fn process_noise<'a>(estimate: &'a Estimate, at: &Key, filter: &'a FilterTable) -> (Key, &'a Values) {
-    if filter.process_noise.is_empty() {
-        (Key::from("estimate.process_noise"), &estimate.process_noise)
-    } else {
-        (at.clone().child("process_noise"), &filter.process_noise)
+///
+/// # Errors
+/// A density that is left to the recording, which is found before a filter is made.
+pub fn process_noise<'a>(
+    experiment: &'a Experiment,
+    at: &Key,
+    filter: &'a FilterTable,
+) -> Result<(Key, &'a Values), ConfigError> {
+    let shared = || experiment.estimate.as_ref().map(|estimate| &estimate.process_noise);
+    let (key, table) = match shared() {
+        Some(shared) if filter.process_noise.is_empty() => (Key::from("estimate.process_noise"), shared),
+        _ => (at.clone().child("process_noise"), &filter.process_noise),
+    };
+    match table.known() {
+        Ok(values) => Ok((key, values)),
+        Err((name, fault)) => {
+            Err(experiment.error(if name.is_empty() { key } else { key.child(name) }, fault))
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The rig of any device that a recorded voltage drives and one recorded signal shows, made from its models.
 
-use super::{Estimator, Rig};
+use super::{Estimator, Rig, StateDensity};
 use crate::config::{
     ConfigError, ConfigFault, DeviceDescription, DeviceKind, DeviceUses, Estimate, ExpectedEntry, Experiment,
     FilterStart, Key, Method, RecordingRole, Sign, Simulate, Values,
@@ -24,7 +24,7 @@ use crate::simulate::{
     Converter, Drive, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator, WhiteNoise,
     drive_of,
 };
-use crate::units::kind;
+use crate::units::{kind, name};
 use kalmems_core::augmentation::{ParametricDynamics, ParametricMeasurement};
 use kalmems_core::{Mat, Measurement, Nodes, NoiseDensity, Parameters};
 use std::f64::consts::TAU;
@@ -123,6 +123,13 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
 
     fn uses(&self, _: &Experiment) -> DeviceUses {
         DeviceUses { no_methods: &NO_METHODS, ..DeviceUses::default() }
+    }
+
+    fn densities(&self, _: &Experiment) -> Vec<StateDensity> {
+        let (state, entry) = D::NOISE;
+        let named = D::STATES.get(state);
+        let unit = named.map_or("", |(_, _, kind)| name(&kind.dimension.to_string()));
+        vec![StateDensity { entry, wanders: named.map_or("the state", |(state, ..)| state), unit }]
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
@@ -262,7 +269,7 @@ impl<const M: usize> DrivenFilterSettings<M> {
             experiment.values(at.clone().child(name), values, entries::<D, M>(sign))
         };
         let claims = filter.method.claims();
-        let (noise_key, noise) = process_noise(estimate, &at, filter);
+        let (noise_key, noise) = process_noise(experiment, &at, filter)?;
         let scale = |parameter: &DeviceParameter| parameter.scale(&model.motion, &model.readout);
         let scales: Vec<f64> = D::PARAMETERS.iter().map(scale).collect();
         let [density] = if claims { experiment.values(noise_key, noise, [D::NOISE.1])? } else { [0.0] };

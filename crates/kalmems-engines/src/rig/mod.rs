@@ -4,12 +4,14 @@
 //! with a reference. The program meets it at [`Rig`], once per recording; the loops inside know their types.
 
 mod considering;
+mod density;
 mod driven;
 mod expansion;
 mod omitted_number;
 mod template;
 mod workbench;
 
+pub use density::StateDensity;
 pub use driven::{DrivenDevice, DrivenModel, DrivenRig};
 pub use expansion::Expansion;
 pub use omitted_number::{NumberForm, OmittedNumber};
@@ -80,6 +82,12 @@ pub trait Rig: Send + Sync {
     fn parameters(&self, experiment: &Experiment) -> &'static [DeviceParameter] {
         let _ = experiment;
         &[]
+    }
+
+    /// The densities of process noise that the filters of an experiment know.
+    fn densities(&self, experiment: &Experiment) -> Vec<StateDensity> {
+        let _ = experiment;
+        Vec::new()
     }
 
     /// The instruments whose voltage a reference may hold in the place of an angle or a rate.

@@ -37,7 +37,7 @@ use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress};
 use crate::recording::RecordingLayout;
 use crate::simulate::{SimulateError, Simulation};
-use crate::{Estimator, Expansion, RecordingChannels, Rig, Template, TemplateChannel};
+use crate::{Estimator, Expansion, RecordingChannels, Rig, StateDensity, Template, TemplateChannel};
 use kalmems_equations::Named;
 use segment::EquationEstimator;
 use settings::{EquationSettings, OwnDevice};
@@ -207,6 +207,11 @@ impl Rig for EquationsRig {
 
     fn values(&self, experiment: &Experiment) -> &'static [ValueState] {
         EquationsTable::of(experiment).map_or(&[], |(table, device)| names::values(&table, &device))
+    }
+
+    fn densities(&self, experiment: &Experiment) -> Vec<StateDensity> {
+        EquationsTable::of(experiment)
+            .map_or_else(|_| Vec::new(), |(_, device)| names::state_densities(&device))
     }
 
     fn parameters(&self, experiment: &Experiment) -> &'static [DeviceParameter] {

@@ -1,6 +1,7 @@
 //! The names of a device's own, as estimates, references and tables have them.
 
 use super::table::EquationsTable;
+use crate::StateDensity;
 use crate::config::{ExpectedEntry, Sign};
 use crate::estimate::{DeviceParameter, StateName};
 use crate::evaluate::ValueState;
@@ -44,6 +45,15 @@ pub fn densities(device: &Device) -> Vec<ExpectedEntry> {
         sign: Sign::NotNegative,
     };
     device.states().iter().map(of).collect()
+}
+
+/// The same with what wanders by them.
+pub fn state_densities(device: &Device) -> Vec<StateDensity> {
+    let of = |(named, entry): (&Named, ExpectedEntry)| {
+        let wanders = name(&format!("`{}`", named.name));
+        StateDensity { entry, wanders, unit: name(&kind_of(named).dimension.to_string()) }
+    };
+    device.states().iter().zip(densities(device)).map(of).collect()
 }
 
 /// Columns of a recording, one for each name: `x_m`.

@@ -245,7 +245,7 @@ impl EquationFilterSettings {
                 EquationStart::Stated { mean, sd }
             }
         };
-        let (noise_key, noise) = process_noise(estimate, &at, filter);
+        let (noise_key, noise) = process_noise(experiment, &at, filter)?;
         let density = some(experiment, &noise_key, noise, &names::densities(device))?;
         let known = parameters(experiment, device);
         let scales: Vec<f64> = known

@@ -7,6 +7,10 @@ use crate::config::{
 use crate::estimate::{DeviceParameter, FilterBasics, process_noise, rows_to_start_again};
 use crate::units::kind;
 
+/// The density of its process noise.
+pub const NOISE: ExpectedEntry =
+    ExpectedEntry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative);
+
 /// One filter.
 #[derive(Clone, Debug)]
 pub struct StageFilterSettings {
@@ -90,14 +94,9 @@ impl StageFilterSettings {
         } else {
             [0.0; 2]
         };
-        let (noise_key, noise) = process_noise(estimate, &at, filter);
-        let entry = ExpectedEntry::new(
-            "angular_acceleration",
-            &kind::ANGULAR_ACCELERATION_DENSITY,
-            Sign::NotNegative,
-        );
+        let (noise_key, noise) = process_noise(experiment, &at, filter)?;
         let density = if filter.method.claims() {
-            let [density] = experiment.values(noise_key, noise, [entry])?;
+            let [density] = experiment.values(noise_key, noise, [NOISE])?;
             density
         } else {
             0.0

@@ -20,7 +20,7 @@ mod segment;
 mod settings;
 mod simulation;
 
-use super::{Estimator, Rig, Template, TemplateChannel};
+use super::{Estimator, Rig, StateDensity, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{
     self, ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole,
@@ -113,6 +113,10 @@ impl Rig for MicroStageRig {
 
     fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &filters::PARAMETERS
+    }
+
+    fn densities(&self, _: &Experiment) -> Vec<StateDensity> {
+        vec![StateDensity::angular_acceleration(filters::NOISE, "the rate")]
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

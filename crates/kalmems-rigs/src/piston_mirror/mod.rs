@@ -25,7 +25,7 @@ mod simulation;
 mod start;
 mod trigger;
 
-use super::{Estimator, Rig, Template, TemplateChannel};
+use super::{Estimator, Rig, StateDensity, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment, Key, RecordingRole};
 use crate::estimate::{
@@ -117,6 +117,10 @@ impl Rig for PistonMirrorRig {
 
     fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &settings::PARAMETERS
+    }
+
+    fn densities(&self, experiment: &Experiment) -> Vec<StateDensity> {
+        settings::densities(experiment)
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

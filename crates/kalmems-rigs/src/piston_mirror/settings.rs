@@ -3,13 +3,14 @@
 use super::mechanics::Mechanics;
 use super::phasor::STATES;
 use super::plates::{COEFFICIENTS, Plates};
+use crate::StateDensity;
 use crate::config::{
     CYCLES, ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key,
     Method, Quantity, Sign,
 };
 use crate::estimate::{DeviceParameter, FilterBasics, process_noise};
 use crate::piston_mirror::device::PistonMirror;
-use crate::units::kind;
+use crate::units::{Kind, kind};
 
 /// What an experiment says of a piston mirror and of its filters, checked and in SI.
 #[derive(Clone, Debug)]
@@ -178,7 +179,7 @@ impl PistonFilterSettings {
         }
         let motion = match filter.method {
             Method::DirectInversion | Method::LockIn => MotionKnowledge::None,
-            _ => motion(experiment, estimate, filter, &at)?,
+            _ => motion(experiment, filter, &at)?,
         };
         let drifts = matches!(motion, MotionKnowledge::Drifting { .. });
         if filter.method.has_fixed_gain() && !drifts {
@@ -196,14 +197,49 @@ impl PistonFilterSettings {
     }
 }
 
+/// A density that makes the filter one of five states.
+const AMPLITUDE_RATE: &str = "amplitude_rate";
+
+const FREQUENCY: StateDensity =
+    walk(("frequency", &kind::FREQUENCY_DRIFT), ("the frequency of the motion", "Hz"));
+
+/// What wanders with five states, and with three.
+const DRIFTING: [StateDensity; 3] = [
+    FREQUENCY,
+    walk(("offset", &kind::LENGTH_DRIFT), ("the rest position", "m")),
+    walk((AMPLITUDE_RATE, &kind::VELOCITY_DRIFT), ("the rate of the amplitude", "m/s")),
+];
+const STEADY: [StateDensity; 2] =
+    [walk(("amplitude", &kind::LENGTH_DRIFT), ("the amplitude", "m")), FREQUENCY];
+
+const fn walk(
+    (name, kind): (&'static str, &'static Kind),
+    (wanders, unit): (&'static str, &'static str),
+) -> StateDensity {
+    StateDensity { entry: ExpectedEntry::new(name, kind, Sign::NotNegative), wanders, unit }
+}
+
+/// The densities that the filters of an experiment know: those of five states where a table names the rate of the amplitude, or
+/// leaves all to the recording.
+pub fn densities(experiment: &Experiment) -> Vec<StateDensity> {
+    let tables = experiment.estimate.iter().flat_map(|estimate| {
+        let own = estimate.filters.iter().map(|filter| &filter.process_noise);
+        own.chain([&estimate.process_noise])
+    });
+    let mut known: Vec<StateDensity> = Vec::new();
+    for table in tables.filter(|table| !table.is_empty()) {
+        let five = table.is_left_open() || table.names(AMPLITUDE_RATE);
+        let own = if five { &DRIFTING[..] } else { &STEADY[..] };
+        known.extend(
+            own.iter().filter(|one| known.iter().all(|k| k.entry.name != one.entry.name)).collect::<Vec<_>>(),
+        );
+    }
+    known
+}
+
 /// The states of a filter: five where its process noise has an `amplitude_rate`, else three.
-fn motion(
-    experiment: &Experiment,
-    estimate: &Estimate,
-    filter: &FilterTable,
-    at: &Key,
-) -> Result<MotionKnowledge, ConfigError> {
-    let (noise_key, noise) = process_noise(estimate, at, filter);
+fn motion(experiment: &Experiment, filter: &FilterTable, at: &Key) -> Result<MotionKnowledge, ConfigError> {
+    let (noise_key, noise) = process_noise(experiment, at, filter)?;
     let [start_key, sd_key] = ["start", "start_sd"].map(|name| at.clone().child(name));
     let given = match &filter.start {
         Some(FilterStart::Values(values)) => Some(values),
@@ -215,13 +251,8 @@ fn motion(
     }
     let [amplitude, frequency, phase, offset, rate] =
         STATES.map(|(name, _, kind)| move |sign| ExpectedEntry { name, kind, sign });
-    let frequency_noise = ExpectedEntry::new("frequency", &kind::FREQUENCY_DRIFT, Sign::NotNegative);
-    if noise.contains_key("amplitude_rate") {
-        let entries = [
-            frequency_noise,
-            ExpectedEntry::new("offset", &kind::LENGTH_DRIFT, Sign::NotNegative),
-            ExpectedEntry::new("amplitude_rate", &kind::VELOCITY_DRIFT, Sign::NotNegative),
-        ];
+    if noise.contains_key(AMPLITUDE_RATE) {
+        let entries = DRIFTING.map(|density| density.entry);
         let density = experiment.values(noise_key, noise, entries)?;
         let five = |mean: bool| {
             let positive = Sign::Positive;
@@ -236,7 +267,7 @@ fn motion(
         });
         return Ok(MotionKnowledge::Drifting { density, start: start.transpose()? });
     }
-    let entries = [ExpectedEntry::new("amplitude", &kind::LENGTH_DRIFT, Sign::NotNegative), frequency_noise];
+    let entries = STEADY.map(|density| density.entry);
     let density = experiment.values(noise_key, noise, entries)?;
     let start = given.map(|values| {
         let positive = Sign::Positive;

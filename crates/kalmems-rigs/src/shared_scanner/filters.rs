@@ -59,7 +59,8 @@ const MOTION: [StateName; 4] = [
     ("stage_2", "V", &kind::VOLTAGE),
 ];
 
-const NOISE: [ExpectedEntry; 1] =
+/// The density of its process noise.
+pub const NOISE: [ExpectedEntry; 1] =
     [ExpectedEntry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative)];
 
 impl ScannerFilterSettings {
@@ -94,7 +95,7 @@ impl ScannerFilterSettings {
         } else {
             deviations(experiment, &at, filter)?
         };
-        let (noise_key, noise) = process_noise(estimate, &at, filter);
+        let (noise_key, noise) = process_noise(experiment, &at, filter)?;
         // The lock-in has no process; every other one has this noise, or for the model alone none.
         let [acceleration_density] =
             if filter.method.claims() { experiment.values(noise_key, noise, NOISE)? } else { [0.0] };

@@ -22,7 +22,7 @@ mod side_outputs;
 mod simulation;
 pub mod two_axes;
 
-use super::{Estimator, NumberForm, OmittedNumber, Rig, Template, TemplateChannel};
+use super::{Estimator, NumberForm, OmittedNumber, Rig, StateDensity, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment, Method, RecordingRole};
 use crate::estimate::driven::{BLOCK, DrivenSegment};
@@ -105,6 +105,10 @@ impl Rig for SharedScannerRig {
 
     fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &filters::PARAMETERS
+    }
+
+    fn densities(&self, _: &Experiment) -> Vec<StateDensity> {
+        filters::NOISE.map(|entry| StateDensity::angular_acceleration(entry, "the rate")).into()
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

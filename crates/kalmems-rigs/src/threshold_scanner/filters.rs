@@ -70,7 +70,8 @@ fn scales(hardware: &ThresholdHardware) -> [f64; 4] {
 /// The states of the motion, as trajectories name them.
 const MOTION: [StateName; 2] = [("angle", "rad", &kind::ANGLE), ("rate", "rad_per_s", &kind::ANGULAR_RATE)];
 
-const NOISE: [ExpectedEntry; 1] =
+/// The density of its process noise.
+pub const NOISE: [ExpectedEntry; 1] =
     [ExpectedEntry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative)];
 
 impl ThresholdFilterSettings {
@@ -135,7 +136,7 @@ impl ThresholdFilterSettings {
         } else {
             [0.0; 2]
         };
-        let (noise_key, noise) = process_noise(estimate, &at, filter);
+        let (noise_key, noise) = process_noise(experiment, &at, filter)?;
         let [acceleration_density] = if claims { experiment.values(noise_key, noise, NOISE)? } else { [0.0] };
         let mut basics = FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?;
         if variant == Variant::Literal {

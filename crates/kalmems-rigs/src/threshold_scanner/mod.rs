@@ -18,7 +18,7 @@ mod settings;
 mod simulation;
 mod verdict;
 
-use super::{Estimator, NumberForm, OmittedNumber, Rig, Template, TemplateChannel};
+use super::{Estimator, NumberForm, OmittedNumber, Rig, StateDensity, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole};
 use crate::crossings::{CrossingReading, LevelCrossing, RowsNeeded, SearchState, SearchedSignal};
@@ -118,6 +118,10 @@ impl Rig for ThresholdScannerRig {
 
     fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &filters::PARAMETERS
+    }
+
+    fn densities(&self, _: &Experiment) -> Vec<StateDensity> {
+        filters::NOISE.map(|entry| StateDensity::angular_acceleration(entry, "the rate")).into()
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

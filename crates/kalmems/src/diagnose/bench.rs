@@ -147,6 +147,26 @@ impl<'a> TrialBench<'a> {
         self.with_recording(recording.first_rows(skipped.saturating_add(rows)))
     }
 
+    /// The same with no more than the beginning of each recording, and with what its document says by now.
+    pub(super) fn shortened(&self, TestedRows(rows): TestedRows) -> Self {
+        let short = |(index, recording): &(usize, SampledRecording)| {
+            let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
+            let skipped = self.skipped_rows(interval_s.unwrap_or(f64::INFINITY));
+            (*index, recording.first_rows(skipped.saturating_add(rows)))
+        };
+        Self {
+            workbench: self.workbench,
+            experiment: self.experiment.clone(),
+            document: self.document.clone(),
+            filter: self.filter,
+            filter_name: self.filter_name.clone(),
+            signal: self.signal.clone(),
+            varied: Vec::new(),
+            recordings: self.recordings.iter().map(short).collect(),
+            stop: self.stop.clone(),
+        }
+    }
+
     /// The rows of the settling time.
     fn skipped_rows(&self, interval_s: f64) -> usize {
         let skip_s = self.experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si());

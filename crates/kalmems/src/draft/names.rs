@@ -102,7 +102,10 @@ pub fn names_of(workbench: &Workbench, device: &str) -> Result<DeviceNames, Draf
         device: rig.name(),
         table: format!("device.{}", rig.device().name),
         states: states(&experiment),
-        process_noise: experiment.estimate.as_ref().map_or_else(Vec::new, |e| values(&e.process_noise)),
+        process_noise: experiment
+            .estimate
+            .as_ref()
+            .map_or_else(Vec::new, |e| values(e.process_noise.stated())),
         description: experiment.description.unwrap_or_default(),
         channels: template.channels.iter().map(channel).collect(),
         references: template.references.iter().map(channel).collect(),

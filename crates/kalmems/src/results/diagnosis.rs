@@ -124,22 +124,38 @@ impl Proposal {
 
 impl std::fmt::Display for FoundNoise {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { key, written, interval: [low, high], of_neighbours, filter, rows } = self;
-        let per_cent = |factor: f64| 100.0 * (factor - 1.0);
-        write!(
-            f,
-            "`{key}` is `{written}` by the innovations of `{filter}`, {rows} samples; the 95 % interval is {:.2} to +{:.2} % about it",
-            per_cent(*low),
-            per_cent(*high)
-        )?;
-        if *of_neighbours > MISSES {
+        let Self { key, written, interval: [low, high], of_neighbours, filter, rows, meaning } = self;
+        let Some(meaning) = meaning else {
+            let per_cent = |factor: f64| 100.0 * (factor - 1.0);
             write!(
                 f,
-                "; it is {of_neighbours:.3} times the noise that the differences of neighbouring samples show, so that a part of the signal that \
-                 the model does not have is counted as noise here"
+                "`{key}` is `{written}` by the innovations of `{filter}`, {rows} samples; the 95 % interval is {:.2} to +{:.2} % about it",
+                per_cent(*low),
+                per_cent(*high)
             )?;
+            if let Some(more) = of_neighbours.filter(|more| *more > MISSES) {
+                write!(
+                    f,
+                    "; it is {more:.3} times the noise that the differences of neighbouring samples show, so that a part of the signal that \
+                     the model does not have is counted as noise here"
+                )?;
+            }
+            return Ok(());
+        };
+        if *low == 0.0 {
+            return write!(
+                f,
+                "`{key}`: the innovations of `{filter}`, {rows} samples, do not show that it is more than 0; the upper end of the 95 % interval, \
+                 `{written}`, is written, so that what the filters claim is not too small for any density that the recording allows; with \
+                 it {meaning}"
+            );
         }
-        Ok(())
+        write!(
+            f,
+            "`{key}` is `{written}` by the innovations of `{filter}`, {rows} samples; the 95 % interval is {} to {} times that; with it {meaning}",
+            significant(*low),
+            significant(*high)
+        )
     }
 }
 

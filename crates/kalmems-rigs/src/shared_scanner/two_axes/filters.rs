@@ -46,7 +46,8 @@ pub enum TwoAxisStart {
     },
 }
 
-const NOISE: [ExpectedEntry; 2] = [
+/// The densities of its process noise.
+pub const NOISE: [ExpectedEntry; 2] = [
     ExpectedEntry::new("angular_acceleration_x", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative),
     ExpectedEntry::new("angular_acceleration_y", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative),
 ];
@@ -98,7 +99,7 @@ impl TwoAxisFilterSettings {
                 "with two axes the demodulator's stages are no states; leave it out",
             );
         }
-        let (noise_key, noise) = process_noise(estimate, &at, filter);
+        let (noise_key, noise) = process_noise(experiment, &at, filter)?;
         Ok(Self {
             basics: FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?,
             start: start(experiment, &at, filter)?,

@@ -1,5 +1,6 @@
 //! The rig of a scanner with two axes.
 
+use super::filters::NOISE;
 use super::outlook::outlook;
 use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz, rows_of_window};
 use super::settings::TwoAxisSettings;
@@ -17,7 +18,7 @@ use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
-use crate::{Estimator, Expansion, Rig, Template, TemplateChannel};
+use crate::{Estimator, Expansion, Rig, StateDensity, Template, TemplateChannel};
 
 /// The rig.
 pub struct TwoAxesRig;
@@ -73,6 +74,12 @@ impl Rig for TwoAxesRig {
 
     fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
         &super::filters::PARAMETERS
+    }
+
+    fn densities(&self, _: &Experiment) -> Vec<StateDensity> {
+        let [x, y] = NOISE;
+        let of = StateDensity::angular_acceleration;
+        vec![of(x, "the rate about x"), of(y, "the rate about y")]
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

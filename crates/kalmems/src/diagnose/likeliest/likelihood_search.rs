@@ -15,12 +15,12 @@ use std::convert::Infallible;
 use toml::Value;
 
 /// What is sought with.
-pub(super) struct LikelihoodSearch<'a> {
-    pub(super) workbench: &'a Workbench,
-    pub(super) bench: &'a TrialBench<'a>,
+pub(in crate::diagnose) struct LikelihoodSearch<'a> {
+    pub(in crate::diagnose) workbench: &'a Workbench,
+    pub(in crate::diagnose) bench: &'a TrialBench<'a>,
     /// The run of the experiment as it is.
-    pub(super) base: &'a DiagnosisTrial,
-    pub(super) prior: &'a FactorPrior,
+    pub(in crate::diagnose) base: &'a DiagnosisTrial,
+    pub(in crate::diagnose) prior: &'a FactorPrior,
 }
 
 /// A number that is known no better than to this, relative to itself, is not determined by the recordings.
@@ -91,9 +91,17 @@ impl LikelihoodSearch<'_> {
             self.log_likelihood(suspects, sizes, TrialBlocks::All).unwrap_or(f64::NEG_INFINITY)
         };
         let as_states = self.as_states(suspects).filter(|sizes| likelihood(sizes) > likelihood(&zeros));
-        let start = as_states.unwrap_or(zeros);
+        self.most_likely_from(suspects, &as_states.unwrap_or(zeros))
+    }
+
+    /// The same from these sizes.
+    pub(in crate::diagnose) fn most_likely_from(
+        &self,
+        suspects: &[Suspect],
+        start: &[f64],
+    ) -> Option<MostLikelySizes> {
         let all = vec![true; suspects.len()];
-        let mut best = self.refit_blocks(suspects, &start, &all, TrialBlocks::All)?;
+        let mut best = self.refit_blocks(suspects, start, &all, TrialBlocks::All)?;
         for _ in 1..SEARCHES {
             let Some(next) = self.refit_blocks(suspects, &best.at, &all, TrialBlocks::All) else { break };
             let gained = next.log_likelihood - best.log_likelihood;
@@ -106,7 +114,7 @@ impl LikelihoodSearch<'_> {
     }
 
     /// The same of some blocks from given sizes, of which those that are not free stay as they are, with no error of their own.
-    pub(super) fn refit_blocks(
+    pub(in crate::diagnose) fn refit_blocks(
         &self,
         suspects: &[Suspect],
         start: &[f64],
@@ -170,25 +178,37 @@ impl LikelihoodSearch<'_> {
     /// How far each size may be from its likeliest value to either side, of 95 %: by its standard error where that is small, else by the
     /// profile of the likelihood. Infinite where nothing sets an end.
     pub(super) fn intervals(&self, suspects: &[Suspect], found: &MostLikelySizes) -> Vec<[f64; 2]> {
-        let of = |place: usize| {
-            let sd = found.sd[place];
-            if sd < GAUSSIAN || !sd.is_finite() {
-                return [TWO_SIDED * sd; 2];
-            }
-            [-1.0, 1.0].map(|side: f64| {
-                let fallen = &mut |distance: f64| {
-                    Ok::<f64, Infallible>(self.fallen(suspects, found, (place, side * distance)))
-                };
-                let Ok(end) = likelihood_half_width(sd, ROOM, fallen);
-                end
-            })
-        };
-        (0..suspects.len()).map(of).collect()
+        (0..suspects.len()).map(|place| self.interval(suspects, found, place)).collect()
+    }
+
+    /// The same of one size.
+    pub(in crate::diagnose) fn interval(
+        &self,
+        suspects: &[Suspect],
+        found: &MostLikelySizes,
+        place: usize,
+    ) -> [f64; 2] {
+        let sd = found.sd[place];
+        if sd < GAUSSIAN || !sd.is_finite() {
+            return [TWO_SIDED * sd; 2];
+        }
+        [-1.0, 1.0].map(|side: f64| {
+            let fallen = &mut |distance: f64| {
+                Ok::<f64, Infallible>(self.fallen(suspects, found, (place, side * distance)))
+            };
+            let Ok(end) = likelihood_half_width(sd, ROOM, fallen);
+            end
+        })
     }
 
     /// √(2·fall) of ln p with a size so far from its likeliest value and all others as likely as they can be; infinite where there is no
     /// filter.
-    fn fallen(&self, suspects: &[Suspect], found: &MostLikelySizes, (place, by): (usize, f64)) -> f64 {
+    pub(in crate::diagnose) fn fallen(
+        &self,
+        suspects: &[Suspect],
+        found: &MostLikelySizes,
+        (place, by): (usize, f64),
+    ) -> f64 {
         let along = |i: usize| {
             let slope = found.correlation[i][place] * found.sd[i] / found.sd[place];
             if i == place {

@@ -19,9 +19,9 @@ use crate::progress::Progress;
 use crate::rigs::Workbench;
 use confirm::confirmed;
 use judgement::NumberJudgement;
-use likelihood_search::LikelihoodSearch;
+pub(super) use likelihood_search::LikelihoodSearch;
 use outcome::LikelihoodOutcome;
-use prior::FactorPrior;
+pub(super) use prior::FactorPrior;
 use toml::Value;
 
 /// Rows after the settling times that are looked at, in all.

@@ -7,7 +7,7 @@ use crate::fit::Innovations;
 /// The distribution of the logarithms of factors before any recording: normal about 0, by the uncertainties and correlations that the file
 /// states of its numbers.
 #[derive(Clone, Debug)]
-pub(super) struct FactorPrior {
+pub(in crate::diagnose) struct FactorPrior {
     /// Places among the suspects, with the relative standard uncertainty of each.
     stated: Vec<(usize, f64)>,
     /// The lower Cholesky factor of their correlations.
@@ -16,7 +16,10 @@ pub(super) struct FactorPrior {
 
 impl FactorPrior {
     /// What the experiment states of these.
-    pub(super) fn of(experiment: &Experiment, suspects: &[Suspect]) -> Result<Self, ConfigError> {
+    pub(in crate::diagnose) fn of(
+        experiment: &Experiment,
+        suspects: &[Suspect],
+    ) -> Result<Self, ConfigError> {
         let uncertain = experiment.uncertain()?;
         let number = |suspect: &Suspect| {
             let NumberRole::Factor(numbers) = &suspect.what else { return None };
