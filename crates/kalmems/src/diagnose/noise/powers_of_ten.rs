@@ -41,7 +41,9 @@ pub(super) fn from_powers_of_ten(
     for place in &walks {
         let alone = |number: f64| {
             let mut alone = numbers.clone();
-            walks.iter().for_each(|walk| alone[*walk] = 0.0);
+            for walk in &walks {
+                alone[*walk] = 0.0;
+            }
             alone[*place] = number;
             likelihood(&short, sought, &alone)
         };
