@@ -3,7 +3,7 @@
 //! library.
 
 mod accelerometer;
-mod chance;
+pub mod chance;
 mod harm;
 mod piston;
 mod rows;

@@ -213,7 +213,8 @@ impl LikelihoodSearch<'_> {
             let slope = found.correlation[i][place] * found.sd[i] / found.sd[place];
             if i == place {
                 by
-            } else if slope.is_finite() {
+            } else if slope.is_finite() && found.sd[i] < ROOM {
+                // What is not determined stays where it is.
                 by * slope
             } else {
                 0.0

@@ -10,7 +10,7 @@ use crate::diagnose::bench::TrialBench;
 use crate::diagnose::likeliest::{FactorPrior, LikelihoodSearch};
 use crate::diagnose::search::MostLikelySizes;
 use crate::diagnose::suspect::Suspect;
-use crate::diagnose::trial::DiagnosisTrial;
+use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
 use crate::identify::TWO_SIDED;
 use crate::progress::Progress;
 use crate::rigs::Workbench;
@@ -23,6 +23,12 @@ const OTHER_GUESSES: [f64; 7] = [1.0, 10.0, 0.1, 100.0, 0.01, 1e3, 1e4];
 
 /// A noise of a readout that is known no better than to this, relative to itself, is not determined by the recording.
 const DETERMINED: f64 = 0.3;
+
+/// Powers of ten above the likeliest at which something likelier is sought of a density that is known no better than to this, in its
+/// logarithm, and the ln p by which it has to be.
+const BEYOND: [f64; 3] = [1.0, 3.0, 5.0];
+const UNSHOWN: f64 = 1.5;
+const LIKELIER: f64 = 1.0;
 
 /// Powers of ten above the likeliest in which the upper limit of a density is sought, and how near to it the search comes.
 const MOST_POWERS: usize = 6;
@@ -71,6 +77,7 @@ impl FilterNoiseEvidence {
         let prior = FactorPrior::of(&bench.experiment, &suspects)?;
         let search = LikelihoodSearch { workbench, bench: &bench, base: &base, prior: &prior };
         let likeliest = search.most_likely_from(&suspects, &vec![0.0; suspects.len()]);
+        let likeliest = likeliest.map(|found| beyond_others(&search, &suspects, &sought, found));
         let ends = likeliest.as_ref().map(|found| {
             let of = |place: usize| match sought[place].walk() {
                 Some(_) => ends_of_walk(&search, &suspects, found, place),
@@ -131,6 +138,34 @@ impl FilterNoiseEvidence {
         };
         Ok((value, found))
     }
+}
+
+/// The same, or what is likelier beyond: of densities that hardly matter where the search ended a filter may need larger ones to follow the
+/// signal at all, with a smaller noise of its readout.
+fn beyond_others(
+    search: &LikelihoodSearch,
+    suspects: &[Suspect],
+    sought: &[UnknownNoise],
+    mut found: MostLikelySizes,
+) -> MostLikelySizes {
+    for (place, one) in sought.iter().enumerate() {
+        for powers in BEYOND {
+            if one.walk().is_none() || found.sd[place] < UNSHOWN {
+                break;
+            }
+            let mut start = found.at.clone();
+            start[place] = start[place].max(0.0) + powers * LN_10;
+            let free: Vec<bool> = (0..suspects.len()).map(|other| other != place).collect();
+            let there = search.refit_blocks(suspects, &start, &free, TrialBlocks::All);
+            if let Some(there) = there
+                && there.log_likelihood > found.log_likelihood + LIKELIER
+                && let Some(better) = search.most_likely_from(suspects, &there.at)
+            {
+                found = better;
+            }
+        }
+    }
+    found
 }
 
 /// Where the interval of a density ends, as logarithms of factors: by the profile of the likelihood. Where no lower end is known to a
