@@ -24,11 +24,11 @@ const OTHER_GUESSES: [f64; 7] = [1.0, 10.0, 0.1, 100.0, 0.01, 1e3, 1e4];
 /// A noise of a readout that is known no better than to this, relative to itself, is not determined by the recording.
 const DETERMINED: f64 = 0.3;
 
-/// Powers of ten above the likeliest at which something likelier is sought of a density that is known no better than to this, in its
-/// logarithm, and the ln p by which it has to be.
-const BEYOND: [f64; 3] = [1.0, 3.0, 5.0];
+/// A density that is known no better than to this, in its logarithm, is held while the others are sought; how often, and the ln p below
+/// which nothing is gained.
 const UNSHOWN: f64 = 1.5;
-const LIKELIER: f64 = 1.0;
+const ROUNDS: usize = 4;
+const NO_GAIN: f64 = 0.01;
 
 /// Powers of ten above the likeliest in which the upper limit of a density is sought, and how near to it the search comes.
 const MOST_POWERS: usize = 6;
@@ -76,8 +76,7 @@ impl FilterNoiseEvidence {
             sought.iter().zip(&guesses).map(|(one, guess)| one.suspect(*guess)).collect();
         let prior = FactorPrior::of(&bench.experiment, &suspects)?;
         let search = LikelihoodSearch { workbench, bench: &bench, base: &base, prior: &prior };
-        let likeliest = search.most_likely_from(&suspects, &vec![0.0; suspects.len()]);
-        let likeliest = likeliest.map(|found| beyond_others(&search, &suspects, &sought, found));
+        let likeliest = most_likely(&search, &suspects);
         let ends = likeliest.as_ref().map(|found| {
             let of = |place: usize| match sought[place].walk() {
                 Some(_) => ends_of_walk(&search, &suspects, found, place),
@@ -140,32 +139,26 @@ impl FilterNoiseEvidence {
     }
 }
 
-/// The same, or what is likelier beyond: of densities that hardly matter where the search ended a filter may need larger ones to follow the
-/// signal at all, with a smaller noise of its readout.
-fn beyond_others(
-    search: &LikelihoodSearch,
-    suspects: &[Suspect],
-    sought: &[UnknownNoise],
-    mut found: MostLikelySizes,
-) -> MostLikelySizes {
-    for (place, one) in sought.iter().enumerate() {
-        for powers in BEYOND {
-            if one.walk().is_none() || found.sd[place] < UNSHOWN {
-                break;
-            }
-            let mut start = found.at.clone();
-            start[place] = start[place].max(0.0) + powers * LN_10;
-            let free: Vec<bool> = (0..suspects.len()).map(|other| other != place).collect();
-            let there = search.refit_blocks(suspects, &start, &free, TrialBlocks::All);
-            if let Some(there) = there
-                && there.log_likelihood > found.log_likelihood + LIKELIER
-                && let Some(better) = search.most_likely_from(suspects, &there.at)
-            {
-                found = better;
-            }
+/// The likeliest sizes. A density that the innovations do not determine makes Fisher's steps useless for the others; these are then
+/// sought with it held at the power of ten where it began, and all of them from there again.
+fn most_likely(search: &LikelihoodSearch, suspects: &[Suspect]) -> Option<MostLikelySizes> {
+    let mut best = search.most_likely_from(suspects, &vec![0.0; suspects.len()])?;
+    for _ in 0..ROUNDS {
+        let free: Vec<bool> = best.sd.iter().map(|sd| *sd < UNSHOWN).collect();
+        if free.iter().all(|free| *free) {
+            break;
+        }
+        let start: Vec<f64> =
+            best.at.iter().zip(&free).map(|(at, free)| if *free { *at } else { 0.0 }).collect();
+        let Some(held) = search.refit_blocks(suspects, &start, &free, TrialBlocks::All) else { break };
+        let again = search.most_likely_from(suspects, &held.at);
+        let gained = |found: &MostLikelySizes| found.log_likelihood > best.log_likelihood + NO_GAIN;
+        match again.filter(gained) {
+            Some(found) => best = found,
+            None => break,
         }
     }
-    found
+    Some(best)
 }
 
 /// Where the interval of a density ends, as logarithms of factors: by the profile of the likelihood. Where no lower end is known to a

@@ -15,17 +15,22 @@ pub(super) fn meaning(
     trial: &DiagnosisTrial,
 ) -> String {
     let StateDensity { wanders, unit, .. } = density;
-    let by = |time_s: f64| format!("{} {unit}", significant((number * time_s).sqrt()));
-    let mut text = format!(
-        "{wanders} wanders by {} in one second (standard deviation), and by {} between two samples",
-        by(1.0),
-        by(interval_s)
-    );
-    if let Some(period_s) = period_s(&trial.answer_time_s, &trial.answer) {
-        let every = significant(period_s.recip());
-        text = format!("{text}, and by {} over one period of the motion at {every} Hz", by(period_s));
+    let by = |time_s: f64| format!("{} {unit}", short((number * time_s).sqrt()));
+    let samples = format!("{wanders} wanders by {} in one second (standard deviation)", by(1.0));
+    match period_s(&trial.answer_time_s, &trial.answer) {
+        Some(period_s) => format!(
+            "{samples}, by {} between two samples, and by {} over one period of the motion at {} Hz",
+            by(interval_s),
+            by(period_s),
+            significant(period_s.recip())
+        ),
+        None => format!("{samples}, and by {} between two samples", by(interval_s)),
     }
-    text
+}
+
+/// Three digits, with an exponent where there would be many zeros.
+fn short(number: f64) -> String {
+    if (1e-3..1e6).contains(&number) { significant(number) } else { format!("{number:.2e}") }
 }
 
 /// The mean time between every second crossing of its mean, where noise is no crossing of its own: once left, the mean is crossed anew only
