@@ -50,7 +50,9 @@ pub(super) fn from_powers_of_ten(
             let powers = powers.filter_map(|power| format!("1e{power}").parse::<f64>().ok());
             let trial = |number: f64| {
                 let mut alone = numbers.clone();
-                walks.iter().for_each(|walk| alone[*walk] = 0.0);
+                for walk in &walks {
+                    alone[*walk] = 0.0;
+                }
                 alone[*place] = number;
                 Some((number, Trial::of(bench, sought, &alone)?))
             };
@@ -67,7 +69,9 @@ pub(super) fn from_powers_of_ten(
         let (largest, _) = comparable().find(|(_, trial)| trial.likelihood > most - AS_GOOD)?;
         numbers[*place] = *largest;
     }
-    walks.iter().for_each(|walk| numbers[*walk] *= ABOVE);
+    for walk in &walks {
+        numbers[*walk] *= ABOVE;
+    }
     let mut best = Trial::of(bench, sought, &numbers)?;
     // Each in turn, one step at a time: with a noise of the readout that is too large the others would go too far.
     let readouts: Vec<usize> = (0..sought.len()).filter(|place| !walks.contains(place)).collect();
@@ -81,7 +85,9 @@ pub(super) fn from_powers_of_ten(
         for (places, factors) in &moves {
             for factor in factors {
                 let mut next = numbers.clone();
-                places.iter().for_each(|place| next[*place] *= factor);
+                for place in places {
+                    next[*place] *= factor;
+                }
                 let Some(found) = Trial::of(bench, sought, &next) else { continue };
                 if found.has(best.updates) && found.likelihood > best.likelihood + GAIN {
                     (best, numbers, gained) = (found, next, true);
