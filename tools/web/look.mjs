@@ -246,12 +246,17 @@ if (process.env.KALMEMS_LONG) {
   await page.context().close();
 }
 
-/** The memory of the largest renderer, sampled until the function is called; in bytes. */
+/** The memory of the largest renderer of its own, without what all share of the browser's program, sampled until the function is called; in bytes. */
 function watch() {
   let most = 0;
   const look = () => {
-    const text = execFileSync("ps", ["-eo", "rss,args"], { encoding: "utf8", maxBuffer: 1 << 26 });
-    for (const line of text.split("\n").filter((line) => line.includes("--type=renderer"))) most = Math.max(most, 1024 * parseInt(line, 10));
+    const text = execFileSync("ps", ["-eo", "pid,args"], { encoding: "utf8", maxBuffer: 1 << 26 });
+    for (const line of text.split("\n").filter((line) => line.includes("--type=renderer"))) {
+      // It may have ended since.
+      const status = `/proc/${parseInt(line, 10)}/status`;
+      const own = existsSync(status) && /RssAnon:\s*(\d+) kB/.exec(readFileSync(status, "utf8"));
+      if (own) most = Math.max(most, 1024 * own[1]);
+    }
   };
   const timer = setInterval(look, 500);
   return () => (clearInterval(timer), most);
