@@ -279,9 +279,13 @@ fn a_file_of_another_kind_is_not_quoted() {
         let all = format!("{}{}", String::from_utf8_lossy(&output.stdout), said(output));
         all.to_lowercase().contains("swordfish").then_some(all)
     };
-    for (name, text) in CANARIES {
+    for (turn, (name, text)) in CANARIES.into_iter().enumerate() {
         std::fs::write(path("FILE"), text).unwrap();
         for (number, (kind, command, _)) in settings.iter().enumerate() {
+            // One reader reads for all of these settings: the first text is met by each, and each further one by two of them.
+            if turn > 0 && ![turn - 1, (turn + 5) % settings.len()].contains(&number) {
+                continue;
+            }
             let file = path(&format!("{number}.toml"));
             let output = run(&[command.as_slice(), &[&file, "--out", &path("out")]].concat());
             assert_eq!(quotes(&output), None, "{name} as {kind}");

@@ -206,7 +206,7 @@ const FAULTS: [Fault; 48] = [
 ];
 
 #[test]
-fn a_stiffness_is_named_with_the_inertia_that_the_recording_cannot_tell_from_it() {
+fn a_stiffness_is_named_with_the_inertia_that_cannot_be_told_from_it_and_offered_as_a_state() {
     let faulty = FAULTS[0].of_size(0.003, 31);
     let found = faulty.diagnosis();
     let names: Vec<&str> = found.causes.iter().map(|cause| cause.name.as_str()).collect();
@@ -214,11 +214,7 @@ fn a_stiffness_is_named_with_the_inertia_that_the_recording_cannot_tell_from_it(
     assert!(names.contains(&"resonator.stiffness") && names.contains(&"resonator.inertia"), "{names:?}");
     let right = FAULTS[0].right_error(0.003, 31).unwrap();
     assert!(faulty.error_with(&found, "resonator.stiffness").unwrap() < 1.3 * right);
-}
 
-#[test]
-fn a_wrong_number_is_offered_as_a_state_where_the_filter_can_estimate_it() {
-    let found = FAULTS[0].of_size(0.003, 31).diagnosis();
     let states = |name: &str| &found.causes.iter().find(|cause| cause.name == name).unwrap().states;
     assert_eq!(states("resonator.stiffness"), &["stiffness = { start_sd = \"0.6 %\" }"]);
     // The inertia is no parameter of a filter: the stiffness stands for both.
