@@ -145,9 +145,18 @@ fn changing() -> [(&'static str, Motion); 4] {
 fn a_motion_whose_amplitude_or_frequency_changes_is_followed() {
     const FOR_CHANGES: &str =
         "{ frequency = \"1e-3 Hz^2/s\", offset = \"1e-19 m^2/s\", amplitude_rate = \"1e-5 m^2/s^3\" }";
+    const START: &str = "{ amplitude = \"50 um\", frequency = \"500 Hz\", phase = \"0.7 rad\", offset = \"1 mm\", amplitude_rate = \"1.1 mm/s\" }";
+    const START_SD: &str = "{ amplitude = \"1 um\", frequency = \"0.1 Hz\", phase = \"10 mrad\", offset = \"1 um\", amplitude_rate = \"0.1 mm/s\" }";
     let for_changes = [("estimate.filter.0.process_noise", FOR_CHANGES.to_owned())];
+    let with_start = [
+        for_changes[0].clone(),
+        ("estimate.filter.0.start", START.to_owned()),
+        ("estimate.filter.0.start_sd", START_SD.to_owned()),
+    ];
     for (name, motion) in changing() {
-        for (noise, settings) in [("steady", &[][..]), ("changing", &for_changes[..])] {
+        // A start from the signal is for a motion whose amplitude is nearly that of its first cycles for as long as these last.
+        let changing = if name == "ring-up" { &with_start[..] } else { &for_changes[..] };
+        for (noise, settings) in [("steady", &[][..]), ("changing", changing)] {
             let (experiment, simulated) = piston_at(settings, 5, |time_s| {
                 let [amplitude, phase] = motion(time_s);
                 1e-3 + amplitude * phase.cos()
