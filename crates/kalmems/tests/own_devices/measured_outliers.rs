@@ -52,7 +52,9 @@ impl MeasuredRecording {
         let metrics = Metrics::of(&outcome).estimators().next().unwrap().clone();
         let trajectory = outcome.recordings[0].segments[0].estimate.trajectories[0].clone();
         let mut innovation = trajectory.innovation.clone();
-        trajectory.rejected.iter().for_each(|one| innovation[one.sample] = one.innovation);
+        for one in &trajectory.rejected {
+            innovation[one.sample] = one.innovation;
+        }
         let errors = (self.from..signal.len()).map(|k| self.signal[k] - (signal[k] - innovation[k]));
         let errors: Vec<f64> = errors.filter(|error| error.is_finite()).collect();
         let error = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
@@ -80,7 +82,9 @@ impl MeasuredRecording {
         let claimed: Vec<f64> = claimed.iter().copied().filter(|sd| sd.is_finite()).collect();
         let sd = claimed.iter().sum::<f64>() / claimed.len() as f64;
         let mut signal = self.signal.clone();
-        outliers.iter().for_each(|(k, size)| signal[*k] += size * sd);
+        for (k, size) in outliers {
+            signal[*k] += size * sd;
+        }
         let found = self.outcome(&signal);
         let ratio = found.error / clean.error;
         let rejected: Vec<usize> = found.trajectory.rejected.iter().map(|one| one.sample).collect();
