@@ -323,6 +323,7 @@ impl Trajectory {
             gate_nis: None,
             gate_turns: Vec::new(),
             restarts: Vec::new(),
+            lost_s: Vec::new(),
             further: Vec::new(),
             error_spans: Vec::new(),
             whitens: true,
@@ -347,6 +348,7 @@ impl Trajectory {
         self.rejected.extend(rejected);
         self.gate_turns.extend_from_slice(&later.gate_turns);
         self.restarts.append(&mut later.restarts);
+        self.lost_s.append(&mut later.lost_s);
         self.each_series(&mut later, Vec::append);
     }
 
@@ -370,6 +372,8 @@ impl Trajectory {
         front.gate_turns.extend(self.gate_turns.drain(..of_front));
         let of_front = self.restarts.partition_point(|restart| restart.time_s <= last_s);
         front.restarts.extend(self.restarts.drain(..of_front));
+        let of_front = self.lost_s.partition_point(|began_s| *began_s <= last_s);
+        front.lost_s.extend(self.lost_s.drain(..of_front));
         front
     }
 
@@ -388,6 +392,7 @@ impl Trajectory {
             rejected: Vec::new(),
             gate_turns: Vec::new(),
             restarts: Vec::new(),
+            lost_s: Vec::new(),
             lock: self.lock.clone(),
             further: self.further.iter().map(FurtherSignal::hollow).collect(),
             error_spans: self.error_spans.clone(),
@@ -584,7 +589,8 @@ impl<const N: usize> FilterRun<N> {
             } else {
                 WatchedSample::Taken([trajectory.signal[k], trajectory.innovation[k], trajectory.nis[k]])
             };
-            self.loss.take(again, trajectory.time_s[k], sample, &now.mean);
+            let lost_s = self.loss.take(again, trajectory.time_s[k], sample, &now.mean);
+            trajectory.lost_s.extend(lost_s);
         }
         let covariances = (before.as_ref(), &now.covariance);
         let span = self.errors.take(trajectory.time_s[k], filter.link().as_ref(), covariances);

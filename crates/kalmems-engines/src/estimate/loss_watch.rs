@@ -79,26 +79,33 @@ impl<const N: usize> LossWatch<N> {
         }
     }
 
-    /// Takes signal, innovation and NIS of a sample, and the state after it.
+    /// Takes signal, innovation and NIS of a sample, and the state after it. When the cycle began, in s, that is over and in which the signal was lost.
     #[inline]
-    pub(super) fn take(&mut self, rule: &Reacquisition, time_s: f64, sample: WatchedSample, mean: &[f64; N]) {
+    pub(super) fn take(
+        &mut self,
+        rule: &Reacquisition,
+        time_s: f64,
+        sample: WatchedSample,
+        mean: &[f64; N],
+    ) -> Option<f64> {
         if time_s < rule.from_s {
-            return;
+            return None;
         }
         if self.began.time_s.is_nan() {
             self.began = StateAt { time_s, mean: *mean };
         }
         self.rows += 1;
         self.rows_of_cycle += 1;
-        let Some(ended) = self.signal.take((rule.motion_hz, true), time_s, sample) else { return };
+        let ended = self.signal.take((rule.motion_hz, true), time_s, sample)?;
         // The present sample is the first of the next cycle.
         let rows_of_cycle = std::mem::replace(&mut self.rows_of_cycle, 1) - 1;
         self.cycles += 1;
         if self.cycles >= CYCLES_FOR_ONE {
             (self.cycles, self.left) = (0, (self.left + 1).min(SEARCHES));
         }
-        if matches!(ended.turn, Some(SignalTurn::Lost { .. })) {
-            (self.age, self.next) = (0, 0);
+        let mut lost_s = None;
+        if let Some(SignalTurn::Lost { time_s, .. }) = ended.turn {
+            (self.age, self.next, lost_s) = (0, 0, Some(time_s));
         }
         if matches!(ended.turn, Some(SignalTurn::Regained { .. })) {
             self.is_misled = false;
@@ -112,7 +119,7 @@ impl<const N: usize> LossWatch<N> {
         if ended.told != CycleState::Lost {
             self.in_a_row = 0;
             self.is_due = self.is_misled && self.rows_shown >= rule.rows && self.left > 0;
-            return;
+            return lost_s;
         }
         self.is_misled = true;
         if self.in_a_row == 0 {
@@ -120,6 +127,7 @@ impl<const N: usize> LossWatch<N> {
         }
         self.in_a_row += 1;
         self.is_due = self.rows >= rule.rows && self.age >= self.next && self.left > 0;
+        lost_s
     }
 
     /// Whether a start is to be sought before the next sample; it is taken for done then.

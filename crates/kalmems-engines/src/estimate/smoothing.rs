@@ -9,7 +9,7 @@ use super::{
 use crate::progress::Pace;
 use crate::progress::Progress;
 use kalmems_core::smooth::{self, Backward, Smoothed, SmoothingError, smooth_interval};
-use kalmems_core::{FilterError, StateTransition};
+use kalmems_core::{FilterError, Mat, StateTransition};
 use std::ops::Range;
 
 /// The smoothed answer of a filter on its way.
@@ -122,13 +122,13 @@ impl<const N: usize> PendingPart<N> {
         } else if given > 0 {
             let window = part.fresh.start - waited..part.fresh.end;
             let derived = course.derived();
-            let restarts = answer.restarts.clone();
+            let breaks = SmoothingBreaks { restarts: answer.restarts.clone(), lost_s: answer.lost_s.clone() };
             let each = |k: usize, smoothed: &Smoothed<f64, N>| {
                 if k < given {
                     keep(&mut answer, derived.as_ref(), k, smoothed);
                 }
             };
-            if let Err(stopped) = whole(&start, (course, progress), (&window, &restarts), each) {
+            if let Err(stopped) = whole(&start, (course, progress), (&window, breaks), each) {
                 answer.failure = Some(failed(&answer, stopped)?);
             }
         }
@@ -145,7 +145,7 @@ impl<const N: usize> PendingPart<N> {
 fn whole<const N: usize>(
     start: &LinkedFilter<N>,
     (course, progress): (&mut dyn Course, &dyn Progress),
-    (window, restarts): (&Range<usize>, &[Restart]),
+    (window, breaks): (&Range<usize>, SmoothingBreaks),
     mut keep: impl FnMut(usize, &Smoothed<f64, N>),
 ) -> Result<(), SmoothingStop> {
     let block = window.len().isqrt() + 1;
@@ -155,7 +155,7 @@ fn whole<const N: usize>(
         keep(k, smoothed);
         Ok(())
     };
-    let mut repeated = SmoothedCourse::new(course, window.clone(), restarts, progress);
+    let mut repeated = SmoothedCourse::new(course, window.clone(), breaks, progress);
     smooth_interval(start, &mut repeated, &mut checkpoints, &mut steps, each).map_err(|e| match e {
         SmoothingError::Course { sample, cause } => (sample, cause),
         SmoothingError::Step { sample, cause } => (sample, Some(cause)),
@@ -217,13 +217,15 @@ impl<const N: usize> Lagged<N> {
         waited: usize,
         answer: &mut Trajectory,
     ) -> Result<(), SmoothingStop> {
-        let (derived, restarts) = (course.derived(), answer.restarts.clone());
+        // A loss is known a cycle later: what the lag has given by then would depend on how long the parts are.
+        let breaks = SmoothingBreaks { restarts: answer.restarts.clone(), lost_s: Vec::new() };
+        let derived = course.derived();
         let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| keep(answer, derived.as_ref(), k, smoothed);
         let begun = self.filter.is_some();
         let filter = self.filter.get_or_insert_with(|| part.entry.clone());
         filter.follow(part.decided);
         let n = part.fresh.len();
-        let mut repeated = SmoothedCourse::new(course, part.fresh.clone(), &restarts, progress);
+        let mut repeated = SmoothedCourse::new(course, part.fresh.clone(), breaks, progress);
         for k in 0..n {
             let place = waited + k;
             let at = |why| (place, why);
@@ -314,6 +316,14 @@ fn after<const N: usize>(step: &Backward<f64, N>, later: &Backward<f64, N>) -> B
     step.after(later)
 }
 
+/// Where nothing passes from a sample to those before it, in the order of time.
+struct SmoothingBreaks {
+    /// Where the filter was started again: nothing passes onwards either.
+    restarts: Vec<Restart>,
+    /// Where a loss of the signal began, by the time of the sample in s.
+    lost_s: Vec<f64>,
+}
+
 /// Some samples of a course as the smoothers of the core take them.
 struct SmoothedCourse<'a> {
     course: &'a mut dyn Course,
@@ -323,19 +333,18 @@ struct SmoothedCourse<'a> {
     /// Steps that were taken.
     counts: SampleCounts,
     steps: usize,
-    /// Where the filter was started again, in the order of time.
-    restarts: Vec<Restart>,
+    breaks: SmoothingBreaks,
 }
 
 impl<'a> SmoothedCourse<'a> {
     fn new(
         course: &'a mut dyn Course,
         window: Range<usize>,
-        restarts: &[Restart],
+        breaks: SmoothingBreaks,
         progress: &'a dyn Progress,
     ) -> Self {
-        let (pace, counts, restarts) = (Pace::default(), SampleCounts::default(), restarts.to_vec());
-        Self { course, window, progress, pace, counts, steps: 0, restarts }
+        let (pace, counts) = (Pace::default(), SampleCounts::default());
+        Self { course, window, progress, pace, counts, steps: 0, breaks }
     }
 }
 
@@ -360,13 +369,20 @@ impl<const N: usize> smooth::SmoothingCourse<f64, LinkedFilter<N>, N> for Smooth
         filter.forget();
         let row = self.window.start + sample;
         self.course.advance(filter, row, &mut self.counts)?;
-        // Nothing of what was before the start goes through it, and nothing of what comes behind it.
-        if !self.restarts.is_empty() {
-            let time_s = self.course.time_s().get(row).copied().unwrap_or(f64::NAN);
-            let here = self.restarts.iter().find(|restart| restart.time_s == time_s);
-            here.map_or(Ok(()), |restart| filter.take_over(&AnyKnownStateStep::from(&restart.known)))?;
+        let SmoothingBreaks { restarts, lost_s } = &self.breaks;
+        if restarts.is_empty() && lost_s.is_empty() {
+            return filter.link().ok_or(Some(FilterError::NonFiniteState));
         }
-        filter.link().ok_or(Some(FilterError::NonFiniteState))
+        let time_s = self.course.time_s().get(row).copied().unwrap_or(f64::NAN);
+        // Nothing of what was before the start goes through it, and nothing of what comes behind it.
+        let here = restarts.iter().find(|restart| restart.time_s == time_s);
+        here.map_or(Ok(()), |restart| filter.take_over(&AnyKnownStateStep::from(&restart.known)))?;
+        let link = filter.link().ok_or(Some(FilterError::NonFiniteState))?;
+        if lost_s.contains(&time_s) {
+            let noise = filter.gaussian().covariance;
+            return Ok(StateTransition { transition: Mat::zero(), noise, ..link });
+        }
+        Ok(link)
     }
 
     fn correct(&mut self, filter: &mut LinkedFilter<N>, sample: usize) -> Result<(), Self::Error> {

@@ -44,6 +44,8 @@ pub struct Trajectory {
     pub gate_turns: Vec<GateTurn>,
     /// When the filter was started again from the signal, since it had lost it.
     pub restarts: Vec<Restart>,
+    /// When the first cycle of each loss of the signal began, in s, where the filter is started again from the signal.
+    pub lost_s: Vec<f64>,
     /// The innovations of further signals, where the filter takes several one after the other: each is predicted by the past and the
     /// signals before it.
     pub further: Vec<FurtherSignal>,

@@ -329,6 +329,7 @@ mod tests {
             gate_nis: None,
             gate_turns: Vec::new(),
             restarts: Vec::new(),
+            lost_s: Vec::new(),
             further: Vec::new(),
             error_spans: Vec::new(),
             whitens: true,

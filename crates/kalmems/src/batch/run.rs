@@ -88,7 +88,7 @@ impl Batch {
     fn of_source(workbench: &Workbench, source: Source, of: Option<&str>) -> Result<Self, BatchError> {
         // What is wrong with the experiment is wrong for all recordings.
         let raw = Experiment::parse(&source.text, &source.path)?;
-        if !leaves_noise_open(&raw)? {
+        if !leaves_noise_open(workbench, &raw)? {
             workbench.parse(&source.text, &source.path)?;
         }
         ArrayExperiment::new(&source.text, &source.path)?.alone(of)?;

@@ -35,7 +35,19 @@ pub(super) fn changed(text: &str, edit: &Edit) -> Option<String> {
             KeyStep::Index(_) => None,
         })
         .collect();
-    Some(format!("{}\n\n[{}]\n{line}\n", text.trim_end(), header?.join(".")))
+    let header = format!("[{}]", header?.join("."));
+    // A table without an entry: within its braces, or behind its header.
+    if let Some(span) = span_of(&document, above) {
+        let (before, own, behind) = (text.get(..span.start)?, text.get(span.clone())?, text.get(span.end..)?);
+        if own.starts_with('{') {
+            return Some(format!("{before}{{ {line} }}{behind}"));
+        }
+        // The span of a table that has no header of its own is another one's.
+        if own == header {
+            return Some(format!("{before}{header}\n{line}{behind}"));
+        }
+    }
+    Some(format!("{}\n\n{header}\n{line}\n", text.trim_end()))
 }
 
 /// Where the value of a key stands.
@@ -98,5 +110,8 @@ mod tests {
         assert_eq!(after(text, "e[0].f.new", "7"), text.replace("g = 1", "new = 7, g = 1"));
         assert_eq!(after(text, "b.x.new", "7"), format!("{text}\n[b.x]\nnew = 7\n"));
         assert!(after("a = 1\n", "b.new", "7").parse::<toml::Table>().is_ok());
+        // In a table without an entry.
+        assert_eq!(after("[b]\n\n[c]\nd = 1\n", "b.new", "7"), "[b]\nnew = 7\n\n[c]\nd = 1\n");
+        assert_eq!(after("b = {}\n", "b.new", "7"), "b = { new = 7 }\n");
     }
 }

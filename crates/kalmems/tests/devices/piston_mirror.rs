@@ -326,6 +326,13 @@ fn a_driven_mirror_moves_at_half_the_rate_of_its_trigger() {
     let experiment = driven(&[]);
     let outlook = published().rig(&experiment).unwrap().outlook(&experiment).unwrap();
     println!("{}", outlook.to_text());
+    // The frequencies between which it starts lie closer to each other than a hundredth of a kHz, and are told apart in words and numbers.
+    let [depth, from_hz, to_hz] = outlook.fact("pump_depth_over_threshold").unwrap().values[..] else {
+        panic!("{outlook:?}")
+    };
+    let range = format!(" from {:.4} to {:.4} kHz", from_hz / 1e3, to_hz / 1e3);
+    assert!(depth > 1.0 && from_hz + 1.0 < to_hz && to_hz < from_hz + 20.0, "{depth} {from_hz} {to_hz}");
+    assert!(outlook.to_text().contains(&range), "{range}");
     let balanced = outlook.fact("driven_amplitude_m").unwrap().values[0];
     assert!((balanced / 465e-6 - 1.0).abs() < 0.02, "{balanced}");
     let third = outlook.fact("third_harmonic_m").unwrap().values[0];

@@ -1,6 +1,7 @@
 //! The threshold-sensing scanner's parameters from free decays, against the truth, the Cramér–Rao bound, and what an
 //! independent program identified.
 
+use kalmems::identify::{Identification, IdentifyError};
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use kalmems::rigs::threshold_scanner::device::ThresholdScanner;
@@ -362,22 +363,54 @@ fn the_rig_identifies_an_experiment_and_puts_the_values_in_their_places() {
     assert!(why.contains("no reference"), "{why}");
 }
 
+/// The decay of seed 1 with these values of the drive and the signal, as the rig identifies it.
+fn identified(
+    volts: &dyn Fn(usize) -> f64,
+    signal: &dyn Fn(usize, f64) -> f64,
+) -> Result<Identification, IdentifyError> {
+    let folder = tempfile::tempdir().unwrap();
+    let record = Device::from(0.1).record(8e-6, 2400, 1);
+    let mut text = "time_s,drive_V,cap_V,psd_V\n".to_owned();
+    for (k, (y, angle)) in record.signal.iter().zip(&record.angle).enumerate() {
+        let (time_s, y) = (8e-6 * k as f64, signal(k, *y));
+        text += &format!("{time_s:.6},{},{y},{}\n", volts(k), angle.tan() * DETECTOR);
+    }
+    std::fs::write(folder.path().join("recording.csv"), text).unwrap();
+    let experiment = published().parse(EXPERIMENT, &folder.path().join("experiment.toml")).unwrap();
+    published().rig(&experiment).unwrap().identify(&experiment, &Silent)
+}
+
 /// A decay that begins while the drive is still on is no free decay.
 #[test]
 fn a_drive_that_is_not_off_is_named() {
-    let folder = tempfile::tempdir().unwrap();
-    let record = Device::from(0.1).record(8e-6, 2400, 1);
-    let write = |volts: &dyn Fn(usize) -> f64| {
-        let mut text = "time_s,drive_V,cap_V,psd_V\n".to_owned();
-        for (k, (y, angle)) in record.signal.iter().zip(&record.angle).enumerate() {
-            text += &format!("{:.6},{},{y},{}\n", 8e-6 * k as f64, volts(k), angle.tan() * DETECTOR);
-        }
-        std::fs::write(folder.path().join("recording.csv"), text).unwrap();
-        let experiment = published().parse(EXPERIMENT, &folder.path().join("experiment.toml")).unwrap();
-        published().rig(&experiment).unwrap().identify(&experiment, &Silent)
-    };
-    let why = write(&|k| if k < 40 { 60.0 } else { 0.0 }).unwrap_err().to_string();
+    let of = |volts: &dyn Fn(usize) -> f64| identified(volts, &|_, y| y);
+    let why = of(&|k| if k < 40 { 60.0 } else { 0.0 }).unwrap_err().to_string();
     assert!(why.contains("not off") && why.contains("60 V at 0 s") && why.contains("40 of 2400"), "{why}");
     // The rest of a transient, and what a converter rounds to, are.
-    assert!(write(&|k| 0.9 * (-(k as f64) / 10.0).exp()).is_ok());
+    assert!(of(&|k| 0.9 * (-(k as f64) / 10.0).exp()).is_ok());
+}
+
+/// A signal at the rail of its converter is refused as by the estimate, and single samples of ±2 V are left out and counted.
+#[test]
+fn clipping_is_refused_and_spikes_are_left_out() {
+    let of = |signal: &dyn Fn(usize, f64) -> f64| identified(&|_| 0.0, signal);
+    let why = of(&|_, y| y.clamp(-0.4, 0.4)).unwrap_err().to_string();
+    println!("{why}");
+    assert!(why.contains("is clipped in"), "{why}");
+    let gain = |found: &Identification| {
+        let gain = found.parameters.iter().find(|p| p.name.starts_with("comb gain")).unwrap();
+        println!("{:e} ± {:.1e}, {:?}", gain.value, gain.standard_error, found.warnings);
+        assert!((gain.value - 2.82e-3).abs() < 4.0 * gain.standard_error, "{gain:?}");
+        gain.value
+    };
+    let clean = gain(&of(&|_, y| y).unwrap());
+    let spikes =
+        |k: usize, y: f64| if k % 240 == 100 { y + if k % 480 == 100 { 2.0 } else { -2.0 } } else { y };
+    let found = of(&spikes).unwrap();
+    assert!((gain(&found) / clean - 1.0).abs() < 1e-3);
+    assert!(
+        found.warnings.iter().any(|said| said.contains("10 samples are outliers")),
+        "{:?}",
+        found.warnings
+    );
 }

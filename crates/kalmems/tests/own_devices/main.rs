@@ -6,6 +6,7 @@ mod example_devices;
 mod export;
 mod input_rate;
 mod measured_devices;
+mod measured_outliers;
 mod own_circuit;
 mod own_commands;
 mod own_device;

@@ -11,7 +11,7 @@ use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use std::path::{Path, PathBuf};
 
-fn data(file: &str) -> String {
+pub fn data(file: &str) -> String {
     let folder = std::env::var_os("KALMEMS_REFERENCE_DATA").expect("KALMEMS_REFERENCE_DATA names a folder");
     std::fs::read_to_string(PathBuf::from(folder).join("real").join(file)).unwrap()
 }
@@ -28,7 +28,7 @@ fn of(found: &Identification, name: &str) -> (f64, f64) {
     (found.value, found.standard_error)
 }
 
-const SEISMOMETER: &str = r#"
+pub const SEISMOMETER: &str = r#"
 name = "seismometer"
 [device.equations.states]
 x = "V"
@@ -107,7 +107,7 @@ fn free_decays_of_a_seismometer_give_what_least_squares_gives() {
     }
 }
 
-const SILVERBOX: &str = r#"
+pub const SILVERBOX: &str = r#"
 name = "silverbox"
 [device.equations.states]
 y = "V"

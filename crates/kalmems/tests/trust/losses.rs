@@ -1,19 +1,19 @@
 //! Signals that are lost for a while: when that is said, and how good the estimate is behind it.
 
-use crate::devices::{Setting, put};
+use crate::devices::Setting;
 use crate::outliers::signals::{DEVICES, Of, noise, signals};
 use crate::parts;
+use crate::piston_motions::{followed, piston, piston_at};
 use crate::side_by_side::side_by_side;
 use kalmems::config::Experiment;
-use kalmems::estimate::{LockEvent, Trajectory};
+use kalmems::estimate::{LockEvent, Trajectory, TrajectoryKind};
 use kalmems::evaluate::Grade;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics};
 use kalmems::rigs::published;
-use kalmems::simulate::{ComputedRecording, WhiteNoise, described};
+use kalmems::simulate::{ComputedRecording, WhiteNoise};
 use kalmems::workflow::estimate_computed;
 use std::f64::consts::TAU;
-use std::path::Path;
 
 /// What happens to the first signal of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,7 +88,7 @@ impl Loss {
 }
 
 /// Settings by which a recording lasts for some hundred cycles behind the loss.
-fn longer(of: Of) -> Vec<Setting<'static>> {
+pub fn longer(of: Of) -> Vec<Setting<'static>> {
     let duration = |text: &str| vec![("simulate.duration", format!("\"{text}\""))];
     match of.name() {
         "shared scanner" => duration("48 ms"),
@@ -100,7 +100,7 @@ fn longer(of: Of) -> Vec<Setting<'static>> {
             settings.push(("estimate.skip", "\"0.2 s\"".to_owned()));
             settings.push(("simulate.sampling_rate", "\"20 kHz\"".to_owned()));
             settings.push(("simulate.integration_rate", "\"20 kHz\"".to_owned()));
-            // What is smoothed over the whole of a loss has samples in it that are none of the signal.
+            // The tables are of the filters.
             settings.push(("estimate.filter.0.smooth", "false".to_owned()));
             settings
         }
@@ -249,61 +249,6 @@ impl LossCell {
     }
 }
 
-/// The piston mirror by its example, moving by this amplitude in m and phase in rad about a rest position of 1 mm, at each time in s.
-fn piston(seed: u64, motion: impl Fn(f64) -> [f64; 2]) -> (Experiment, ComputedRecording) {
-    piston_at(&[], seed, |time_s| {
-        let [amplitude, phase] = motion(time_s);
-        1e-3 + amplitude * phase.cos()
-    })
-}
-
-/// The same at these distances in m, and with these settings.
-fn piston_at(
-    settings: &[Setting],
-    seed: u64,
-    distance: impl Fn(f64) -> f64,
-) -> (Experiment, ComputedRecording) {
-    const FARADS: f64 = 109.3e-15;
-    const SD: f64 = 15.1e-18;
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror/simulation.toml");
-    let mut document: toml::Value =
-        std::fs::read_to_string(&path).unwrap().parse::<toml::Table>().unwrap().into();
-    for (key, value) in longer(Of::Published("piston mirror")).iter().chain(settings) {
-        put(&mut document, key, Some(value));
-    }
-    let experiment = published().parse(&toml::to_string(&document).unwrap(), &path).unwrap();
-    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
-    let mut simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
-    let mut chance = WhiteNoise::new(seed, 79);
-    assert!(simulated.change_recorded("signal", |values, times| {
-        for (value, time_s) in values.iter_mut().zip(times) {
-            *value = FARADS * 1e-3 / distance(*time_s) + SD * chance.sample();
-        }
-    }));
-    (described(&experiment, &*simulation), simulated)
-}
-
-/// The first filter of a recording, and the root mean square of how far its position is from a motion about 1 mm, in m, from a time in s on.
-fn followed(
-    (experiment, simulated): &(Experiment, ComputedRecording),
-    from_s: f64,
-    motion: impl Fn(f64) -> [f64; 2],
-) -> (Trajectory, f64) {
-    let rig = published().rig(experiment).unwrap();
-    let recording = simulated.recorded(&rig.layout(experiment, 0).unwrap()).unwrap();
-    let mut found = rig.estimate(experiment, 0, &recording, &Silent).unwrap_or_else(|why| panic!("{why}"));
-    let trajectory = found.swap_remove(0).trajectories.swap_remove(0);
-    let position = &trajectory.state("position").unwrap().mean;
-    let late = trajectory.time_s.iter().zip(position).filter(|(time_s, _)| **time_s >= from_s);
-    let squares = late.map(|(time_s, position)| {
-        let [amplitude, phase] = motion(*time_s);
-        (position - 1e-3 - amplitude * phase.cos()).powi(2)
-    });
-    let squares: Vec<f64> = squares.collect();
-    let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
-    (trajectory, rms)
-}
-
 /// A frequency that steps by a part in a thousand is named within two cycles, and a hundred cycles later the estimate is as good as without.
 #[test]
 fn a_step_of_the_frequency_is_named_and_followed() {
@@ -326,52 +271,6 @@ fn a_step_of_the_frequency_is_named_and_followed() {
     assert!(found.lock.is_usable() && error <= 2.0 * clean, "{error:e} {clean:e}");
 }
 
-/// A second harmonic of 1 % and a third of 0.5 % of the stroke, as states: without them the motion is refused, with them its position is as good as
-/// that of a sine but for what four more states cost, and within its claim.
-#[test]
-fn harmonics_of_the_piston_mirror_are_states() {
-    let states =
-        ["second_harmonic_cosine", "second_harmonic_sine", "third_harmonic_cosine", "third_harmonic_sine"];
-    let each: Vec<String> =
-        states.iter().map(|name| format!("{name} = {{ start_sd = \"10 um\" }}")).collect();
-    let with: Vec<Setting> = vec![("estimate.filter.0.states", format!("{{ {} }}", each.join(", ")))];
-    let (amplitudes, skip_s) = ([4e-6, -3e-6, 2e-6, 1.5e-6], 0.4);
-    let at = |time_s: f64| {
-        let phase = TAU * 500.0 * time_s + 0.7;
-        let [a, b, c, d] = amplitudes;
-        1e-3 + 5e-4 * phase.cos()
-            + a * (2.0 * phase).cos()
-            + b * (2.0 * phase).sin()
-            + c * (3.0 * phase).cos()
-            + d * (3.0 * phase).sin()
-    };
-    let of = |settings: &[Setting]| {
-        let (experiment, simulated) = piston_at(settings, 3, at);
-        let rig = published().rig(&experiment).unwrap();
-        let recording = simulated.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap();
-        let found = rig.estimate(&experiment, 0, &recording, &Silent);
-        found.map(|mut found| found.swap_remove(0).trajectories.swap_remove(0))
-    };
-    let why = of(&[]).unwrap_err().to_string();
-    assert!(why.contains("times the stated noise in its first samples"), "{why}");
-    let found = of(&with).unwrap();
-    let from = found.time_s.partition_point(|time_s| *time_s < skip_s);
-    let position = found.state("position").unwrap();
-    let z: Vec<f64> = (from..found.time_s.len())
-        .map(|k| (position.mean[k] - at(found.time_s[k])) / position.sd[k])
-        .collect();
-    let size = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
-    let consistency = found.consistency(from..found.time_s.len()).unwrap();
-    println!("errors of {size:.2} claimed deviations, of {:.2e} m; {consistency:?}", position.sd[z.len()]);
-    // Errors follow each other: few of them are independent.
-    assert!(size < 2.0 && consistency.holds() && found.lock.held(), "{size} {consistency:?}");
-    for (name, truth) in states.iter().zip(amplitudes) {
-        let state = found.state(name).unwrap();
-        let (mean, sd) = (state.mean.last().unwrap(), state.sd.last().unwrap());
-        assert!((mean - truth).abs() < 4.0 * sd && *sd < 2e-8, "{name}: {mean:e} ± {sd:e}, {truth:e}");
-    }
-}
-
 /// While a motion that nothing drives has stopped it is no estimate, and noise is never taken for a motion.
 #[test]
 fn a_motion_that_stops_and_starts_is_lost_and_found() {
@@ -391,6 +290,44 @@ fn a_motion_that_stops_and_starts_is_lost_and_found() {
     let (stopped, _) =
         followed(&piston(2, |t| [if t < 0.5 { 5e-4 } else { 0.0 }, TAU * 500.0 * t + 0.7]), 0.5, steady);
     assert!(!stopped.lock.is_usable() && stopped.lock.events.len() == 1, "{:?}", stopped.lock);
+}
+
+/// What is smoothed before a loss is what it is of a recording that ends there, be the loss over again or not.
+#[test]
+fn what_is_smoothed_before_a_loss_rests_on_the_samples_before_it() {
+    const LOSS_S: f64 = 0.6;
+    let at = |time_s: f64| 1e-3 + 5e-4 * (TAU * 500.0 * time_s + 0.7).cos();
+    // The smoothed position where the cable is out from the loss to this time in s.
+    let smoothed = |duration: &str, until_s: f64| {
+        let settings = [
+            ("estimate.filter.0.smooth", "true".to_owned()),
+            ("simulate.duration", format!("\"{duration}\"")),
+        ];
+        let is_out = |time_s: f64| (LOSS_S..until_s).contains(&time_s);
+        let (experiment, simulated) =
+            piston_at(&settings, 4, |time_s| if is_out(time_s) { 1e-3 } else { at(time_s) });
+        let rig = published().rig(&experiment).unwrap();
+        let recording = simulated.recorded(&rig.layout(&experiment, 0).unwrap()).unwrap();
+        let found = rig.estimate(&experiment, 0, &recording, &Silent).unwrap().swap_remove(0).trajectories;
+        found.into_iter().find(|trajectory| trajectory.kind == TrajectoryKind::Smoothed).unwrap()
+    };
+    let ending = smoothed("599.95 ms", f64::INFINITY);
+    for until_s in [0.7, f64::INFINITY] {
+        let found = smoothed("1.4 s", until_s);
+        let Some(LockEvent::Lost { time_s: lost_s, .. }) = found.lock.events.first() else {
+            panic!("{:?}", found.lock)
+        };
+        assert!((lost_s - LOSS_S).abs() < 1e-9, "{lost_s}");
+        let [own, expected] = [&found, &ending].map(|trajectory| trajectory.state("position").unwrap());
+        let mut square = 0.0;
+        for (k, time_s) in ending.time_s.iter().enumerate() {
+            assert!((own.mean[k] - expected.mean[k]).abs() < 1e-6 * expected.sd[k], "{time_s}");
+            square += ((own.mean[k] - at(*time_s)) / own.sd[k]).powi(2);
+        }
+        let in_sd = (square / ending.time_s.len() as f64).sqrt();
+        println!("out until {until_s} s: errors of {in_sd:.2} claimed deviations");
+        assert!(in_sd < 1.5, "{in_sd}");
+    }
 }
 
 /// In parts the filters lose and find the signal as over the whole recording, to the last bit.

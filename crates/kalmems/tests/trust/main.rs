@@ -10,6 +10,7 @@ mod motions;
 mod outliers;
 #[path = "../parts/mod.rs"]
 mod parts;
+mod piston_motions;
 mod process_noise;
 mod readouts;
 mod side_by_side;

@@ -4,6 +4,7 @@ mod evidence;
 mod meaning;
 mod powers_of_ten;
 mod unknown;
+mod unstated;
 
 pub(in crate::diagnose) use unknown::square;
 
@@ -17,6 +18,7 @@ use evidence::FilterNoiseEvidence;
 use serde::Serialize;
 use std::path::Path;
 use unknown::{UnknownNoise, leaves_walks_open, not_too_many, of_process, of_readout, spelled_out, with};
+use unstated::with_unstated_left_open;
 
 /// Rows after the settling times that are looked at, in all.
 const ROWS: TestedRows = TestedRows(200_000);
@@ -47,8 +49,8 @@ pub struct FoundNoise {
     pub meaning: Option<String>,
 }
 
-/// Reads an experiment file, and finds each noise of its readout (`noise_variance = "from_recording"`) and each density of process noise that it
-/// leaves to the recording.
+/// Reads an experiment file, and finds each noise of its readout that it does not state or leaves to the recording (`noise_variance = "from_recording"`),
+/// and each density of process noise that it leaves to the recording.
 ///
 /// A noise is what makes the innovations of a filter the likeliest, of the first four that have white innovations when they are right that
 /// under which they are the likeliest: ln p is maximised over the logarithm of its factor by Fisher's scoring ([`fit::most_likely`](crate::fit::most_likely)), from a first guess by
@@ -97,8 +99,12 @@ pub fn noise_of_recording(
 
 /// Whether an experiment leaves a noise to its recording.
 #[cfg(feature = "parquet-results")]
-pub(crate) fn leaves_noise_open(raw: &Experiment) -> Result<bool, crate::config::ConfigError> {
-    Ok(leaves_walks_open(raw) || !of_readout(raw)?.is_empty())
+pub(crate) fn leaves_noise_open(
+    workbench: &Workbench,
+    raw: &Experiment,
+) -> Result<bool, crate::config::ConfigError> {
+    let raw = with_unstated_left_open(workbench, raw)?;
+    Ok(leaves_walks_open(&raw) || !of_readout(&raw)?.is_empty())
 }
 
 /// Finds the noises with what this makes of a bench.
@@ -108,6 +114,7 @@ fn found(
     with_recordings: &dyn Fn(TrialBench) -> Result<TrialBench, DiagnoseError>,
     progress: &dyn Progress,
 ) -> Result<(Experiment, Vec<FoundNoise>), DiagnoseError> {
+    let raw = &with_unstated_left_open(workbench, raw)?;
     let path = raw.path();
     let mut sought = of_readout(raw)?;
     let mut text = raw.text().to_owned();

@@ -32,9 +32,10 @@ pub struct Laboratory {
 }
 
 impl Laboratory {
-    /// Writes a recording and the experiment that is told of it.
-    pub fn write(&self, seed: u64, is_noisy: bool, folder: &Path) {
+    /// Writes a recording and the experiment that is told of it: the mean square of each noise that was added to a signal, over its variance.
+    pub fn write(&self, seed: u64, is_noisy: bool, folder: &Path) -> Vec<f64> {
         let mut chance = Chance::new(seed);
+        let mut squares = vec![0.0; self.noises.len()];
         let h = self.interval_s / f64::from(self.steps);
         let drive = |time: f64| self.drive.map_or(0.0, |drive| drive(time));
         let mut x = self.start;
@@ -45,8 +46,10 @@ impl Laboratory {
             if self.drive.is_some() {
                 write!(rows, ",{:.9}", drive(time)).unwrap();
             }
-            for (signal, (_, sd)) in (self.signals)(&x).iter().zip(self.noises) {
-                write!(rows, ",{:.15e}", signal + sd * chance.normal()).unwrap();
+            for ((signal, (_, sd)), sum) in (self.signals)(&x).iter().zip(self.noises).zip(&mut squares) {
+                let drawn = chance.normal();
+                *sum += drawn * drawn / f64::from(self.samples);
+                write!(rows, ",{:.15e}", signal + sd * drawn).unwrap();
             }
             rows.push('\n');
             for step in 0..self.steps {
@@ -59,6 +62,7 @@ impl Laboratory {
         }
         fs::write(folder.join("recording.csv"), rows).unwrap();
         fs::write(folder.join("experiment.toml"), self.told).unwrap();
+        squares
     }
 
     /// One step of Runge and Kutta's method.
