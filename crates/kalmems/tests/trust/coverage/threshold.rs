@@ -1,10 +1,10 @@
-//! Resonance, damping and comb of the threshold-sensing scanner from free decays, with a reference and without.
+//! Resonance, damping and comb of the threshold-sensing scanner from free decays with a reference, and what is said without one.
 
 use super::chance::Chance;
 use super::harm::{Harm, error, named, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
-use kalmems::diagnose::{identify, likeliest};
+use kalmems::diagnose::identify;
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use std::f64::consts::TAU;
@@ -49,9 +49,7 @@ fn decay(chance: &mut Chance, (amplitude, samples, noise): (f64, usize, f64), fo
 /// What stands beside the signal for a laboratory that has a position detector and set the start, and for one that has neither.
 fn beside(start: Option<[f64; 2]>) -> [String; 2] {
     let Some([angle, rate]) = start else {
-        let sought =
-            "[identify]\nparameters = [\"resonator.natural_frequency\", \"resonator.damping_ratio\"]\n";
-        return [sought.to_owned(), "start = \"from_signal\"".to_owned()];
+        return [String::new(), "start = \"from_signal\"".to_owned()];
     };
     let start = format!(
         "start = {{ angle = \"{angle:e} rad\", rate = \"{rate} rad/s\" }}\nstart_sd = {{ angle = \"5 mrad\", rate = \"20 rad/s\" }}"
@@ -130,32 +128,12 @@ fn identified(
     })
 }
 
-/// Without a reference: the scale of the angle is told up to 30 % wrong, resonance up to 1 % and damping up to 20 %. Threshold, gain and steepness
-/// are right for that scale, and the signal is the same with any; resonance and damping do not depend on it.
-fn without_reference(runs: u64, rows: &mut Rows) {
-    rows.of_recordings(0..runs, |seed, folder, rows| {
-        let mut chance = Chance::new(23_000 + seed);
-        decay(&mut chance, LONG, folder);
-        let [hz, ratio, scale] = [0.01, 0.2, 0.3].map(|limit| chance.between(-limit, limit).exp());
-        let told = told(folder, [hz, ratio, 1.0 / scale, 1.0 / scale, scale], None, NOISE_V);
-        let found = likeliest(published(), &told, &Silent).unwrap_or_else(|e| panic!("{seed}: {e}"));
-        for (place, name) in NAMES.into_iter().take(2).enumerate() {
-            rows.push(
-                &format!("threshold, without a reference, {name}"),
-                TRUTH[place],
-                &found.parameters[place],
-            );
-        }
-    });
-}
-
 /// What is known up to the scale alone is said where a reference is missing.
 #[test]
 fn a_decay_without_a_reference_is_refused_with_what_it_determines() {
     let folder = tempfile::tempdir().unwrap();
     decay(&mut Chance::new(1), LONG, folder.path());
-    let mut told = told(folder.path(), [1.0; 5], None, NOISE_V);
-    told.identify = None;
+    let told = told(folder.path(), [1.0; 5], None, NOISE_V);
     let why = identify(published(), &told, &Silent).unwrap_err().to_string();
     for part in ["scale of the angle", "gain and steepness smaller", "resonator.natural_frequency"] {
         assert!(why.contains(part), "{why}");
@@ -171,7 +149,6 @@ fn a_few_threshold_scanners() {
     let (mut rows, mut harm) = (Rows::default(), Harm::default());
     let ratios = identified("threshold", 2, LONG, 0.3, &mut rows);
     harm.take("threshold", ratios);
-    without_reference(2, &mut rows);
     harm.judge();
     rows.judge();
 }
@@ -182,7 +159,6 @@ fn slow_threshold_scanners() {
     let (mut rows, mut harm) = (Rows::default(), Harm::default());
     let ratios = identified("threshold", 100, LONG, 0.3, &mut rows);
     harm.take("threshold", ratios);
-    without_reference(100, &mut rows);
     let mut unjudged = Rows::default();
     harm.take("threshold, little told, right", identified("poor", 60, POOR, 0.0, &mut unjudged));
     harm.take("threshold, little told, wrong", identified("poor", 60, POOR, 0.3, &mut unjudged));
