@@ -6,7 +6,7 @@ use crate::fit::{
 use crate::identify::{Whiteness, fit_free_decay};
 use crate::progress::Progress;
 use kalmems_core::Portable;
-use kalmems_core::{Over, Scalar};
+use kalmems_core::{Covariance, Mat, Over, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
 use std::f64::consts::TAU;
 
@@ -376,10 +376,16 @@ impl DecayResiduals<'_> {
         [signal, if count >= FEWEST_SUMS { by_sums } else { by_samples }]
     }
 
-    fn outcome(&self, fit: Fit<COUNT>) -> DecayFit {
+    fn outcome(&self, mut fit: Fit<COUNT>) -> DecayFit {
         let p = &fit.parameters;
         let multiple = self.record.multiple;
         let count = self.tangents.len();
+        // The fit takes what it leaves for the noise; what interpolation took of the reference's noise is missing there.
+        let ([_, of_sample], [_, counted]) = (self.left(p), self.noise(p));
+        let lost = if counted > 0.0 { (of_sample / counted).powi(2) } else { 1.0 };
+        let (signal, reference) = (count as f64, count.saturating_sub(self.quarter) as f64);
+        let expected = (signal + lost * reference) / (signal + reference);
+        let covariance = Mat::from_fn(|i, j| fit.covariance.get(i, j) / expected);
         let motion: Vec<[f64; 2]> = (0..count).map(|k| swing(p, k as f64 * self.record.interval_s)).collect();
         let fitted: Vec<[f64; 2]> = (0..count)
             .map(|k| [self.signal_at(p, k), self.reference_at(p, k).portable_atan() / multiple])
@@ -394,15 +400,9 @@ impl DecayResiduals<'_> {
                 .collect()
         };
         let whiteness = [0, 1].map(|channel| Whiteness::of(&left(channel)));
-        DecayFit {
-            deviations: self.left(p),
-            fit,
-            motion,
-            fitted,
-            whiteness,
-            left_out: [0; 2],
-            shape: self.record.shape,
-        }
+        let deviations = self.left(p);
+        fit.covariance = Covariance::from_lower(covariance);
+        DecayFit { deviations, fit, motion, fitted, whiteness, left_out: [0; 2], shape: self.record.shape }
     }
 }
 
