@@ -89,12 +89,22 @@ pub struct Axis {
     pub scale: AxisScale,
     /// From and to; taken from the data where there is none.
     pub range: Option<[f64; 2]>,
+    /// What stands beside the values 0, −1, −2 … in place of numbers; none where the axis has numbers.
+    pub names: Vec<String>,
 }
 
 impl Axis {
     /// A linear axis over all of the data.
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self { label: label.into(), unit: unit.into(), scale: AxisScale::Linear, range: None }
+        let (label, unit) = (label.into(), unit.into());
+        Self { label, unit, scale: AxisScale::Linear, range: None, names: Vec::new() }
+    }
+
+    /// An axis of things with these names, the first at 0 and each further one below it by 1.
+    pub fn of_names(names: impl IntoIterator<Item = String>) -> Self {
+        let names: Vec<String> = names.into_iter().collect();
+        let range = Some([-(names.len() as f64) + 0.4, 0.6]);
+        Self { range, names, ..Self::new("", "") }
     }
 
     /// Makes it logarithmic.

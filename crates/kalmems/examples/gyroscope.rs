@@ -1,13 +1,19 @@
-//! Makes the simulated records of `examples/gyroscope`, and the tables and the picture of the book's chapter on
+//! Makes the simulated records of `examples/gyroscope`, and the tables and the pictures of the book's chapter on
 //! calibration, again.
 //!
 //!     cargo run --release --example gyroscope
 
 use kalmems::applications::calibration::{
-    NoiseShare, NoiseStudy, OffAxisMotion, SimulatedInstrument, SimulatedUnit, Vibration,
+    GyroscopeCalibration, NoiseShare, NoiseStudy, OffAxisMotion, SimulatedInstrument, SimulatedUnit,
+    Vibration, calibrate, calibration_figures,
 };
+use kalmems::diagnose::identify;
 use kalmems::figures::{Axis, Figure, Panel, Series, SeriesRole};
+use kalmems::progress::Silent;
+use kalmems::results::{Metrics, Output, RunInfo, Work, WriteOptions, write_estimate};
+use kalmems::rigs::published;
 use kalmems::simulate::WhiteNoise;
+use kalmems::workflow;
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_models::dynamics::TorsionalResonator;
 use kalmems_models::inertial::{SampleClock, SpecificForce, Triad};
@@ -16,6 +22,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
+use std::time::{Duration, SystemTime};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -26,7 +33,28 @@ fn main() -> Result<(), Box<dyn Error>> {
     let shares = noise()?;
     fs::write(figures.join("calibration_noise.md"), noise_table(&shares))?;
     fs::write(figures.join("calibration_noise.svg"), noise_figure(&shares).to_svg())?;
+    fs::write(figures.join("calibration_budget.svg"), budget_by_stage(&root)?.to_svg())?;
     Ok(())
+}
+
+/// The budget of the scale factor by the stage, from the raw recordings of `examples/micro_stage` on: gaps and gains are identified, the rate
+/// of the stage is estimated with them, and the gyroscope is calibrated by it.
+fn budget_by_stage(root: &Path) -> Result<Figure, Box<dyn Error>> {
+    let stated = published().load(&root.join("examples/micro_stage/experiment.toml"))?;
+    let identified = identify(published(), &stated, &Silent)?.experiment;
+    let outcome = workflow::estimate(published(), &identified, &Silent)?;
+    let folder = tempfile::tempdir()?;
+    let estimated = folder.path().join("micro_stage");
+    let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
+    let output =
+        Output::begin(&estimated, &Work::of_file("estimate", identified.path(), identified.files()))?;
+    write_estimate(&outcome, &Metrics::of(&outcome), &output, WriteOptions::default(), info, &|| false)?;
+    output.commit()?;
+    let file = root.join("examples/gyroscope/by_stage.toml");
+    let text = fs::read_to_string(&file)?.replace("../../out/micro_stage", &estimated.to_string_lossy());
+    let found = calibrate(&GyroscopeCalibration::parse(&text, &file)?, &Silent)?;
+    let budget = calibration_figures(&found).into_iter().find(|figure| figure.id == "budget-room-stage");
+    budget.ok_or_else(|| "no budget of the scale factor by the stage".into())
 }
 
 /// A unit whose axes are some milliradians from square, in a case that is turned by some more.

@@ -467,6 +467,9 @@ fn of_records(result: &CalibratedGyroscope) -> Figure {
     .with(records)
 }
 
+/// Half the height of a bar, of rows that are 1 apart.
+const HALF_BAR: f64 = 0.3;
+
 /// What each input adds to the uncertainty of a scale factor, and all together.
 fn of_budget(result: &CalibratedGyroscope) -> Figure {
     let mut parts: Vec<(&str, f64)> =
@@ -474,19 +477,24 @@ fn of_budget(result: &CalibratedGyroscope) -> Figure {
     let all = 1e6 * result.scale_factor.uncertainty / result.scale_factor.value.abs();
     parts.retain(|(_, ppm)| *ppm > 1e-3 * all);
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let rows = std::iter::once(("combined", all)).chain(parts);
-    let mut panel =
-        Panel::new(Axis::new("standard uncertainty", "ppm"), Axis::new("row of the legend, from above", ""));
-    for (place, (name, ppm)) in rows.enumerate() {
-        let y = -(place as f64) - 1.0;
-        let role = if place == 0 { SeriesRole::Estimate } else { SeriesRole::Other };
-        panel = panel.with(Series::line(format!("{} {ppm:.1} ppm", short(name)), role, [(0.0, y), (ppm, y)]));
+    let rows: Vec<(&str, f64)> = std::iter::once(("combined", all)).chain(parts).collect();
+    let names = rows.iter().map(|(name, ppm)| format!("{}: {ppm:.1}", short(name)));
+    // Negative correlations leave less of all together than of one.
+    let widest = rows.iter().map(|(_, ppm)| *ppm).fold(0.0, f64::max);
+    let mut panel = Panel::new(
+        Axis::new("standard uncertainty", "ppm").between(0.0, 1.05 * widest),
+        Axis::of_names(names),
+    );
+    for (place, (_, ppm)) in rows.iter().enumerate() {
+        let (low, high) = (-(place as f64) - HALF_BAR, -(place as f64) + HALF_BAR);
+        let role = if place == 0 { SeriesRole::Estimate } else { SeriesRole::Model };
+        panel = panel.with(Series::band("", role, [(0.0, low, high), (*ppm, low, high)]));
     }
     Figure::new(
         format!("budget-{}-{}", result.condition, result.reference),
         format!("Budget of the scale factor: condition {}, reference {}", result.condition, result.reference),
-        "Standard uncertainties of the scale factor by what they come from, largest first below all together. What nobody stated is not \
-         in it, and what is below a thousandth of all is left out.",
+        "Standard uncertainties of the scale factor in ppm by what they come from, largest first below all together. What nobody stated is \
+         not in it, and what is below a thousandth of all is left out.",
     )
     .with(panel)
 }

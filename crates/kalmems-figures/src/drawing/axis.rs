@@ -92,6 +92,9 @@ pub(crate) struct Ticks {
 impl Ticks {
     /// About `count` marks at most.
     pub(crate) fn new(axis: &Axis, range: Range, count: f64) -> Self {
+        if !axis.names.is_empty() {
+            return named_ticks(axis);
+        }
         match range.scale {
             AxisScale::Linear => linear_ticks(axis, range, count),
             AxisScale::Log => log_ticks(axis, range, count),
@@ -101,6 +104,12 @@ impl Ticks {
     pub(crate) fn none(axis: &Axis) -> Self {
         Self { major: Vec::new(), minor: Vec::new(), title: with_unit(&axis.label, &axis.unit) }
     }
+}
+
+fn named_ticks(axis: &Axis) -> Ticks {
+    let names = axis.names.iter().enumerate();
+    let major = names.map(|(place, name)| Tick { at: -(place as f64), label: name.clone() });
+    Ticks { major: major.collect(), minor: Vec::new(), title: with_unit(&axis.label, &axis.unit) }
 }
 
 /// A mark is a whole number of `10^exponent`.
@@ -253,6 +262,17 @@ mod tests {
         let axis = Axis::new("q", unit);
         let got = Ticks::new(&axis, Range { scale: AxisScale::Linear, low, high }, count);
         (got.major.iter().map(|t| t.label.as_str()).collect::<Vec<_>>().join(" "), got.title)
+    }
+
+    #[test]
+    fn names_stand_in_place_of_numbers_within_the_range() {
+        let axis = Axis::of_names(["all".to_owned(), "noise".to_owned()]);
+        let range = Range::fixed(&axis).unwrap();
+        let ticks = Ticks::new(&axis, range, 3.0);
+        let marks: Vec<(f64, &str)> = ticks.major.iter().map(|tick| (tick.at, tick.label.as_str())).collect();
+        assert_eq!(marks, [(0.0, "all"), (-1.0, "noise")]);
+        assert!(marks.iter().all(|(at, _)| (0.0..=1.0).contains(&range.position(*at))), "{range:?}");
+        assert!(ticks.title.is_empty() && ticks.minor.is_empty());
     }
 
     #[test]

@@ -175,7 +175,7 @@ fn axis(axis: &Axis, range: Range) -> Value {
     let prefix =
         if axis.scale == AxisScale::Log { prefixed(&axis.unit, 1.0) } else { prefixed(&axis.unit, largest) };
     let unit = if prefix.is_power { format!("·{}", prefix.unit) } else { prefix.unit.clone() };
-    json!({
+    let mut shown = json!({
         "title": with_printed_unit(&axis.label, &prefix.unit),
         "unit": unit,
         "exponent": prefix.exponent,
@@ -183,7 +183,11 @@ fn axis(axis: &Axis, range: Range) -> Value {
         "from": range.low,
         "to": range.high,
         "fixed": axis.range.is_some(),
-    })
+    });
+    if !axis.names.is_empty() {
+        shown["names"] = json!(axis.names);
+    }
+    shown
 }
 
 fn drawn_as(series: &Series, colour: &str) -> LiveSeries {

@@ -280,6 +280,17 @@
       });
   }
 
+  /** A vertical axis with names at 0, -1, -2 ...; on a narrow page names are cut to what fits beside the plot. */
+  function named(names, width) {
+    const perCharacter = 6.6;
+    const longest = Math.max(...names.map((name) => name.length));
+    const size = Math.round(Math.min(20 + perCharacter * longest, 0.45 * width));
+    const fits = Math.floor((size - 20) / perCharacter);
+    const cut = (name) => (name.length > fits ? `${name.slice(0, Math.max(1, fits - 1))}\u2026` : name);
+    const places = names.map((_, place) => place + 1 - names.length);
+    return { size, splits: () => places, filter: (plot, splits) => splits, values: (plot, splits) => splits.map((at) => cut(names[Math.round(-at)] ?? "")) };
+  }
+
   /** Steps of ticks: 1, 2 and 5 times a power of ten. */
   const steps = Array.from({ length: 3 * 60 }, (_, i) => +`${[1, 2, 5][i % 3]}e${Math.floor(i / 3) - 35}`);
 
@@ -631,6 +642,7 @@
     }
 
     valueText(series, at, span) {
+      if (this.y.names) return "";
       if (series.kind === "level") return quantity(this.y, series.level, span);
       if (!series.samples) return "\u2013";
       const { min, max } = this.plot.scales.x;
@@ -735,7 +747,7 @@
         },
         axes: [
           { scale: "x", stroke: ink, grid, ticks: tick, font, labelFont: font, labelSize: 18, size: this.isLowest ? 32 : 6, label: this.isLowest ? this.x.title : undefined, values: this.isLowest ? ticks(this.x) : () => [], space: 70, ...(this.x.log ? logarithmic : { incrs: steps }) },
-          { scale: "y", stroke: ink, grid, ticks: tick, font, labelFont: font, labelSize: 18, size: 56, label: this.y.title, values: ticks(this.y), space: 26, ...(this.y.log ? logarithmic : { incrs: steps }) },
+          { scale: "y", stroke: ink, grid, ticks: tick, font, labelFont: font, labelSize: 18, size: 56, label: this.y.title, values: ticks(this.y), space: 26, ...(this.y.log ? logarithmic : { incrs: steps }), ...(this.y.names ? named(this.y.names, this.width()) : {}) },
         ],
         series: [{}, { scale: "y", stroke: "transparent", points: { show: false } }],
         cursor: {

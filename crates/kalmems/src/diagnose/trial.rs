@@ -58,8 +58,9 @@ pub(super) struct DiagnosisTrial {
     pub(super) at_end: Vec<(&'static str, f64)>,
     /// What the tests find.
     pub(super) tests: Vec<TestResult>,
-    /// Whether the filter lost the motion.
+    /// Whether the filter lost the motion, and for how long of the time that is looked at, in s.
     loses_lock: bool,
+    lost_s: f64,
     /// Whether it stands in for the experiment as it is, with which the filter cannot be run.
     stands_in: bool,
     /// Whether a parameter that is a state speaks against it.
@@ -121,6 +122,8 @@ impl DiagnosisTrial {
             .filter_map(|prior| Some((prior.name, *trajectory.state(prior.name)?.mean.last()?)))
             .collect();
         self.loses_lock |= !trajectory.lock.held();
+        let spans = trajectory.lock.lost_spans.iter();
+        self.lost_s += spans.map(|[from_s, to_s]| (to_s.min(last) - from_s.max(first)).max(0.0)).sum::<f64>();
         if judged == Judged::No {
             return Some(());
         }
@@ -219,6 +222,11 @@ impl DiagnosisTrial {
     /// Whether the filter follows the motion, be its answer right or not.
     pub(super) const fn follows(&self) -> bool {
         !self.loses_lock && !self.stands_in
+    }
+
+    /// For how long of the time that is looked at the filter had lost the motion, in s.
+    pub(super) const fn lost_s(&self) -> f64 {
+        self.lost_s
     }
 
     /// Whether nothing is left that would have to be explained: no test finds what a filter that is right shows less than once in a

@@ -867,6 +867,37 @@ fn a_dithered_recording_determines_spring_damping_and_mass() {
     assert_eq!(device.proof_mass.spring.si(), 3.0);
 }
 
+/// Without a dither the recording names one that determines the mechanics, as a table; simulated and identified by a laboratory that has them
+/// wrong, it determines them as well as was said.
+#[test]
+fn a_proposed_dither_determines_the_mechanics_as_well_as_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let (recorded, truth) = dithered(5, false);
+    let blind = from_files(folder.path(), &told(&settled(), [1.0; 3]), &recorded, &truth);
+    let (found, _) = identified(&blind);
+    let note = found.notes.iter().find(|note| note.contains("another recording would determine")).unwrap();
+    println!("{note}");
+    let (promises, simulate) = note.split_once("\n\n").unwrap();
+    let mut document: toml::Table = simulation("", &[]).to_toml().unwrap().parse().unwrap();
+    document.extend(simulate.parse::<toml::Table>().unwrap());
+    let text = toml::to_string(&document).unwrap();
+    let proposed = published().parse(&text, Path::new("experiment.toml")).unwrap();
+    let (recorded, truth) = simulated(&proposed).unwrap();
+    let wrong = from_files(folder.path(), &told(&settled(), [0.8, 1.2, 1.2]), &recorded, &truth);
+    let (_, mechanics) = identified(&wrong);
+    let mut promised = 0;
+    for (parameter, truth) in mechanics.iter().zip(TRUTH) {
+        let claimed = parameter.standard_error / truth;
+        assert!((parameter.value / truth - 1.0).abs() < 4.0 * claimed, "{parameter:?}");
+        // What was determined before is not promised.
+        let Some((_, rest)) = promises.split_once(&format!("{} to ", parameter.name)) else { continue };
+        let said = rest.split_once(" %").unwrap().0.parse::<f64>().unwrap() / 100.0;
+        assert!((0.7..1.4).contains(&(claimed / said)), "{parameter:?}: {claimed} for {said}");
+        promised += 1;
+    }
+    assert!(promised > 0, "{promises}");
+}
+
 /// Told a device with all wrong by 20 %, and that it may be: Schmidt's filter claims what it does not know, and the bank
 /// finds the model that is nearest. Told the truth, the bank's weights go there.
 #[test]

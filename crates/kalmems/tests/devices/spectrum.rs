@@ -205,6 +205,14 @@ fn a_late_detector_is_found_and_its_cost_predicted() {
     assert!(left < 0.999 && (left - predicted.height).abs() < 0.1 * (1.0 - left), "{left} {predicted:?}");
     let told = scene.measure(&|_| 0.0, "#told\n");
     assert!(told.residual_delay_s.unwrap().0.abs() < 0.1e-9, "{:?}", told.residual_delay_s);
+    // A correction of the phase removes the delay as well, and the summary says that it is not determined.
+    let corrected =
+        |text: String| text.replacen("phase = \"none\"", "phase = \"mertz\"\nmethod = \"resampled\"", 1);
+    let corrected = scene.try_measure(&|_| 0.0, &corrected).unwrap();
+    let says = |outcome: &SpectrumOutcome| {
+        SpectrumMetrics::of(outcome).to_text().contains("delay of the detector is not determined")
+    };
+    assert!(says(&corrected) && !says(&late));
 }
 
 #[test]

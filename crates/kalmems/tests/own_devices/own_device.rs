@@ -202,15 +202,26 @@ const SOUGHT: [(&str, &str, &str, f64); 3] = [
 /// What is identified of `parameters` from a recording of this seed, of an experiment with these changes of its text.
 fn identified(seed: u64, changes: &[(&str, &str, &str)], parameters: &str) -> Identification {
     // The filter's process noise acts on the device as well: a filter with more than its device claims larger errors than it makes.
-    let (told, simulated) = with_wrong_numbers(seed, "v = \"1e-7[m^2/s^3]\"");
+    let (told, simulated) = with_wrong_numbers(seed, NOISE_OF_RATE);
+    identified_from((&told, &simulated, usize::MAX), changes, parameters)
+}
+
+const NOISE_OF_RATE: &str = "v = \"1e-7[m^2/s^3]\"";
+
+/// The same of no more than so many rows.
+fn identified_from(
+    (told, simulated, rows): (&Experiment, &ComputedRecording, usize),
+    changes: &[(&str, &str, &str)],
+    parameters: &str,
+) -> Identification {
     let folder = tempfile::tempdir().unwrap();
-    let layout = published().rig(&told).unwrap().layout(&told, 0).unwrap();
+    let layout = published().rig(told).unwrap().layout(told, 0).unwrap();
     let recording: SampledRecording = simulated.recorded(&layout).unwrap();
     let segment = &recording.segments()[0];
     let mut csv = "time_s,drive_V,signal_V\n".to_owned();
     let column = |name: &str| recording.column(name).unwrap().of(segment).to_vec();
     let (drive, signal) = (column("drive_V"), column("signal_V"));
-    for k in 0..drive.len() {
+    for k in 0..drive.len().min(rows) {
         writeln!(csv, "{},{},{}", segment.time.at(k), drive[k], signal[k]).unwrap();
     }
     std::fs::write(folder.path().join("recording.csv"), csv).unwrap();
@@ -259,6 +270,51 @@ fn what_is_stated_of_a_number_is_its_prior_distribution() {
     assert!((alone.value - 3.0159e-7).abs() < 4.0 * alone.standard_error, "{alone:?}");
     assert!((vague.value - alone.value).abs() < 0.01 * alone.standard_error, "{alone:?} {vague:?}");
     assert!((fixed.value / 3.6e-7 - 1.0).abs() < 1e-6 && fixed.standard_error < 1e-8 * 3.6e-7, "{fixed:?}");
+}
+
+/// An amplifier that inverts, told as one that does not, is found with its sign.
+#[test]
+fn a_sensitivity_with_the_wrong_sign_is_found_with_the_right_one() {
+    let inverted = [("sensitivity", "0.2 V/um", "-0.21 V/um")];
+    let found = identified(14, &inverted, "\"sensitivity\"");
+    let sensitivity = &found.parameters[0];
+    assert!((sensitivity.value - 0.2e6).abs() < 4.0 * sensitivity.standard_error, "{sensitivity:?}");
+    assert!(found.undetermined.is_empty(), "{:?}", found.undetermined);
+}
+
+/// A readout of a volt, of which a short recording tells little.
+const MUCH_NOISE: (&str, &str) = ("signal = \"1e-6[V^2]\"", "signal = \"1[V^2]\"");
+
+/// What a short recording does not determine, the one that is proposed determines as well as it says: the printed table is simulated and
+/// identified from.
+#[test]
+fn a_proposed_recording_determines_a_parameter_as_well_as_it_says() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/comb_resonator/simulation.toml");
+    let text = std::fs::read_to_string(&file)
+        .unwrap()
+        .replace(MUCH_NOISE.0, &format!("{}\n{NOISE_OF_RATE}", MUCH_NOISE.1));
+    let recorded = |text: &str| {
+        let experiment = published().parse(text, &file).unwrap();
+        let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
+        let simulated = ComputedRecording::of(simulation.as_ref(), &Silent).unwrap();
+        (described(&experiment, simulation.as_ref()), simulated)
+    };
+    let (told, simulated) = recorded(&text);
+    let wrong = [("b", "3.0159e-7 N s/m", "3.6e-7 N s/m")];
+    let short = identified_from((&told, &simulated, 5_200), &wrong, "\"b\", \"k\"");
+    println!("{:?}\n{:?}\n{}", short.parameters, short.undetermined, short.notes.join("\n"));
+    assert!(short.undetermined.iter().any(|one| one.what == "parameters.b"), "{:?}", short.undetermined);
+    let note = short.notes.iter().find(|note| note.contains("another recording would determine")).unwrap();
+    let promised = note.split_once("parameters.b` to ").unwrap().1.split_once(" %").unwrap().0;
+    let promised: f64 = promised.parse::<f64>().unwrap() / 100.0;
+    let (_, simulate) = note.split_once("\n\n").unwrap();
+    let mut document: toml::Table = text.parse().unwrap();
+    document.extend(simulate.parse::<toml::Table>().unwrap());
+    let (told, simulated) = recorded(&toml::to_string(&document).unwrap());
+    let found = identified_from((&told, &simulated, usize::MAX), &wrong, "\"b\", \"k\"");
+    let (b, claimed) = (&found.parameters[0], found.parameters[0].standard_error / 3.0159e-7);
+    assert!((0.7..1.4).contains(&(claimed / promised)), "{claimed} for {promised}");
+    assert!((b.value / 3.0159e-7 - 1.0).abs() < 4.0 * promised, "{b:?}");
 }
 
 /// 40 seeds that nothing was chosen by: of 120 intervals of 95 % at least 106 hold the truth (a probability of 0.3 % of fewer if

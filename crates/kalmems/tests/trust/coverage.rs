@@ -4,6 +4,8 @@
 
 mod accelerometer;
 pub mod chance;
+mod detuned;
+mod gyroscope;
 mod harm;
 mod piston;
 mod rows;

@@ -344,11 +344,10 @@ impl SpectrumMetrics {
                      distance apart (they are one factor), a cone of light (state `half_angle`)\n";
         }
         if let Some(correction) = &self.correction {
-            text += &format!("  write `{} = \"{}\"`", correction.key, correction.write);
-            if let Some(sd) = &correction.sd {
-                text += &format!(" (± {sd})");
-            }
-            text += &format!(" instead of `\"{}\"`\n", correction.was);
+            // With its uncertainty, so that a filter that is told so considers it.
+            let sd = correction.sd.as_ref().map_or_else(String::new, |sd| format!(" ± {sd}"));
+            let (key, write, was) = (correction.key, &correction.write, &correction.was);
+            text += &format!("  write `{key} = \"{write}{sd}\"` instead of `\"{was}\"`\n");
         }
         if let Some(reference) = &self.reference {
             text += &format!(

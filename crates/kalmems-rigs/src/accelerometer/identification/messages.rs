@@ -1,9 +1,10 @@
 //! Messages about the identification.
 
 use super::likelihood::unknown;
+use super::proposal::DitherProposal;
 use super::record::IdentificationRecord;
 use super::visibility::{Visibility, chance};
-use super::{AccelerometerOutcome, WORTH_SETTING};
+use super::{AccelerometerOutcome, MECHANICS, WORTH_SETTING};
 use crate::identify::{Correlated, Identification, Identified, NumberStatus, Undetermined};
 use kalmems_core::Scalar;
 use kalmems_models::constants::STANDARD_GRAVITY;
@@ -84,6 +85,19 @@ pub fn of(
     identification
         .notes
         .extend(record.material.diagnosis.iter().map(|finding| format!("{place}: {finding}")));
+}
+
+/// The recording that would determine what this one does not.
+pub fn proposed(there: &DitherProposal, outcome: &AccelerometerOutcome) -> String {
+    let untold = MECHANICS.iter().zip(there.deviations).filter(|((_, place), _)| !outcome.is_known(*place));
+    let each =
+        untold.map(|((_, place), deviation)| format!("{} to {:.2} %", NAMES[*place].0, 100.0 * deviation));
+    format!(
+        "another recording would determine {} ({}); as a table, to be tried with `kalmems simulate`:\n\n{}",
+        each.collect::<Vec<_>>().join(", "),
+        there.what,
+        there.simulate.trim_end()
+    )
 }
 
 /// What tells the mechanics whatever the acceleration is.

@@ -7,6 +7,7 @@ mod figures;
 mod likelihood;
 mod messages;
 mod profile;
+mod proposal;
 mod record;
 mod search;
 mod visibility;
@@ -26,6 +27,7 @@ use crate::progress::{Progress, Silent};
 use kalmems_core::Scalar;
 use likelihood::{Likelihood, forgotten_after, unknown};
 use profile::{Ends, profiles};
+use proposal::proposal;
 use record::IdentificationRecord;
 use search::{LikelihoodMaximum, LikelihoodSearchError, search, search_from};
 use std::f64::consts::TAU;
@@ -151,6 +153,13 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     };
     messages::of(&mut identification, &record, &outcome);
     apply(&mut identification.experiment, &outcome)?;
+    if MECHANICS.iter().any(|(_, place)| !outcome.is_known(*place)) {
+        progress.begin("simulating another recording", 0);
+        let like = (data.interval_s, data.signal.len());
+        if let Some(there) = proposal(&identification.experiment, like, progress).map_err(refused)? {
+            identification.notes.push(messages::proposed(&there, &outcome));
+        }
+    }
     identification.materials.push(record.material);
     Ok(identification)
 }

@@ -6,7 +6,7 @@ use crate::fit::{
 use crate::identify::{Whiteness, fit_free_decay};
 use crate::progress::Progress;
 use kalmems_core::Portable;
-use kalmems_core::{Over, Scalar};
+use kalmems_core::{Covariance, Mat, Over, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
 use std::f64::consts::TAU;
 
@@ -121,7 +121,9 @@ const LEAST_EXPLAINED: f64 = 0.1;
 ///
 /// θ(t) = e^{−αt}·(a·cos ω_d·t + b·sin ω_d·t) with α = ζω_n and ω_d = ω_n·√(1 − ζ²); the signal is
 /// h(θ(t))·θ̇(t) + y₀ with h of a [`CombCurve`], the reference tan(m·(θ(t − τ) + c)). Each channel is weighted by the noise
-/// that the fit itself leaves in it. The standard errors are those of the Cramér–Rao bound if both noises are white.
+/// that the fit itself leaves in it: the signal by its samples, the reference by sums of neighbours, since a reference whose delay is stated or whose
+/// clock is another has been interpolated, which leaves less noise in a sample and as much in a mean. The standard errors are those of the
+/// Cramér–Rao bound if the noise of the signal is white, and that of the reference over more than 16 samples.
 ///
 /// The start is the damped sine of the reference, and the best of a grid of delays within a quarter of a cycle and
 /// of steepnesses: beyond, a delay and the motion's other direction are not told apart well. The first quarter of a cycle
@@ -163,12 +165,12 @@ fn fit_samples(record: &DecayRecord, progress: &dyn Progress) -> Result<DecayFit
     // An exact record leaves nothing, and nothing cannot weigh.
     let least = law.sizes().map(|size| 1e-6 * size);
     let weights = |left: [f64; 2]| [0, 1].map(|i| left[i].max(least[i]));
-    law.deviations = weights(law.left(&start));
+    law.deviations = weights(law.noise(&start));
     let mut rounds = 0;
     let found = loop {
         let found = fit_until(&ByDual(&law), &settings, progress)?;
         settings.start = found.parameters;
-        let next = weights(law.left(&found.parameters));
+        let next = weights(law.noise(&found.parameters));
         let settled = (0..2).all(|i| (next[i] / law.deviations[i] - 1.0).abs() < 1e-4);
         rounds += 1;
         if rounds == ROUNDS || settled {
@@ -300,6 +302,10 @@ const DELAYS: i32 = 24;
 /// Steepnesses of the search: from one to a hundred amplitudes of the motion.
 const STEEPNESSES: i32 = 16;
 
+/// Samples of the reference that are added up to see its noise, and the fewest such sums.
+const NEIGHBOURS: usize = 16;
+const FEWEST_SUMS: f64 = 50.0;
+
 /// Samples that the search looks at.
 const SEARCH: usize = 2048;
 
@@ -351,10 +357,35 @@ impl DecayResiduals<'_> {
         sums.map(|[sum, count]| (sum / (count - 0.5 * COUNT as f64).max(1.0)).sqrt())
     }
 
-    fn outcome(&self, fit: Fit<COUNT>) -> DecayFit {
+    /// What counts as the noise of a sample: of the reference the root mean square of sums over neighbours, as if it were white.
+    fn noise(&self, p: &[f64; COUNT]) -> [f64; 2] {
+        let [signal, by_samples] = self.left(p);
+        let (mut square, mut count) = (0.0, 0.0);
+        for (block, seen) in
+            self.tangents.chunks_exact(NEIGHBOURS).enumerate().skip(self.quarter / NEIGHBOURS + 1)
+        {
+            let each =
+                seen.iter().enumerate().map(|(k, seen)| seen - self.reference_at(p, block * NEIGHBOURS + k));
+            let sum: f64 = each.sum();
+            if sum.is_finite() {
+                square += sum * sum / NEIGHBOURS as f64;
+                count += 1.0;
+            }
+        }
+        let by_sums = f64::sqrt(square / f64::max(count, 1.0));
+        [signal, if count >= FEWEST_SUMS { by_sums } else { by_samples }]
+    }
+
+    fn outcome(&self, mut fit: Fit<COUNT>) -> DecayFit {
         let p = &fit.parameters;
         let multiple = self.record.multiple;
         let count = self.tangents.len();
+        // The fit takes what it leaves for the noise; what interpolation took of the reference's noise is missing there.
+        let ([_, of_sample], [_, counted]) = (self.left(p), self.noise(p));
+        let lost = if counted > 0.0 { (of_sample / counted).powi(2) } else { 1.0 };
+        let (signal, reference) = (count as f64, count.saturating_sub(self.quarter) as f64);
+        let expected = (signal + lost * reference) / (signal + reference);
+        let covariance = Mat::from_fn(|i, j| fit.covariance.get(i, j) / expected);
         let motion: Vec<[f64; 2]> = (0..count).map(|k| swing(p, k as f64 * self.record.interval_s)).collect();
         let fitted: Vec<[f64; 2]> = (0..count)
             .map(|k| [self.signal_at(p, k), self.reference_at(p, k).portable_atan() / multiple])
@@ -369,15 +400,9 @@ impl DecayResiduals<'_> {
                 .collect()
         };
         let whiteness = [0, 1].map(|channel| Whiteness::of(&left(channel)));
-        DecayFit {
-            deviations: self.left(p),
-            fit,
-            motion,
-            fitted,
-            whiteness,
-            left_out: [0; 2],
-            shape: self.record.shape,
-        }
+        let deviations = self.left(p);
+        fit.covariance = Covariance::from_lower(covariance);
+        DecayFit { deviations, fit, motion, fitted, whiteness, left_out: [0; 2], shape: self.record.shape }
     }
 }
 

@@ -48,11 +48,14 @@ pub fn of(identification: &mut Identification, material: &Material, found: &Deca
             ));
         }
     }
-    for (whiteness, channel) in found.decay.whiteness.iter().zip(["signal", "reference"]) {
+    let counted =
+        ["are those of white noise", "include a memory of a few samples, as interpolation leaves it"];
+    let channels = ["signal", "reference"].into_iter().zip(counted);
+    for (whiteness, (channel, counted)) in found.decay.whiteness.iter().zip(channels) {
         if whiteness.samples > 0 && !whiteness.is_white() {
             identification.warnings.push(format!(
                 "{place}, {channel}: the residuals are not white (Durbin-Watson {:.2}, Ljung-Box p = {:.1e}): the \
-                 model leaves something, or the noise has a memory; the standard errors are those of white noise",
+                 model leaves something, or the noise has a memory; the standard errors {counted}",
                 whiteness.durbin_watson, whiteness.probability
             ));
         }

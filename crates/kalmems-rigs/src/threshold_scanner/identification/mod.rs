@@ -55,8 +55,10 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         experiment.error("recording", ConfigFault::Value { why })
     })?;
     if material.angle.is_empty() {
-        let why = "it has no reference; the signal alone does not know the scale of the angle: name the column of \
-                   the position detector or of the angle under `[recording.reference]`";
+        let why = "it has no reference, and the signal alone does not know the scale of the angle: an angle and a threshold that are both larger \
+                   by a factor, with gain and steepness smaller by it, give the same signal. Name the column of the position detector or of the \
+                   angle under `[recording.reference]`, or identify what does not depend on the scale: `[identify]` with `parameters = \
+                   [\"resonator.natural_frequency\", \"resonator.damping_ratio\"]`";
         return Err(material.unfit(why.to_owned()));
     }
     drive_is_off(experiment, &material, progress)?;

@@ -9,6 +9,7 @@ use crate::diagnose::bench::{TestedRows, TrialBench};
 use crate::diagnose::document::{document, keep_recordings, text};
 use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
 use crate::identify::{Identification, IdentifyError, Undetermined};
+use crate::inspect::quantity;
 use crate::progress::Progress;
 use crate::rigs::Workbench;
 
@@ -23,7 +24,9 @@ const ROWS: TestedRows = TestedRows(50_000);
 /// - Where the recordings do not speak against the numbers of the file, what remains unknown of those that were found must not move the
 ///   answer by more than a part of the error that the filter claims: who was told the truth is not to be told a guess.
 ///
-/// Nothing is asked where the filter does not follow the motion with the numbers of the file: anything that follows it is better.
+/// - The filter must not lose the motion with what was found for longer than it did before.
+///
+/// The first two are not asked where the filter does not follow the motion with the numbers of the file: anything that follows it is better.
 pub(super) fn confirmed(
     workbench: &Workbench,
     experiment: &Experiment,
@@ -44,14 +47,20 @@ pub(super) fn confirmed(
     let Some(before) = bench(workbench, stated, progress)?.and_then(|bench| bench.run_unjudged(&[])) else {
         return Ok(found);
     };
-    let Some(bench) = bench(workbench, &told, progress)?.filter(|_| before.follows()) else {
-        return Ok(found);
-    };
+    let Some(bench) = bench(workbench, &told, progress)? else { return Ok(found) };
     let after = bench.run_unjudged(&[]);
     if progress.reached(0).is_break() {
         return Err(IdentifyError::Interrupted);
     }
     let why = match after {
+        Some(after) if after.lost_s() > before.lost_s() => {
+            let lost_s = quantity(after.lost_s() - before.lost_s(), "s");
+            Some(format!(
+                "with what was found the filter loses the motion for {lost_s} more than with the numbers of the file: another number is wrong, which these recordings \
+                 do not determine; identify it from a recording that determines it, or ask `kalmems diagnose`"
+            ))
+        }
+        Some(_) if !before.follows() => None,
         Some(after) => harm(&bench, (&before, &after), tests.is_some()),
         None => Some("with what was found the filter cannot be run".to_owned()),
     };

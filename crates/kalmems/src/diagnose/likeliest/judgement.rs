@@ -28,7 +28,8 @@ pub(super) fn by_chance(count: f64) -> f64 {
 /// - with the numbers of one half of the recordings the innovations of the other half are not less likely than chance allows
 ///   (cross-validation), and
 /// - the recordings speak against what is stated (likelihood ratio, one in a hundred), or what remains unknown of the numbers moves the answer
-///   by less than 0.3 of the error that the filter claims.
+///   by less than 0.3 of the error that the filter claims, and
+/// - the filter does not lose the motion for longer with them than before.
 ///
 /// Else the experiment keeps what it says. A filter that is told the truth is not made worse by a recording that hardly tells it.
 pub(super) struct NumberJudgement {
@@ -53,6 +54,8 @@ pub(super) enum NumberVerdict {
     Agrees,
     /// With the numbers of one half of the recordings the other half is less likely than before.
     NotConfirmed,
+    /// With it the filter loses the motion for longer than before.
+    LosesMotion,
 }
 
 impl NumberJudgement {
@@ -160,7 +163,11 @@ fn refused(
         }
     }
     let moved = with(suspects.len(), found, group);
-    let gain = likelihood(&moved, TrialBlocks::All)? - likelihood(&stated, TrialBlocks::All)?;
+    let after = sought.run(suspects, &moved)?;
+    if sought.base.is_its_own() && after.lost_s() > sought.base.lost_s() {
+        return Some(NumberVerdict::LosesMotion);
+    }
+    let gain = after.log_likelihood(TrialBlocks::All) - likelihood(&stated, TrialBlocks::All)?;
     // Where the filter does not follow the motion with what is stated, anything that follows it is better.
     if gain > by_chance(count) || !sought.base.follows() {
         return None;

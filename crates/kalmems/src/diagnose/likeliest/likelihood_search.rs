@@ -32,6 +32,10 @@ const GAUSSIAN: f64 = 0.03;
 /// What a sign has to gain in ln p to be another than the stated one.
 const OTHER_SIGN: f64 = 5.0;
 
+/// What another start has to be likelier in ln p than what was found, and how often a search begins again from one.
+const OTHER_MAXIMUM: f64 = 5.0;
+const MOST_JUMPS: usize = 3;
+
 /// The standard deviation, relative to a number, with which a filter has it as a state to find where a search begins.
 const AS_STATE: &str = "10 %";
 
@@ -61,12 +65,12 @@ impl LikelihoodSearch<'_> {
     }
 
     /// The sizes that make all innovations the likeliest, and the numbers with the signs under which they do: a number that the recordings
-    /// do not determine with its stated sign is tried with the other.
+    /// do not determine with its stated sign is tried with the other, and so is each where the innovations show that something is wrong.
     pub(super) fn with_signs(&self, suspects: &[Suspect]) -> Option<(Vec<Suspect>, MostLikelySizes)> {
         let (mut suspects, mut best) = (suspects.to_vec(), self.most_likely(suspects)?);
         for place in 0..suspects.len() {
             let is_determined = best.sd.get(place).is_some_and(|sd| *sd < DETERMINED);
-            if is_determined {
+            if is_determined && self.run(&suspects, &best.at).is_some_and(|trial| trial.passes()) {
                 continue;
             }
             let mut other = suspects.clone();
@@ -91,7 +95,39 @@ impl LikelihoodSearch<'_> {
             self.log_likelihood(suspects, sizes, TrialBlocks::All).unwrap_or(f64::NEG_INFINITY)
         };
         let as_states = self.as_states(suspects).filter(|sizes| likelihood(sizes) > likelihood(&zeros));
-        self.most_likely_from(suspects, &as_states.unwrap_or(zeros))
+        let mut best = self.most_likely_from(suspects, &as_states.unwrap_or(zeros))?;
+        // Where a search ends beside the largest likelihood, the innovations show it.
+        for _ in 0..MOST_JUMPS {
+            if self.run(suspects, &best.at).is_none_or(|trial| trial.passes()) {
+                break;
+            }
+            let Some(farther) = self.farther(suspects, &best, &likelihood) else { break };
+            best = farther;
+        }
+        Some(best)
+    }
+
+    /// The likeliest sizes from a start that differs from those that were found by one of a number's own sizes, where that start is likelier.
+    fn farther(
+        &self,
+        suspects: &[Suspect],
+        found: &MostLikelySizes,
+        likelihood: &dyn Fn(&[f64]) -> f64,
+    ) -> Option<MostLikelySizes> {
+        let moved = |place: usize, by: f64| {
+            let mut at = found.at.clone();
+            at[place] += by;
+            at
+        };
+        let starts = suspects.iter().enumerate().flat_map(|(place, suspect)| {
+            suspect.sizes.iter().map(move |size| moved(place, *size)).collect::<Vec<_>>()
+        });
+        let tried = starts.map(|at| (likelihood(&at), at));
+        let (height, start) = tried.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        if height < found.log_likelihood + OTHER_MAXIMUM {
+            return None;
+        }
+        self.most_likely_from(suspects, &start).filter(|there| there.log_likelihood > found.log_likelihood)
     }
 
     /// The same from these sizes.

@@ -176,8 +176,11 @@ fn chosen(experiment: &Experiment, bench: &TrialBench, all: &[Suspect]) -> Resul
         }
         let below = |name: &str| name.split('.').fold(device.clone(), Key::child);
         let keys = [below(name), below(&format!("parameters.{name}"))];
-        let found =
-            all.iter().filter(single).find(|suspect| key_of(suspect).is_some_and(|own| keys.contains(&own)));
+        // By the name that is printed as well: a number of a list has its place there, `coefficients[0]`.
+        let is_named = |suspect: &&Suspect| {
+            suspect.name() == *name || key_of(suspect).is_some_and(|own| keys.contains(&own))
+        };
+        let found = all.iter().filter(single).find(is_named);
         let Some(found) = found else {
             if keys.iter().any(|key| get(&bench.document, key).is_some()) {
                 let why = format!(

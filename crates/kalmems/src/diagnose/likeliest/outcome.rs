@@ -72,6 +72,11 @@ impl LikelihoodOutcome<'_> {
                  lack something, and `kalmems diagnose` looks for what"
                     .to_owned()
             }
+            NumberVerdict::LosesMotion => {
+                "with it the filter loses the motion for longer than with the value of the experiment: another number is wrong, and `kalmems \
+                 diagnose` looks for which"
+                    .to_owned()
+            }
         })
     }
 

@@ -11,6 +11,7 @@ use kalmems::rigs::published;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
+use std::ops::Range;
 use std::path::Path;
 
 const INERTIA: f64 = 1.15e-14;
@@ -186,8 +187,14 @@ start_sd = {{ angle = "0.15 rad", rate = "15e3 rad/s" }}
 }
 
 /// Numbers of so many devices' recordings; error of the angle after over that before.
-fn identified(words: &str, runs: u64, laboratory: Laboratory, most_wrong: f64, rows: &mut Rows) -> Vec<f64> {
-    rows.of_recordings(0..runs, |seed, folder, rows| {
+fn identified(
+    words: &str,
+    seeds: Range<u64>,
+    laboratory: Laboratory,
+    most_wrong: f64,
+    rows: &mut Rows,
+) -> Vec<f64> {
+    rows.of_recordings(seeds, |seed, folder, rows| {
         let mut chance = Chance::new(7_000 + seed);
         ring_down(&mut chance, laboratory, folder);
         steady(&mut chance, 0.0, folder);
@@ -213,7 +220,11 @@ fn identified(words: &str, runs: u64, laboratory: Laboratory, most_wrong: f64, r
                 rows.push(&format!("{words}, {name}"), truth, named(&found, name));
             }
         }
-        ratio(error(&found.experiment, "angle"), before)
+        let ratio = ratio(error(&found.experiment, "angle"), before);
+        if ratio > 1.1 {
+            println!("{words}, seed {seed}: error after over before {ratio:.4}, before {before:.4e}\u{b0}");
+        }
+        ratio
     })
 }
 
@@ -256,11 +267,48 @@ fn by_steady_state(runs: u64, most_wrong: f64, rows: &mut Rows) -> Vec<f64> {
     })
 }
 
+/// A short ring-down that determines stiffness, damping and capacitance, and not the width, which is told a fifth too small: beside it, the
+/// numbers that are right lose the motion of the test from the beginning on, and those of the file at its end.
+#[test]
+fn numbers_with_which_the_test_is_lost_are_not_written() {
+    let mut unjudged = Rows::default();
+    assert_eq!(identified("short", 28..29, SHORT, 0.3, &mut unjudged), [1.0]);
+}
+
+/// The bias is typed 3 % too small, and a column has it as it was: the capacitance is that of the recorded one.
+#[test]
+fn a_recorded_bias_counts_and_not_the_typed_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut chance = Chance::new(31);
+    ring_down(&mut chance, WITH, folder.path());
+    steady(&mut chance, 0.0, folder.path());
+    let file = folder.path().join("ring_down.csv");
+    let rows = fs::read_to_string(&file).unwrap();
+    let mut lines = rows.lines();
+    let mut with_bias = format!("{},bias_V\n", lines.next().unwrap());
+    for line in lines {
+        writeln!(with_bias, "{line},{:.4}", BIAS + 0.01 * chance.normal()).unwrap();
+    }
+    fs::write(&file, with_bias).unwrap();
+    let told = told(folder.path(), [1.0; 6], WITH, "", 1e6).to_toml().unwrap();
+    let mut document: toml::Table = told.parse().unwrap();
+    document["identify"]["ring_down"]["bias"] = "23.0 V".into();
+    let channels = document["recording"][0]["channels"].as_table_mut().unwrap();
+    channels.insert("bias".to_owned(), "bias_V".into());
+    let text = toml::to_string(&document).unwrap();
+    let told = published().parse(&text, &folder.path().join("experiment.toml")).unwrap();
+    let found = identify(published(), &told, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let capacitance = named(&found, "nominal capacitance");
+    // By the typed bias it would be 3.3 % too large.
+    assert!(capacitance.standard_error < 0.008 * TRUTH[2], "{capacitance:?}");
+    assert!((capacitance.value - TRUTH[2]).abs() < 4.0 * capacitance.standard_error, "{capacitance:?}");
+}
+
 #[test]
 fn a_few_scanners() {
     let (mut rows, mut harm) = (Rows::default(), Harm::default());
     for (words, laboratory) in [("with a reference", WITH), ("without", WITHOUT)] {
-        let ratios = identified(words, 1, laboratory, 0.2, &mut rows);
+        let ratios = identified(words, 0..1, laboratory, 0.2, &mut rows);
         harm.take(words, ratios);
     }
     harm.take("by a steady state", by_steady_state(1, 0.2, &mut rows));
@@ -274,7 +322,7 @@ fn a_few_scanners() {
 fn slow_scanners() {
     let (mut rows, mut harm) = (Rows::default(), Harm::default());
     for (words, laboratory) in [("with a reference", WITH), ("without", WITHOUT)] {
-        let ratios = identified(words, 100, laboratory, 0.2, &mut rows);
+        let ratios = identified(words, 0..100, laboratory, 0.2, &mut rows);
         harm.take(words, ratios);
     }
     harm.take("by a steady state", by_steady_state(100, 0.2, &mut rows));
@@ -282,8 +330,8 @@ fn slow_scanners() {
     let mut unjudged = Rows::default();
     harm.take("by a steady state, told right", by_steady_state(60, 0.0, &mut unjudged));
     // A short ring-down of a device that is told right.
-    harm.take("short, told right", identified("short", 60, SHORT, 0.0, &mut unjudged));
-    harm.take("short, told wrong", identified("short", 60, SHORT, 0.3, &mut unjudged));
+    harm.take("short, told right", identified("short", 0..60, SHORT, 0.0, &mut unjudged));
+    harm.take("short, told wrong", identified("short", 0..60, SHORT, 0.3, &mut unjudged));
     harm.judge();
     rows.judge();
 }

@@ -18,12 +18,11 @@ const ENDS: [[f64; 2]; 4] = [[-1.39e-3, -0.99e-3], [475e-6, 795e-6], [0.99e-3, 1
 const GAPS: [f64; 4] = [19.23e-6, 19.18e-6, 19.15e-6, 19.21e-6];
 const GAINS: [f64; 4] = [-2.431e7, -2.377e7, -2.399e7, -2.452e7];
 const DELAY_S: f64 = 6.87e-6;
-const HZ: f64 = 1700.0;
+pub const HZ: f64 = 1700.0;
 /// ω_n, 2ζω_n and the drive's gain of the stage.
 const NATURAL: f64 = TAU * 1714.5;
 const DAMPING: f64 = 0.01 * TAU * 1714.5;
 const DRIVE: f64 = 3782.5;
-const SAMPLES: u32 = 1200;
 const INTERVAL: f64 = 1.6e-6;
 
 /// Places and weights of Gauss and Legendre's formula with five points.
@@ -55,19 +54,22 @@ fn slope(electrode: usize, angle: f64) -> f64 {
     8.8542e-12 * 0.4e-3 * (1.0 + t * t) * integral
 }
 
-/// Records of these drives in V, and of the noise alone.
-fn write(chance: &mut Chance, drives: &[f64], noise_v: f64, folder: &Path) {
+/// The answer of the angle to a drive of 1 V, a sine: real and imaginary part by sine and cosine.
+pub fn response() -> [f64; 2] {
+    let w = TAU * HZ;
+    let (a, b) = (NATURAL * NATURAL - w * w, DAMPING * w);
+    let size = a * a + b * b;
+    [DRIVE * a / size, -DRIVE * b / size]
+}
+
+/// Records of these drives in V with so many samples each, and of the noise alone.
+pub fn write(chance: &mut Chance, (drives, samples): (&[f64], u32), noise_v: f64, folder: &Path) {
     let mut on = "record,time_s,drive_V,c1A_V,c1B_V,c2A_V,c2B_V,ldv_V\n".to_owned();
     let mut off = "record,time_s,drive_V,c1A_V,c1B_V,c2A_V,c2B_V\n".to_owned();
     let w = TAU * HZ;
-    // The answer to a sine of 1 V: real and imaginary part by sine and cosine.
-    let [re, im] = {
-        let (a, b) = (NATURAL * NATURAL - w * w, DAMPING * w);
-        let size = a * a + b * b;
-        [DRIVE * a / size, -DRIVE * b / size]
-    };
+    let [re, im] = response();
     for (record, volts) in drives.iter().enumerate() {
-        for k in 0..SAMPLES {
+        for k in 0..samples {
             let time = f64::from(k) * INTERVAL;
             let motion = |time: f64| {
                 let (sine, cosine) = (w * time).sin_cos();
@@ -100,7 +102,18 @@ fn write(chance: &mut Chance, drives: &[f64], noise_v: f64, folder: &Path) {
     fs::write(folder.join("still.csv"), still).unwrap();
 }
 
-fn told(folder: &Path, gaps: [f64; 4], gains: [f64; 4], training: &str) -> Experiment {
+/// What a laboratory is told of the stage: each gap and gain as so many times what it is, with an uncertainty that stands behind the gain, and
+/// whether a vibrometer stands beside the records.
+pub struct Told<'a> {
+    pub gaps: [f64; 4],
+    pub gains: [f64; 4],
+    pub of_gains: &'a str,
+    /// The table `[identify]`.
+    pub identify: &'a str,
+    pub has_vibrometer: bool,
+}
+
+pub fn told(folder: &Path, Told { gaps, gains, of_gains, identify, has_vibrometer }: &Told) -> Experiment {
     let mut text = format!(
         r#"
 name = "stage"
@@ -112,7 +125,7 @@ drive_gain = "3782.5 rad/s^2/V"
 gain = "50 V/(m/s)"
 target_width = "3 mm"
 [identify]
-training = {training}
+{identify}
 [estimate]
 skip = "0.3 ms"
 process_noise = {{ angular_acceleration = "20 rad^2/s^3" }}
@@ -129,12 +142,12 @@ start_sd = {{ angle = "50 urad", rate = "1 rad/s" }}
         write!(
             text,
             "[device.micro_stage.electrodes.{name}]\nw1 = \"{from:e} m\"\nw2 = \"{to:e} m\"\nw3 = \"-0.2 mm\"\nw4 = \"0.2 mm\"\n\
-             gap = \"{gap:e} m\"\ngain = \"{gain:e} V ohm\"\nnoise_variance = \"1.6e-11 V^2\"\n"
+             gap = \"{gap:e} m\"\ngain = \"{gain:e} V ohm{of_gains}\"\nnoise_variance = \"1.6e-11 V^2\"\n"
         )
         .unwrap();
     }
     let channels = "drive = \"drive_V\", signal_1A = \"c1A_V\", signal_1B = \"c1B_V\", signal_2A = \"c2A_V\", signal_2B = \"c2B_V\"";
-    for (role, file, reference) in [("bias_on", "on.csv", true), ("bias_off", "off.csv", false)] {
+    for (role, file, reference) in [("bias_on", "on.csv", *has_vibrometer), ("bias_off", "off.csv", false)] {
         write!(
             text,
             "[[recording]]\nname = \"{role}\"\nrole = \"{role}\"\nfile = \"{file}\"\nsegments = {{ column = \"record\" }}\n\
@@ -160,10 +173,12 @@ fn identified(
         (0..=3).filter(|k| *k != 2).take(training).map(|k| format!("\"r{k}\"")).collect();
     rows.of_recordings(0..runs, |seed, folder, rows| {
         let mut chance = Chance::new(13_000 + seed);
-        write(&mut chance, &drives, noise_v, folder);
+        write(&mut chance, (&drives, 1200), noise_v, folder);
         let gaps = [0; 4].map(|_| chance.between(-0.3 * most_wrong, 0.3 * most_wrong).exp());
         let gains = [0; 4].map(|_| chance.between(-most_wrong, most_wrong).exp());
-        let told = told(folder, gaps, gains, &format!("[{}]", names.join(", ")));
+        let table = format!("training = [{}]", names.join(", "));
+        let told = Told { gaps, gains, of_gains: "", identify: &table, has_vibrometer: true };
+        let told = self::told(folder, &told);
         let before = error(&told, "rate");
         let found = match identify(published(), &told, &Silent) {
             Ok(found) => found,

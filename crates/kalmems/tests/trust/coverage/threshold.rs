@@ -1,4 +1,4 @@
-//! Resonance, damping and comb of the threshold-sensing scanner from free decays with a reference.
+//! Resonance, damping and comb of the threshold-sensing scanner from free decays with a reference, and what is said without one.
 
 use super::chance::Chance;
 use super::harm::{Harm, error, named, ratio};
@@ -46,8 +46,20 @@ fn decay(chance: &mut Chance, (amplitude, samples, noise): (f64, usize, f64), fo
     [angle + 5e-3 * chance.normal(), rate + 20.0 * chance.normal()]
 }
 
-fn told(folder: &Path, factors: [f64; 5], [angle, rate]: [f64; 2], noise_v: f64) -> Experiment {
+/// What stands beside the signal for a laboratory that has a position detector and set the start, and for one that has neither.
+fn beside(start: Option<[f64; 2]>) -> [String; 2] {
+    let Some([angle, rate]) = start else {
+        return [String::new(), "start = \"from_signal\"".to_owned()];
+    };
+    let start = format!(
+        "start = {{ angle = \"{angle:e} rad\", rate = \"{rate} rad/s\" }}\nstart_sd = {{ angle = \"5 mrad\", rate = \"20 rad/s\" }}"
+    );
+    ["[recording.reference]\nchannels = { position = \"psd_V\" }\ndelay = \"0.114 ms\"\n".to_owned(), start]
+}
+
+fn told(folder: &Path, factors: [f64; 5], start: Option<[f64; 2]>, noise_v: f64) -> Experiment {
     let [hz, ratio, gain, steepness, threshold] = std::array::from_fn(|i| TRUTH[i] * factors[i]);
+    let [reference, start] = beside(start);
     let text = format!(
         r#"
 name = "threshold"
@@ -73,18 +85,14 @@ role = "ring_down"
 file = "decay.csv"
 clock = {{ column = "time_s" }}
 channels = {{ drive = "drive_V", signal = "cap_V" }}
-[recording.reference]
-channels = {{ position = "psd_V" }}
-delay = "0.114 ms"
-[estimate]
+{reference}[estimate]
 skip = "3 ms"
 [estimate.process_noise]
 angular_acceleration = "1 rad^2/s^3"
 [[estimate.filter]]
 name = "EKF"
 method = "ekf"
-start = {{ angle = "{angle:e} rad", rate = "{rate} rad/s" }}
-start_sd = {{ angle = "5 mrad", rate = "20 rad/s" }}
+{start}
 "#,
         noise_v * noise_v
     );
@@ -104,7 +112,7 @@ fn identified(
         let start = decay(&mut chance, record, folder);
         let limits = [0.01_f64.min(most_wrong), most_wrong, most_wrong, most_wrong, most_wrong];
         let factors = limits.map(|limit| chance.between(-limit, limit).exp());
-        let told = told(folder, factors, start, record.2);
+        let told = told(folder, factors, Some(start), record.2);
         let before = error(&told, "angle");
         let found = match identify(published(), &told, &Silent) {
             Ok(found) => found,
@@ -118,6 +126,18 @@ fn identified(
         }
         ratio(error(&found.experiment, "angle"), before)
     })
+}
+
+/// What is known up to the scale alone is said where a reference is missing.
+#[test]
+fn a_decay_without_a_reference_is_refused_with_what_it_determines() {
+    let folder = tempfile::tempdir().unwrap();
+    decay(&mut Chance::new(1), LONG, folder.path());
+    let told = told(folder.path(), [1.0; 5], None, NOISE_V);
+    let why = identify(published(), &told, &Silent).unwrap_err().to_string();
+    for part in ["scale of the angle", "gain and steepness smaller", "resonator.natural_frequency"] {
+        assert!(why.contains(part), "{why}");
+    }
 }
 
 const LONG: (f64, usize, f64) = (0.15, 6000, NOISE_V);
