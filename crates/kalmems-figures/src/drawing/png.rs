@@ -3,6 +3,7 @@
 use crate::drawing::error::ReportError;
 use crate::drawing::ruler::{Ruler, font};
 use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneMark};
+use ::png::{BitDepth, ColorType, DeflateCompression, Encoder, EncodingError, Filter};
 use tiny_skia::{
     FillRule, LineCap, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform,
 };
@@ -28,7 +29,22 @@ pub(crate) fn encode(scene: &Scene, figure: &str) -> Result<Vec<u8>, ReportError
     for group in &scene.groups {
         canvas.group(group);
     }
-    canvas.pixmap.encode_png().map_err(|e| failed(e.to_string()))
+    compressed(&canvas.pixmap).map_err(|e| failed(e.to_string()))
+}
+
+/// The file. Of a plot, compression of level 3 behind the filter `Up` takes half the time of the default and is a little smaller.
+fn compressed(pixmap: &Pixmap) -> Result<Vec<u8>, EncodingError> {
+    // Drawn on white: no pixel is transparent.
+    let colours: Vec<u8> =
+        pixmap.pixels().iter().flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
+    let mut file = Vec::new();
+    let mut encoder = Encoder::new(&mut file, pixmap.width(), pixmap.height());
+    encoder.set_color(ColorType::Rgb);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_filter(Filter::Up);
+    encoder.set_deflate_compression(DeflateCompression::Level(3));
+    encoder.write_header()?.write_image_data(&colours)?;
+    Ok(file)
 }
 
 struct Canvas {
