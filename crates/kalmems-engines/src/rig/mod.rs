@@ -323,7 +323,7 @@ pub trait Estimator {
         self.past().state()
     }
 
-    /// Goes on from where another run was.
+    /// Goes on from where another run was, before any part has been taken.
     fn resume(&mut self, state: &PastState) {
         *self.past() = Past::resumed(state);
     }

@@ -46,7 +46,7 @@ pub use filters::AccelerometerFilterSettings;
 use instrument::Instrument;
 pub use instrument::settled_acceleration_sd;
 pub use run::{Acceleration, AccelerometerRun, ControllerInput, ControllerTiming, Moment};
-pub use segment::estimate as estimate_segment;
+pub use segment::{AccelerometerPast, estimate as estimate_segment};
 pub use settings::{AccelerometerHardware, AccelerometerSettings};
 use simulation::AccelerometerSimulation;
 pub use simulation::closed_loop;
@@ -169,7 +169,12 @@ impl Rig for AccelerometerRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = AccelerometerSettings::of(experiment)?;
         let columns = AccelerometerColumns::of(experiment, index)?;
-        Ok(Box::new(AccelerometerEstimator { settings, columns, past: Past::default(), progress }))
+        Ok(Box::new(AccelerometerEstimator {
+            settings,
+            columns,
+            past: AccelerometerPast::default(),
+            progress,
+        }))
     }
 
     fn identify(
@@ -203,7 +208,7 @@ impl Rig for AccelerometerRig {
 struct AccelerometerEstimator<'a> {
     settings: AccelerometerSettings,
     columns: AccelerometerColumns<'a>,
-    past: Past,
+    past: AccelerometerPast,
     progress: &'a dyn Progress,
 }
 
@@ -224,12 +229,16 @@ impl Estimator for AccelerometerEstimator<'_> {
     }
 
     fn past(&mut self) -> &mut Past {
-        &mut self.past
+        &mut self.past.segment
     }
 
     fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
-        let segment = SignalSegment::of(part, (columns.signal, &kind::VOLTAGE), settings.skip_s, past)?;
+        let segment =
+            SignalSegment::of(part, (columns.signal, &kind::VOLTAGE), settings.skip_s, &mut past.segment)?;
+        if segment.begins {
+            past.begin();
+        }
         segment.require_usable_signals(&[columns.signal])?;
         segment.require_after_settling(segment.interval_s)?;
         let optional = |name: Option<&str>, kind| {

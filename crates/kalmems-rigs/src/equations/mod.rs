@@ -228,8 +228,8 @@ impl Rig for EquationsRig {
         let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
         let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
         let columns = EquationColumns::of(experiment, index)?;
-        let past = Past::default();
-        Ok(Box::new(EquationEstimator { experiment, settings, models, columns, past, progress }))
+        let (past, searches) = (Past::default(), None);
+        Ok(Box::new(EquationEstimator { experiment, settings, models, columns, past, searches, progress }))
     }
 
     /// Its parameters are identified by likelihood, whichever the experiment names.

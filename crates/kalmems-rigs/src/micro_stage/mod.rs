@@ -172,7 +172,7 @@ impl Rig for MicroStageRig {
             RecordingRole::BiasOn => Some(bias_off(experiment, &settings.hardware, progress)?),
             _ => None,
         };
-        let (past, off) = (Past::default(), None);
+        let (past, off, drive) = (Past::default(), None, None);
         Ok(Box::new(StageEstimator {
             experiment,
             settings,
@@ -181,6 +181,7 @@ impl Rig for MicroStageRig {
             bias_off,
             off,
             past,
+            drive,
             progress,
         }))
     }
@@ -224,6 +225,8 @@ struct StageEstimator<'a> {
     /// Its record for the present segment, and the electrodes that its signals are of.
     off: Option<(BiasOffRecord, Vec<usize>)>,
     past: Past,
+    /// What its drive has followed so far.
+    drive: Option<FollowedDrive>,
     progress: &'a dyn Progress,
 }
 
@@ -249,6 +252,9 @@ impl Estimator for StageEstimator<'_> {
         let names: Vec<&str> = signals.iter().map(|(_, column)| *column).collect();
         let first = (names.first().copied().unwrap_or(DRIVE), &kind::VOLTAGE);
         let segment = SignalSegment::of(part, first, self.settings.skip_s, &mut self.past)?;
+        if segment.begins {
+            self.drive = None;
+        }
         segment.require_after_settling(segment.interval_s)?;
         let place = self.place(&segment);
         segment.require_usable_signals(&names)?;
@@ -259,7 +265,7 @@ impl Estimator for StageEstimator<'_> {
             let (column, count, first_s) = ((*drive).to_owned(), unknown.len(), time_s[*first]);
             return Err(EstimateError::DriveUnknown { place, column, count, first_s });
         }
-        let kept = self.past.rig.take::<FollowedDrive>();
+        let kept = self.drive.take();
         let mut followed = self.followed(kept, &segment, volts, &place)?;
         let sine = followed.sine.sine();
         if segment.begins || self.off.is_none() {
@@ -289,7 +295,7 @@ impl Estimator for StageEstimator<'_> {
         let trajectories = segment::estimate(&self.settings, &samples, &mut self.past, self.progress)?;
         let motion = MotionRate { frequency_hz: followed.first_hz, is_driven: true };
         self.past.numbers = std::iter::once(followed.first_hz).chain(followed.sine.numbers()).collect();
-        self.past.rig.put(Box::new(followed));
+        self.drive = Some(followed);
         let axis = AngleAxis { angle: "angle", motion, drive: Some(sine) };
         Ok(segment.estimated_under(drive, (axis, Vec::new()), trajectories))
     }
@@ -339,7 +345,7 @@ impl StageEstimator<'_> {
     /// What the drive follows until the end of a part.
     fn followed(
         &self,
-        kept: Option<Box<FollowedDrive>>,
+        kept: Option<FollowedDrive>,
         segment: &SignalSegment,
         volts: &[f64],
         place: &str,
@@ -357,7 +363,7 @@ impl StageEstimator<'_> {
             _ => None,
         };
         let mut fresh = segment.fresh.clone();
-        let mut followed = if let Some(followed) = kept.map(|kept| *kept).or_else(resumed) {
+        let mut followed = if let Some(followed) = kept.or_else(resumed) {
             followed
         } else {
             let head = fresh.start..fresh.end.min(fresh.start + self.head(interval_s));

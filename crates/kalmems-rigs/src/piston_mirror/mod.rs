@@ -158,7 +158,13 @@ impl Rig for PistonMirrorRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = PistonSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        Ok(Box::new(PistonEstimator { settings, columns, past: Past::default(), progress }))
+        Ok(Box::new(PistonEstimator {
+            settings,
+            columns,
+            past: Past::default(),
+            tally: RemarkTally::default(),
+            progress,
+        }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -190,6 +196,7 @@ struct PistonEstimator<'a> {
     settings: PistonSettings,
     columns: PistonColumns<'a>,
     past: Past,
+    tally: RemarkTally,
     progress: &'a dyn Progress,
 }
 
@@ -213,6 +220,9 @@ impl Estimator for PistonEstimator<'_> {
         let hardware = &settings.hardware;
         let segment =
             SignalSegment::of(part, (columns.signal, &kind::CAPACITANCE), settings.skip_s, &mut self.past)?;
+        if segment.begins {
+            self.tally = RemarkTally::default();
+        }
         segment.require_usable_signals(&[columns.signal])?;
         let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
         let head = if segment.begins { segment.fresh.end.min(self.head(interval_s)) } else { 0 };
@@ -239,13 +249,11 @@ impl Estimator for PistonEstimator<'_> {
         let part = PartData { data, samples: segment.samples(), head, place: &segment.place };
         let (trajectories, motion) = segment::estimate(settings, &part, &mut self.past, self.progress)?;
         segment.require_after_settling(CYCLES / motion.frequency_hz)?;
-        let mut tally = self.past.rig.take::<RemarkTally>().unwrap_or_default();
-        tally.add(hardware, beyond, &trajectories);
+        self.tally.add(hardware, beyond, &trajectories);
         let mut remarks = changes_of_frequency(&trajectories);
         if segment.ends {
-            remarks.extend(tally.remarks(hardware, &data, &trajectories));
+            remarks.extend(self.tally.remarks(hardware, &data, &trajectories));
         }
-        self.past.rig.put(tally);
         Ok(SegmentEstimate { remarks, ..segment.estimated(motion, trajectories) })
     }
 
