@@ -34,10 +34,10 @@ use crate::estimate::{
     DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
     rows_for_start, rows_to_start_again,
 };
-use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
+use crate::evaluate::ValueState;
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress};
+use crate::progress::Progress;
 use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -131,11 +131,7 @@ impl Rig for AccelerometerRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         AccelerometerSettings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[RecordingRole::Test])?;
-        for index in &wanted {
-            AccelerometerColumns::of(experiment, *index)?;
-        }
-        Ok(wanted)
+        experiment.to_estimate(&[RecordingRole::Test], |index| AccelerometerColumns::of(experiment, index))
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -191,16 +187,6 @@ impl Rig for AccelerometerRig {
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
         Ok(Box::new(AccelerometerSimulation::of(experiment)?))
-    }
-
-    /// It has no angle; see [`Rig::values`].
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        _: &[ReferenceMotion],
-        _: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        vec![None; estimate.trajectories.len()]
     }
 }
 

@@ -29,12 +29,12 @@ use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, MotionRate, Past, RowsAround, SegmentEstimate, SegmentPart,
     SignalSegment, rows_for_start,
 };
+use crate::evaluate::ValueState;
 use crate::evaluate::{EdgeVelocity, Instruments};
-use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::micro_stage::device::MicroStage;
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress};
+use crate::progress::Progress;
 use crate::recording::{Finding, RecordingLayout};
 use crate::signal::{Sine, fit_sine};
 use crate::simulate::{SimulateError, Simulation};
@@ -121,22 +121,21 @@ impl Rig for MicroStageRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         let settings = StageSettings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[RecordingRole::Test, RecordingRole::BiasOn])?;
-        for index in &wanted {
-            let (_, signals) = columns(experiment, &settings.hardware, *index)?;
+        experiment.to_estimate(&[RecordingRole::Test, RecordingRole::BiasOn], |index| {
+            let (_, signals) = columns(experiment, &settings.hardware, index)?;
             if signals.is_empty() {
-                let key = Key::from("recording").index(*index).child("channels");
+                let key = Key::from("recording").index(index).child("channels");
                 let meaning = settings.hardware.channels.first().map(ElectrodeChannel::meaning);
                 let meaning = meaning.unwrap_or_default();
                 let remedy =
                     format!("name the column of at least one electrode, such as `{meaning} = \"cap_V\"`");
                 return Err(experiment.error(key.child(&meaning), ConfigFault::MissingKey { remedy }));
             }
-            if experiment.recordings[*index].role == RecordingRole::BiasOn {
+            if experiment.recordings[index].role == RecordingRole::BiasOn {
                 bias_off_index(experiment)?;
             }
-        }
-        Ok(wanted)
+            Ok(())
+        })
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -192,16 +191,6 @@ impl Rig for MicroStageRig {
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
         Ok(Box::new(StageSimulation::of(experiment)?))
-    }
-
-    /// Its records are judged by the rate; see [`Rig::values`].
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        _: &[ReferenceMotion],
-        _: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        vec![None; estimate.trajectories.len()]
     }
 
     fn identify(

@@ -31,10 +31,10 @@ use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment
 use crate::estimate::{
     DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
 };
-use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
+use crate::evaluate::ValueState;
 use crate::outlook::Outlook;
 use crate::piston_mirror::device::PistonMirror;
-use crate::progress::{Interruption, Progress};
+use crate::progress::Progress;
 use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -125,11 +125,7 @@ impl Rig for PistonMirrorRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         PistonSettings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[RecordingRole::Test])?;
-        for index in &wanted {
-            columns(experiment, *index)?;
-        }
-        Ok(wanted)
+        experiment.to_estimate(&[RecordingRole::Test], |index| columns(experiment, index))
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -178,16 +174,6 @@ impl Rig for PistonMirrorRig {
             return Ok(Box::new(driven::DrivenPistonSimulation::of(experiment, simulate)?));
         }
         Ok(Box::new(simulation::PhasorSimulation::of(experiment)?))
-    }
-
-    /// It has no angle; see [`Rig::values`].
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        _: &[ReferenceMotion],
-        _: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        vec![None; estimate.trajectories.len()]
     }
 }
 

@@ -126,15 +126,10 @@ impl Rig for ThresholdScannerRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         ThresholdScannerSettings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[
-            RecordingRole::Test,
-            RecordingRole::SteadyState,
-            RecordingRole::RingDown,
-        ])?;
-        for index in &wanted {
-            columns(experiment, *index)?;
-        }
-        Ok(wanted)
+        experiment.to_estimate(
+            &[RecordingRole::Test, RecordingRole::SteadyState, RecordingRole::RingDown],
+            |index| columns(experiment, index),
+        )
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -424,15 +419,7 @@ fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
             ),
         )
     });
-    Ok(Outlook {
-        experiment: experiment.name.to_string(),
-        device: "threshold_scanner",
-        topics: vec![device, signal],
-        response: None,
-        start: None,
-        information: Vec::new(),
-        frequencies: Vec::new(),
-    })
+    Ok(Outlook::of(experiment, "threshold_scanner", vec![device, signal]))
 }
 
 /// The detector of the beam's position, where the device table describes one.
