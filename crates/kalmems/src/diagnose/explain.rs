@@ -65,6 +65,9 @@ const FIRSTS: usize = 2;
 /// Causes that are listed where none passes.
 const CLOSEST: usize = 3;
 
+/// The causes that are found at a place of what is tried.
+type CausesAt<'t> = &'t (dyn Fn(usize) -> Vec<FittedCause> + Sync);
+
 impl Explanations {
     pub(super) fn by(
         bench: &TrialBench,
@@ -73,8 +76,7 @@ impl Explanations {
         progress: &dyn Progress,
     ) -> Result<Self, DiagnoseError> {
         let search = CauseSearch { bench, suspects, base };
-        type Tries<'t> = &'t (dyn Fn(usize) -> Vec<FittedCause> + Sync);
-        let each = |what, count, causes: Tries<'_>| -> Result<Vec<FittedCause>, DiagnoseError> {
+        let each = |what, count, causes: CausesAt<'_>| -> Result<Vec<FittedCause>, DiagnoseError> {
             let found = map_on_threads((progress, what), processors(), (count, 1), |place, heard| {
                 heard.reached(0).is_continue().then(|| causes(place))
             });
