@@ -2,6 +2,7 @@
 
 use crate::errors::{Raise, failed};
 use crate::watch::done;
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::{CalibrationSummary, GyroscopeCalibration, calibrate as calibrated};
 use kalmems::applications::image::{DevelopedImage, Image, ImageMetrics, reconstruct};
 use kalmems::applications::spectrum::{SpectrumFile, SpectrumMetrics, measure};

@@ -7,6 +7,7 @@
 // Without the feature `report` no result is written; what only that asks of the rest is unused then.
 #![cfg_attr(not(feature = "report"), allow(dead_code, unused_imports))]
 
+mod application_file;
 pub mod calibration;
 mod earlier_command;
 pub mod image;
@@ -16,6 +17,7 @@ pub mod spectrum;
 #[cfg(feature = "report")]
 mod write_error;
 
+pub use application_file::ApplicationFile;
 #[cfg(feature = "report")]
 pub use write_error::WriteError;
 

@@ -137,6 +137,15 @@ fn print_json(result: &impl serde::Serialize) -> Result<(), CommandEnding> {
     print(&(json + "\n"))
 }
 
+/// Prints a result as JSON or as text.
+fn print_result(
+    as_json: bool,
+    result: &impl serde::Serialize,
+    text: impl FnOnce() -> String,
+) -> Result<(), CommandEnding> {
+    if as_json { print_json(result) } else { print(&text()) }
+}
+
 /// Prints to standard output. A reader that closes the pipe early has what it wanted.
 fn print(text: &str) -> Result<(), CommandEnding> {
     use std::io::{ErrorKind, Write};

@@ -296,8 +296,12 @@ impl Experiment {
     }
 
     /// The places of the recordings with one of these roles, which are those that a rig estimates; refused where there
-    /// is none.
-    pub fn to_estimate(&self, roles: &[super::RecordingRole]) -> Result<Vec<usize>, ConfigError> {
+    /// is none, and where `check` refuses the recording at a place, such as for its columns.
+    pub fn to_estimate<T>(
+        &self,
+        roles: &[super::RecordingRole],
+        check: impl Fn(usize) -> Result<T, ConfigError>,
+    ) -> Result<Vec<usize>, ConfigError> {
         let places = (0..self.recordings.len()).filter(|i| roles.contains(&self.recordings[*i].role));
         let places: Vec<usize> = places.collect();
         if places.is_empty() {
@@ -313,6 +317,9 @@ impl Experiment {
             };
             let why = format!("no recording has the role {why}; those are estimated{simulated}");
             return Err(self.error("recording", ConfigFault::Value { why }));
+        }
+        for place in &places {
+            check(*place)?;
         }
         Ok(places)
     }

@@ -6,6 +6,7 @@ mod recorded;
 
 pub use recorded::Recorded;
 
+use crate::config::Experiment;
 use crate::simulate::{StabilityMap, SteadyMotion, Sweeps};
 use kalmems_figures::with_short_numbers;
 use serde::{Serialize, Serializer};
@@ -126,6 +127,19 @@ impl OutlookTopic {
 }
 
 impl Outlook {
+    /// These topics of the device of an experiment, without pictures.
+    pub fn of(experiment: &Experiment, device: &'static str, topics: Vec<OutlookTopic>) -> Self {
+        Self {
+            experiment: experiment.name.to_string(),
+            device,
+            topics,
+            response: None,
+            start: None,
+            frequencies: Vec::new(),
+            information: Vec::new(),
+        }
+    }
+
     /// A fact by its name.
     pub fn fact(&self, name: &str) -> Option<&Fact> {
         self.topics.iter().flat_map(|topic| &topic.facts).find(|fact| fact.name == name)

@@ -4,6 +4,7 @@ use crate::decimal::Shift;
 use crate::element::Element;
 use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
+use crate::table::bytes_until;
 use crate::time::TimeCode;
 use crate::{
     Block, CellFault, CellFinding, Column, FormatError, Instant, Labels, OmittedPart, Table,
@@ -307,9 +308,7 @@ impl Table for RecordTable {
     }
 
     fn progress(&self) -> (u64, u64) {
-        let part = if self.rows == 0 { 0.0 } else { self.row as f64 / self.rows as f64 };
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a part of a length
-        ((self.file_bytes as f64 * part) as u64, self.file_bytes)
+        (bytes_until((self.row, self.rows), self.file_bytes), self.file_bytes)
     }
 }
 

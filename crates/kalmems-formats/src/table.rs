@@ -182,3 +182,11 @@ pub struct Digest {
     /// How many there are.
     pub bytes: u64,
 }
+
+/// How many bytes of a file of so many stand for the rows until one of them, where all rows are as long.
+pub(crate) fn bytes_until((row, rows): (u64, u64), file_bytes: u64) -> u64 {
+    let part = if rows == 0 { 0.0 } else { row as f64 / rows as f64 };
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a part of a length
+    let bytes = (file_bytes as f64 * part) as u64;
+    bytes
+}

@@ -9,6 +9,7 @@
 
 #![no_std]
 
+mod bisection;
 pub mod capacitance;
 pub mod circuit;
 pub mod constants;

@@ -1,14 +1,13 @@
 //! The calibration file of a gyroscope: its records, the motions that they are compared with, and a record at rest.
 
+use crate::ApplicationFile;
 use crate::config::FileColumns;
 use crate::config::FileFormat;
 use crate::config::Quantity;
 use crate::config::Source;
 use crate::config::Vibrometer;
 use crate::config::kinds::{Angle, AngularRate, Frequency, Ratio, Temperature};
-use crate::config::{
-    Channels, Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name, Segments, read_source, schema_of,
-};
+use crate::config::{Channels, Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name, Segments};
 use crate::config::{NotNegative, Positive};
 use crate::metrology::{StandardUncertainty, StatedCorrelations};
 use crate::recording::RecordingLayout;
@@ -259,27 +258,11 @@ pub struct RestRecord {
 /// The axes that a channel can be of.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-impl GyroscopeCalibration {
-    /// The JSON schema of such a file: for editors, and for checking one without this program.
-    pub fn schema() -> serde_json::Value {
-        schema_of::<Self>("A kalmems calibration of a gyroscope")
-    }
+impl ApplicationFile for GyroscopeCalibration {
+    const TITLE: &'static str = "A kalmems calibration of a gyroscope";
 
-    /// Reads a calibration file.
-    pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        Self::from_source(Source::load(path)?)
-    }
-
-    /// Reads the text of a calibration file; `path` is where it stands, or would stand.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        Self::from_source(Source::of(text, path)?)
-    }
-
-    fn from_source(source: Source) -> Result<Self, ConfigError> {
-        let mut calibration: Self = read_source(&source)?;
-        calibration.source = source;
-        calibration.check()?;
-        Ok(calibration)
+    fn with_source(self, source: Source) -> Self {
+        Self { source, ..self }
     }
 
     fn check(&self) -> Result<(), ConfigError> {
@@ -344,7 +327,9 @@ impl GyroscopeCalibration {
         }
         Ok(())
     }
+}
 
+impl GyroscopeCalibration {
     /// Refuses a column that is read in two ways.
     fn check_columns(&self, key: &Key, file: &FileColumns) -> Result<(), ConfigError> {
         file.check().map_err(|(_, why)| self.error(key.clone(), ConfigFault::Value { why }))

@@ -1,12 +1,13 @@
 //! The image file: intensities and the trajectories along which they were taken.
 
+use crate::ApplicationFile;
 use crate::config::FileColumns;
 use crate::config::FileFormat;
 use crate::config::Positive;
 use crate::config::Quantity;
 use crate::config::Source;
 use crate::config::kinds::Angle;
-use crate::config::{Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name, read_source, schema_of};
+use crate::config::{Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name};
 use crate::recording::RecordingLayout;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -107,27 +108,11 @@ const PIXELS: std::ops::RangeInclusive<u32> = 2..=16_384;
 /// A search over more than a quarter of a cycle to each side could turn the image over.
 const WIDEST_SEARCH: f64 = std::f64::consts::FRAC_PI_2;
 
-impl Image {
-    /// The JSON schema of such a file: for editors, and for checking one without this program.
-    pub fn schema() -> serde_json::Value {
-        schema_of::<Self>("A kalmems image")
-    }
+impl ApplicationFile for Image {
+    const TITLE: &'static str = "A kalmems image";
 
-    /// Reads an image file.
-    pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        Self::from_source(Source::load(path)?)
-    }
-
-    /// Reads the text of an image file; `path` is where it stands, or would stand.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        Self::from_source(Source::of(text, path)?)
-    }
-
-    fn from_source(source: Source) -> Result<Self, ConfigError> {
-        let mut image: Self = read_source(&source)?;
-        image.source = source;
-        image.check()?;
-        Ok(image)
+    fn with_source(self, source: Source) -> Self {
+        Self { source, ..self }
     }
 
     fn check(&self) -> Result<(), ConfigError> {
@@ -165,7 +150,9 @@ impl Image {
             _ => Ok(()),
         }
     }
+}
 
+impl Image {
     /// The axes that there are, by name.
     pub fn axes(&self) -> impl Iterator<Item = (&'static str, &ImageAxis)> {
         [("x", Some(&self.x)), ("y", self.y.as_ref())]

@@ -1,11 +1,12 @@
 //! The spectrum file: interferograms, and where the mirror was.
 
+use crate::ApplicationFile;
 use crate::config::FileColumns;
 use crate::config::FileFormat;
 use crate::config::Quantity;
 use crate::config::Source;
 use crate::config::kinds::{Angle, Frequency, Length, Ratio, Time, Wavenumber};
-use crate::config::{Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name, read_source, schema_of};
+use crate::config::{Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name};
 use crate::config::{NotNegative, Positive};
 use crate::recording::RecordingLayout;
 use crate::spectrum::Apodisation;
@@ -345,31 +346,21 @@ pub struct DetectorBursts {
 /// Values for each resolved one.
 const ZERO_FILLING: std::ops::RangeInclusive<u32> = 1..=64;
 
+impl ApplicationFile for SpectrumFile {
+    const TITLE: &'static str = "A kalmems spectrum";
+
+    fn with_source(self, source: Source) -> Self {
+        Self { source, ..self }
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
+        self.check_keys().map_err(|(key, why)| self.error(key, ConfigFault::Value { why }))
+    }
+}
+
 impl SpectrumFile {
-    /// The JSON schema of such a file: for editors, and for checking one without this program.
-    pub fn schema() -> serde_json::Value {
-        schema_of::<Self>("A kalmems spectrum")
-    }
-
-    /// Reads a spectrum file.
-    pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        Self::from_source(Source::load(path)?)
-    }
-
-    /// Reads the text of a spectrum file; `path` is where it stands, or would stand.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        Self::from_source(Source::of(text, path)?)
-    }
-
-    fn from_source(source: Source) -> Result<Self, ConfigError> {
-        let mut file: Self = read_source(&source)?;
-        file.source = source;
-        file.check().map_err(|(key, why)| file.error(key, ConfigFault::Value { why }))?;
-        Ok(file)
-    }
-
     /// What no single key can be blamed for.
-    fn check(&self) -> Result<(), (Key, String)> {
+    fn check_keys(&self) -> Result<(), (Key, String)> {
         let along = matches!(self.path, PathDifference::Trajectory(_));
         match (&self.interferogram, &self.light) {
             (Some(_), Some(_)) => refuse("light", "found `interferogram` as well; expected one of the two")?,

@@ -3,7 +3,8 @@
 use crate::args::{CalibrateArguments, CalibrationSubject};
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{CommandEnding, print, print_json, target};
+use crate::{CommandEnding, print_result, target};
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::calibrate;
 use kalmems::applications::calibration::{CalibrationSummary, write_calibration};
@@ -25,11 +26,7 @@ pub fn run(arguments: &CalibrateArguments) -> Result<(), CommandEnding> {
     write_calibration(&found, &output, info).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;
     let summary = CalibrationSummary::of(&found);
-    if arguments.json {
-        print_json(&summary)?;
-    } else {
-        print(&summary.to_text())?;
-    }
+    print_result(arguments.json, &summary, || summary.to_text())?;
     tell!("results in {}; open {}", out.display(), out.join("report.html").display());
     Ok(())
 }

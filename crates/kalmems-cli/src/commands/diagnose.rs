@@ -5,7 +5,7 @@ use crate::experiment::load;
 use crate::progress::ProgressDisplay;
 use crate::target::{BesideExperiment, write_page};
 use crate::tell::tell;
-use crate::{CommandEnding, print, print_json};
+use crate::{CommandEnding, print_result};
 use kalmems::diagnose::{diagnose, pasted};
 use kalmems::results::diagnosis_page;
 use kalmems::rigs::Workbench;
@@ -22,11 +22,7 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), C
     let found = diagnose(workbench, &experiment, arguments.filter.as_deref(), &bar)
         .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;
     drop(bar);
-    if arguments.json {
-        print_json(&found)?;
-    } else {
-        print(&found.to_text())?;
-    }
+    print_result(arguments.json, &found, || found.to_text())?;
     if let Some(path) = &arguments.report {
         write_page(path, &diagnosis_page(&found).map_err(|e| wrong(&e))?, arguments.force)?;
         tell!("the report: {}", path.display());

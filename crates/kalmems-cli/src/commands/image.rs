@@ -3,7 +3,8 @@
 use crate::args::ImageArguments;
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{CommandEnding, print, print_json, target};
+use crate::{CommandEnding, print_result, target};
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::image::Image;
 use kalmems::applications::image::reconstruct;
 use kalmems::applications::image::{DevelopedImage, ImageMetrics, read_grey, write_image};
@@ -35,11 +36,7 @@ pub fn run(arguments: &ImageArguments) -> Result<(), CommandEnding> {
     let info = RunInfo { started, took: clock.elapsed() };
     write_image(&outcome, &developed, &metrics, &output, info).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;
-    if arguments.json {
-        print_json(&metrics)?;
-    } else {
-        print(&metrics.to_text())?;
-    }
+    print_result(arguments.json, &metrics, || metrics.to_text())?;
     tell!("results in {}; look at {}", out.display(), out.join("image.png").display());
     Ok(())
 }

@@ -3,7 +3,7 @@
 use crate::args::InspectArguments;
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{CommandEnding, print, print_json, target};
+use crate::{CommandEnding, print_result, target};
 use kalmems::inspect::inspect_with;
 use kalmems::progress::ReaderProgress;
 use kalmems::recording::ReadError;
@@ -45,7 +45,7 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Com
         target::finish(output)?;
         tell!("text, data and pictures in {}", out.display());
     }
-    if arguments.json { print_json(&outlook) } else { print(&outlook.to_text()) }
+    print_result(arguments.json, &outlook, || outlook.to_text())
 }
 
 /// What a recording holds.
@@ -70,11 +70,7 @@ fn recording(arguments: &InspectArguments) -> Result<(), CommandEnding> {
         let html = kalmems::results::inspection_page(&inspection).map_err(|e| wrong(&e))?;
         target::write_page(path, &html, arguments.force)?;
     }
-    if arguments.json {
-        print_json(&inspection)?;
-    } else {
-        print(&inspection.to_text())?;
-    }
+    print_result(arguments.json, &inspection, || inspection.to_text())?;
     if inspection.is_usable() {
         return Ok(());
     }

@@ -3,6 +3,7 @@
 use crate::args::{SchemaArguments, SchemaSubject};
 use crate::tell::tell;
 use crate::{CommandEnding, print, target};
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::image::Image;
 use kalmems::applications::spectrum::SpectrumFile;

@@ -3,7 +3,8 @@
 use crate::args::SpectrumArguments;
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{CommandEnding, print, print_json, target};
+use crate::{CommandEnding, print_result, target};
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::measure;
 use kalmems::applications::spectrum::{SpectrumMetrics, write_spectrum};
@@ -25,11 +26,7 @@ pub fn run(workbench: &Workbench, arguments: &SpectrumArguments) -> Result<(), C
     let info = RunInfo { started, took: clock.elapsed() };
     write_spectrum(&outcome, &metrics, &output, info).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;
-    if arguments.json {
-        print_json(&metrics)?;
-    } else {
-        print(&metrics.to_text())?;
-    }
+    print_result(arguments.json, &metrics, || metrics.to_text())?;
     let picture = out.join("figures").join("spectrum.png");
     tell!("results in {}; look at {}", out.display(), picture.display());
     Ok(())

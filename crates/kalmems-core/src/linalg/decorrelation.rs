@@ -1,6 +1,7 @@
 //! Correlated measurement noise, taken apart.
 
 use super::Mat;
+use super::ldl::unit_inverse_times;
 use crate::notation::{matrix, sum, vector};
 use crate::{Covariance, Mask, Scalar};
 
@@ -44,11 +45,7 @@ impl<T: Scalar, const M: usize> Decorrelation<T, M> {
     #[inline(always)]
     #[must_use]
     pub fn of_vector(&self, v: &[T; M]) -> [T; M] {
-        let mut x = *v;
-        for i in 0..M {
-            x[i] = x[i] - sum!(i, |k| self.lower.0[i][k] * x[k]);
-        }
-        x
+        unit_inverse_times(&self.lower, v)
     }
 
     /// L⁻¹·A.

@@ -18,6 +18,16 @@ pub struct Ldl<T: Scalar, const M: usize> {
     pub positive: T::Mask,
 }
 
+/// L⁻¹·v, of a lower triangular L with ones on its diagonal.
+#[inline(always)]
+pub(super) fn unit_inverse_times<T: Scalar, const M: usize>(lower: &Mat<T, M, M>, v: &[T; M]) -> [T; M] {
+    let mut x = *v;
+    for i in 0..M {
+        x[i] = x[i] - sum!(i, |k| lower.0[i][k] * x[k]);
+    }
+    x
+}
+
 impl<T: Scalar, const M: usize> Ldl<T, M> {
     /// Factors a covariance.
     #[inline(always)]
@@ -42,11 +52,7 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
     #[inline(always)]
     #[must_use]
     pub fn decorrelate(&self, v: &[T; M]) -> [T; M] {
-        let mut x = *v;
-        for i in 0..M {
-            x[i] = x[i] - sum!(i, |k| self.lower.0[i][k] * x[k]);
-        }
-        x
+        unit_inverse_times(&self.lower, v)
     }
 
     /// S⁻¹·v.

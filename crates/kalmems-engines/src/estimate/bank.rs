@@ -26,8 +26,8 @@ pub fn answers_of_bank(
     states: &[StateName],
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
-    let models = if let Some(models) = past.course.take::<BankFilters>() {
-        *models
+    let models = if let Some(models) = past.bank.take() {
+        models
     } else {
         let member = |model| filter.begin(past.left().cloned(), || start(model));
         let members = (0..courses.len()).map(member).collect::<Result<_, _>>()?;
@@ -37,12 +37,12 @@ pub fn answers_of_bank(
     let mut bank = BankCourse::new(courses, models);
     let begin = |left| filter.begin(left, || start(0));
     let told = follow((filter, past), begin, (&mut bank, samples), states, progress);
-    past.course.put(Box::new(bank.models));
+    past.bank = Some(bank.models);
     told
 }
 
 /// The filters of all models on their way, and how likely each is; kept from one part of a segment to the next.
-struct BankFilters {
+pub(super) struct BankFilters {
     filters: Vec<Box<dyn Filtering + Send>>,
     log_weights: Vec<f64>,
 }

@@ -53,7 +53,7 @@ pub struct LockInWindows<'a> {
 
 /// The samples of the window that has not ended, and the swings of the window before.
 #[derive(Debug, Default)]
-struct OpenWindow {
+pub(super) struct OpenWindow {
     ended: u32,
     before: Vec<Swing>,
     time_s: Vec<f64>,
@@ -75,7 +75,7 @@ pub fn lock_in(
     detect: impl Fn(&[f64], &[&[f64]], &[Swing]) -> Option<Vec<Swing>>,
 ) -> Trajectory {
     let begun = Instant::now();
-    let mut open = past.course.take::<OpenWindow>().unwrap_or_default();
+    let open = &mut past.open_window;
     let fresh = windows.samples.fresh.clone();
     open.time_s.extend_from_slice(&windows.time_s[fresh.clone()]);
     open.signals.resize(windows.signals.len(), Vec::new());
@@ -118,7 +118,6 @@ pub fn lock_in(
     }
     open.time_s.drain(..first);
     open.signals.iter_mut().for_each(|signal| drop(signal.drain(..first)));
-    past.course.put(open);
     let there = trajectory.signal.iter().filter(|y| y.is_finite()).count();
     trajectory.counts.updates = there;
     trajectory.counts.without_signal = trajectory.signal.len() - there;

@@ -65,7 +65,7 @@ pub use loss_watch::Reacquisition;
 pub use model_alone::ModelAlone;
 pub use part::{RowsAround, SegmentPart};
 pub(crate) use past::NumberBits;
-pub use past::{FilterPast, Past, PastState, TypedSlot};
+pub use past::{FilterPast, Past, PastState};
 pub use phase_prediction::{
     PhasePrediction, PhasePredictionCounts, PhasePredictor, PredictedPhase, SideOutputs, StatePropagation,
 };

@@ -1,15 +1,16 @@
 //! What is kept of a segment from one part of it to the next.
 
 use super::answers::AnswerRun;
+use super::bank::BankFilters;
 use super::driven::DrivePast;
 use super::gate::{Decisions, SampleGate};
 use super::lock::LockJudge;
+use super::lock_in::OpenWindow;
 use super::{FilterBasics, MeanAndCovariance, PhasePredictor, SampleSelection, Trajectory};
 use crate::signal::{Sine, extremes_of_rate};
 use serde::{Deserialize, Serialize};
-use std::any::Any;
 
-/// What is kept of a segment.
+/// What is kept of a segment for every device. What one device alone keeps stands in its own estimator, beside this.
 #[derive(Default)]
 pub struct Past {
     /// When the segment began, in s.
@@ -20,8 +21,6 @@ pub struct Past {
     further_drives: Vec<DrivePast>,
     /// The rate of the motion in rad/s that phases are told by, from the first rows on; where that is asked for.
     pub motion_rate: Option<f64>,
-    /// What the rig itself keeps.
-    pub rig: TypedSlot,
     /// What the rig keeps in numbers; they are written, so that another run has them too.
     pub numbers: Vec<f64>,
     filters: Vec<FilterPast>,
@@ -176,7 +175,6 @@ impl Past {
             numbers: numbers(&state.numbers),
             motion_rate: state.motion_rate.map(f64::from),
             filters: filters.collect(),
-            rig: TypedSlot::default(),
         }
     }
 }
@@ -197,29 +195,15 @@ fn read(written: Option<&[NumberBits; 5]>) -> DrivePast {
     }))
 }
 
-/// Room for something whose type its owner alone knows.
-#[derive(Default)]
-pub struct TypedSlot(Option<Box<dyn Any + Send>>);
-
-impl TypedSlot {
-    /// Takes it out; `None` where there is nothing of this type.
-    pub fn take<T: Any>(&mut self) -> Option<Box<T>> {
-        self.0.take()?.downcast().ok()
-    }
-
-    /// Puts it there.
-    pub fn put<T: Any + Send>(&mut self, kept: Box<T>) {
-        self.0 = Some(kept);
-    }
-}
-
 /// What is kept of one filter.
 #[derive(Default)]
 pub struct FilterPast {
     /// The filter on its way.
     pub(super) run: Option<Box<dyn AnswerRun>>,
-    /// What its way keeps.
-    pub course: TypedSlot,
+    /// The filters of its models on their way, of a bank.
+    pub(super) bank: Option<BankFilters>,
+    /// The window that has not ended, of a lock-in.
+    pub(super) open_window: OpenWindow,
     /// What the rig keeps of it in numbers; they are written, so that another run has them too.
     pub numbers: Vec<f64>,
     /// What predicts zero phases, where they are asked for.

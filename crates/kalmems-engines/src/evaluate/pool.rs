@@ -3,7 +3,7 @@
 //! Counts are added, and mean squares weighed by what they are means of. A turning point at which one part ends and the next
 //! one begins is in neither.
 
-use super::{AngleErrors, MotionErrors, ValueErrors};
+use super::{AngleErrors, Claim, MotionErrors, ValueErrors};
 use kalmems_core::Portable;
 
 /// The mean of two, each of so many.
@@ -29,6 +29,14 @@ fn of_both(
     }
 }
 
+/// What is claimed of the errors of both.
+fn claim_of_both(own: Option<Claim>, later: Option<Claim>) -> Option<Claim> {
+    match (own, later) {
+        (Some(own), Some(later)) => Some(own.pooled(later)),
+        (own, later) => own.or(later),
+    }
+}
+
 /// The mean of two angles in degrees of a cycle of `cycle` degrees.
 fn mean_angle(a: (Option<f64>, usize), b: (Option<f64>, usize)) -> Option<f64> {
     let (Some(x), Some(y)) = (a.0, b.0) else { return a.0.or(b.0) };
@@ -43,10 +51,7 @@ impl AngleErrors {
         self.rmse_deg = rms((self.rmse_deg, self.samples), (later.rmse_deg, later.samples));
         self.rmse_percent_of_peak_to_peak = 100.0 * self.rmse_deg / largest_swing;
         self.largest_deg = self.largest_deg.max(later.largest_deg);
-        self.claim = match (self.claim, later.claim) {
-            (Some(own), Some(later)) => Some(own.pooled(later)),
-            (own, later) => own.or(later),
-        };
+        self.claim = claim_of_both(self.claim, later.claim);
         self.within_three_sigma = self.claim.map(|claim| claim.within);
         self.samples += later.samples;
     }
@@ -97,10 +102,7 @@ impl ValueErrors {
             signals.map(|signal| 20.0 * (signal / self.rmse).portable_log10()).filter(|db| db.is_finite());
         self.scale_factor = None;
         self.offset = None;
-        self.claim = match (self.claim, later.claim) {
-            (Some(own), Some(later)) => Some(own.pooled(later)),
-            (own, later) => own.or(later),
-        };
+        self.claim = claim_of_both(self.claim, later.claim);
         self.within_three_sigma = self.claim.map(|claim| claim.within);
         self.samples += later.samples;
     }

@@ -74,6 +74,20 @@ fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
+/// What a filter of angle and rate in Rust tells.
+const ANSWERS: &str = "    /// Angle and rate, in their units.
+    #[inline(always)]
+    pub fn mean(&self) -> [T; 2] {
+        *self.filter.mean()
+    }
+
+    /// Their covariance, in their units.
+    #[inline(always)]
+    pub fn covariance(&self) -> Covariance<T, 2> {
+        self.filter.covariance()
+    }
+";
+
 /// A text with each `@name@` replaced.
 fn fill(text: &str, values: &[(&str, &dyn Display)]) -> String {
     let one = |text: String, (name, value): &(&str, &dyn Display)| {

@@ -1,7 +1,7 @@
 //! The filter of a shared-electrode scanner in units of its own.
 
 use super::samples::ExportSamples;
-use super::{fill, number};
+use super::{ANSWERS, fill, number};
 use kalmems_core::update::Decimation;
 use kalmems_core::{Covariance, Ekf, Euler, Filter, Nodes, NoiseDensity, Process, Rk4};
 use kalmems_models::dynamics::ParametricScanner;
@@ -173,6 +173,7 @@ impl ScaledScannerFilter {
                 ("angle", &angle),
                 ("angle_sd", &angle_sd),
                 ("angle_unit", &number(self.angle_unit)),
+                ("answers", &ANSWERS),
                 ("begin", &begin),
                 ("carrier", &number(self.carrier_mean_square)),
                 ("damping", &number(self.damping)),
@@ -270,18 +271,7 @@ impl<T: Scalar<Mask = bool>> Estimator<T> {
         self.filter.step((&process(), drive), (&readout(), &seen, &one())).map(drop)
     }
 
-    /// Angle and rate, in their units.
-    #[inline(always)]
-    pub fn mean(&self) -> [T; 2] {
-        *self.filter.mean()
-    }
-
-    /// Their covariance, in their units.
-    #[inline(always)]
-    pub fn covariance(&self) -> Covariance<T, 2> {
-        self.filter.covariance()
-    }
-}
+@answers@}
 
 impl<T: Scalar<Mask = bool>> Default for Estimator<T> {
     fn default() -> Self {

@@ -1,6 +1,6 @@
 //! The filter of a threshold-sensing scanner in units of its own.
 
-use super::{ExportError, fill, number};
+use super::{ANSWERS, ExportError, fill, number};
 use kalmems_core::Mat;
 use kalmems_core::detect::{CubicDesign, SlopeDesign};
 use kalmems_models::capacitance::CurveShape;
@@ -201,6 +201,7 @@ impl ScaledThreshold {
                 ("angle", &angle),
                 ("angle_sd", &angle_sd),
                 ("angle_unit", &number(self.angle_unit)),
+                ("answers", &ANSWERS),
                 ("centre", &number(self.centre)),
                 ("deviations", &number(self.deviations)),
                 ("f00", &f00),
@@ -362,16 +363,5 @@ impl<T: Scalar<Mask = bool>> Estimator<T> {
         self.crossings
     }
 
-    /// Angle and rate, in their units.
-    #[inline(always)]
-    pub fn mean(&self) -> [T; 2] {
-        *self.filter.mean()
-    }
-
-    /// Their covariance, in their units.
-    #[inline(always)]
-    pub fn covariance(&self) -> Covariance<T, 2> {
-        self.filter.covariance()
-    }
-}
+@answers@}
 ";

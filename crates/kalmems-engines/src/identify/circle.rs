@@ -1,7 +1,8 @@
 //! Circles through points of a plane: resonances in a Nyquist plot.
 
 use crate::fit::{ByDual, Fit, FitError, FitSettings, ResidualLaw, fit};
-use kalmems_core::{Covariance, Ldl, Mat, Over};
+use crate::signal::NormalEquations;
+use kalmems_core::Over;
 
 /// A circle with how well it is known.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,22 +38,14 @@ fn kasa(points: &[[f64; 2]]) -> Option<[f64; 3]> {
     let n = points.len() as f64;
     let mean = |k: usize| points.iter().map(|p| p[k]).sum::<f64>() / n;
     let (x0, y0) = (mean(0), mean(1));
-    let mut normal = Mat::<f64, 3, 3>::zero();
-    let mut right = [0.0; 3];
+    let mut normal = NormalEquations::new();
     for [x, y] in points {
         let row = [x - x0, y - y0, 1.0];
-        let square = row[0].powi(2) + row[1].powi(2);
-        for i in 0..3 {
-            for j in 0..=i {
-                normal.0[i][j] += row[i] * row[j];
-            }
-            right[i] += row[i] * square;
-        }
+        normal.add(&row, row[0].powi(2) + row[1].powi(2));
     }
-    let ldl = Ldl::of(&Covariance::from_lower(normal));
-    let [a, b, c] = ldl.solve(&right);
+    let ([a, b, c], is_positive) = normal.solve();
     let radius = (c + (a * a + b * b) / 4.0).sqrt();
-    (ldl.positive && radius.is_finite()).then_some([x0 + a / 2.0, y0 + b / 2.0, radius])
+    (is_positive && radius.is_finite()).then_some([x0 + a / 2.0, y0 + b / 2.0, radius])
 }
 
 struct CircleDistances<'a>(&'a [[f64; 2]]);

@@ -1,9 +1,9 @@
 //! A free decay as a damped sine.
 
 use crate::fit::{ByDual, DerivedNumber, Fit, FitError, FitSettings, ResidualLaw, fit};
-use crate::signal::largest_line;
+use crate::signal::{NormalEquations, largest_line};
 use kalmems_core::Portable;
-use kalmems_core::{Covariance, Dual, Ldl, Mat, Over, Scalar};
+use kalmems_core::{Dual, Over, Scalar};
 use std::f64::consts::TAU;
 
 /// y(t) = c + e^{−α·(t − t₀)}·(a·cos ω_d(t − t₀) + b·sin ω_d(t − t₀)).
@@ -111,23 +111,13 @@ impl DampedSine<'_> {
             let envelope = (-decay * (t - self.start_s)).portable_exp();
             [1.0, envelope * c, envelope * s]
         };
-        let mut normal = Mat::<f64, 3, 3>::zero();
-        let mut right = [0.0; 3];
-        for (t, y) in samples() {
-            let row = basis(*t);
-            for i in 0..3 {
-                for j in 0..=i {
-                    normal.0[i][j] += row[i] * row[j];
-                }
-                right[i] += row[i] * y;
-            }
-        }
-        let ldl = Ldl::of(&Covariance::from_lower(normal));
-        let p = ldl.solve(&right);
+        let mut normal = NormalEquations::new();
+        samples().for_each(|(t, y)| normal.add(&basis(*t), *y));
+        let (p, is_positive) = normal.solve();
         let cost = samples()
             .map(|(t, y)| (y - basis(*t).iter().zip(&p).map(|(b, p)| b * p).sum::<f64>()).powi(2))
             .sum::<f64>();
-        (ldl.positive && cost.is_finite()).then_some((cost, p))
+        (is_positive && cost.is_finite()).then_some((cost, p))
     }
 }
 

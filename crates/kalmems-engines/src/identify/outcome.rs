@@ -84,3 +84,20 @@ pub struct Identification {
     /// The recordings that it was made from.
     pub materials: Vec<Material>,
 }
+
+impl Identification {
+    /// Of nothing yet.
+    pub fn begun(rig: &'static str, experiment: &Experiment) -> Self {
+        Self {
+            rig,
+            parameters: Vec::new(),
+            undetermined: Vec::new(),
+            worst_pairs: Vec::new(),
+            warnings: Vec::new(),
+            notes: Vec::new(),
+            figures: Vec::new(),
+            experiment: experiment.clone(),
+            materials: Vec::new(),
+        }
+    }
+}

@@ -70,7 +70,7 @@ pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 use crate::units::{ColumnHeader, Kind, Unit};
 pub use kalmems_config::layout::{ColumnReading, DeclaredColumn, RecordingLayout, Restarts, TimeSource};
 pub use kalmems_formats::{Array, ArrayType, Arrays, Hints, Instant, TimeUnit, panic_is_caught};
-use request::{ColumnSelection, ReadRequest};
+use request::ReadRequest;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -145,16 +145,7 @@ impl SampledRecording {
         layout: &RecordingLayout,
         progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
     ) -> Result<Self, ReadError> {
-        let request = ReadRequest {
-            clock: &layout.clock,
-            segment_column: layout.segment_column.as_deref(),
-            columns: layout.columns.as_deref().map_or(ColumnSelection::AllBut(&[]), ColumnSelection::Named),
-            declared: &layout.declared,
-            hints: &layout.hints,
-            nominal_rate_hz: layout.nominal_rate_hz,
-            origin: layout.origin,
-            restarts: layout.restarts,
-        };
+        let request = ReadRequest::of(layout);
         read::read(path, &request, progress)?.usable(&path.display().to_string())
     }
 

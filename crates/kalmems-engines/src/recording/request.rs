@@ -1,6 +1,6 @@
 //! What is asked of a file.
 
-use super::{DeclaredColumn, Restarts, TimeSource};
+use super::{DeclaredColumn, RecordingLayout, Restarts, TimeSource};
 use kalmems_formats::{Hints, Instant};
 
 /// What to take from a file.
@@ -16,6 +16,22 @@ pub(crate) struct ReadRequest<'a> {
     /// Where the times count from, where that is not for the file to say.
     pub(crate) origin: Option<Instant>,
     pub(crate) restarts: Option<Restarts>,
+}
+
+impl<'a> ReadRequest<'a> {
+    /// What a layout says of the file.
+    pub(crate) fn of(layout: &'a RecordingLayout) -> Self {
+        Self {
+            clock: &layout.clock,
+            segment_column: layout.segment_column.as_deref(),
+            columns: layout.columns.as_deref().map_or(ColumnSelection::AllBut(&[]), ColumnSelection::Named),
+            declared: &layout.declared,
+            hints: &layout.hints,
+            nominal_rate_hz: layout.nominal_rate_hz,
+            origin: layout.origin,
+            restarts: layout.restarts,
+        }
+    }
 }
 
 /// The columns to take.

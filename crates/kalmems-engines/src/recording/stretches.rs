@@ -1,7 +1,7 @@
 //! Recordings of any length, a stretch at a time, in bounded memory.
 
 use super::read::{ReadProgress, RecordingReader};
-use super::request::{ColumnSelection, ReadRequest};
+use super::request::ReadRequest;
 use super::segment::SegmentTimes;
 use super::{Finding, ReadError, RecordingLayout, RecordingSource, Restarts, SampledRecording};
 use kalmems_formats::Table;
@@ -80,16 +80,7 @@ pub struct Stretches {
 impl Stretches {
     /// Opens a file. Columns that are not there are an error of the first stretch.
     pub fn open(path: &Path, layout: &RecordingLayout, around: StretchSize) -> Result<Self, ReadError> {
-        let request = ReadRequest {
-            clock: &layout.clock,
-            segment_column: layout.segment_column.as_deref(),
-            columns: layout.columns.as_deref().map_or(ColumnSelection::AllBut(&[]), ColumnSelection::Named),
-            declared: &layout.declared,
-            hints: &layout.hints,
-            nominal_rate_hz: layout.nominal_rate_hz,
-            origin: layout.origin,
-            restarts: layout.restarts,
-        };
+        let request = ReadRequest::of(layout);
         let reading = RecordingReader::open(path, &request, around.first.max(1))?;
         Ok(Self::of_reading(reading, path, around, false))
     }
@@ -113,15 +104,9 @@ impl Stretches {
         around: StretchSize,
     ) -> Result<Self, ReadError> {
         let request = ReadRequest {
-            clock: &layout.clock,
-            segment_column: layout.segment_column.as_deref(),
-            columns: layout.columns.as_deref().map_or(ColumnSelection::AllBut(&[]), ColumnSelection::Named),
-            declared: &layout.declared,
-            hints: &layout.hints,
-            nominal_rate_hz: layout.nominal_rate_hz,
-            origin: layout.origin,
             // What arrives cannot be sorted: it is taken as it comes.
             restarts: layout.restarts.map(|restarts| Restarts { at_any_rate: true, ..restarts }),
+            ..ReadRequest::of(layout)
         };
         let reading = RecordingReader::of(table, path, &request, around.first.max(1))?;
         Ok(Self::of_reading(reading, path, around, true))

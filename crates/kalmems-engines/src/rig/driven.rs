@@ -16,9 +16,9 @@ use crate::estimate::{
     begun, follow, process_noise, rows_for_start, rows_to_start_again, start_again_from_signal,
     start_from_signal,
 };
-use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
+use crate::evaluate::ValueState;
 use crate::outlook::{Outlook, OutlookTopic};
-use crate::progress::{Interruption, Progress};
+use crate::progress::Progress;
 use crate::recording::{Finding, RecordingLayout, RecordingSource};
 use crate::simulate::{
     Converter, Drive, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator, WhiteNoise,
@@ -134,11 +134,9 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         DrivenSettings::of(self, experiment)?;
-        let wanted = experiment.to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState])?;
-        for index in &wanted {
-            columns(experiment, *index)?;
-        }
-        Ok(wanted)
+        experiment.to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState], |index| {
+            columns(experiment, index)
+        })
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -172,15 +170,11 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
         let hz = self.model(experiment)?.natural_hz;
         let text = format!("A small motion is free at {hz:.6} Hz.");
-        Ok(Outlook {
-            experiment: experiment.name.to_string(),
-            device: self.name(),
-            topics: vec![OutlookTopic::new("Device").with("natural_frequency_hz", [hz], text)],
-            response: None,
-            start: None,
-            frequencies: Vec::new(),
-            information: Vec::new(),
-        })
+        Ok(Outlook::of(
+            experiment,
+            self.name(),
+            vec![OutlookTopic::new("Device").with("natural_frequency_hz", [hz], text)],
+        ))
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
@@ -197,16 +191,6 @@ impl<D: DrivenDevice<M>, const M: usize> Rig for DrivenRig<D, M> {
             start: experiment.values("simulate.start", &simulate.start, entries::<D, M>(Sign::Any))?,
             simulate: simulate.clone(),
         }))
-    }
-
-    /// It has no angle; see [`Rig::values`].
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        _: &[ReferenceMotion],
-        _: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        vec![None; estimate.trajectories.len()]
     }
 }
 
@@ -537,10 +521,6 @@ impl<D: DrivenDevice<M>, const M: usize> Simulation for DrivenSimulation<D, M> {
 
     fn sources(&self) -> &[RecordingSource] {
         &self.sources
-    }
-
-    fn outlook(&self) -> Option<String> {
-        None
     }
 
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {

@@ -238,13 +238,16 @@ pub trait Rig: Send + Sync {
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError>;
 
     /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared, or
-    /// the work is stopped before.
+    /// the work is stopped before. None of a device without angles, which is judged by its [`values`](Self::values).
     fn evaluate(
         &self,
         estimate: &SegmentEstimate,
         references: &[ReferenceMotion],
         stop: &Interruption,
-    ) -> Vec<Option<MotionErrors>>;
+    ) -> Vec<Option<MotionErrors>> {
+        let _ = (references, stop);
+        vec![None; estimate.trajectories.len()]
+    }
 
     /// Identifies parameters of the device from the recordings that their roles say are for that.
     fn identify(
@@ -323,7 +326,7 @@ pub trait Estimator {
         self.past().state()
     }
 
-    /// Goes on from where another run was.
+    /// Goes on from where another run was, before any part has been taken.
     fn resume(&mut self, state: &PastState) {
         *self.past() = Past::resumed(state);
     }

@@ -2,6 +2,7 @@
 //!
 //! Sines and arcs are those of `kalmems_core`, since those of platforms differ in the last digit.
 
+use super::NormalEquations;
 use crate::progress::Interruption;
 use kalmems_core::{Covariance, Ldl, Mat, Portable, Scalar};
 use realfft::RealFftPlanner;
@@ -159,8 +160,7 @@ fn least_squares_until<const P: usize>(
     stop: &Interruption,
     basis: impl Fn(f64) -> [f64; P],
 ) -> Option<[f64; P]> {
-    let mut normal = Mat::<f64, P, P>::zero();
-    let mut right = [0.0; P];
+    let mut normal = NormalEquations::<P>::new();
     for (k, (t, v)) in time_s.iter().zip(y).enumerate() {
         if stop.is_requested_at(k) {
             return None;
@@ -168,14 +168,9 @@ fn least_squares_until<const P: usize>(
         if !v.is_finite() {
             continue;
         }
-        let b = basis(*t);
-        for i in 0..P {
-            for j in 0..=i {
-                normal.0[i][j] += b[i] * b[j];
-            }
-            right[i] += b[i] * v;
-        }
+        normal.add(&basis(*t), *v);
     }
+    let NormalEquations { matrix: normal, right } = normal;
     // Columns of one size: the derivative by the frequency is many orders away from the others.
     let scale: [f64; P] = std::array::from_fn(|i| normal.0[i][i].sqrt().recip());
     let unit = Mat::<f64, P, P>::from_fn(|i, j| normal.0[i][j] * scale[i] * scale[j]);

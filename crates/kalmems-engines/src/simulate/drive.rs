@@ -1,5 +1,6 @@
 //! What drives a device, at any time.
 
+use super::waveform::Waveform;
 use crate::config::{PowerCut, Quantity};
 use crate::signal::{cubic_between, sample_slopes, usual_interval};
 use kalmems_core::Portable;
@@ -286,29 +287,24 @@ impl Drive {
     /// The mean of V² and the amplitude of its component at a harmonic of the drive, both in V²; `None` for a
     /// drive without a waveform that repeats.
     pub fn square(&self, harmonic: u32) -> Option<(f64, f64)> {
-        match self {
-            Self::Constant { level } => Some((level * level, 0.0)),
-            Self::Sine { offset, amplitude, .. } | Self::Sweep { offset, amplitude, .. } => {
+        if let Self::Constant { level } = self {
+            return Some((level * level, 0.0));
+        }
+        Some(match self.waveform()? {
+            Waveform::Sine { offset, amplitude } => {
                 let component = match harmonic {
                     1 => 2.0 * (offset * amplitude).abs(),
                     2 => 0.5 * amplitude * amplitude,
                     _ => 0.0,
                 };
-                Some((offset * offset + 0.5 * amplitude * amplitude, component))
+                (offset * offset + 0.5 * amplitude * amplitude, component)
             }
-            Self::Square { low, high, duty, .. } => {
+            Waveform::Square { low, high, duty } => {
                 let m = f64::from(harmonic);
                 let component = (high * high - low * low) * 2.0 / (PI * m) * (PI * m * duty).portable_sin();
-                Some((duty * high * high + (1.0 - duty) * low * low, component.abs()))
+                (duty * high * high + (1.0 - duty) * low * low, component.abs())
             }
-            Self::Tones { .. }
-            | Self::Interrupted { .. }
-            | Self::Steps { .. }
-            | Self::Switched { .. }
-            | Self::Late { .. }
-            | Self::Rate { .. }
-            | Self::Recorded { .. } => None,
-        }
+        })
     }
 
     /// Calls `each` with the parts of an interval between which the drive jumps: end and drive of each part.

@@ -14,6 +14,17 @@ pub struct SimulatedColumn {
     pub column: &'static str,
 }
 
+impl SimulatedColumn {
+    /// The motion of one axis.
+    pub const ANGLE_AND_RATE: [Self; 2] =
+        [Self { meaning: "angle", column: "angle_rad" }, Self { meaning: "rate", column: "rate_rad_per_s" }];
+    /// The motion of a plate along its axis.
+    pub const POSITION_AND_VELOCITY: [Self; 2] = [
+        Self { meaning: "position", column: "position_m" },
+        Self { meaning: "velocity", column: "velocity_m_per_s" },
+    ];
+}
+
 /// One sample.
 #[derive(Clone, Copy, Debug)]
 pub struct SimulatedSample<'a> {
@@ -62,10 +73,14 @@ pub trait Simulation {
     fn samples(&self) -> u64;
 
     /// Files that it is made from.
-    fn sources(&self) -> &[RecordingSource];
+    fn sources(&self) -> &[RecordingSource] {
+        &[]
+    }
 
     /// What can be said of the device under this drive before it moves, in words.
-    fn outlook(&self) -> Option<String>;
+    fn outlook(&self) -> Option<String> {
+        None
+    }
 
     /// Runs it from its start, sample by sample. Every run gives the same.
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError>;

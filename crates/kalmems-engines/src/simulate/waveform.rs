@@ -13,6 +13,15 @@ pub struct PeriodStep {
     pub volts: [f64; 3],
 }
 
+/// One period of a drive that repeats, without its frequency and phase; voltages in V.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Waveform {
+    /// Of a sine, or of a sweep, whose frequency changes alone.
+    Sine { offset: f64, amplitude: f64 },
+    /// High for the part `duty` of the period, then low.
+    Square { low: f64, high: f64, duty: f64 },
+}
+
 impl Drive {
     /// The same waveform with all voltages this many times as large.
     #[must_use]
@@ -52,16 +61,13 @@ impl Drive {
         scaled
     }
 
-    /// The waveform held at one frequency, at phase 0; `None` where it does not repeat.
-    pub fn held_at(&self, hz: f64) -> Option<Self> {
-        match self {
+    /// What it does in each period; `None` where it does not repeat.
+    pub(super) fn waveform(&self) -> Option<Waveform> {
+        match *self {
             Self::Sine { offset, amplitude, .. } | Self::Sweep { offset, amplitude, .. } => {
-                let (offset, amplitude) = (*offset, *amplitude);
-                Some(Self::Sine { offset, amplitude, frequency_hz: hz, phase_rad: 0.0 })
+                Some(Waveform::Sine { offset, amplitude })
             }
-            Self::Square { low, high, duty, .. } => {
-                Some(Self::Square { low: *low, high: *high, frequency_hz: hz, duty: *duty })
-            }
+            Self::Square { low, high, duty, .. } => Some(Waveform::Square { low, high, duty }),
             Self::Constant { .. }
             | Self::Tones { .. }
             | Self::Interrupted { .. }
@@ -73,22 +79,22 @@ impl Drive {
         }
     }
 
+    /// The waveform held at one frequency, at phase 0; `None` where it does not repeat.
+    pub fn held_at(&self, hz: f64) -> Option<Self> {
+        Some(match self.waveform()? {
+            Waveform::Sine { offset, amplitude } => {
+                Self::Sine { offset, amplitude, frequency_hz: hz, phase_rad: 0.0 }
+            }
+            Waveform::Square { low, high, duty } => Self::Square { low, high, frequency_hz: hz, duty },
+        })
+    }
+
     /// The largest voltage of a waveform that repeats, without its sign: what the drive is called by in figures.
     pub fn peak_volts(&self) -> Option<f64> {
-        match self {
-            Self::Sine { offset, amplitude, .. } | Self::Sweep { offset, amplitude, .. } => {
-                Some(offset.abs() + amplitude.abs())
-            }
-            Self::Square { low, high, .. } => Some(low.abs().max(high.abs())),
-            Self::Constant { .. }
-            | Self::Tones { .. }
-            | Self::Interrupted { .. }
-            | Self::Steps { .. }
-            | Self::Switched { .. }
-            | Self::Late { .. }
-            | Self::Rate { .. }
-            | Self::Recorded { .. } => None,
-        }
+        Some(match self.waveform()? {
+            Waveform::Sine { offset, amplitude } => offset.abs() + amplitude.abs(),
+            Waveform::Square { low, high, .. } => low.abs().max(high.abs()),
+        })
     }
 
     /// a and b of a·cos 2πnft + b·sin 2πnft in V², the n-th harmonic of the drive's square at phase 0, n ≥ 1; `None`
@@ -97,29 +103,19 @@ impl Drive {
     /// (V_o + V₁ sin)² has 2·V_o·V₁ in the sine of the first and −V₁²/2 in the cosine of the second. A square wave
     /// that is high over the first part d of its period has (V_h² − V_l²)/(πn) times sin 2πnd and 1 − cos 2πnd.
     pub fn square_harmonic(&self, harmonic: u32) -> Option<[f64; 2]> {
-        match self {
-            Self::Sine { offset, amplitude, .. } | Self::Sweep { offset, amplitude, .. } => {
-                Some(match harmonic {
-                    1 => [0.0, 2.0 * offset * amplitude],
-                    2 => [-0.5 * amplitude * amplitude, 0.0],
-                    _ => [0.0; 2],
-                })
-            }
-            Self::Square { low, high, duty, .. } => {
+        Some(match self.waveform()? {
+            Waveform::Sine { offset, amplitude } => match harmonic {
+                1 => [0.0, 2.0 * offset * amplitude],
+                2 => [-0.5 * amplitude * amplitude, 0.0],
+                _ => [0.0; 2],
+            },
+            Waveform::Square { low, high, duty } => {
                 let n = f64::from(harmonic);
                 let (sine, cosine) = (TAU * n * duty).portable_sin_cos();
                 let size = (high * high - low * low) / (PI * n);
-                Some([size * sine, size * (1.0 - cosine)])
+                [size * sine, size * (1.0 - cosine)]
             }
-            Self::Constant { .. }
-            | Self::Tones { .. }
-            | Self::Interrupted { .. }
-            | Self::Steps { .. }
-            | Self::Switched { .. }
-            | Self::Late { .. }
-            | Self::Rate { .. }
-            | Self::Recorded { .. } => None,
-        }
+        })
     }
 
     /// A period in about `count` steps, from phase 0; `None` for a drive that does not repeat.

@@ -102,6 +102,13 @@ pub(crate) struct Resolver {
 pub(super) type ArgumentValues = Vec<(String, ResolvedValue)>;
 pub(super) type Resolved = Result<ResolvedValue, EquationError>;
 
+/// Says how far the definition at this place of a list is.
+fn set<T>(definitions: &mut [(T, DefinitionSlot)], place: usize, slot: DefinitionSlot) {
+    if let Some((_, own)) = definitions.get_mut(place) {
+        *own = slot;
+    }
+}
+
 impl Resolver {
     /// A text that stands alone.
     pub(crate) fn value(&mut self, text: &Arc<ParsedText>) -> Resolved {
@@ -110,75 +117,54 @@ impl Resolver {
 
     /// The rate of a state.
     pub(crate) fn rate(&mut self, state: usize) -> Resolved {
-        let name = || format!("the rate of state {}", state + 1);
-        let Some((of, slot)) = self.rates.get(state).cloned() else {
-            return Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any));
+        let begun = |of: &RateOf| match of {
+            RateOf::Text(text) => (text.clone(), format!("rate of {}", text.entry.name)),
+            RateOf::Lag(expansion) | RateOf::Delay(expansion, _) => {
+                (expansion.of.clone(), format!("the rate of state {}", state + 1))
+            }
         };
-        let text = match &of {
-            RateOf::Text(text) => text.clone(),
-            RateOf::Lag(expansion) | RateOf::Delay(expansion, _) => expansion.of.clone(),
-        };
-        let label = match &of {
-            RateOf::Text(text) => format!("rate of {}", text.entry.name),
-            _ => name(),
-        };
-        if let DefinitionSlot::Done(value) = slot {
-            return Ok(value);
-        }
-        self.begin(&text, label, matches!(slot, DefinitionSlot::Busy))?;
-        self.set_rate(state, DefinitionSlot::Busy);
-        let value = match &of {
-            RateOf::Text(text) => self.value(text)?,
-            RateOf::Lag(expansion) => self.rate_of_lag(state, expansion)?,
-            RateOf::Delay(expansion, which) => self.rate_of_delay(expansion, *which)?,
-        };
-        self.set_rate(state, DefinitionSlot::Done(value));
-        self.busy.pop();
-        Ok(value)
-    }
-
-    fn set_rate(&mut self, state: usize, slot: DefinitionSlot) {
-        if let Some(rate) = self.rates.get_mut(state) {
-            rate.1 = slot;
-        }
+        self.defined(
+            |own| &mut own.rates,
+            (state, begun),
+            |own, of| match of {
+                RateOf::Text(text) => own.value(text),
+                RateOf::Lag(expansion) => own.rate_of_lag(state, expansion),
+                RateOf::Delay(expansion, which) => own.rate_of_delay(expansion, *which),
+            },
+        )
     }
 
     /// A named expression.
     pub(crate) fn named(&mut self, index: usize) -> Resolved {
-        let Some((text, slot)) = self.lets.get(index).cloned() else {
-            return Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any));
-        };
-        if let DefinitionSlot::Done(value) = slot {
-            return Ok(value);
-        }
-        self.begin(&text, text.entry.name.clone(), matches!(slot, DefinitionSlot::Busy))?;
-        if let Some(named) = self.lets.get_mut(index) {
-            named.1 = DefinitionSlot::Busy;
-        }
-        let value = self.value(&text)?;
-        if let Some(named) = self.lets.get_mut(index) {
-            named.1 = DefinitionSlot::Done(value);
-        }
-        self.busy.pop();
-        Ok(value)
+        let begun = |text: &Arc<ParsedText>| (text.clone(), text.entry.name.clone());
+        self.defined(|own| &mut own.lets, (index, begun), Self::value)
     }
 
     /// An expression a while ago.
     pub(crate) fn delayed(&mut self, index: usize) -> Resolved {
-        let Some((expansion, slot)) = self.delays.get(index).cloned() else {
+        let begun = |expansion: &DelayExpansion| (expansion.of.clone(), expansion.of.entry.name.clone());
+        self.defined(|own| &mut own.delays, (index, begun), Self::output_of_delay)
+    }
+
+    /// The value of the definition at this place of a list, which is resolved where that has not been done. `begun` says of a
+    /// definition where it stands and what a message calls it.
+    fn defined<D: Clone>(
+        &mut self,
+        list: fn(&mut Self) -> &mut Vec<(D, DefinitionSlot)>,
+        (place, begun): (usize, impl Fn(&D) -> (Arc<ParsedText>, String)),
+        resolve: impl Fn(&mut Self, &D) -> Resolved,
+    ) -> Resolved {
+        let Some((definition, slot)) = list(self).get(place).cloned() else {
             return Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any));
         };
         if let DefinitionSlot::Done(value) = slot {
             return Ok(value);
         }
-        self.begin(&expansion.of, expansion.of.entry.name.clone(), matches!(slot, DefinitionSlot::Busy))?;
-        if let Some(delay) = self.delays.get_mut(index) {
-            delay.1 = DefinitionSlot::Busy;
-        }
-        let value = self.output_of_delay(&expansion)?;
-        if let Some(delay) = self.delays.get_mut(index) {
-            delay.1 = DefinitionSlot::Done(value);
-        }
+        let (text, label) = begun(&definition);
+        self.begin(&text, label, matches!(slot, DefinitionSlot::Busy))?;
+        set(list(self), place, DefinitionSlot::Busy);
+        let value = resolve(self, &definition)?;
+        set(list(self), place, DefinitionSlot::Done(value));
         self.busy.pop();
         Ok(value)
     }

@@ -142,10 +142,53 @@ impl Interface {
     pub(super) fn inputs(&self, indent: &str) -> String {
         lines(&self.inputs, indent)
     }
+}
 
-    /// The unit of a measurement of the request.
-    pub(super) fn unit_of(&self, place: usize) -> String {
-        plain(self.units.get(place).map_or("", String::as_str))
+/// A correction as a function of the source.
+pub(super) struct UpdateFunction<'p> {
+    pub(super) routine: &'p Routine,
+    /// What it is called within the source.
+    pub(super) name: String,
+    pub(super) inputs: Vec<String>,
+    /// What it is handed beside the inputs: a measurement, or of an event the time since then.
+    pub(super) measured: [String; 1],
+    pub(super) is_event: bool,
+    /// The unit of the measurement.
+    unit: String,
+}
+
+impl<'p> UpdateFunction<'p> {
+    /// Those of a filter, the measurements first.
+    pub(super) fn all(
+        interface: &Interface,
+        (device, request): (&Device, &EmitRequest),
+        program: &'p FilterProgram,
+    ) -> impl Iterator<Item = Self> {
+        program.updates.iter().enumerate().map(move |(place, routine)| Self {
+            routine,
+            name: format!("update_{}", program.names.measure(place)),
+            inputs: Interface::inputs_of(device, program, routine),
+            measured: [program.names.measured(place)],
+            is_event: place >= request.measures.len(),
+            unit: plain(interface.units.get(place).map_or("", String::as_str)),
+        })
+    }
+
+    /// What it does; `mark` stands around the names of the language.
+    pub(super) fn description(&self, mark: &str) -> String {
+        if self.is_event {
+            let [ago_s] = &self.measured;
+            format!(
+                "Corrects by an event {mark}{ago_s}{mark} s before the sample, where its expression was zero."
+            )
+        } else {
+            format!("Corrects by a measurement in {}.", self.unit)
+        }
+    }
+
+    /// The inputs, and what was measured behind them.
+    pub(super) fn arguments(&self) -> Vec<String> {
+        self.inputs.iter().chain(&self.measured).cloned().collect()
     }
 }
 
@@ -183,6 +226,12 @@ pub(super) fn part<'a>(text: &'a str, marker: &str, next: &str) -> &'a str {
 }
 
 impl Routine {
+    /// The call of its function over a state, with constants where it needs them.
+    pub(super) fn call(&self, name: &str, (state, constants): (&str, &str), arguments: &[String]) -> String {
+        let constants = if self.reads_constants() { format!(", {constants}") } else { String::new() };
+        format!("{name}({state}{constants}{})", further(arguments, "", ""))
+    }
+
     /// Whether it needs what follows from parameters.
     pub(super) fn reads_constants(&self) -> bool {
         self.names().iter().any(|name| {

@@ -3,6 +3,7 @@
 use super::error::EmitError;
 use super::tape::{CalledFunction, Tape, TapeId, TapeOp};
 use std::collections::{BTreeSet, HashMap};
+use std::fmt::Write as _;
 
 /// Where numbers are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -230,6 +231,42 @@ pub(super) struct Written {
     /// Where each result goes, and its expression.
     pub(super) outputs: Vec<(StorageArray, usize, String)>,
     pub(super) variance: Option<String>,
+}
+
+impl Written {
+    /// Its statements, and the assignments of its results to these arrays, as both languages have them.
+    pub(super) fn body(&self, arrays: ArrayNames) -> String {
+        let mut text = String::new();
+        for statement in &self.statements {
+            let _ = writeln!(text, "    {statement}");
+        }
+        for (array, place, value) in &self.outputs {
+            let _ = writeln!(text, "    {}[{place}] = {value};", arrays.of(*array));
+        }
+        text
+    }
+}
+
+/// What the arrays are called in the source.
+#[derive(Clone, Copy)]
+pub(super) struct ArrayNames {
+    pub(super) mean: &'static str,
+    pub(super) covariance: &'static str,
+    /// Constants, and what a stage returns.
+    pub(super) other: &'static str,
+}
+
+impl ArrayNames {
+    /// Of a stage, which has one array alone.
+    pub(super) const STAGE: Self = Self { mean: "to", covariance: "to", other: "to" };
+
+    pub(super) fn of(self, array: StorageArray) -> &'static str {
+        match array {
+            StorageArray::Mean => self.mean,
+            StorageArray::Covariance => self.covariance,
+            StorageArray::Constants | StorageArray::Stage => self.other,
+        }
+    }
 }
 
 struct RoutineWriter<'a> {

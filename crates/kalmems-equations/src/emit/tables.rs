@@ -1,8 +1,52 @@
 //! Tables of the source: curves and the series of two disks, in units of their own.
 
+use super::error::EmitError;
+use super::tape::CalledFunction;
 use crate::curve::Curve;
 use crate::description::CurveExtension;
+use crate::device::Device;
 use crate::laws::disks;
+use std::collections::BTreeSet;
+
+/// Numbers in a list, each as a language writes it.
+pub(super) fn listed(
+    values: &[f64],
+    number: impl Fn(f64) -> Result<String, EmitError>,
+) -> Result<String, EmitError> {
+    Ok(values.iter().map(|value| number(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
+}
+
+/// The tables of what is called, with their functions: that of two disks and that of a curve, as a language writes them.
+pub(super) fn called_tables(
+    device: &Device,
+    called: &BTreeSet<CalledFunction>,
+    disks: fn() -> Result<String, EmitError>,
+    curve: fn(usize, &EmittedCurve) -> Result<String, EmitError>,
+) -> Result<String, EmitError> {
+    let mut text = String::new();
+    if called.iter().any(|one| matches!(one, CalledFunction::Disks(_))) {
+        text += &disks()?;
+    }
+    let place =
+        |one: &CalledFunction| if let CalledFunction::Curve(place, _) = one { Some(*place) } else { None };
+    for place in called.iter().filter_map(place).collect::<BTreeSet<usize>>() {
+        if let Some(table) = device.curves.get(place) {
+            text += &curve(place, &EmittedCurve::of(table))?;
+        }
+    }
+    Ok(text)
+}
+
+/// Coefficients of 32 bits in rows of six.
+pub(super) fn coefficient_rows(
+    values: &[f64],
+    float: impl Fn(f64) -> Result<String, EmitError>,
+) -> Result<String, EmitError> {
+    // A coefficient that 32 bits do not hold is nothing beside the others.
+    let small = |value: f64| if value.abs() < f64::from(f32::MIN_POSITIVE) { 0.0 } else { value };
+    let texts = values.iter().map(|value| float(small(*value))).collect::<Result<Vec<_>, _>>()?;
+    Ok(texts.chunks(6).map(|row| row.join(", ")).collect::<Vec<_>>().join(",\n    "))
+}
 
 /// A curve over its own span from −1 to 1, in its largest value.
 pub(super) struct EmittedCurve {

@@ -1,6 +1,8 @@
 //! Operations on numbers of 32 bits, equal ones of which are one.
 
 use crate::curve::CurveId;
+use crate::graph::reached;
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// The place of an operation.
@@ -33,6 +35,34 @@ pub(super) enum CalledFunction {
     Disks(u8),
     /// A curve of the device or a derivative of it, over its own span and in its largest value.
     Curve(CurveId, u8),
+}
+
+impl CalledFunction {
+    /// What it is called where the source has it itself.
+    pub(super) fn name(self) -> Cow<'static, str> {
+        match self {
+            Self::FallingExp => "falling_exp".into(),
+            Self::Exp => "exp".into(),
+            Self::Ln => "ln".into(),
+            Self::Sin => "sin".into(),
+            Self::Cos => "cos".into(),
+            Self::Tanh => "tanh".into(),
+            Self::Atanh => "atanh".into(),
+            Self::Sqrt => "sqrt".into(),
+            Self::Atanhc(_) => "atanhc".into(),
+            Self::LnCosh => "ln_cosh".into(),
+            Self::Disks(_) => "disks".into(),
+            Self::Curve(curve, _) => format!("curve{curve}").into(),
+        }
+    }
+
+    /// The order of its derivative, of one that is called with that.
+    pub(super) fn order(self) -> Option<u8> {
+        match self {
+            Self::Atanhc(order) | Self::Disks(order) | Self::Curve(_, order) => Some(order),
+            _ => None,
+        }
+    }
 }
 
 /// One operation.
@@ -243,15 +273,8 @@ impl Tape {
 
     /// All operations that these need, each behind its parts.
     pub(super) fn below(&self, roots: &[TapeId]) -> Vec<TapeId> {
-        let mut seen = vec![false; self.ops.len()];
-        let mut open = roots.to_vec();
-        while let Some(id) = open.pop() {
-            if let Some(seen) = seen.get_mut(id.index()).filter(|seen| !**seen) {
-                *seen = true;
-                open.extend(self.op(id).parts());
-            }
-        }
-        (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(id, _)| TapeId(id)).collect()
+        let seen = reached((self.ops.len(), roots), TapeId::index, |id| self.op(id).parts());
+        seen.map(TapeId).collect()
     }
 
     /// About how many instructions these take.

@@ -128,6 +128,23 @@ impl Node {
     }
 }
 
+/// The places of all that these roots are made of, with them, in the order of a list of so many, in which parts are before the whole.
+pub(crate) fn reached<I: Copy>(
+    (count, roots): (usize, &[I]),
+    place: impl Fn(I) -> usize,
+    parts: impl Fn(I) -> Vec<I>,
+) -> impl Iterator<Item = u32> {
+    let mut seen = vec![false; count];
+    let mut open = roots.to_vec();
+    while let Some(one) = open.pop() {
+        if let Some(seen) = seen.get_mut(place(one)).filter(|seen| !**seen) {
+            *seen = true;
+            open.extend(parts(one));
+        }
+    }
+    (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(place, _)| place)
+}
+
 /// What stopped a graph from growing.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum GraphLimit {
@@ -229,15 +246,8 @@ impl Graph {
 
     /// All nodes that these are made of, with them, each behind its parts.
     pub(crate) fn below(&self, roots: &[NodeId]) -> Vec<NodeId> {
-        let mut seen = vec![false; self.nodes.len()];
-        let mut open = roots.to_vec();
-        while let Some(id) = open.pop() {
-            if let Some(seen) = seen.get_mut(id.index()).filter(|seen| !**seen) {
-                *seen = true;
-                open.extend(self.node(id).parts());
-            }
-        }
-        (0_u32..).zip(seen).filter(|(_, seen)| *seen).map(|(id, _)| NodeId(id)).collect()
+        let seen = reached((self.nodes.len(), roots), NodeId::index, |id| self.node(id).parts());
+        seen.map(NodeId).collect()
     }
 
     /// As [`below`](Self::below), with a bound on how often that is done; nothing beyond it.

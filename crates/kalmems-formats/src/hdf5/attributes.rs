@@ -29,14 +29,7 @@ impl Attributes {
     pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Self, FormatError> {
         let mut all = Self::default();
         header.each(file, MessageKind::Attribute, |cursor| all.push(attribute(cursor)?))?;
-        let dense = header.first(file, MessageKind::AttributeInfo, |cursor| {
-            let flags = cursor.skip(1)?.u8()?;
-            if flags & 1 != 0 {
-                cursor.skip(2)?;
-            }
-            Ok((cursor.address()?, cursor.address()?))
-        })?;
-        if let Some((Some(heap), Some(names))) = dense {
+        if let Some((heap, names)) = header.dense(file, MessageKind::AttributeInfo, 2)? {
             let mut heap = FractalHeap::read(file, heap)?;
             tree::newer(file, names, &mut |kind, record| {
                 if kind != 8 && kind != 9 {

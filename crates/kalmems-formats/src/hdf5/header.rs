@@ -168,6 +168,24 @@ impl ObjectHeader {
         message.read(file, read).map(Some)
     }
 
+    /// Where the heap is that keeps those which do not fit into the header, and the tree of their names; none where all fit. `order_bytes`
+    /// are those of the largest order of creation, where the message has one.
+    pub(super) fn dense(
+        &self,
+        file: &Hdf5File,
+        kind: MessageKind,
+        order_bytes: usize,
+    ) -> Result<Option<(u64, u64)>, FormatError> {
+        let dense = self.first(file, kind, |cursor| {
+            let flags = cursor.skip(1)?.u8()?;
+            if flags & 1 != 0 {
+                cursor.skip(order_bytes)?;
+            }
+            Ok((cursor.address()?, cursor.address()?))
+        })?;
+        Ok(dense.and_then(|(heap, names)| heap.zip(names)))
+    }
+
     /// Reads all messages of a kind.
     pub(super) fn each(
         &self,

@@ -50,14 +50,7 @@ pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupL
         })?;
     }
     header.each(file, MessageKind::Link, |cursor| push(&mut links, link(cursor)?))?;
-    let dense = header.first(file, MessageKind::LinkInfo, |cursor| {
-        let flags = cursor.skip(1)?.u8()?;
-        if flags & 1 != 0 {
-            cursor.skip(8)?;
-        }
-        Ok((cursor.address()?, cursor.address()?))
-    })?;
-    if let Some((Some(heap), Some(names))) = dense {
+    if let Some((heap, names)) = header.dense(file, MessageKind::LinkInfo, 8)? {
         let mut heap = FractalHeap::read(file, heap)?;
         tree::newer(file, names, &mut |kind, record| {
             match kind {

@@ -11,6 +11,7 @@ use crate::limits::{self, BLOCK_BYTES};
 use crate::panics;
 use crate::records::{push_label, refuse_infinities};
 use crate::source::SharedFile;
+use crate::table::bytes_until;
 use crate::{
     Block, CellFault, CellFinding, Column, FormatError, Hints, Instant, Labels, OmittedPart, Table,
     TableDescription, TableEvidence, TimeKind, TimeReader, TimeUnit, WantedColumn, element,
@@ -358,9 +359,7 @@ impl Table for ParquetTable {
     }
 
     fn progress(&self) -> (u64, u64) {
-        let part = if self.rows == 0 { 0.0 } else { self.row as f64 / self.rows as f64 };
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a part of a length
-        ((self.file_bytes as f64 * part) as u64, self.file_bytes)
+        (bytes_until((self.row, self.rows), self.file_bytes), self.file_bytes)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The force-rebalance loop in the frequency domain.
 
 use super::{Complex, PiController};
+use crate::bisection::halved;
 use crate::dynamics::Accelerometer;
 use crate::readout::DifferentialReadout;
 use kalmems_core::Scalar;
@@ -138,14 +139,6 @@ fn at<P: Scalar>(from: P, to: P, step: u32) -> P {
 /// Where something first becomes true.
 fn crossing<P: Scalar<Mask = bool>>(from: P, to: P, is_beyond: &dyn Fn(P) -> bool) -> Option<P> {
     let first = (0..=GRID).find(|step| is_beyond(at(from, to, *step)))?;
-    let (mut low, mut high) = (at(from, to, first.saturating_sub(1)), at(from, to, first));
-    for _ in 0..HALVINGS {
-        let middle = (low + high).half();
-        if is_beyond(middle) {
-            high = middle;
-        } else {
-            low = middle;
-        }
-    }
-    Some(high)
+    let ends = (at(from, to, first.saturating_sub(1)), at(from, to, first));
+    Some(halved(ends, HALVINGS, is_beyond).1)
 }

@@ -1,6 +1,7 @@
 //! The force-rebalance loop, sample by sample.
 
 use super::{Complex, Margins, PiController, RebalanceLoop};
+use crate::bisection::halved;
 use crate::capacitance::FixedPlate;
 use crate::dynamics::{Accelerometer, CarrierDriven};
 use crate::readout::DifferentialReadout;
@@ -246,15 +247,7 @@ impl RebalanceLoop<f64> {
             }
         }
         // To the last digit of a decibel that anyone reads.
-        for _ in 0..40 {
-            let middle = 0.5 * (low + high);
-            if holds(middle) {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        Some(low)
+        Some(halved((low, high), 40, |factor| !holds(factor)).0)
     }
 
     /// The margins of the sampled loop, sought from `from` in rad/s to half the sampling rate.
@@ -270,18 +263,9 @@ impl RebalanceLoop<f64> {
         let size = |rate: f64| sampled.open_loop(rate).size();
         let is_loud = |rate: f64| size(rate) > 1.0;
         let quiet = (0..=GRID).find(|step| !is_loud(at(*step)));
-        let crossover = quiet.filter(|step| *step > 0).map(|step| {
-            let (mut low, mut high) = (at(step - 1), at(step));
-            for _ in 0..HALVINGS {
-                let middle = 0.5 * (low + high);
-                if is_loud(middle) {
-                    low = middle;
-                } else {
-                    high = middle;
-                }
-            }
-            high
-        });
+        let crossover = quiet
+            .filter(|step| *step > 0)
+            .map(|step| halved((at(step - 1), at(step)), HALVINGS, |rate| !is_loud(rate)).1);
         let phase = crossover.map(|rate| {
             let open = sampled.open_loop(rate);
             Complex { re: -open.re, im: -open.im }.angle()

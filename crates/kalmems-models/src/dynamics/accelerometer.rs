@@ -1,6 +1,7 @@
 //! A proof mass between plates that sense it and push it back.
 
 use super::{GaussMarkov, ProofMass};
+use crate::bisection::halved;
 use crate::capacitance::DifferentialPlates;
 use kalmems_core::{Dynamics, NoiseDensity, Over, Scalar};
 use kalmems_macros::{Parameters, model};
@@ -105,19 +106,11 @@ impl<P: Scalar<Mask = bool>> Accelerometer<P> {
         // Where the plates pull least: both sides' V²/gap⁴ are the same there.
         let ratio = (squares[1] / squares[0]).sqrt().sqrt();
         let one = P::of(1.0);
-        let mut low = self.plates.gap * ((ratio - one) / (ratio + one));
+        let low = self.plates.gap * ((ratio - one) / (ratio + one));
         if !holds(low) {
             return None;
         }
-        let mut high = self.plates.gap;
-        for _ in 0..HALVINGS {
-            let middle = (low + high).half();
-            if holds(middle) {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
+        let (low, _) = halved((low, self.plates.gap), HALVINGS, |x| !holds(x));
         let net = self.mass.spring * low - self.plates.force(low, squares);
         Some(StaticPullIn { displacement: low, acceleration: net / self.mass.mass })
     }

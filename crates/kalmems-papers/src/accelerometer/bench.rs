@@ -1,14 +1,14 @@
 //! The thesis's instrument on the bench: runs of it, and the filters at work on them.
 
 use super::{failed, published::noise};
-use crate::estimate::{Past, SampleSelection, Trajectory};
+use crate::estimate::{SampleSelection, Trajectory};
 use crate::program::ReproduceError;
 use crate::progress::Silent;
 use kalmems_models::constants::{STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
 use kalmems_models::control::{PiController, RebalanceLoop};
 use kalmems_rigs::accelerometer::{
-    Acceleration, AccelerometerHardware, AccelerometerRun, AccelerometerSegment, AccelerometerSettings,
-    ControllerInput, ControllerTiming, Moment, closed_loop, estimate_segment,
+    Acceleration, AccelerometerHardware, AccelerometerPast, AccelerometerRun, AccelerometerSegment,
+    AccelerometerSettings, ControllerInput, ControllerTiming, Moment, closed_loop, estimate_segment,
 };
 use kalmems_rigs::published;
 use std::ops::ControlFlow;
@@ -127,7 +127,14 @@ impl AccelerometerBench {
             interval_s: record.interval_s,
         };
         let samples = SampleSelection::whole(record.time_s.len(), record.interval_s);
-        let found = estimate_segment(&settings, &data, &samples, &mut Past::default(), "the bench", &Silent);
+        let found = estimate_segment(
+            &settings,
+            &data,
+            &samples,
+            &mut AccelerometerPast::default(),
+            "the bench",
+            &Silent,
+        );
         found.ok()?.into_iter().next()
     }
 }

@@ -34,10 +34,10 @@ use crate::estimate::{
     DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
     rows_for_start, rows_to_start_again,
 };
-use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
+use crate::evaluate::ValueState;
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress};
+use crate::progress::Progress;
 use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -46,7 +46,7 @@ pub use filters::AccelerometerFilterSettings;
 use instrument::Instrument;
 pub use instrument::settled_acceleration_sd;
 pub use run::{Acceleration, AccelerometerRun, ControllerInput, ControllerTiming, Moment};
-pub use segment::estimate as estimate_segment;
+pub use segment::{AccelerometerPast, estimate as estimate_segment};
 pub use settings::{AccelerometerHardware, AccelerometerSettings};
 use simulation::AccelerometerSimulation;
 pub use simulation::closed_loop;
@@ -131,11 +131,7 @@ impl Rig for AccelerometerRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         AccelerometerSettings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[RecordingRole::Test])?;
-        for index in &wanted {
-            AccelerometerColumns::of(experiment, *index)?;
-        }
-        Ok(wanted)
+        experiment.to_estimate(&[RecordingRole::Test], |index| AccelerometerColumns::of(experiment, index))
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -169,7 +165,12 @@ impl Rig for AccelerometerRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = AccelerometerSettings::of(experiment)?;
         let columns = AccelerometerColumns::of(experiment, index)?;
-        Ok(Box::new(AccelerometerEstimator { settings, columns, past: Past::default(), progress }))
+        Ok(Box::new(AccelerometerEstimator {
+            settings,
+            columns,
+            past: AccelerometerPast::default(),
+            progress,
+        }))
     }
 
     fn identify(
@@ -187,23 +188,13 @@ impl Rig for AccelerometerRig {
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
         Ok(Box::new(AccelerometerSimulation::of(experiment)?))
     }
-
-    /// It has no angle; see [`Rig::values`].
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        _: &[ReferenceMotion],
-        _: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        vec![None; estimate.trajectories.len()]
-    }
 }
 
 /// Estimates recordings of the instrument.
 struct AccelerometerEstimator<'a> {
     settings: AccelerometerSettings,
     columns: AccelerometerColumns<'a>,
-    past: Past,
+    past: AccelerometerPast,
     progress: &'a dyn Progress,
 }
 
@@ -224,12 +215,16 @@ impl Estimator for AccelerometerEstimator<'_> {
     }
 
     fn past(&mut self) -> &mut Past {
-        &mut self.past
+        &mut self.past.segment
     }
 
     fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, columns, past) = (&self.settings, &self.columns, &mut self.past);
-        let segment = SignalSegment::of(part, (columns.signal, &kind::VOLTAGE), settings.skip_s, past)?;
+        let segment =
+            SignalSegment::of(part, (columns.signal, &kind::VOLTAGE), settings.skip_s, &mut past.segment)?;
+        if segment.begins {
+            past.begin();
+        }
         segment.require_usable_signals(&[columns.signal])?;
         segment.require_after_settling(segment.interval_s)?;
         let optional = |name: Option<&str>, kind| {

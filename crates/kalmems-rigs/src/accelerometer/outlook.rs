@@ -53,13 +53,8 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
         topics.push(bounds(&hardware, &closed, (rate_hz, largest_feedback)));
     }
     Ok(Outlook {
-        experiment: experiment.name.to_string(),
-        device: "accelerometer",
-        topics,
-        response: None,
-        start: None,
         frequencies: over_frequency(&hardware, &closed, rate_hz),
-        information: Vec::new(),
+        ..Outlook::of(experiment, "accelerometer", topics)
     })
 }
 

@@ -1,6 +1,6 @@
 //! The estimates of one segment.
 
-use super::bank::AccelerometerBankCourse;
+use super::bank::{AccelerometerBank, AccelerometerBankCourse};
 use super::course::{AccelerometerCourse, Hybrid, Prediction};
 use super::data::{AccelerometerSegment, ModelInput};
 use super::filters::{AccelerometerFilterSettings, INVERTED, MOST_STATES, states};
@@ -23,35 +23,69 @@ use kalmems_models::dynamics::{SensedAcceleration, UncertainMechanics};
 use std::f64::consts::TAU;
 use std::{array, iter};
 
+/// What is kept of a segment from one part of it to the next.
+#[derive(Default)]
+pub struct AccelerometerPast {
+    /// What every device keeps.
+    pub segment: Past,
+    /// One per filter.
+    adaptive: Vec<AdaptiveState>,
+}
+
+impl AccelerometerPast {
+    /// Begins another segment; see [`SignalSegment::of`](crate::estimate::SignalSegment::of) for what every device keeps.
+    pub fn begin(&mut self) {
+        self.adaptive.clear();
+    }
+}
+
+/// What a filter has learnt of the instrument.
+#[derive(Default)]
+struct AdaptiveState {
+    /// The variance of the readout's noise.
+    noise: Option<NoiseEstimate>,
+    /// How likely each model of a bank is, and the filters of all.
+    bank: Option<Box<AccelerometerBank>>,
+}
+
+/// What is kept of one filter.
+struct AccelerometerFilterPast<'p> {
+    filter: &'p mut FilterPast,
+    adaptive: &'p mut AdaptiveState,
+}
+
 /// Runs the filters of the settings over the new samples of a segment, and judges the lock of each trajectory.
 ///
-/// `place` names the segment in messages. The past is [`Past::default`] at the beginning of a segment, and is kept from one part of it to the next.
+/// `place` names the segment in messages. The past is that of [`Default`] at the beginning of a segment, and is kept from one part of it to
+/// the next.
 pub fn estimate(
     settings: &AccelerometerSettings,
     data: &AccelerometerSegment,
     samples: &SampleSelection,
-    past: &mut Past,
+    past: &mut AccelerometerPast,
     place: &str,
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     let mut all = Vec::new();
-    let (begun_s, start_s) = (past.start_s, past.start_s + settings.skip_s);
-    for (index, filter) in settings.filters.iter().enumerate() {
+    let (begun_s, start_s) = (past.segment.start_s, past.segment.start_s + settings.skip_s);
+    past.adaptive.resize_with(settings.filters.len(), AdaptiveState::default);
+    for ((index, filter), adaptive) in settings.filters.iter().enumerate().zip(&mut past.adaptive) {
         let device = &settings.hardware;
         let task = AccelerometerFilterTask { filter, device, data, samples, begun_s, place, progress };
-        let past = past.filter(index);
+        let past = past.segment.filter(index);
+        let kept = AccelerometerFilterPast { filter: &mut *past, adaptive };
         let scale = |_| filter.basics.no_gain(&"a scale of a state is no positive finite number");
         let mut trajectories = if filter.basics.method == Method::DirectInversion {
             vec![task.inversion(&settings.hardware)]
         } else if filter.basics.method == Method::ConsiderEkf {
-            task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?, past)?
+            task.considered(&Instrument::uncertain(&settings.hardware).map_err(scale)?, kept)?
         } else if filter.basics.method == Method::Bank {
             let instrument = Instrument::sensed(&settings.hardware).map_err(scale)?;
-            task.bank(&settings.hardware, &instrument, past)?
+            task.bank(&settings.hardware, &instrument, kept)?
         } else if filter.known_acceleration {
-            task.run(&Instrument::known(&settings.hardware).map_err(scale)?, past)?
+            task.run(&Instrument::known(&settings.hardware).map_err(scale)?, kept)?
         } else {
-            task.run(&Instrument::sensed(&settings.hardware).map_err(scale)?, past)?
+            task.run(&Instrument::sensed(&settings.hardware).map_err(scale)?, kept)?
         };
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
             let (judge, axes) = (&mut past.answer(answer).judge, [("acceleration", motion(settings))]);
@@ -87,14 +121,14 @@ impl AccelerometerFilterTask<'_> {
     fn run<D, const N: usize>(
         &self,
         instrument: &Instrument<D, N>,
-        past: &mut FilterPast,
+        past: AccelerometerFilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError>
     where
         D: Dynamics<f64, N, Input: ModelInput> + Copy,
         AnyFilter: From<Box<dyn StateFilter<N>>>,
     {
         let h = self.data.interval_s;
-        let found = self.batch_start(instrument, past.left().is_some())?;
+        let found = self.batch_start(instrument, past.filter.left().is_some())?;
         let known = self.start(&instrument.scales, found.as_ref());
         let found = found.as_ref();
         let mean = known.gaussian::<N>().mean;
@@ -242,7 +276,7 @@ impl AccelerometerFilterTask<'_> {
         &self,
         instrument: &Instrument<D, N>,
         prediction: S,
-        past: &mut FilterPast,
+        past: AccelerometerFilterPast,
         start: Option<&BatchStart>,
         begin_filter: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError>
@@ -250,19 +284,18 @@ impl AccelerometerFilterTask<'_> {
         D: Dynamics<f64, N, Input: ModelInput> + Copy,
         S: Prediction<D, N>,
     {
-        let begin = |memory_s: f64| {
-            Box::new(NoiseEstimate::new(instrument.noise_variance, memory_s / self.data.interval_s))
-        };
-        let noise = self.filter.noise_memory_s.map(|memory_s| {
-            let kept = past.course.take::<NoiseEstimate>();
-            *kept.unwrap_or_else(|| begin(memory_s))
-        });
+        let begin =
+            |memory_s: f64| NoiseEstimate::new(instrument.noise_variance, memory_s / self.data.interval_s);
+        let noise = self
+            .filter
+            .noise_memory_s
+            .map(|memory_s| past.adaptive.noise.take().unwrap_or_else(|| begin(memory_s)));
         let course = AccelerometerCourse::new(instrument, self.data, prediction).with_noise(noise);
         // The model alone is corrected by nothing.
         let corrects = self.filter.basics.method != Method::Model;
         let course = StartedCourse::new(course, start.filter(|_| corrects));
         let mut course = course.starting_again(self.start_again(instrument));
-        let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
+        let (basics, way) = ((&self.filter.basics, past.filter), (&mut course as _, self.samples));
         let mut all = follow(basics, begin_filter, way, states(N), self.progress)?;
         for trajectory in &mut all {
             restore(trajectory, &instrument.scales);
@@ -272,7 +305,7 @@ impl AccelerometerFilterTask<'_> {
             let (mean, sd) = history.take(all[0].time_s.len()).map(|[mean, sd]| (mean, sd)).unzip();
             let (name, unit) = ("noise_variance", "V2");
             all[0].states.push(StateSeries { name, unit, kind: &kind::VOLTAGE_VARIANCE, mean, sd });
-            past.course.put(Box::new(noise));
+            past.adaptive.noise = Some(noise);
         }
         Ok(all)
     }
@@ -281,9 +314,9 @@ impl AccelerometerFilterTask<'_> {
     fn considered(
         &self,
         instrument: &Instrument<UncertainMechanics<f64>, 7>,
-        past: &mut FilterPast,
+        past: AccelerometerFilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let found = self.batch_start(instrument, past.left().is_some())?;
+        let found = self.batch_start(instrument, past.filter.left().is_some())?;
         let known = self.start(&instrument.scales, found.as_ref());
         let Gaussian { mean, covariance } = known.gaussian::<7>();
         let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
@@ -296,9 +329,9 @@ impl AccelerometerFilterTask<'_> {
         &self,
         hardware: &AccelerometerHardware,
         instrument: &Instrument<SensedAcceleration<f64>, 4>,
-        past: &mut FilterPast,
+        past: AccelerometerFilterPast,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let mut found = self.batch_start(instrument, past.left().is_some())?;
+        let mut found = self.batch_start(instrument, past.filter.left().is_some())?;
         if let Some(found) = &mut found {
             // The models weigh the same samples once more: from ten of the standard deviations that these say, they add half a percent.
             found.first.lower.iter_mut().for_each(|entry| *entry *= 100.0);
@@ -307,10 +340,10 @@ impl AccelerometerFilterTask<'_> {
         let filter = Ekf::new(mean, covariance);
         let mut course = AccelerometerBankCourse::new(hardware, self.data, filter, &self.filter.spread)
             .map_err(|why| self.filter.basics.no_gain(&why))?
-            .continuing(past.course.take());
-        let (basics, way) = ((&self.filter.basics, &mut *past), (&mut course as _, self.samples));
+            .continuing(past.adaptive.bank.take());
+        let (basics, way) = ((&self.filter.basics, past.filter), (&mut course as _, self.samples));
         let mut all = follow(basics, |_| Ok(AnyFilter::this(filter)), way, states(4), self.progress)?;
-        past.course.put(course.into_models());
+        past.adaptive.bank = Some(course.into_models());
         for trajectory in &mut all {
             restore(trajectory, &instrument.scales);
         }

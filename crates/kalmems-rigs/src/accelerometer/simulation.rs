@@ -8,7 +8,6 @@ use crate::accelerometer::device::{AccelerometerTable, ForceFeedback};
 use crate::config::{
     AccelerationDrive, ConfigError, ConfigFault, DriveSource, Experiment, Key, Quantity, Sign, Simulate,
 };
-use crate::recording::RecordingSource;
 use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation};
 use kalmems_models::control::{Comparator, PiController, RebalanceLoop};
 use std::ops::ControlFlow;
@@ -237,14 +236,6 @@ impl Simulation for AccelerometerSimulation {
 
     fn samples(&self) -> u64 {
         self.run.samples
-    }
-
-    fn sources(&self) -> &[RecordingSource] {
-        &[]
-    }
-
-    fn outlook(&self) -> Option<String> {
-        None
     }
 
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {

@@ -7,7 +7,7 @@ use super::names;
 use super::settings::EquationSettings;
 use crate::config::{ConfigFault, Experiment, Key};
 use crate::crossings::{RowsNeeded, SearchState, SearchedSignal};
-use crate::estimate::{EstimateError, Past, SignalSegment};
+use crate::estimate::{EstimateError, SignalSegment};
 use crate::units::kind;
 
 /// The searches for the events that a signal shows, in the order of the settings; none for one that is recorded.
@@ -27,18 +27,14 @@ impl EquationSettings {
 }
 
 impl EventSearches {
-    /// As the part before left them, or another run, or at the beginning of a segment; `variances` are those of a sample of each
-    /// measurement.
+    /// At the beginning of a segment, or as another run left them, which has written these numbers; `variances` are those of a sample of
+    /// each measurement.
     pub fn of(
         settings: &EquationSettings,
         variances: &[Option<f64>],
         segment: &SignalSegment,
-        past: &mut Past,
+        mut written: &[f64],
     ) -> Result<Self, EstimateError> {
-        if let Some(kept) = past.rig.take::<Self>() {
-            return Ok(*kept);
-        }
-        let mut numbers = past.numbers.as_slice();
         let mut searches = Vec::new();
         for event in &settings.events {
             let EventTimeSource::Signal { measure, level, falls, detector } = event.source else {
@@ -56,7 +52,7 @@ impl EventSearches {
                     SearchedSignal { interval_s, noise_variance, level, falls, passes_hz, line: None };
                 Some((sought, detector))
             };
-            let kept = SearchState::of(sought, segment, written(&mut numbers));
+            let kept = SearchState::of(sought, segment, next_search(&mut written));
             let kept = kept.map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })?;
             searches.push(Some(kept));
         }
@@ -121,7 +117,7 @@ impl EventSearches {
 }
 
 /// The numbers of the next search.
-fn written<'a>(numbers: &mut &'a [f64]) -> &'a [f64] {
+fn next_search<'a>(numbers: &mut &'a [f64]) -> &'a [f64] {
     let Some((count, rest)) = numbers.split_first() else { return &[] };
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, and saturating
     let (own, rest) = rest.split_at((*count as usize).min(rest.len()));

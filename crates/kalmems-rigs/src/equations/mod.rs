@@ -29,12 +29,12 @@ pub use table::EquationsTable;
 use crate::config::{
     ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole,
 };
-use crate::estimate::{DeviceParameter, EstimateError, Past, SegmentEstimate};
-use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
+use crate::estimate::{DeviceParameter, EstimateError, Past};
+use crate::evaluate::ValueState;
 use crate::export::{ExportError, ExportRequest, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress};
+use crate::progress::Progress;
 use crate::recording::RecordingLayout;
 use crate::simulate::{SimulateError, Simulation};
 use crate::{Estimator, Expansion, RecordingChannels, Rig, StateDensity, Template, TemplateChannel};
@@ -187,11 +187,9 @@ impl Rig for EquationsRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         EquationSettings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState])?;
-        for index in &wanted {
-            EquationColumns::of(experiment, *index)?;
-        }
-        Ok(wanted)
+        experiment.to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState], |index| {
+            EquationColumns::of(experiment, index)
+        })
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -228,8 +226,8 @@ impl Rig for EquationsRig {
         let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
         let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
         let columns = EquationColumns::of(experiment, index)?;
-        let past = Past::default();
-        Ok(Box::new(EquationEstimator { experiment, settings, models, columns, past, progress }))
+        let (past, searches) = (Past::default(), None);
+        Ok(Box::new(EquationEstimator { experiment, settings, models, columns, past, searches, progress }))
     }
 
     /// Its parameters are identified by likelihood, whichever the experiment names.
@@ -253,15 +251,5 @@ impl Rig for EquationsRig {
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
         Ok(Box::new(EquationSimulation::of(experiment)?))
-    }
-
-    /// It has no angle; see [`Rig::values`].
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        _: &[ReferenceMotion],
-        _: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        vec![None; estimate.trajectories.len()]
     }
 }

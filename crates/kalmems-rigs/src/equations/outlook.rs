@@ -17,15 +17,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, ConfigError> {
     topics.extend(energy(experiment, &own)?);
     topics.push(free_motion(&own));
     topics.push(measurements(experiment, &own)?);
-    Ok(Outlook {
-        experiment: experiment.name.to_string(),
-        device: "equations",
-        topics,
-        response: None,
-        start: None,
-        frequencies: Vec::new(),
-        information: Vec::new(),
-    })
+    Ok(Outlook::of(experiment, "equations", topics))
 }
 
 fn fact(name: &'static str, values: Vec<f64>, text: String) -> Fact {

@@ -108,6 +108,8 @@ pub struct EquationEstimator<'a> {
     pub columns: EquationColumns<'a>,
     /// What is kept from one part to the next.
     pub past: Past,
+    /// The searches for events in the segment that is being estimated.
+    pub searches: Option<EventSearches>,
     /// Who follows the work.
     pub progress: &'a dyn Progress,
 }
@@ -151,6 +153,9 @@ impl Estimator for EquationEstimator<'_> {
         };
         let kind = names::kind_of(&device.measures()[first]);
         let segment = SignalSegment::of(part, (column, kind), settings.skip_s, past)?;
+        if segment.begins {
+            self.searches = None;
+        }
         let samples = segment.samples();
         let mut sampled =
             SampledInputs { segment: &segment, samples: &samples, past, progress: self.progress };
@@ -182,7 +187,10 @@ impl Estimator for EquationEstimator<'_> {
         }
         let drive = inputs.iter().find_map(|input| input.first_sine().copied());
         let motion = motion(&settings.own, drive.as_ref(), segment.interval_s);
-        let mut kept = EventSearches::of(settings, &variances, &segment, past)?;
+        let mut kept = match self.searches.take() {
+            Some(searches) => searches,
+            None => EventSearches::of(settings, &variances, &segment, &past.numbers)?,
+        };
         kept.look(settings, &self.columns, &segment)?;
         let events = kept.times(self.experiment, settings, &self.columns, &segment)?;
         let said = events.iter().flat_map(|event| event.passings(&segment.fresh, segment.ends));
@@ -223,7 +231,7 @@ impl Estimator for EquationEstimator<'_> {
         estimate.crossings = crossings.into_iter().map(|(_, crossing)| crossing).collect();
         kept.pass(&segment);
         past.numbers = kept.numbers();
-        past.rig.put(Box::new(kept));
+        self.searches = Some(kept);
         Ok(estimate)
     }
 }

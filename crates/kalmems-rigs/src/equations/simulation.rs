@@ -345,10 +345,6 @@ impl Simulation for EquationSimulation {
         &self.sources
     }
 
-    fn outlook(&self) -> Option<String> {
-        None
-    }
-
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let Self { own, simulate, .. } = self;
         let too_large = |_| SimulateError::NotFinite { time_s: 0.0 };

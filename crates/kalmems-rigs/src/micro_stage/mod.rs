@@ -29,12 +29,12 @@ use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, MotionRate, Past, RowsAround, SegmentEstimate, SegmentPart,
     SignalSegment, rows_for_start,
 };
+use crate::evaluate::ValueState;
 use crate::evaluate::{EdgeVelocity, Instruments};
-use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
 use crate::identify::{Identification, IdentifyError};
 use crate::micro_stage::device::MicroStage;
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress};
+use crate::progress::Progress;
 use crate::recording::{Finding, RecordingLayout};
 use crate::signal::{Sine, fit_sine};
 use crate::simulate::{SimulateError, Simulation};
@@ -121,22 +121,21 @@ impl Rig for MicroStageRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         let settings = StageSettings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[RecordingRole::Test, RecordingRole::BiasOn])?;
-        for index in &wanted {
-            let (_, signals) = columns(experiment, &settings.hardware, *index)?;
+        experiment.to_estimate(&[RecordingRole::Test, RecordingRole::BiasOn], |index| {
+            let (_, signals) = columns(experiment, &settings.hardware, index)?;
             if signals.is_empty() {
-                let key = Key::from("recording").index(*index).child("channels");
+                let key = Key::from("recording").index(index).child("channels");
                 let meaning = settings.hardware.channels.first().map(ElectrodeChannel::meaning);
                 let meaning = meaning.unwrap_or_default();
                 let remedy =
                     format!("name the column of at least one electrode, such as `{meaning} = \"cap_V\"`");
                 return Err(experiment.error(key.child(&meaning), ConfigFault::MissingKey { remedy }));
             }
-            if experiment.recordings[*index].role == RecordingRole::BiasOn {
+            if experiment.recordings[index].role == RecordingRole::BiasOn {
                 bias_off_index(experiment)?;
             }
-        }
-        Ok(wanted)
+            Ok(())
+        })
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -172,7 +171,7 @@ impl Rig for MicroStageRig {
             RecordingRole::BiasOn => Some(bias_off(experiment, &settings.hardware, progress)?),
             _ => None,
         };
-        let (past, off) = (Past::default(), None);
+        let (past, off, drive) = (Past::default(), None, None);
         Ok(Box::new(StageEstimator {
             experiment,
             settings,
@@ -181,6 +180,7 @@ impl Rig for MicroStageRig {
             bias_off,
             off,
             past,
+            drive,
             progress,
         }))
     }
@@ -191,16 +191,6 @@ impl Rig for MicroStageRig {
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
         Ok(Box::new(StageSimulation::of(experiment)?))
-    }
-
-    /// Its records are judged by the rate; see [`Rig::values`].
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        _: &[ReferenceMotion],
-        _: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        vec![None; estimate.trajectories.len()]
     }
 
     fn identify(
@@ -224,6 +214,8 @@ struct StageEstimator<'a> {
     /// Its record for the present segment, and the electrodes that its signals are of.
     off: Option<(BiasOffRecord, Vec<usize>)>,
     past: Past,
+    /// What its drive has followed so far.
+    drive: Option<FollowedDrive>,
     progress: &'a dyn Progress,
 }
 
@@ -249,6 +241,9 @@ impl Estimator for StageEstimator<'_> {
         let names: Vec<&str> = signals.iter().map(|(_, column)| *column).collect();
         let first = (names.first().copied().unwrap_or(DRIVE), &kind::VOLTAGE);
         let segment = SignalSegment::of(part, first, self.settings.skip_s, &mut self.past)?;
+        if segment.begins {
+            self.drive = None;
+        }
         segment.require_after_settling(segment.interval_s)?;
         let place = self.place(&segment);
         segment.require_usable_signals(&names)?;
@@ -259,7 +254,7 @@ impl Estimator for StageEstimator<'_> {
             let (column, count, first_s) = ((*drive).to_owned(), unknown.len(), time_s[*first]);
             return Err(EstimateError::DriveUnknown { place, column, count, first_s });
         }
-        let kept = self.past.rig.take::<FollowedDrive>();
+        let kept = self.drive.take();
         let mut followed = self.followed(kept, &segment, volts, &place)?;
         let sine = followed.sine.sine();
         if segment.begins || self.off.is_none() {
@@ -289,7 +284,7 @@ impl Estimator for StageEstimator<'_> {
         let trajectories = segment::estimate(&self.settings, &samples, &mut self.past, self.progress)?;
         let motion = MotionRate { frequency_hz: followed.first_hz, is_driven: true };
         self.past.numbers = std::iter::once(followed.first_hz).chain(followed.sine.numbers()).collect();
-        self.past.rig.put(Box::new(followed));
+        self.drive = Some(followed);
         let axis = AngleAxis { angle: "angle", motion, drive: Some(sine) };
         Ok(segment.estimated_under(drive, (axis, Vec::new()), trajectories))
     }
@@ -339,7 +334,7 @@ impl StageEstimator<'_> {
     /// What the drive follows until the end of a part.
     fn followed(
         &self,
-        kept: Option<Box<FollowedDrive>>,
+        kept: Option<FollowedDrive>,
         segment: &SignalSegment,
         volts: &[f64],
         place: &str,
@@ -357,7 +352,7 @@ impl StageEstimator<'_> {
             _ => None,
         };
         let mut fresh = segment.fresh.clone();
-        let mut followed = if let Some(followed) = kept.map(|kept| *kept).or_else(resumed) {
+        let mut followed = if let Some(followed) = kept.or_else(resumed) {
             followed
         } else {
             let head = fresh.start..fresh.end.min(fresh.start + self.head(interval_s));

@@ -17,15 +17,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     }
     topics.push(electrodes(&hardware));
     topics.push(thresholds(&hardware));
-    Ok(Outlook {
-        experiment: experiment.name.to_string(),
-        device: "micro_stage",
-        topics,
-        response: None,
-        start: None,
-        information: Vec::new(),
-        frequencies: Vec::new(),
-    })
+    Ok(Outlook::of(experiment, "micro_stage", topics))
 }
 
 fn resonance(hardware: &StageHardware) -> OutlookTopic {

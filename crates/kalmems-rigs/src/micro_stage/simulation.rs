@@ -3,7 +3,6 @@
 use super::hardware::StageHardware;
 use super::settings::noise_of;
 use crate::config::{ConfigError, ConfigFault, DriveSource, Experiment, Key, Quantity, StageConditions};
-use crate::recording::RecordingSource;
 use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise};
 use kalmems_core::Portable;
 use kalmems_models::capacitance::TiltingPlate;
@@ -174,14 +173,6 @@ impl Simulation for StageSimulation {
 
     fn samples(&self) -> u64 {
         self.samples
-    }
-
-    fn sources(&self) -> &[RecordingSource] {
-        &[]
-    }
-
-    fn outlook(&self) -> Option<String> {
-        None
     }
 
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {

@@ -2,7 +2,6 @@
 
 use super::settings::PistonHardware;
 use crate::config::{ConfigError, ConfigFault, DriveSource, ExpectedEntry, Experiment, Sign, Simulate};
-use crate::recording::RecordingSource;
 use crate::simulate::{
     Drive, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator, Stability, WhiteNoise,
     drive_of,
@@ -106,18 +105,11 @@ impl Simulation for DrivenPistonSimulation {
     }
 
     fn truth(&self) -> &[SimulatedColumn] {
-        &[
-            SimulatedColumn { meaning: "position", column: "position_m" },
-            SimulatedColumn { meaning: "velocity", column: "velocity_m_per_s" },
-        ]
+        &SimulatedColumn::POSITION_AND_VELOCITY
     }
 
     fn samples(&self) -> u64 {
         self.samples
-    }
-
-    fn sources(&self) -> &[RecordingSource] {
-        &[]
     }
 
     fn outlook(&self) -> Option<String> {

@@ -31,10 +31,10 @@ use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment
 use crate::estimate::{
     DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
 };
-use crate::evaluate::{MotionErrors, ReferenceMotion, ValueState};
+use crate::evaluate::ValueState;
 use crate::outlook::Outlook;
 use crate::piston_mirror::device::PistonMirror;
-use crate::progress::{Interruption, Progress};
+use crate::progress::Progress;
 use crate::recording::{Finding, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
@@ -125,11 +125,7 @@ impl Rig for PistonMirrorRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         PistonSettings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[RecordingRole::Test])?;
-        for index in &wanted {
-            columns(experiment, *index)?;
-        }
-        Ok(wanted)
+        experiment.to_estimate(&[RecordingRole::Test], |index| columns(experiment, index))
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -158,7 +154,13 @@ impl Rig for PistonMirrorRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = PistonSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        Ok(Box::new(PistonEstimator { settings, columns, past: Past::default(), progress }))
+        Ok(Box::new(PistonEstimator {
+            settings,
+            columns,
+            past: Past::default(),
+            tally: RemarkTally::default(),
+            progress,
+        }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -173,16 +175,6 @@ impl Rig for PistonMirrorRig {
         }
         Ok(Box::new(simulation::PhasorSimulation::of(experiment)?))
     }
-
-    /// It has no angle; see [`Rig::values`].
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        _: &[ReferenceMotion],
-        _: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        vec![None; estimate.trajectories.len()]
-    }
 }
 
 /// Estimates recordings of the mirror.
@@ -190,6 +182,7 @@ struct PistonEstimator<'a> {
     settings: PistonSettings,
     columns: PistonColumns<'a>,
     past: Past,
+    tally: RemarkTally,
     progress: &'a dyn Progress,
 }
 
@@ -213,6 +206,9 @@ impl Estimator for PistonEstimator<'_> {
         let hardware = &settings.hardware;
         let segment =
             SignalSegment::of(part, (columns.signal, &kind::CAPACITANCE), settings.skip_s, &mut self.past)?;
+        if segment.begins {
+            self.tally = RemarkTally::default();
+        }
         segment.require_usable_signals(&[columns.signal])?;
         let (time_s, interval_s) = (segment.time_s.as_slice(), segment.interval_s);
         let head = if segment.begins { segment.fresh.end.min(self.head(interval_s)) } else { 0 };
@@ -239,13 +235,11 @@ impl Estimator for PistonEstimator<'_> {
         let part = PartData { data, samples: segment.samples(), head, place: &segment.place };
         let (trajectories, motion) = segment::estimate(settings, &part, &mut self.past, self.progress)?;
         segment.require_after_settling(CYCLES / motion.frequency_hz)?;
-        let mut tally = self.past.rig.take::<RemarkTally>().unwrap_or_default();
-        tally.add(hardware, beyond, &trajectories);
+        self.tally.add(hardware, beyond, &trajectories);
         let mut remarks = changes_of_frequency(&trajectories);
         if segment.ends {
-            remarks.extend(tally.remarks(hardware, &data, &trajectories));
+            remarks.extend(self.tally.remarks(hardware, &data, &trajectories));
         }
-        self.past.rig.put(tally);
         Ok(SegmentEstimate { remarks, ..segment.estimated(motion, trajectories) })
     }
 

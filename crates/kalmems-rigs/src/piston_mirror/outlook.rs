@@ -43,15 +43,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     topics.push(of_filters(&hardware, &stated, filters, rate_hz));
     topics.push(unseen(&hardware, &stated, rate_hz));
     topics.push(bandwidth(&hardware, &stated));
-    Ok(Outlook {
-        experiment: experiment.name.to_string(),
-        device: "piston_mirror",
-        topics,
-        response: None,
-        start: None,
-        frequencies: Vec::new(),
-        information: Vec::new(),
-    })
+    Ok(Outlook::of(experiment, "piston_mirror", topics))
 }
 
 /// That of the simulation, of the first filter with a start, or half the reference distance at the resonance.

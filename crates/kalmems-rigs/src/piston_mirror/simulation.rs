@@ -7,7 +7,6 @@ use super::settings::PistonHardware;
 use crate::config::{
     ConfigError, ConfigFault, DriveSource, ExpectedEntry, Experiment, Quantity, Sign, Simulate,
 };
-use crate::recording::RecordingSource;
 use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise};
 use kalmems_core::Portable;
 use std::f64::consts::TAU;
@@ -109,22 +108,11 @@ impl Simulation for PhasorSimulation {
     }
 
     fn truth(&self) -> &[SimulatedColumn] {
-        &[
-            SimulatedColumn { meaning: "position", column: "position_m" },
-            SimulatedColumn { meaning: "velocity", column: "velocity_m_per_s" },
-        ]
+        &SimulatedColumn::POSITION_AND_VELOCITY
     }
 
     fn samples(&self) -> u64 {
         self.samples
-    }
-
-    fn sources(&self) -> &[RecordingSource] {
-        &[]
-    }
-
-    fn outlook(&self) -> Option<String> {
-        None
     }
 
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {

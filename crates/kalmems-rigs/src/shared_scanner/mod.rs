@@ -295,11 +295,8 @@ fn around_driven(interval_s: f64, start_s: f64, smooths: bool) -> RowsAround {
 
 /// The recordings that are estimated, their channels checked.
 fn wanted(experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-    let wanted = experiment.to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState])?;
-    for index in &wanted {
-        columns(experiment, *index)?;
-    }
-    Ok(wanted)
+    experiment
+        .to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState], |index| columns(experiment, index))
 }
 
 fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigError> {

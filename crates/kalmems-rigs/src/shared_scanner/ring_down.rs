@@ -3,7 +3,6 @@
 use super::identification::RingDownSettings;
 use super::settings::{ScannerHardware, state_at};
 use crate::config::{ConfigFault, Experiment, RecordingRole, RingDownDrive};
-use crate::recording::RecordingSource;
 use crate::simulate::{
     Drive, SimulateError, SimulatedColumn, SimulatedSample, Simulation, Simulator, Stability, WhiteNoise,
     drive_of,
@@ -84,10 +83,6 @@ impl Simulation for RingDownSimulation {
 
     fn samples(&self) -> u64 {
         self.samples
-    }
-
-    fn sources(&self) -> &[RecordingSource] {
-        &[]
     }
 
     fn outlook(&self) -> Option<String> {

@@ -123,10 +123,7 @@ pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, Simula
     let scanner = hardware.scanner;
     let stability = |drive: &Drive| Stability::of(&scanner, drive).map(|stability| stability.to_string());
     let start = |key: &str, values: &Values| state_at(experiment, key, values);
-    let truth = &[
-        SimulatedColumn { meaning: "angle", column: "angle_rad" },
-        SimulatedColumn { meaning: "rate", column: "rate_rad_per_s" },
-    ];
+    let truth = &SimulatedColumn::ANGLE_AND_RATE;
     if experiment.device::<SharedScanner>()?.circuit.is_some() {
         let density = density_asked(experiment)?;
         let circuit = |simulate: &Simulate, drive: &Drive| SensingCircuit::of(experiment, simulate, drive);

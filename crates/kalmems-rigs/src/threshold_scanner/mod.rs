@@ -126,15 +126,10 @@ impl Rig for ThresholdScannerRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         ThresholdScannerSettings::of(experiment)?;
-        let wanted = experiment.to_estimate(&[
-            RecordingRole::Test,
-            RecordingRole::SteadyState,
-            RecordingRole::RingDown,
-        ])?;
-        for index in &wanted {
-            columns(experiment, *index)?;
-        }
-        Ok(wanted)
+        experiment.to_estimate(
+            &[RecordingRole::Test, RecordingRole::SteadyState, RecordingRole::RingDown],
+            |index| columns(experiment, index),
+        )
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -154,7 +149,14 @@ impl Rig for ThresholdScannerRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = ThresholdScannerSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        Ok(Box::new(ThresholdEstimator { settings, columns, past: Past::default(), refused: None, progress }))
+        Ok(Box::new(ThresholdEstimator {
+            settings,
+            columns,
+            past: Past::default(),
+            search: None,
+            refused: None,
+            progress,
+        }))
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
@@ -212,6 +214,8 @@ struct ThresholdEstimator<'a> {
     /// Those of drive and signal.
     columns: [&'a str; 2],
     past: Past,
+    /// The search for crossings, from one part of a segment to the next.
+    search: Option<SearchState>,
     /// Why the recording is no good, where only its end has shown it.
     refused: Option<EstimateError>,
     progress: &'a dyn Progress,
@@ -243,13 +247,19 @@ impl Estimator for ThresholdEstimator<'_> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let (past, natural_hz) = (&mut self.past, settings.hardware.natural_hz());
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        if segment.begins {
+            self.search = None;
+        }
         segment.require_after_settling(CYCLES / natural_hz)?;
         let (place, is_whole) = ((segment.place.as_str(), signal_column), segment.begins && segment.ends);
         // The flanks that tell of a crossing are the first to be clipped.
         segment.require_usable_signals(&[signal_column])?;
         let data = DrivenSegment::of(&segment, drive_column, past, self.progress)?;
         let drive_slope = slope(&data, &settings.hardware);
-        let mut kept = kept(settings, &segment, past)?;
+        let mut kept = match self.search.take() {
+            Some(search) => search,
+            None => begun_search(settings, &segment, &past.numbers)?,
+        };
         let first = kept.first(&segment);
         kept.require_around(needed(settings, kept.interval_s), &segment)?;
         let volts = without_drive(settings, &data, &drive_slope);
@@ -278,7 +288,7 @@ impl Estimator for ThresholdEstimator<'_> {
         }
         kept.pass(&segment);
         past.numbers = kept.numbers();
-        past.rig.put(Box::new(kept));
+        self.search = Some(kept);
         Ok(estimate)
     }
 
@@ -325,15 +335,12 @@ fn needed(settings: &ThresholdScannerSettings, interval_s: f64) -> RowsNeeded {
     RowsNeeded::by(settings.detector().as_ref(), settings.deliveries(), interval_s)
 }
 
-/// What is kept of the segment until now.
-fn kept(
+/// The search for crossings at the beginning of a segment, or where another run left it, which has written these numbers.
+fn begun_search(
     settings: &ThresholdScannerSettings,
     segment: &SignalSegment,
-    past: &mut Past,
+    written: &[f64],
 ) -> Result<SearchState, EstimateError> {
-    if let Some(kept) = past.rig.take::<SearchState>() {
-        return Ok(*kept);
-    }
     let ThresholdHardware { noise_variance, readout, mirror, .. } = settings.hardware;
     let sought = |interval_s| {
         let samples = (interval_s, noise_variance, readout.offset);
@@ -341,7 +348,7 @@ fn kept(
             .detector()
             .map(|detector| (SearchedSignal::of_comb(samples, readout.comb, mirror.resonator), detector))
     };
-    SearchState::of(sought, segment, &past.numbers)
+    SearchState::of(sought, segment, written)
         .map_err(|why| EstimateError::Detector { place: segment.place.clone(), why })
 }
 
@@ -412,15 +419,7 @@ fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
             ),
         )
     });
-    Ok(Outlook {
-        experiment: experiment.name.to_string(),
-        device: "threshold_scanner",
-        topics: vec![device, signal],
-        response: None,
-        start: None,
-        information: Vec::new(),
-        frequencies: Vec::new(),
-    })
+    Ok(Outlook::of(experiment, "threshold_scanner", vec![device, signal]))
 }
 
 /// The detector of the beam's position, where the device table describes one.

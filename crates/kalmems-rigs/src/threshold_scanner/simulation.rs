@@ -168,10 +168,7 @@ impl Simulation for ThresholdSimulation {
     }
 
     fn truth(&self) -> &[SimulatedColumn] {
-        &[
-            SimulatedColumn { meaning: "angle", column: "angle_rad" },
-            SimulatedColumn { meaning: "rate", column: "rate_rad_per_s" },
-        ]
+        &SimulatedColumn::ANGLE_AND_RATE
     }
 
     fn samples(&self) -> u64 {
@@ -180,10 +177,6 @@ impl Simulation for ThresholdSimulation {
 
     fn sources(&self) -> &[RecordingSource] {
         &self.sources
-    }
-
-    fn outlook(&self) -> Option<String> {
-        None
     }
 
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {

@@ -65,6 +65,9 @@ const FIRSTS: usize = 2;
 /// Causes that are listed where none passes.
 const CLOSEST: usize = 3;
 
+/// The causes that are found at a place of what is tried.
+type CausesAt<'t> = &'t (dyn Fn(usize) -> Vec<FittedCause> + Sync);
+
 impl Explanations {
     pub(super) fn by(
         bench: &TrialBench,
@@ -73,7 +76,10 @@ impl Explanations {
         progress: &dyn Progress,
     ) -> Result<Self, DiagnoseError> {
         let search = CauseSearch { bench, suspects, base };
-        let listed = |found: Option<Vec<Vec<FittedCause>>>| -> Result<Vec<FittedCause>, DiagnoseError> {
+        let each = |what, count, causes: CausesAt<'_>| -> Result<Vec<FittedCause>, DiagnoseError> {
+            let found = map_on_threads((progress, what), processors(), (count, 1), |place, heard| {
+                heard.reached(0).is_continue().then(|| causes(place))
+            });
             Ok(found.ok_or(DiagnoseError::Interrupted)?.into_iter().flatten().collect())
         };
         let count = suspects.len();
@@ -85,22 +91,12 @@ impl Explanations {
         let largest = promises.iter().flatten().copied().fold(0.0, f64::max);
         let numbers = (0..count).filter(|place| search.is_worth(promises[*place], largest)).map(Job::Number);
         let jobs: Vec<Job> = numbers.chain([Job::Lines, Job::ColouredNoise, Job::Outliers]).collect();
-        let tried = listed(map_on_threads(
-            (progress, "trying causes"),
-            processors(),
-            (jobs.len(), 1),
-            |place, heard| {
-                if heard.reached(0).is_break() {
-                    return None;
-                }
-                Some(match jobs[place] {
-                    Job::Number(number) => search.number(number).into_iter().collect(),
-                    Job::Lines => search.lines(),
-                    Job::ColouredNoise => search.coloured_noise().into_iter().collect(),
-                    Job::Outliers => search.outliers().into_iter().collect(),
-                })
-            },
-        ))?;
+        let tried = each("trying causes", jobs.len(), &|place| match jobs[place] {
+            Job::Number(number) => search.number(number).into_iter().collect(),
+            Job::Lines => search.lines(),
+            Job::ColouredNoise => search.coloured_noise().into_iter().collect(),
+            Job::Outliers => search.outliers().into_iter().collect(),
+        })?;
         let alone = Self::of(&search, tried, count + 3);
         if !alone.causes.is_empty() {
             return Ok(alone);
@@ -110,17 +106,7 @@ impl Explanations {
             .take(FIRSTS)
             .map(|found| FittedCause { cause: found.cause.clone(), held_out: found.gain })
             .collect();
-        let tried = listed(map_on_threads(
-            (progress, "trying pairs"),
-            processors(),
-            (firsts.len(), 1),
-            |place, heard| {
-                if heard.reached(0).is_break() {
-                    return None;
-                }
-                Some(search.pairs(&firsts[place]))
-            },
-        ))?;
+        let tried = each("trying pairs", firsts.len(), &|place| search.pairs(&firsts[place]))?;
         // Which numbers are first was chosen by what they gain: any pair could have been.
         let tries = alone.tried + count * count.saturating_sub(1) / 2;
         let mut pairs = Self::of(&search, tried, tries);

@@ -4,6 +4,7 @@
 mod metrology;
 mod studies;
 
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::write_calibration;
 use kalmems::applications::calibration::{

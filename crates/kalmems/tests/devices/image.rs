@@ -1,5 +1,6 @@
 //! Images against closed forms, published targets and known phases.
 
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::image::Image;
 use kalmems::applications::image::{
     AxisOscillation, AxisTrack, ImageScan, Lissajous, PhaseAccuracy, Picture, Raster, ScanAxis, Sharpness,

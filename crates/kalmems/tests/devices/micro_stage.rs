@@ -3,6 +3,7 @@
 use crate::parts;
 use crate::stage;
 use crate::stage::{ESTIMATE, GAINS, GAPS, Laboratory, MOTIONS, NAMES, NOISE, OFF, ON, STILL};
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::CalibrationSummary;
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::calibrate;

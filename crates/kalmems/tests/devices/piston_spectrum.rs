@@ -2,6 +2,7 @@
 
 use crate::piston::{CASE, Case, FIVE, trajectory};
 use crate::scene::write_columns;
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::{
     Apodisation, dip_between, line_near, measure, path_weights, spectrum_at,

@@ -1,6 +1,7 @@
 //! Spectra of recorded interferograms against the instrument's own, and of simulated ones against what they must be.
 
 use crate::scene::{Scene, write_columns};
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::SpectrumMetrics;
 use kalmems::applications::spectrum::{

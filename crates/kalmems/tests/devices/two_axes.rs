@@ -109,11 +109,8 @@ fn anywhere(seed: u64) -> [f64; 4] {
 
 fn run(settings: &TwoAxisSettings, recorded: &Recorded) -> Vec<Trajectory> {
     let data = DrivenSegment::new(&recorded.time_s, &recorded.drive, &recorded.signal, 1e-6);
-    {
-        let past = &mut Past::default();
-        let drive = first_tones(settings, &data, past, "test").unwrap();
-        estimate(settings, ("test", &drive), &data, past, &Silent).unwrap()
-    }
+    let drive = first_tones(settings, &data, "test").unwrap();
+    estimate(settings, ("test", &drive), &data, &mut Past::default(), &Silent).unwrap()
 }
 
 /// RMS angle errors in degrees of both axes over some samples, each axis mirrored as fits best.

@@ -1,5 +1,6 @@
 //! Experiment files: those of the reference recordings, and broken ones with their messages.
 
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::{calibration::GyroscopeCalibration, image::Image, spectrum::SpectrumFile};
 use kalmems::config::{Clock, Experiment, Recording};
 use kalmems::rigs::published;

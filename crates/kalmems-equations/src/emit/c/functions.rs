@@ -5,7 +5,7 @@ use crate::description::CurveExtension;
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::interface::part;
-use crate::emit::tables::{EmittedCurve, disks_series};
+use crate::emit::tables::{EmittedCurve, called_tables, coefficient_rows, disks_series};
 use crate::emit::tape::CalledFunction;
 use std::collections::BTreeSet;
 
@@ -25,30 +25,11 @@ pub(super) fn functions(device: &Device, called: &BTreeSet<CalledFunction>) -> R
             text += part(FUNCTIONS, &format!("/* --- {marker} */\n"), "/* --- ");
         }
     }
-    if called.iter().any(|c| matches!(c, CalledFunction::Disks(_))) {
-        text += &disks()?;
-    }
-    let curves: BTreeSet<usize> = called
-        .iter()
-        .filter_map(|c| if let CalledFunction::Curve(curve, _) = c { Some(*curve) } else { None })
-        .collect();
-    for curve in curves {
-        if let Some(table) = device.curves.get(curve) {
-            text += &curve_function(curve, &EmittedCurve::of(table))?;
-        }
-    }
-    Ok(text)
-}
-
-fn numbers(values: &[f64]) -> Result<String, EmitError> {
-    // A coefficient that 32 bits do not hold is nothing beside the others.
-    let small = |value: f64| if value.abs() < f64::from(f32::MIN_POSITIVE) { 0.0 } else { value };
-    let texts = values.iter().map(|value| float(small(*value))).collect::<Result<Vec<_>, _>>()?;
-    Ok(texts.chunks(6).map(|row| row.join(", ")).collect::<Vec<_>>().join(",\n    "))
+    Ok(text + &called_tables(device, called, disks, curve_function)?)
 }
 
 fn disks() -> Result<String, EmitError> {
-    let (coefficients, size, factor, offset) = disks_series();
+    let (series, size, factor, offset) = disks_series();
     Ok(format!(
         r"
 /* Chebyshev's coefficients from the first order on of ln(C/(epsilon_0 a)) of two disks, over ln(d/a). */
@@ -81,8 +62,8 @@ static float disks(float share, unsigned order)
                          : value * by_share * by_share * (slope * slope + bend - slope / {factor});
 }}
 ",
-        count = coefficients.len(),
-        table = numbers(coefficients)?,
+        count = series.len(),
+        table = coefficient_rows(series, float)?,
         size = float(size)?,
         factor = float(factor)?,
         offset = float(offset)?
@@ -137,7 +118,7 @@ static float curve{curve}(float x, unsigned order)
                          : 6.0F * c[3] * u + 2.0F * c[2];
 }}
 ",
-        places = numbers(&table.places)?,
+        places = coefficient_rows(&table.places, float)?,
         pieces = count - 1,
         coefficients = rows(&coefficients)?,
     );
@@ -149,6 +130,6 @@ static float curve{curve}(float x, unsigned order)
 
 /// Rows of four numbers in brackets.
 fn rows(values: &[f64]) -> Result<String, EmitError> {
-    let rows = values.chunks(4).map(|row| Ok(format!("{{{}}}", numbers(row)?)));
+    let rows = values.chunks(4).map(|row| Ok(format!("{{{}}}", coefficient_rows(row, float)?)));
     Ok(rows.collect::<Result<Vec<_>, EmitError>>()?.join(",\n    "))
 }

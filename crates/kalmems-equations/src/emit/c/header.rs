@@ -4,7 +4,7 @@ use super::{comment, float, kind};
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
-use crate::emit::interface::Interface;
+use crate::emit::interface::{Interface, UpdateFunction};
 use crate::emit::request::{EmitGain, EmitRequest};
 use std::fmt::Write as _;
 
@@ -81,23 +81,14 @@ pub(super) fn header(
         interface.inputs(" * "),
         Interface::arguments(name, &interface.predict, &[])
     );
-    for (place, update) in program.updates.iter().enumerate() {
-        let is_event = place >= request.measures.len();
-        let what = if is_event {
-            format!(
-                "Corrects by an event {} s before the sample, where its expression was zero.",
-                program.names.measured(place)
-            )
-        } else {
-            format!("Corrects by a measurement in {}.", interface.unit_of(place))
-        };
-        let measured = [program.names.measured(place)];
+    for update in UpdateFunction::all(interface, (device, request), program) {
+        let what = update.description("");
         let _ = write!(
             text,
             "/* {what} 1 where it was taken; 0 where it is refused, and nothing has changed. */\n\
-             int {name}_update_{}({});\n\n",
-            program.names.measure(place),
-            Interface::arguments(name, &Interface::inputs_of(device, program, update), &measured)
+             int {name}_{}({});\n\n",
+            update.name,
+            Interface::arguments(name, &update.inputs, &update.measured)
         );
     }
     let _ = write!(

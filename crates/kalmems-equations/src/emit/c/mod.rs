@@ -6,13 +6,15 @@ mod steps;
 
 use super::error::EmitError;
 use super::filter::FilterProgram;
-use super::interface::{Interface, further};
+use super::interface::{Interface, UpdateFunction, further};
 use super::request::EmitRequest;
-use super::routine::{Routine, StorageArray, Syntax, Written};
+use super::routine::{ArrayNames, Routine, Syntax};
+use super::tables::listed;
 use super::tape::CalledFunction;
 use crate::device::Device;
 use functions::functions;
 use header::header;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use steps::finish;
@@ -45,6 +47,10 @@ const MACROS: &str = "
 #endif
 ";
 
+/// The arrays of a filter.
+const ARRAYS: ArrayNames =
+    ArrayNames { mean: "state->mean", covariance: "state->covariance", other: "constants" };
+
 /// Numbers of 32 or 64 bits.
 struct C;
 
@@ -68,6 +74,20 @@ pub(super) fn float(value: f64) -> Result<String, EmitError> {
     Ok(format!("{rounded:?}F"))
 }
 
+/// What a function is called: by `math.h` where it has it.
+fn name_of(called: CalledFunction) -> Cow<'static, str> {
+    match called {
+        CalledFunction::Exp => "expf".into(),
+        CalledFunction::Ln => "logf".into(),
+        CalledFunction::Sin => "sinf".into(),
+        CalledFunction::Cos => "cosf".into(),
+        CalledFunction::Tanh => "tanhf".into(),
+        CalledFunction::Atanh => "atanhf".into(),
+        CalledFunction::Sqrt => "sqrtf".into(),
+        _ => called.name(),
+    }
+}
+
 impl Syntax for C {
     fn literal(&self, value: f64, wide: bool) -> Result<String, EmitError> {
         number(value, wide)
@@ -79,20 +99,8 @@ impl Syntax for C {
 
     fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String {
         let at = if wide { format!("(float)({at})") } else { at.to_owned() };
-        let call = match called {
-            CalledFunction::FallingExp => format!("falling_exp({at})"),
-            CalledFunction::Exp => format!("expf({at})"),
-            CalledFunction::Ln => format!("logf({at})"),
-            CalledFunction::Sin => format!("sinf({at})"),
-            CalledFunction::Cos => format!("cosf({at})"),
-            CalledFunction::Tanh => format!("tanhf({at})"),
-            CalledFunction::Atanh => format!("atanhf({at})"),
-            CalledFunction::Sqrt => format!("sqrtf({at})"),
-            CalledFunction::Atanhc(order) => format!("atanhc({at}, {order}U)"),
-            CalledFunction::LnCosh => format!("ln_cosh({at})"),
-            CalledFunction::Disks(order) => format!("disks({at}, {order}U)"),
-            CalledFunction::Curve(curve, order) => format!("curve{curve}({at}, {order}U)"),
-        };
+        let order = called.order().map_or_else(String::new, |order| format!(", {order}U"));
+        let call = format!("{}({at}{order})", name_of(called));
         if wide { format!("(double){call}") } else { call }
     }
 
@@ -167,7 +175,7 @@ fn source(
             parameters.join(", "),
             stage.outputs.len()
         );
-        body(&mut text, &written, "to", "to", "to");
+        text += &written.body(ArrayNames::STAGE);
         text += "}\n";
     }
     let has_constants = |routine: &Routine| routine.reads_constants();
@@ -183,16 +191,8 @@ fn source(
             let result = if written.variance.is_some() { "int" } else { "void" };
             let _ = write!(text, "\nWITHIN {result} {of}({name}_state_t *state{constants}{more})\n{{\n");
             for (local, array, place) in interface.loads(routine, program) {
-                let _ = writeln!(
-                    text,
-                    "    const {} {local} = {array}[{place}];",
-                    kind(program.widths.of(array)),
-                    array = match array {
-                        StorageArray::Mean => "state->mean",
-                        StorageArray::Covariance => "state->covariance",
-                        StorageArray::Constants | StorageArray::Stage => "constants",
-                    }
-                );
+                let (kind, array) = (kind(program.widths.of(array)), ARRAYS.of(array));
+                let _ = writeln!(text, "    const {kind} {local} = {array}[{place}];");
             }
             if let Some(measured) = measured.first() {
                 let _ = writeln!(text, "    const float seen = {measured};");
@@ -208,7 +208,7 @@ fn source(
                     );
                 }
             }
-            body(&mut text, &written, "state->mean", "state->covariance", "constants");
+            text += &written.body(ARRAYS);
             if let Some(variance) = &written.variance {
                 let _ = writeln!(text, "    return {variance} > 0.0F;");
             }
@@ -216,40 +216,20 @@ fn source(
             Ok(())
         };
     core(&program.predict, "predict", &interface.predict, &[])?;
-    for (place, update) in program.updates.iter().enumerate() {
-        let measured = [program.names.measured(place)];
-        let inputs = Interface::inputs_of(device, program, update);
-        core(update, &format!("update_{}", program.names.measure(place)), &inputs, &measured)?;
+    for update in UpdateFunction::all(interface, (device, request), program) {
+        core(update.routine, &update.name, &update.inputs, &update.measured)?;
     }
     finish(&mut text, device, request, program, interface)?;
     Ok(text)
 }
 
-/// The statements of a routine and where their results go.
-fn body(text: &mut String, written: &Written, mean: &str, covariance: &str, other: &str) {
-    for statement in &written.statements {
-        let _ = writeln!(text, "    {statement}");
-    }
-    for (array, place, value) in &written.outputs {
-        let array = match array {
-            StorageArray::Mean => mean,
-            StorageArray::Covariance => covariance,
-            StorageArray::Constants | StorageArray::Stage => other,
-        };
-        let _ = writeln!(text, "    {array}[{place}] = {value};");
-    }
-}
-
 /// Units and origins as tables.
 fn scales(request: &EmitRequest, program: &FilterProgram) -> Result<String, EmitError> {
-    let list = |values: &[f64]| -> Result<String, EmitError> {
-        Ok(values.iter().map(|value| float(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
-    };
     let size = request.size();
     Ok(format!(
         "\n/* The unit of each state and what it is counted from, in SI. */\nstatic const float UNIT[{size}] = {{{}}};\n\
          static const float ORIGIN[{size}] = {{{}}};\n",
-        list(&program.units.scale)?,
-        list(&program.units.origins)?
+        listed(&program.units.scale, float)?,
+        listed(&program.units.origins, float)?
     ))
 }

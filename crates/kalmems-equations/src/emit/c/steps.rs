@@ -4,9 +4,8 @@ use super::{C, kind, number};
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
-use crate::emit::interface::{Interface, further};
+use crate::emit::interface::{Interface, UpdateFunction};
 use crate::emit::request::EmitRequest;
-use crate::emit::routine::Routine;
 use std::fmt::Write as _;
 
 /// What is around the routines.
@@ -114,26 +113,19 @@ fn steps(
     interface: &Interface,
 ) {
     let name = &request.name;
-    let call = |routine: &Routine, of: &str, arguments: &[String]| {
-        let constants = if routine.reads_constants() { ", filter->constants" } else { "" };
-        let arguments: String = further(arguments, "", "");
-        format!("{of}(&next{constants}{arguments})")
-    };
-    let predict = call(&program.predict, "predict", &interface.predict);
+    let over = ("&next", "filter->constants");
+    let predict = program.predict.call("predict", over, &interface.predict);
     let _ = write!(
         text,
         "\nint {name}_predict({})\n{{\n    {name}_state_t next = filter->state;\n    {predict};\n    return take(filter, &next);\n}}\n",
         Interface::arguments(name, &interface.predict, &[])
     );
     let (mut calls, mut apart) = (Vec::new(), Vec::new());
-    for (place, update) in program.updates.iter().enumerate() {
-        let inputs = Interface::inputs_of(device, program, update);
-        let is_event = place >= request.measures.len();
-        let measured = [program.names.measured(place)];
-        let of = format!("update_{}", program.names.measure(place));
-        let arguments: Vec<String> = inputs.iter().chain(&measured).cloned().collect();
-        let one = call(update, &of, &arguments);
-        let taken = if update.variance.is_some() {
+    for update in UpdateFunction::all(interface, (device, request), program) {
+        let (of, arguments) = (&update.name, update.arguments());
+        let one = update.routine.call(of, over, &arguments);
+        let says = update.routine.variance.is_some();
+        let taken = if says {
             format!("    return {one} && take(filter, &next);\n")
         } else {
             format!("    {one};\n    return take(filter, &next);\n")
@@ -141,10 +133,10 @@ fn steps(
         let _ = write!(
             text,
             "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n{taken}}}\n",
-            Interface::arguments(name, &inputs, &measured)
+            Interface::arguments(name, &update.inputs, &update.measured)
         );
-        if !is_event {
-            calls.push((one, update.variance.is_some()));
+        if !update.is_event {
+            calls.push((one, says));
             let all: Vec<String> = ["filter".to_owned()].into_iter().chain(arguments).collect();
             apart.push(format!("{name}_{of}({})", all.join(", ")));
         }

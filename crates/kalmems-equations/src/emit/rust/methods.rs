@@ -4,9 +4,10 @@ use super::{Rust, kind, number, typed};
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
-use crate::emit::interface::{Interface, further};
+use crate::emit::interface::{Interface, UpdateFunction};
 use crate::emit::request::EmitRequest;
 use crate::emit::routine::Routine;
+use crate::emit::tables::listed;
 use std::fmt::Write as _;
 
 /// The functions that predict and correct, each whole or not at all, and what is around them.
@@ -18,9 +19,7 @@ pub(super) fn methods(
     interface: &Interface,
 ) -> Result<(), EmitError> {
     let widths = program.widths;
-    let list = |values: &[f64], wide: bool| -> Result<String, EmitError> {
-        Ok(values.iter().map(|value| number(*value, wide)).collect::<Result<Vec<_>, _>>()?.join(", "))
-    };
+    let list = |values: &[f64], wide: bool| listed(values, |value| number(value, wide));
     let (mean, covariance) = &program.start;
     let size = request.size();
     let triangle = if covariance.is_empty() {
@@ -129,12 +128,8 @@ fn steps(
     program: &FilterProgram,
     interface: &Interface,
 ) {
-    let call = |routine: &Routine, of: &str, arguments: &[String]| {
-        let constants = if routine.reads_constants() { ", &self.constants" } else { "" };
-        let arguments: String = further(arguments, "", "");
-        format!("{of}(&mut next{constants}{arguments})")
-    };
-    let predict = call(&program.predict, "predict", &interface.predict);
+    let over = ("&mut next", "&self.constants");
+    let predict = program.predict.call("predict", over, &interface.predict);
     let _ = write!(
         text,
         "\n    /// One interval on. True where it was taken; false where the result would not be finite, and nothing has changed.\n    \
@@ -144,22 +139,11 @@ fn steps(
         typed(&interface.predict)
     );
     let (mut calls, mut apart) = (String::new(), String::new());
-    for (place, update) in program.updates.iter().enumerate() {
-        let inputs = Interface::inputs_of(device, program, update);
-        let is_event = place >= request.measures.len();
-        let measured = [program.names.measured(place)];
-        let what = if is_event {
-            format!(
-                "Corrects by an event `{}` s before the sample, where its expression was zero.",
-                measured[0]
-            )
-        } else {
-            format!("Corrects by a measurement in {}.", interface.unit_of(place))
-        };
-        let arguments: Vec<String> = inputs.iter().chain(&measured).cloned().collect();
-        let of = format!("update_{}", program.names.measure(place));
-        let one = call(update, &of, &arguments);
-        let says = update.variance.is_some();
+    for update in UpdateFunction::all(interface, (device, request), program) {
+        let what = update.description("`");
+        let (of, arguments) = (&update.name, update.arguments());
+        let one = update.routine.call(of, over, &arguments);
+        let says = update.routine.variance.is_some();
         let taken = if says {
             format!("{one} && self.take(&next)")
         } else {
@@ -171,7 +155,7 @@ fn steps(
              pub fn {of}(&mut self{}) -> bool {{\n        let mut next = self.state;\n        {taken}\n    }}\n",
             typed(&arguments)
         );
-        if !is_event {
+        if !update.is_event {
             let _ = if says {
                 writeln!(calls, "        taken &= {one};")
             } else {

@@ -5,9 +5,10 @@ mod tables;
 
 use super::error::EmitError;
 use super::filter::FilterProgram;
-use super::interface::{Interface, further};
+use super::interface::{Interface, UpdateFunction, further};
 use super::request::{EmitGain, EmitRequest};
-use super::routine::{Routine, StorageArray, Syntax, Written};
+use super::routine::{ArrayNames, Routine, Syntax};
+use super::tables::listed;
 use super::tape::CalledFunction;
 use crate::device::Device;
 use methods::methods;
@@ -30,6 +31,10 @@ fn narrow(value: f64) -> f32 {
     value as f32
 }
 ";
+
+/// The arrays of a filter.
+const ARRAYS: ArrayNames =
+    ArrayNames { mean: "state.mean", covariance: "state.covariance", other: "constants" };
 
 /// Numbers of 32 or 64 bits.
 struct Rust;
@@ -62,20 +67,8 @@ impl Syntax for Rust {
 
     fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String {
         let at = if wide { format!("narrow({at})") } else { at.to_owned() };
-        let call = match called {
-            CalledFunction::FallingExp => format!("falling_exp({at})"),
-            CalledFunction::Exp => format!("exp({at})"),
-            CalledFunction::Ln => format!("ln({at})"),
-            CalledFunction::Sin => format!("sin({at})"),
-            CalledFunction::Cos => format!("cos({at})"),
-            CalledFunction::Tanh => format!("tanh({at})"),
-            CalledFunction::Atanh => format!("atanh({at})"),
-            CalledFunction::Sqrt => format!("sqrt({at})"),
-            CalledFunction::Atanhc(order) => format!("atanhc({at}, {order})"),
-            CalledFunction::LnCosh => format!("ln_cosh({at})"),
-            CalledFunction::Disks(order) => format!("disks({at}, {order})"),
-            CalledFunction::Curve(curve, order) => format!("curve{curve}({at}, {order})"),
-        };
+        let order = called.order().map_or_else(String::new, |order| format!(", {order}"));
+        let call = format!("{}({at}{order})", called.name());
         if wide { format!("f64::from({call})") } else { call }
     }
 
@@ -118,15 +111,12 @@ pub(super) fn files(
         request.name_of_interval(),
         float(request.interval_s)?
     );
-    let list = |values: &[f64]| -> Result<String, EmitError> {
-        Ok(values.iter().map(|value| float(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
-    };
     let _ = write!(
         text,
         "/// The unit of each state in SI.\nconst UNIT: [f32; {size}] = [{}];\n\
          /// What each state is counted from, in SI.\nconst ORIGIN: [f32; {size}] = [{}];\n",
-        list(&program.units.scale)?,
-        list(&program.units.origins)?
+        listed(&program.units.scale, float)?,
+        listed(&program.units.origins, float)?
     );
     let covariance = if has_covariance {
         format!(
@@ -175,15 +165,13 @@ pub(super) fn files(
             "\n/// What one stage needs: rates per sample and their derivatives.\nfn stage({}) -> [{of_stage}; {count}] {{\n    let mut to = [0.0; {count}];\n",
             parameters.join(", ")
         );
-        body(&mut text, &written, "to", "to", "to");
+        text += &written.body(ArrayNames::STAGE);
         text += "    to\n}\n";
     }
     core(&mut text, program, &interface, (&program.predict, "predict"), (&interface.predict, &[]))?;
-    for (place, update) in program.updates.iter().enumerate() {
-        let measured = [program.names.measured(place)];
-        let inputs = Interface::inputs_of(device, program, update);
-        let of = format!("update_{}", program.names.measure(place));
-        core(&mut text, program, &interface, (update, &of), (&inputs, &measured))?;
+    for update in UpdateFunction::all(&interface, (device, request), program) {
+        let (function, handed) = ((update.routine, &*update.name), (&*update.inputs, &update.measured[..]));
+        core(&mut text, program, &interface, function, handed)?;
     }
     methods(&mut text, device, request, program, &interface)?;
     if text.contains("narrow(") {
@@ -225,35 +213,15 @@ fn core(
     let kind = if written.variance.is_some() { " -> bool" } else { "" };
     let _ = write!(text, "\n#[inline(always)]\nfn {of}(state: &mut State{constants}{more}){kind} {{\n");
     for (local, array, place) in interface.loads(routine, program) {
-        let array = match array {
-            StorageArray::Mean => "state.mean",
-            StorageArray::Covariance => "state.covariance",
-            StorageArray::Constants | StorageArray::Stage => "constants",
-        };
-        let _ = writeln!(text, "    let {local} = {array}[{place}];");
+        let _ = writeln!(text, "    let {local} = {}[{place}];", ARRAYS.of(array));
     }
     if let Some(measured) = measured.first() {
         let _ = writeln!(text, "    let seen = {measured};");
     }
-    body(text, &written, "state.mean", "state.covariance", "constants");
+    *text += &written.body(ARRAYS);
     if let Some(variance) = &written.variance {
         let _ = writeln!(text, "    {variance} > 0.0");
     }
     text.push_str("}\n");
     Ok(())
-}
-
-/// The statements of a routine and where their results go.
-fn body(text: &mut String, written: &Written, mean: &str, covariance: &str, other: &str) {
-    for statement in &written.statements {
-        let _ = writeln!(text, "    {statement}");
-    }
-    for (array, place, value) in &written.outputs {
-        let array = match array {
-            StorageArray::Mean => mean,
-            StorageArray::Covariance => covariance,
-            StorageArray::Constants | StorageArray::Stage => other,
-        };
-        let _ = writeln!(text, "    {array}[{place}] = {value};");
-    }
 }

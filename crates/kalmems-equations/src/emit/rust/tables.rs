@@ -5,7 +5,7 @@ use crate::description::CurveExtension;
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::interface::part;
-use crate::emit::tables::{EmittedCurve, disks_series};
+use crate::emit::tables::{EmittedCurve, called_tables, coefficient_rows, disks_series};
 use crate::emit::tape::CalledFunction;
 use std::collections::BTreeSet;
 
@@ -39,28 +39,11 @@ pub(super) fn functions(device: &Device, called: &BTreeSet<CalledFunction>) -> R
             text += &part(FUNCTIONS, &format!("// --- {marker}\n"), "// --- ").replace("pub(super) fn", "fn");
         }
     }
-    if disks_used {
-        text += &disks()?;
-    }
-    let of_curve =
-        |c: &CalledFunction| if let CalledFunction::Curve(curve, _) = c { Some(*curve) } else { None };
-    for curve in called.iter().filter_map(of_curve).collect::<BTreeSet<usize>>() {
-        if let Some(table) = device.curves.get(curve) {
-            text += &curve_function(curve, &EmittedCurve::of(table))?;
-        }
-    }
-    Ok(text)
-}
-
-fn numbers(values: &[f64]) -> Result<String, EmitError> {
-    // A coefficient that 32 bits do not hold is nothing beside the others.
-    let small = |value: f64| if value.abs() < f64::from(f32::MIN_POSITIVE) { 0.0 } else { value };
-    let texts = values.iter().map(|value| float(small(*value))).collect::<Result<Vec<_>, _>>()?;
-    Ok(texts.chunks(6).map(|row| row.join(", ")).collect::<Vec<_>>().join(",\n    "))
+    Ok(text + &called_tables(device, called, disks, curve_function)?)
 }
 
 fn disks() -> Result<String, EmitError> {
-    let (coefficients, size, factor, offset) = disks_series();
+    let (series, size, factor, offset) = disks_series();
     Ok(format!(
         r"
 /// Chebyshev's coefficients from the first order on of ln(C/(epsilon_0 a)) of two disks, over ln(d/a).
@@ -92,8 +75,8 @@ fn disks(share: f32, order: u32) -> f32 {{
     }}
 }}
 ",
-        count = coefficients.len(),
-        table = numbers(coefficients)?,
+        count = series.len(),
+        table = coefficient_rows(series, float)?,
         size = float(size)?,
         factor = float(factor)?,
         offset = float(offset)?
@@ -103,7 +86,7 @@ fn disks(share: f32, order: u32) -> f32 {{
 fn curve_function(curve: usize, table: &EmittedCurve) -> Result<String, EmitError> {
     let count = table.places.len();
     let rows: Result<Vec<String>, EmitError> =
-        table.pieces.iter().map(|piece| Ok(format!("[{}]", numbers(piece)?))).collect();
+        table.pieces.iter().map(|piece| Ok(format!("[{}]", coefficient_rows(piece, float)?))).collect();
     let outside = match table.outside {
         CurveExtension::Error => {
             "    if !(x >= CURVE_AT[0] && x <= CURVE_AT[LAST]) {\n        return f32::NAN;\n    }\n    let beyond = 0.0;\n"
@@ -147,7 +130,7 @@ fn curve{curve}(x: f32, order: u32) -> f32 {{
     }}
 }}
 ",
-        places = numbers(&table.places)?,
+        places = coefficient_rows(&table.places, float)?,
         pieces = count - 1,
         coefficients = rows?.join(",\n    "),
     );

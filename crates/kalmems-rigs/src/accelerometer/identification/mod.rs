@@ -141,15 +141,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         visibility,
     };
     let mut identification = Identification {
-        rig: "accelerometer",
-        parameters: Vec::new(),
-        undetermined: Vec::new(),
-        worst_pairs: Vec::new(),
-        warnings: Vec::new(),
-        notes: Vec::new(),
         figures: vec![figures::of(&outcome)],
-        experiment: experiment.clone(),
-        materials: Vec::new(),
+        ..Identification::begun("accelerometer", experiment)
     };
     messages::of(&mut identification, &record, &outcome);
     apply(&mut identification.experiment, &outcome)?;

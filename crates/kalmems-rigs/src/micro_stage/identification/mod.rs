@@ -47,17 +47,7 @@ const NO_RECORDING: &str = "no recording has the role `sweep`, `bias_on` or `zer
 /// Identifies what the recordings' roles allow.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
     let mut hardware = StageHardware::of(experiment)?;
-    let mut found = Identification {
-        rig: "micro_stage",
-        parameters: Vec::new(),
-        undetermined: Vec::new(),
-        worst_pairs: Vec::new(),
-        warnings: Vec::new(),
-        notes: Vec::new(),
-        figures: Vec::new(),
-        experiment: experiment.clone(),
-        materials: Vec::new(),
-    };
+    let mut found = Identification::begun("micro_stage", experiment);
     let index = |role| only(experiment, role);
     let (sweep, on, off, still) = (
         index(RecordingRole::Sweep)?,

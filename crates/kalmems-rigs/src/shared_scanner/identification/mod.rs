@@ -40,17 +40,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     let channel = |role, name, also: &[&str]| {
         Material::of_role(experiment, role, (name, &kind::VOLTAGE), also, &reference, progress)
     };
-    let mut found = Identification {
-        rig: "shared_scanner",
-        parameters: Vec::new(),
-        undetermined: Vec::new(),
-        worst_pairs: Vec::new(),
-        warnings: Vec::new(),
-        notes: Vec::new(),
-        figures: Vec::new(),
-        experiment: experiment.clone(),
-        materials: Vec::new(),
-    };
+    let mut found = Identification::begun("shared_scanner", experiment);
     let decay = channel(RecordingRole::RingDown, CURRENT, &[RECORDED_BIAS])?;
     let steady = channel(RecordingRole::SteadyState, "signal", &["drive"])?;
     let still = Material::still_of_role(

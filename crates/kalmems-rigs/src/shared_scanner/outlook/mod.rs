@@ -52,10 +52,6 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     topics.extend(model::of_the_circuit(experiment, &hardware, drive.as_ref())?);
     let amplitudes = (4..=80).map(|k| (0.25 * f64::from(k)).to_radians());
     Ok(Outlook {
-        experiment: experiment.name.to_string(),
-        device: "shared_scanner",
-        topics,
-        frequencies: Vec::new(),
         information: amplitudes
             .map(|amplitude| {
                 let bound =
@@ -66,6 +62,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
             .collect(),
         response: driven.as_ref().and_then(|driven| driven.response.clone()),
         start: driven.and_then(|driven| driven.start),
+        ..Outlook::of(experiment, "shared_scanner", topics)
     })
 }
 

@@ -8,7 +8,6 @@ use super::observer::{RegulationObserver, STATES};
 use super::papers;
 use super::report::{RegulationReport, RegulationWindow, TriggerCheck};
 use crate::config::{ConfigFault, Experiment};
-use crate::recording::RecordingSource;
 use crate::signal::hermite;
 use crate::simulate::{
     Converter, Papers, SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise,
@@ -150,18 +149,11 @@ impl Simulation for RegulatedSimulation {
     }
 
     fn truth(&self) -> &[SimulatedColumn] {
-        &[
-            SimulatedColumn { meaning: "angle", column: "angle_rad" },
-            SimulatedColumn { meaning: "rate", column: "rate_rad_per_s" },
-        ]
+        &SimulatedColumn::ANGLE_AND_RATE
     }
 
     fn samples(&self) -> u64 {
         self.samples
-    }
-
-    fn sources(&self) -> &[RecordingSource] {
-        &[]
     }
 
     fn outlook(&self) -> Option<String> {

@@ -21,15 +21,11 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     };
     let sign = "The sign of each motion is not observable: with θ of either axis also −θ moves the device and reads \
                 the same. It is calibrated once for each axis.";
-    Ok(Outlook {
-        experiment: experiment.name.to_string(),
-        device: "shared_scanner with a second axis",
-        topics: vec![topic, OutlookTopic::new("What the signal determines").with("sign", [], sign)],
-        response: None,
-        start: None,
-        frequencies: Vec::new(),
-        information: Vec::new(),
-    })
+    Ok(Outlook::of(
+        experiment,
+        "shared_scanner with a second axis",
+        vec![topic, OutlookTopic::new("What the signal determines").with("sign", [], sign)],
+    ))
 }
 
 fn planned_topic(plan: &BandPlan) -> OutlookTopic {

@@ -5,6 +5,7 @@ use super::outlook::outlook;
 use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz, rows_of_window};
 use super::settings::TwoAxisSettings;
 use super::simulation::simulation;
+use super::tones::DriveTones;
 use crate::config::{ConfigError, DeviceKind, DeviceUses, Experiment, Method};
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{
@@ -109,7 +110,7 @@ impl Rig for TwoAxesRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = TwoAxisSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        Ok(Box::new(TwoAxesEstimator { settings, columns, past: Past::default(), progress }))
+        Ok(Box::new(TwoAxesEstimator { settings, columns, past: Past::default(), drive: None, progress }))
     }
 
     fn signs_from_s(
@@ -124,7 +125,7 @@ impl Rig for TwoAxesRig {
         let part = SegmentPart::whole(recording, first);
         let segment = SignalSegment::of(&part, (signal, &kind::VOLTAGE), settings.skip_s, &mut past)?;
         let data = DrivenSegment::of(&segment, drive, &mut past, &Silent)?;
-        let tones = first_tones(&settings, &data, &mut past, &segment.place)?.tones;
+        let tones = first_tones(&settings, &data, &segment.place)?.tones;
         Ok(tones.map(|tone| tone.peak_after(data.scored_from(settings.skip_s))).to_vec())
     }
 
@@ -166,6 +167,8 @@ struct TwoAxesEstimator<'a> {
     /// Those of drive and signal.
     columns: [&'a str; 2],
     past: Past,
+    /// The drives of the segment that is being estimated.
+    drive: Option<DriveTones>,
     progress: &'a dyn Progress,
 }
 
@@ -189,9 +192,15 @@ impl Estimator for TwoAxesEstimator<'_> {
         let (settings, [drive_column, signal_column]) = (&self.settings, self.columns);
         let past = &mut self.past;
         let segment = SignalSegment::of(part, (signal_column, &kind::VOLTAGE), settings.skip_s, past)?;
+        if segment.begins {
+            self.drive = None;
+        }
         segment.require_usable_signals(&[signal_column])?;
         let data = &DrivenSegment::of(&segment, drive_column, past, self.progress)?;
-        let drive = first_tones(settings, data, past, &segment.place)?;
+        let drive = match self.drive {
+            Some(drive) => drive,
+            None => *self.drive.insert(first_tones(settings, data, &segment.place)?),
+        };
         let [x, y] = drive.motions();
         segment.require_cycles(x.1.frequency_hz.min(y.1.frequency_hz))?;
         let trajectories = estimate(settings, (&segment.place, &drive), data, past, self.progress)?;

@@ -21,7 +21,6 @@ use std::ops::Range;
 pub fn first_tones(
     settings: &TwoAxisSettings,
     data: &DrivenSegment,
-    past: &mut Past,
     place: &str,
 ) -> Result<DriveTones, EstimateError> {
     let of = |rows: Range<usize>| {
@@ -34,13 +33,7 @@ pub fn first_tones(
         let settled = end.saturating_sub(rows_of_window(data.interval_s))..end;
         of(0..data.time_s.len()).or_else(|| Some(DriveTones { is_steady: false, ..of(settled)? }))
     };
-    let tones = match past.rig.take::<DriveTones>() {
-        Some(tones) => tones,
-        None => Box::new(found().ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })?),
-    };
-    let found = *tones;
-    past.rig.put(tones);
-    Ok(found)
+    found().ok_or_else(|| EstimateError::NotTwoSines { place: place.to_owned() })
 }
 
 /// Runs the wanted filters over both axes of the new samples of a segment, which `place` names in messages.

@@ -97,15 +97,8 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
     };
 
     let mut identification = Identification {
-        rig: "threshold_scanner",
-        parameters: Vec::new(),
-        undetermined: Vec::new(),
-        worst_pairs: Vec::new(),
-        warnings: Vec::new(),
-        notes: Vec::new(),
         figures: figures::of(&material, &found, (&hardware, transimpedance)),
-        experiment: experiment.clone(),
-        materials: Vec::new(),
+        ..Identification::begun("threshold_scanner", experiment)
     };
     messages::of(&mut identification, &material, &found);
     let entries = apply(experiment, &mut device, &found)?;

@@ -92,15 +92,9 @@ impl LikelihoodOutcome<'_> {
             all => format!("{} recordings", all.len()),
         };
         let mut found = Identification {
-            rig: workbench.rig(experiment)?.name(),
-            parameters: Vec::new(),
-            undetermined: Vec::new(),
             worst_pairs: self.worst_pair(&place).into_iter().collect(),
-            warnings: Vec::new(),
-            notes: Vec::new(),
-            figures: Vec::new(),
-            experiment: experiment.clone(),
             materials,
+            ..Identification::begun(workbench.rig(experiment)?.name(), experiment)
         };
         let (mut text, mut written) = (experiment.text().to_owned(), Vec::new());
         for (index, suspect) in self.suspects.iter().enumerate() {

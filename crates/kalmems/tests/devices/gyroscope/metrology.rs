@@ -1,6 +1,7 @@
 //! Typed inputs, degrees of freedom, the alignment, trials, contradictions and certificates of a calibration.
 
 use super::{Bench, TRIAD, UNIT, about};
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::{
     CalibratedGyroscope, Certificate, GyroscopeCalibration, Vibration, certificate_page,
 };

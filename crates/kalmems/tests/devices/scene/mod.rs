@@ -2,6 +2,7 @@
 
 #![allow(dead_code)] // each test uses its part
 
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::spectrum::SpectrumFile;
 use kalmems::applications::spectrum::{SpectrumError, SpectrumOutcome, measure};
 use kalmems::progress::Silent;

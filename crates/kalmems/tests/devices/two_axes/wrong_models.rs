@@ -200,9 +200,8 @@ fn study(case: &Case, seeds: u64) -> Vec<(&'static str, Runs)> {
         let bound = (case.bound)(&recorded, &drive);
         let data = DrivenSegment::new(&recorded.time_s, &told, &recorded.signal, 1.0 / RATE_HZ);
         let trajectories = {
-            let past = &mut Past::default();
-            let drive = first_tones(&settings, &data, past, case.name).unwrap();
-            estimate(&settings, (case.name, &drive), &data, past, &Silent).unwrap()
+            let drive = first_tones(&settings, &data, case.name).unwrap();
+            estimate(&settings, (case.name, &drive), &data, &mut Past::default(), &Silent).unwrap()
         };
         for ((_, runs), trajectory) in all.iter_mut().zip(&trajectories) {
             assert!(trajectory.failure.is_none(), "{}: {:?}", case.name, trajectory.failure);
