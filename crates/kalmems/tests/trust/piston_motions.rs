@@ -116,7 +116,7 @@ fn harmonics_of_the_piston_mirror_are_states() {
 type Motion = Box<dyn Fn(f64) -> [f64; 2]>;
 
 /// Motions whose amplitude or frequency changes, each with its name.
-fn changing() -> [(&'static str, Motion); 4] {
+fn changing() -> [(&'static str, Motion); 5] {
     const INTERVAL_S: f64 = 5e-5;
     let steady = |time_s: f64| TAU * 500.0 * time_s + 0.7;
     // A random walk of the frequency by 0.03 Hz in a second, root mean square.
@@ -135,6 +135,7 @@ fn changing() -> [(&'static str, Motion); 4] {
         ("steady", Box::new(move |t| [5e-4, steady(t)])),
         ("ring-up", Box::new(move |t| [5e-4 * (1.0 - 0.9 * (-t / 0.4).exp()), steady(t)])),
         ("ring-down", Box::new(move |t| [5e-4 * (-(t - 0.5).max(0.0) / 2.0).exp(), steady(t)])),
+        ("step of the frequency by 0.1 %", Box::new(move |t| [5e-4, steady(t + 1e-3 * (t - 0.8).max(0.0))])),
         ("wander of the frequency", Box::new(move |t| [5e-4, wandering(t)])),
     ]
 }
