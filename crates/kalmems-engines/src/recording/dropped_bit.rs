@@ -236,7 +236,7 @@ mod tests {
             assert_eq!(found_in(&square), None, "square {period}");
         }
         let sawtooth: Vec<f64> =
-            (0..9000).map(|k| (k * 7 % 2048) as f64 + (2.0 * chance.sample()).round()).collect();
+            (0..9000).map(|k| f64::from(k * 7 % 2048) + (2.0 * chance.sample()).round()).collect();
         assert_eq!(found_in(&sawtooth), None);
     }
 }

@@ -18,7 +18,7 @@ use std::fmt;
 /// Rows after the settling time that are filtered.
 const ROWS: TestedRows = TestedRows(8000);
 /// The mean NIS from which on a fault is looked for.
-const SUSPICIOUS_NIS: f64 = 1.1;
+const SUSPICIOUS_NIS: f64 = 1.02;
 /// The mean NIS up to which innovations are as large as claimed but for what a small fault of the device's numbers leaves.
 const EXPLAINED_NIS: f64 = 2.0;
 /// The part of what the mean NIS is above 1 that a fault may leave.
@@ -100,9 +100,10 @@ pub(super) fn input_fault(bench: &TrialBench) -> Option<InputFault> {
 /// Whether a run without a fault explains the recording, beside that with it.
 fn explains(trial: &DiagnosisTrial, base: Option<&DiagnosisTrial>) -> bool {
     let likelihood = |trial: &DiagnosisTrial| trial.log_likelihood(TrialBlocks::All);
+    // Innovations that are smaller than claimed, as under much process noise, are no sign of a fault.
+    let above_1 = |trial: &DiagnosisTrial| (trial.mean_nis() - 1.0).max(0.0);
     let is_likelier = base.is_none_or(|base| {
-        likelihood(trial) - likelihood(base) > CERTAIN
-            && (trial.mean_nis() - 1.0).abs() < LEFT * (base.mean_nis() - 1.0).abs()
+        likelihood(trial) - likelihood(base) > CERTAIN && above_1(trial) < LEFT * above_1(base)
     });
     trial.follows() && trial.mean_nis() < EXPLAINED_NIS && is_likelier
 }

@@ -62,11 +62,12 @@ const BEGUN: [Begun; 7] = [
         table: "simulate.start",
         drawn: &[("angle_x", "rad"), ("rate_x", "rad/s"), ("angle_y", "rad"), ("rate_y", "rad/s")],
         states: &["angle_x", "rate_x", "angle_y", "rate_y"],
+        // The drive of x is twice its resonance and lets it move in one phase, or in the opposite one.
         draw: |chance| {
-            let [mut x, y] = [([0.08, 0.13], 9.8e4), ([0.06, 0.11], 4.1e4)]
-                .map(|(amplitudes, rate)| swing(chance, amplitudes, rate));
-            x.extend(y);
-            x
+            let scale = between(chance, [0.95, 1.05]).copysign(chance.uniform() - 0.5);
+            let mut drawn = vec![0.117 * scale, 12.8e3 * scale];
+            drawn.extend(swing(chance, [0.06, 0.11], 4.1e4));
+            drawn
         },
         is_symmetric: true,
         is_widened: true,
@@ -149,9 +150,10 @@ const BEGUN: [Begun; 7] = [
     },
     Begun {
         device: "comb resonator (equations)",
-        // The filter's process noise is more than that of the motion, which has none.
+        // A free decay, as of the threshold scanner. The filter's process noise is more than that of the motion, which has none.
         settings: &[
             ("simulate.duration", "\"6 ms\""),
+            ("simulate.drive", "{ constant = { voltage = \"10 V\" } }"),
             ("estimate.skip", "\"2 ms\""),
             ("estimate.filter.0.start", "\"from_signal\""),
             ("estimate.filter.0.start_sd", "{ x = \"10 um\", v = \"0.6 m/s\" }"),
