@@ -156,7 +156,7 @@ const BEGUN: [Begun; 7] = [
     },
     Begun {
         device: "comb resonator (equations)",
-        // A free decay, as of the threshold scanner. The filter's process noise is more than that of the motion, which has none.
+        // A free decay, as of the threshold scanner.
         settings: &[
             ("simulate.duration", "\"6 ms\""),
             ("simulate.drive", "{ constant = { voltage = \"10 V\" } }"),
@@ -169,7 +169,7 @@ const BEGUN: [Begun; 7] = [
         states: &["x", "v"],
         draw: |chance| swing(chance, [1e-6, 8e-6], TAU * 10e3),
         is_symmetric: false,
-        is_widened: true,
+        is_widened: false,
         is_overconfident: false,
     },
 ];
