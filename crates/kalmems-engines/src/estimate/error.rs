@@ -263,6 +263,19 @@ pub enum EstimateError {
         /// How many samples.
         count: usize,
     },
+    /// A bit of the signal is the same in all samples.
+    #[error(
+        "{place}: the signal `{column}` {found}; half of its samples are wrong by this weight, and would be taken for the motion: check the \
+         converter, its cable and the number format of the file"
+    )]
+    DroppedBit {
+        /// The recording and its segment.
+        place: String,
+        /// The column.
+        column: String,
+        /// What was found.
+        found: String,
+    },
     /// The signal is another channel.
     #[error(
         "{place}: the signal `{column}` {found}; it is no signal of the device: name the column that is, or check the wiring"
@@ -376,7 +389,7 @@ impl EstimateError {
 }
 
 impl EstimateError {
-    /// Refuses a recording one of whose signals is clipped or another channel, in the segments that are wanted by their labels; `place` is
+    /// Refuses a recording one of whose signals is clipped, lacks a bit or is another channel, in the segments that are wanted by their labels; `place` is
     /// what messages call it.
     pub fn of_unusable_signal(
         diagnosis: &[Finding],
@@ -386,6 +399,7 @@ impl EstimateError {
         let Some(finding) = unusable_signal(diagnosis, columns, wanted) else { return Ok(()) };
         let (place, column) = (place.to_owned(), finding.column.clone().unwrap_or_default());
         Err(match finding.kind {
+            FindingKind::DroppedBit => Self::DroppedBit { place, column, found: finding.detail.clone() },
             FindingKind::Repeats => Self::Repeated { place, column, found: finding.detail.clone() },
             _ => Self::Clipped { place, column, count: finding.count },
         })

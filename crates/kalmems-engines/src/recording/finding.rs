@@ -85,6 +85,8 @@ pub enum FindingKind {
     Saturation,
     /// The signal stays at a value while its neighbours move.
     Stuck,
+    /// A bit of the converter or of the transfer is the same in all values.
+    DroppedBit,
     /// A column holds the values of another one.
     Repeats,
     /// The same value in every row.
@@ -161,6 +163,7 @@ impl FindingKind {
             | Self::BurstTime
             | Self::Saturation
             | Self::Stuck
+            | Self::DroppedBit
             | Self::Repeats
             | Self::Constant => Severity::Note,
         }
@@ -272,6 +275,9 @@ impl FindingKind {
             }
             Self::Stuck => {
                 "the samples are kept as they stand: if the converter or the transfer hung there, leave these cells empty"
+            }
+            Self::DroppedBit => {
+                "the samples are kept as they stand: check the converter, its cable and the number format of the file"
             }
             Self::Repeats => {
                 "both are kept: if they are two channels, check the wiring and the names of the columns"

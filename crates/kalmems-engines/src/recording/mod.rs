@@ -30,6 +30,7 @@ pub(crate) mod blocks;
 pub(crate) mod clock_unit;
 mod computed_rows;
 mod contribution;
+mod dropped_bit;
 mod error;
 mod finding;
 mod findings;

@@ -24,6 +24,7 @@
 //! either side.
 
 use super::FindingKind as Kind;
+use super::dropped_bit::{DroppedBit, DroppedBitFinding};
 use super::findings::{FindingPlace, Findings, short};
 use super::segment::LineNumbers;
 use super::stuck::{EqualRows, StuckValues};
@@ -77,6 +78,9 @@ pub(super) struct Rails {
     /// Segments whose values are all the same: position, line and value.
     constant: Vec<(usize, usize, f64)>,
     stuck: StuckValues,
+    bits: DroppedBit,
+    /// What is said of a dropped bit.
+    dropped: Option<String>,
     news: RailNews,
 }
 
@@ -146,6 +150,8 @@ impl Rails {
             segment: SegmentExtremes::default(),
             constant: Vec::new(),
             stuck: StuckValues::default(),
+            bits: DroppedBit::default(),
+            dropped: None,
             news: RailNews::default(),
         }
     }
@@ -164,6 +170,8 @@ impl Rails {
         self.segment.rows += fresh.len();
         for (row, value) in (begin..).zip(fresh) {
             self.stuck.take(*value, (row, part.segment), |row| lines.of(row));
+            let dropped = self.bits.take(*value);
+            self.hear_dropped(dropped);
         }
         self.hear_stuck();
         let numbers = || fresh.iter().copied().filter(|v| !v.is_nan());
@@ -228,6 +236,15 @@ impl Rails {
         }
     }
 
+    /// Keeps what the first rows show of a dropped bit: it is found once, and told while rows come and at the end.
+    fn hear_dropped(&mut self, found: Option<DroppedBitFinding>) {
+        let Some(found) = found else { return };
+        let place = FindingPlace { column: Some(self.column), segment: None, line: self.first_line };
+        let words = drops(found);
+        self.news.waiting.push((Kind::DroppedBit, place, 1, words.clone()));
+        self.dropped = Some(words);
+    }
+
     /// The samples at a rail and those that stay, as far as they are known.
     pub(super) const fn counts(&self) -> [usize; 2] {
         [self.news.saturated, self.news.stuck]
@@ -269,7 +286,9 @@ impl Rails {
     }
 
     /// The end of the recording.
-    pub(super) fn finish(self, segments: usize, findings: &mut Findings) {
+    pub(super) fn finish(mut self, segments: usize, findings: &mut Findings) {
+        let dropped = self.bits.decide();
+        self.hear_dropped(dropped);
         let is_held = self.is_held();
         let place = |segment, line| FindingPlace { column: Some(self.column), segment, line };
         let Some([low, high]) = self.sides else { return };
@@ -287,6 +306,9 @@ impl Rails {
                     format!("always {} in this segment", short(level))
                 });
             }
+        }
+        if let Some(dropped) = self.dropped {
+            findings.add(Kind::DroppedBit, place(None, self.first_line), || dropped);
         }
         for run in self.stuck.finish([low.level, high.level]) {
             findings.add_many(Kind::Stuck, place(Some(run.segment), run.line), run.rows, || stays(&run));
@@ -319,6 +341,20 @@ impl Rails {
 
 fn at_rail(name: &str, level: f64, tally: &RailTally) -> String {
     format!("at its {name} value {} in runs of up to {} rows", short(level), tally.longest)
+}
+
+fn drops(found: DroppedBitFinding) -> String {
+    match found {
+        DroppedBitFinding::Between { weight, step } => format!(
+            "has no value in every second range of {}, in steps of {}: the bit of this weight is dropped",
+            short(weight),
+            short(step)
+        ),
+        DroppedBitFinding::Highest { jump, jumps } => format!(
+            "jumps {jumps} times by its whole range of {} while the signal moves on: its highest bit is dropped, or it overflows",
+            short(jump)
+        ),
+    }
 }
 
 fn stays(run: &EqualRows) -> String {

@@ -19,6 +19,22 @@ impl SampledRecording {
         other
     }
 
+    /// What it would be if the numbers of two columns were exchanged, as `what_if`.
+    #[must_use]
+    pub fn exchanged(&self, one: &str, other: &str) -> Self {
+        let mut exchanged = self.clone();
+        let place = |name: &str| self.columns.iter().position(|own| own.header.column == name);
+        if let (Some(one), Some(other)) = (place(one), place(other)) {
+            let numbers = |place: usize| self.columns.get(place).map(|column| column.values.clone());
+            for (to, from) in [(one, other), (other, one)] {
+                if let (Some(column), Some(values)) = (exchanged.columns.get_mut(to), numbers(from)) {
+                    column.values = values;
+                }
+            }
+        }
+        exchanged
+    }
+
     /// The first rows alone, as a copy; what was found in the whole stays said.
     #[must_use]
     pub fn first_rows(&self, rows: usize) -> Self {

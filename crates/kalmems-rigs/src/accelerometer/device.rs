@@ -77,7 +77,8 @@ pub struct SwitchedReadout {
     pub carrier_frequency: Option<Quantity<Frequency, Positive>>,
     /// The capacitance that turns charge into voltage.
     pub feedback_capacitance: Quantity<Capacitance, Positive>,
-    /// The variance of one sample.
+    /// The variance of one sample. Where it is left out, the program finds it from the recording, as with
+    /// `from_recording`.
     #[schemars(schema_with = "noise_schema::<VoltageVariance>")]
     pub noise_variance: Quantity<VoltageVariance, Positive>,
 }

@@ -52,7 +52,8 @@ pub struct EquationsTable {
     /// reference may know it.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub quantities: Ordered<String>,
-    /// The variance of a sample of each measurement, and the power density of the noise of a state's rate.
+    /// The variance of a sample of each measurement, and the power density of the noise of a state's rate. The program finds the variance of a
+    /// measurement from the recording where it is left out, as with `from_recording`.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub noise: Ordered<String>,
     /// Expressions that are zero where something happens.

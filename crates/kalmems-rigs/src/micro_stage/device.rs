@@ -101,7 +101,7 @@ pub struct Electrode {
     pub gap: Quantity<Length, Positive>,
     /// The output per rate of change of the capacitance: minus the bias times the feedback resistance.
     pub gain: Quantity<CurrentGain, NotZero>,
-    /// The variance of one sample's noise; an estimate needs it.
+    /// The variance of one sample's noise; an estimate needs it, or `from_recording`, with which the program finds it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(schema_with = "noise_schema::<VoltageVariance>")]
     pub noise_variance: Option<Quantity<VoltageVariance, Positive>>,

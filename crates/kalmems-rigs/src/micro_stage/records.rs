@@ -109,6 +109,13 @@ pub fn read(
                 );
                 return Err(unfit(&place, why));
             }
+            if finding.kind == FindingKind::DroppedBit {
+                let why = format!(
+                    "the column `{column}` {}: check the converter, its cable and the number format of the file",
+                    finding.detail
+                );
+                return Err(unfit(&place, why));
+            }
             let why = format!(
                 "the column `{column}` is clipped in {count} samples; what it was there is not known, and its waveform is \
                  what gap and gain come from: lower the drive or the amplifier's gain, and record again"

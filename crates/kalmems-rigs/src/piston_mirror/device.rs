@@ -53,7 +53,8 @@ fn parallel_plate() -> serde_json::Value {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CapacitanceReadout {
-    /// The one-sided density; one sample has its square times half the sample rate as variance.
+    /// The one-sided density; one sample has its square times half the sample rate as variance. Where it is left out, the program finds it from the recording, as with
+    /// `from_recording`.
     #[schemars(schema_with = "noise_schema::<CapacitanceDensity>")]
     pub noise_density: Quantity<CapacitanceDensity, Positive>,
     /// The bandwidth before the sampling; half the sample rate if left out. Noise beyond half the sample rate is folded.

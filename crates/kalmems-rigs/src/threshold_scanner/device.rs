@@ -103,7 +103,8 @@ pub struct TransimpedanceReadout {
     pub offset: Quantity<Voltage>,
     /// The capacitance through which the drive reaches the output.
     pub feedthrough_capacitance: Quantity<Capacitance>,
-    /// The variance of one sample.
+    /// The variance of one sample. Where it is left out, the program finds it from the recording, as with
+    /// `from_recording`.
     #[schemars(schema_with = "noise_schema::<VoltageVariance>")]
     pub noise_variance: Quantity<VoltageVariance, Positive>,
 }

@@ -193,6 +193,20 @@ impl<'a> TrialBench<'a> {
         Some((&values.values, interval_s.unwrap_or(f64::NAN)))
     }
 
+    /// The column of a channel in the first recording, by its meaning.
+    pub(super) fn column(&self, meaning: &str) -> String {
+        let described = self.recordings.first().and_then(|(index, _)| self.experiment.recordings.get(*index));
+        let column = described.and_then(|described| described.channels.column(meaning));
+        column.unwrap_or(meaning).to_owned()
+    }
+
+    /// The times of the first segment of the first recording in s, with the samples of a channel in SI and the interval between them in s.
+    pub(super) fn first_segment(&self, meaning: &str) -> Option<(Vec<f64>, &[f64], f64)> {
+        let (values, interval_s) = self.samples(meaning)?;
+        let segment = self.recordings.first()?.1.segments().first()?;
+        Some((segment.time.to_vec(), values.get(segment.rows.clone())?, interval_s))
+    }
+
     /// What the filter says with these changes; `None` where it cannot be run.
     pub(super) fn run(&self, changes: &[TrialChange]) -> Option<DiagnosisTrial> {
         self.run_with(changes, Judged::Yes)

@@ -3,6 +3,7 @@
 use crate::config::put;
 use crate::config::{ConfigFault, Key};
 use crate::recording::SampledRecording;
+use crate::signal::Sine;
 use kalmems_core::Scalar;
 use toml::{Table, Value};
 
@@ -18,6 +19,8 @@ pub(super) enum TrialChange {
         /// What becomes of them.
         how: ChannelAlteration,
     },
+    /// Two channels, by their meanings, have the numbers of each other.
+    Exchanged([String; 2]),
 }
 
 /// What becomes of the numbers of a channel, in SI.
@@ -38,6 +41,8 @@ pub(super) enum ChannelAlteration {
     },
     /// Those at these times in s are missing.
     Without(Vec<f64>),
+    /// They are those of a sine.
+    Sine(Sine),
 }
 
 impl TrialChange {
@@ -45,19 +50,25 @@ impl TrialChange {
     pub(super) fn write(&self, document: &mut Table) -> Result<(), ConfigFault> {
         match self {
             Self::Key(key, value) => put(document, key, value.clone()),
-            Self::Channel { .. } => Ok(()),
+            Self::Channel { .. } | Self::Exchanged(_) => Ok(()),
         }
     }
 
-    /// Makes it in a recording whose columns have these meanings, where it is about a channel.
+    /// Makes it in a recording whose columns have these meanings, where it is about channels.
     pub(super) fn alter(
         &self,
         recording: &SampledRecording,
         columns: &[(String, String)],
     ) -> Option<SampledRecording> {
-        let Self::Channel { meaning, how } = self else { return None };
-        let (_, column) = columns.iter().find(|(own, _)| own == meaning)?;
-        Some(recording.what_if(column, |times, values| how.apply(times, values)))
+        let column =
+            |meaning: &String| columns.iter().find(|(own, _)| own == meaning).map(|(_, column)| column);
+        match self {
+            Self::Key(..) => None,
+            Self::Channel { meaning, how } => {
+                Some(recording.what_if(column(meaning)?, |times, values| how.apply(times, values)))
+            }
+            Self::Exchanged([one, other]) => Some(recording.exchanged(column(one)?, column(other)?)),
+        }
     }
 }
 
@@ -74,6 +85,11 @@ impl ChannelAlteration {
                 for (time, value) in times.iter().zip(values) {
                     let phase = std::f64::consts::TAU * frequency_hz * time;
                     *value -= a * Scalar::cos(phase) + b * Scalar::sin(phase);
+                }
+            }
+            Self::Sine(sine) => {
+                for (time, value) in times.iter().zip(values) {
+                    *value = sine.at(*time);
                 }
             }
             Self::Without(gone) => {

@@ -1,6 +1,7 @@
 //! A check of what filters are told by the beginning of their recordings.
 
 use super::bench::{TestedRows, TrialBench, is_judged};
+use super::input_fault::{InputFault, input_fault};
 use super::number_test::{has_slope, number_test, uncertain_directions};
 use super::sensitivity::NumberSensitivity;
 use super::suspect::Suspect;
@@ -24,6 +25,8 @@ pub struct NumberCheck {
     /// For each filter, by its name, whether its innovations ask for another number; without those in which another test finds something, and
     /// without those that estimate the same parameters as one before for which nothing was found.
     pub tests: Vec<(String, TestResult)>,
+    /// A fault of the channels, where the first filter's innovations are larger than claimed and a fault explains them.
+    pub input_fault: Option<InputFault>,
 }
 
 /// Checks the numbers that filters of an experiment are told, those with these names, by the beginning of its recordings; nothing where
@@ -62,6 +65,9 @@ fn check<'a>(
     for (place, filter) in filters.filter(|filter| is_judged(filter.method)).enumerate() {
         let is_asked_for = names.iter().any(|name| *name == filter.name.as_str());
         let parameters = (&filter.states, &filter.readout);
+        if !is_asked_for && place == 0 {
+            found.input_fault = input_fault(&bench(filter.name.as_str())?);
+        }
         if !is_asked_for || sound.contains(&parameters) {
             continue;
         }

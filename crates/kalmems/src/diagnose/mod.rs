@@ -28,6 +28,7 @@ mod document;
 mod error;
 mod explain;
 mod identified_experiment;
+mod input_fault;
 mod invisible_parameters;
 mod likeliest;
 mod noise;
@@ -45,6 +46,7 @@ pub use check_numbers::{NumberCheck, check_numbers, check_numbers_of};
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
 pub use identified_experiment::with_found_numbers;
+pub use input_fault::InputFault;
 pub use invisible_parameters::ScaleNote;
 pub use likeliest::{identify, likeliest};
 #[cfg(feature = "parquet-results")]

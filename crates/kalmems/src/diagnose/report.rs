@@ -208,6 +208,7 @@ fn edits(
                     sd,
                 });
             }
+            TrialChange::Exchanged(_) => {}
             TrialChange::Channel { meaning, how } => {
                 let (name, number) = match how {
                     ChannelAlteration::Scaled(factor) => ("scale", toml::Value::Float(*factor)),

@@ -214,6 +214,13 @@ impl fmt::Display for DeviceNames {
         let title = "States, for `start` and `start_sd` of a filter and for `start` of `[simulate]`";
         section(f, title, &rows(&self.states))?;
         section(f, "Process noise, for `[estimate.process_noise]`", &rows(&self.process_noise))?;
+        if !self.methods.is_empty() {
+            let unless = if *device == "micro_stage" { "is \"from_recording\"" } else { "is not stated" };
+            writeln!(
+                f,
+                "\nA noise of the readout that {unless} is found from the recording (`kalmems help noise`)."
+            )?;
+        }
         let parameters = self.parameters.iter().map(|one| {
             let what = match (one.unit, one.key) {
                 ("1", Some(key)) => format!("relative to `{key}` of the device's table"),

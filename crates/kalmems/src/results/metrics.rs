@@ -1,7 +1,7 @@
 //! The figures of an estimate.
 
 use super::Verdict;
-use crate::diagnose::{FoundNoise, NumberCheck, ScaleNote};
+use crate::diagnose::{FoundNoise, InputFault, NumberCheck, ScaleNote};
 use crate::estimate::{
     Lock, NisConsistency, ParameterCorrelation, SampleCounts, SegmentEstimate, StretchSummary, Trajectory,
     TrajectoryKind,
@@ -34,6 +34,9 @@ pub struct Metrics {
     /// What the signal does not determine of the device, and what that does to the answer; of the first filter that it could tell it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub scale_notes: Vec<ScaleNote>,
+    /// A fault of the channels that explains why the first filter loses the signal.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub input_fault: Option<InputFault>,
     /// Noises that the experiment left to its recording.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub noise_from_recording: Vec<FoundNoise>,
@@ -351,6 +354,7 @@ impl Metrics {
             values: outcome.recordings.first().map_or(&[], |recording| recording.values),
             held_as_exact: outcome.experiment.held_as_exact(),
             scale_notes: Vec::new(),
+            input_fault: None,
             noise_from_recording: Vec::new(),
             recordings: recordings.collect(),
         }
@@ -365,6 +369,7 @@ impl Metrics {
     #[must_use]
     pub fn with_numbers(mut self, numbers: NumberCheck) -> Self {
         self.scale_notes = numbers.notes;
+        self.input_fault = numbers.input_fault;
         if let Some(segment) = self.recordings.iter_mut().flat_map(|r| &mut r.segments).next() {
             for (filter, test) in numbers.tests {
                 let named =

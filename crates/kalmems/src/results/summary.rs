@@ -341,6 +341,10 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
             }
         }
     }
+    let fault = metrics.input_fault.iter();
+    notices.extend(
+        fault.map(|fault| Notice::new(NoticeSeverity::Failure, fault.to_string()).explained_by("lock")),
+    );
     notices.extend(
         metrics.noise_from_recording.iter().map(|noise| note(noise.to_string()).explained_by("noise")),
     );

@@ -5,6 +5,7 @@ mod coverage;
 mod devices;
 mod diagnose;
 mod impairments;
+mod input_faults;
 mod losses;
 mod motions;
 mod outliers;

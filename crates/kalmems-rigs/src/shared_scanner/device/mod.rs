@@ -77,7 +77,8 @@ pub struct DemodulatedReadout {
     pub gain: Quantity<VoltagePerCapacitance, NotZero>,
     /// The voltage at no capacitance.
     pub offset: Quantity<Voltage>,
-    /// The variance of one sample.
+    /// The variance of one sample. Where it is left out, the program finds it from the recording, as with
+    /// `from_recording`.
     #[schemars(schema_with = "noise_schema::<VoltageVariance>")]
     pub noise_variance: Quantity<VoltageVariance, Positive>,
     /// The corner frequencies of the demodulator's two low-pass stages, such as `["31.35 kHz", "31.35 kHz"]`; for
