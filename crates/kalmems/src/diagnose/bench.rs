@@ -10,6 +10,7 @@ use crate::identify::Material;
 use crate::progress::{Progress, ReaderProgress};
 use crate::recording::{SampledRecording, StretchSize, Stretches};
 use crate::rigs::Workbench;
+use crate::stated_start::{leaves_start_sd_out, write_start_sds};
 use toml::{Table, Value};
 
 /// What trials have in common.
@@ -80,6 +81,10 @@ impl<'a> TrialBench<'a> {
         };
         let uncertain = parsed(&document)?;
         let varied = uncertain.varied()?.iter().map(|varied| varied.experiment.clone()).collect();
+        if leaves_start_sd_out(&mut document) {
+            let parameters = workbench.rig(&uncertain)?.parameters(&uncertain);
+            write_start_sds(&mut document, &uncertain, parameters)?;
+        }
         // What is asked for is what of the numbers as they stand is wrong.
         exactly(&mut document);
         let told = parsed(&document)?;
@@ -165,6 +170,15 @@ impl<'a> TrialBench<'a> {
             recordings: self.recordings.iter().map(short).collect(),
             stop: self.stop.clone(),
         }
+    }
+
+    /// The rows behind the settling time of the recording that has most of them.
+    pub(super) fn longest(&self) -> usize {
+        let behind = |(_, recording): &(usize, SampledRecording)| {
+            let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
+            recording.rows().saturating_sub(self.skipped_rows(interval_s.unwrap_or(f64::INFINITY)))
+        };
+        self.recordings.iter().map(behind).max().unwrap_or(0)
     }
 
     /// The rows of the settling time.

@@ -4,7 +4,7 @@ use super::likelihood_search::{DETERMINED, LikelihoodSearch};
 use crate::diagnose::answer::{AnswerChange, moved};
 use crate::diagnose::search::MostLikelySizes;
 use crate::diagnose::suspect::Suspect;
-use crate::diagnose::trial::TrialBlocks;
+use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
 use crate::identify::{CONNECTED, LikelihoodSolution, NumberStatus, TWO_SIDED, joint_number_statuses};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -31,10 +31,15 @@ pub(super) fn by_chance(count: f64) -> f64 {
 ///   by less than 0.3 of the error that the filter claims, and
 /// - the filter does not lose the motion for longer with them than before.
 ///
+/// Nothing is written where the innovations with all that was found still fail a test: the value of a number that stands beside a wrong one, or at
+/// which a search has stopped short of the largest likelihood, is off by more than its standard error says.
+///
 /// Else the experiment keeps what it says. A filter that is told the truth is not made worse by a recording that hardly tells it.
 pub(super) struct NumberJudgement {
     /// Of each number.
     pub(super) verdicts: Vec<NumberVerdict>,
+    /// The run with all that was found, be it written or not; `None` where the filter cannot be run.
+    pub(super) trial: Option<DiagnosisTrial>,
     /// By how much the answer moves from the stated numbers to those that are found.
     pub(super) moves: Option<AnswerChange>,
     /// By how much one standard deviation of what remains unknown of all numbers that are written moves it, root mean square in SI.
@@ -56,6 +61,9 @@ pub(super) enum NumberVerdict {
     NotConfirmed,
     /// With it the filter loses the motion for longer than before.
     LosesMotion,
+    /// With all that was found the innovations still show that something is wrong, so that neither value nor standard error can be
+    /// believed.
+    Contradicted,
 }
 
 impl NumberJudgement {
@@ -92,12 +100,16 @@ impl NumberJudgement {
                 }
             }
         }
+        let trial = sought.run(suspects, &found.at);
+        if trial.as_ref().is_none_or(|trial| !trial.passes()) {
+            written(&verdicts).into_iter().for_each(|place| verdicts[place] = NumberVerdict::Contradicted);
+        }
         let written: Vec<usize> = written(&verdicts);
         let moved = with(suspects.len(), found, &written);
         let after = sought.run(suspects, &moved)?;
         let moves = AnswerChange::between(sought.base, &after).filter(|_| !written.is_empty());
         let remains = unknown(sought, suspects, found, (&written, &moved)).filter(|_| !written.is_empty());
-        Some(Self { verdicts, moves, remains })
+        Some(Self { verdicts, trial, moves, remains })
     }
 }
 
