@@ -55,7 +55,10 @@ fn inputs_with_distributions_and_few_degrees_of_freedom_combine_as_by_hand() {
     assert!((found.coverage_factor_by_records - 1.96).abs() < 0.01, "{found:?}");
     // Text and figure say the coverage factor and the degrees of freedom of each.
     let again = bench.calibrate().unwrap();
-    let of = |factor: f64, freedom: f64| format!("{factor:.2} ({freedom:.1})");
+    let of = |factor: f64, freedom: f64| {
+        let freedom = if freedom < 1e6 { format!("{freedom:.1}") } else { "∞".to_owned() };
+        format!("{factor:.2} ({freedom})")
+    };
     let of_records = of(found.coverage_factor_by_records, found.degrees_of_freedom_by_records);
     let text = CalibrationSummary::of(&again).to_text();
     for shown in [of(found.coverage_factor, freedom), of_records.clone()] {
