@@ -93,8 +93,9 @@ impl NumberJudgement {
             // Beside what is kept there is no filter: nothing is known of the others without it.
             Err(()) => vec![NumberVerdict::Untold; suspects.len()],
         };
+        let told = with(suspects.len(), found, &written(&verdicts));
         for group in groups(&verdicts, &correlation) {
-            if let Some(verdict) = refused(sought, suspects, found, &group) {
+            if let Some(verdict) = refused(sought, suspects, found, (&group, &told)) {
                 for place in &group {
                     verdicts[*place] = verdict;
                 }
@@ -151,31 +152,32 @@ fn groups(verdicts: &[NumberVerdict], correlation: &dyn Fn(usize, usize) -> f64)
     groups
 }
 
-/// Why a group is not to be written.
+/// Why a group is not to be written; `told` are all sizes that are to be. Beside the stated value of another number that is wrong a right one
+/// would be judged by what it makes up for.
 fn refused(
     sought: &LikelihoodSearch,
     suspects: &[Suspect],
     found: &MostLikelySizes,
-    group: &[usize],
+    (group, told): (&[usize], &[f64]),
 ) -> Option<NumberVerdict> {
     let free: Vec<bool> = (0..suspects.len()).map(|place| group.contains(&place)).collect();
     let count = group.len() as f64;
-    let stated = vec![0.0; suspects.len()];
+    let stated: Vec<f64> = (told.iter().enumerate())
+        .map(|(place, size)| if group.contains(&place) { 0.0 } else { *size })
+        .collect();
     let likelihood =
         |sizes: &[f64], blocks| sought.run(suspects, sizes).map(|trial| trial.log_likelihood(blocks));
     // By every second block, judged on the others.
-    if let Some(half) =
-        sought.refit_blocks(suspects, &with(suspects.len(), found, group), &free, TrialBlocks::Fitted)
+    if let Some(half) = sought.refit_blocks(suspects, told, &free, TrialBlocks::Fitted)
+        && let Some(before) = likelihood(&stated, TrialBlocks::HeldOut)
     {
-        let before = sought.base.log_likelihood(TrialBlocks::HeldOut);
         let after = likelihood(&half.at, TrialBlocks::HeldOut).unwrap_or(f64::NEG_INFINITY);
         // Of numbers that are as stated ln p falls by half of a number on the average, and by more than this once in a few hundred times.
         if after < before - count - 3.0 * count.sqrt() {
             return Some(NumberVerdict::NotConfirmed);
         }
     }
-    let moved = with(suspects.len(), found, group);
-    let after = sought.run(suspects, &moved)?;
+    let after = sought.run(suspects, told)?;
     if sought.base.is_its_own() && after.lost_s() > sought.base.lost_s() {
         return Some(NumberVerdict::LosesMotion);
     }
@@ -185,7 +187,7 @@ fn refused(
         return None;
     }
     let claimed = AnswerChange::between(sought.base, sought.base)?.claimed;
-    let unknown = unknown(sought, suspects, found, (group, &moved)).unwrap_or(f64::INFINITY);
+    let unknown = unknown(sought, suspects, found, (group, told)).unwrap_or(f64::INFINITY);
     (unknown > ADDS * claimed).then_some(NumberVerdict::Agrees)
 }
 
