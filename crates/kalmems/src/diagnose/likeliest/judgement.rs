@@ -103,7 +103,9 @@ impl NumberJudgement {
         }
         let trial = sought.run(suspects, &found.at);
         if trial.as_ref().is_none_or(|trial| !trial.passes()) {
-            written(&verdicts).into_iter().for_each(|place| verdicts[place] = NumberVerdict::Contradicted);
+            for place in written(&verdicts) {
+                verdicts[place] = NumberVerdict::Contradicted;
+            }
         }
         let written: Vec<usize> = written(&verdicts);
         let moved = with(suspects.len(), found, &written);

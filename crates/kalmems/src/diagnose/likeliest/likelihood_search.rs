@@ -103,7 +103,7 @@ impl LikelihoodSearch<'_> {
         let passes =
             |found: &MostLikelySizes| self.run(suspects, &found.at).is_none_or(|trial| trial.passes());
         if !passes(&best)
-            && let Some(grown) = self.from_beginnings(suspects)
+            && let Some(grown) = self.grown(suspects)
             && grown.log_likelihood > best.log_likelihood
         {
             best = grown;
@@ -124,7 +124,7 @@ impl LikelihoodSearch<'_> {
     /// With a frequency that is wrong a filter falls out of step with the motion in the course of a recording, and its likelihood has a maximum
     /// wherever it falls into step again. Over a beginning it keeps in step, and what that determines keeps it in step over a longer one. What
     /// a beginning does not determine stays as it was.
-    fn from_beginnings(&self, suspects: &[Suspect]) -> Option<MostLikelySizes> {
+    fn grown(&self, suspects: &[Suspect]) -> Option<MostLikelySizes> {
         let mut at = vec![0.0; suspects.len()];
         let rows = self.bench.longest();
         for part in BEGINNINGS {
