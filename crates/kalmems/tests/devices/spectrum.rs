@@ -221,7 +221,7 @@ fn a_late_detector_is_found_and_its_cost_predicted() {
 fn the_residual_is_said_where_it_is_worst() {
     let scene = Scene { scans: 4, ..Scene::default() };
     let own = scene.measure(&|_| 0.0, "");
-    let wavenumbers = own.processed.grid.wavenumbers();
+    let wavenumbers = own.processed.scans.grid.wavenumbers();
     let place = wavenumbers.partition_point(|nu| *nu < 180e3);
     let peak = own.spectrum.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
     let mut theirs = own.spectrum.clone();
