@@ -1,5 +1,6 @@
 //! Bytes as the files that an operator writes.
 
+use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::GyroscopeCalibration;
 use kalmems_applications::image::Image;
 use kalmems_applications::spectrum::SpectrumFile;

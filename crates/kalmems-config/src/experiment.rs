@@ -5,7 +5,7 @@ use super::inputs::InputSource;
 use super::reader;
 use super::schema::remedy;
 use super::source::Source;
-use super::uncertainty::Correlations;
+use super::uncertainty::{Correlations, UncertainNumber};
 use super::values::{self, AnyValue, ExpectedEntry, Values};
 use super::variation::Variations;
 use super::{
@@ -56,6 +56,9 @@ pub struct Experiment {
     arrays: ArraysByFile,
     #[serde(skip)]
     pub(super) variations: Variations,
+    /// What was uncertain of the device from which this one differs in one direction, and is exact here.
+    #[serde(skip)]
+    pub(super) was_uncertain: Vec<UncertainNumber>,
 }
 
 impl Experiment {

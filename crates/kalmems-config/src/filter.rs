@@ -47,9 +47,10 @@ pub struct FilterTable {
     #[serde(default, skip_serializing_if = "ProcessNoiseTable::is_empty")]
     pub process_noise: ProcessNoiseTable,
     /// Parameters of the device that are tracked as states, by their names, such as
-    /// `{ stiffness = { start_sd = "1 %", drift = "1e-7 1/s" } }`.
+    /// `{ stiffness = { start_sd = "1 %", drift = "1e-7 1/s" } }`. One that the device's table states with its uncertainty, such as
+    /// `"1.1e-4 N m ± 1 %"`, starts with that where `start_sd` is left out: `{ stiffness = {} }`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub states: BTreeMap<String, TrackedState>,
+    pub states: BTreeMap<String, TrackedNumber>,
     /// An offset, a scale and lines between the sensor and the recording that are states, such as
     /// `{ offset = { start_sd = "10 mV" }, lines = [{ frequency = "50 Hz", start_sd = "1 mV" }] }`; for a filter of one signal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -214,11 +215,25 @@ impl Method {
 }
 
 /// A parameter of the device that is tracked as a state: how well it is known, and how it wanders.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrackedNumber {
+    /// How far it may be off what the device table says: of a factor as a ratio, such as `"1 %"`, of an offset in
+    /// its unit. If left out, the uncertainty that the device's table states of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1 %")]
+    pub start_sd: Option<AnyValue>,
+    /// By how much its variance grows per second; it is a constant if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1e-7 1/s")]
+    pub drift: Option<AnyValue>,
+}
+
+/// What a readout adds that is tracked as a state: how large it may be, and how it wanders.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrackedState {
-    /// How far it may be off what the device table says: of a factor as a ratio, such as `"1 %"`, of an offset in
-    /// its unit.
+    /// How large it may be: of a factor as a ratio, such as `"1 %"`, of an offset in its unit.
     #[schemars(example = &"1 %")]
     pub start_sd: AnyValue,
     /// By how much its variance grows per second; it is a constant if left out.

@@ -13,6 +13,10 @@ pub struct Identify {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 8), example = likeliest())]
     pub parameters: Vec<String>,
+    /// Whether numbers that `parameters` names are written also where the innovations contradict them, without an uncertainty: of a device
+    /// whose equations are known to lack something. False if left out.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub despite_innovations: bool,
     /// Of the recording with the role `ring_down`, such as
     /// `{ bias = "23.76 V", feedback_resistance = "17.86 kohm" }`.
     #[serde(default, skip_serializing_if = "Values::is_empty")]

@@ -59,7 +59,7 @@ pub use error::{ConfigError, ConfigFault, ConfigPlace, LineAndColumn};
 pub use estimate::{Crossings, Estimate, ExtremeSign};
 pub use event::{Edge, EventSource, EventUse};
 pub use experiment::Experiment;
-pub use filter::{FilterName, FilterStart, FilterTable, Method, TrackedState};
+pub use filter::{FilterName, FilterStart, FilterTable, Method, TrackedNumber, TrackedState};
 pub use format::{DecimalMark, FileFormat, FileKind, Separator};
 pub use gaps::{CYCLES, Gaps, LongestGap, MOST_CYCLES};
 pub use hybrid::{CrossingApplication, CrossingTiming, CrossingUse, Variant};

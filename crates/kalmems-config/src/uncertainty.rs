@@ -123,6 +123,11 @@ impl Experiment {
         Ok(found)
     }
 
+    /// The same; of an experiment in one direction of a device's uncertainty those of that device.
+    pub fn stated_uncertain(&self) -> Result<Vec<UncertainNumber>, ConfigError> {
+        if self.was_uncertain.is_empty() { self.uncertain() } else { Ok(self.was_uncertain.clone()) }
+    }
+
     /// The numbers of the device's table without one, by their keys below it; but for those that are zero, of which what is off may have any
     /// size, and variances of noise, which enter no answer.
     pub fn held_as_exact(&self) -> Vec<String> {

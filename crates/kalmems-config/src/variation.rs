@@ -63,6 +63,9 @@ impl Experiment {
                 ConfigFault::Value { why },
             )
         })?;
-        Ok(VariedExperiment { direction, experiment: experiment.with_arrays(self.arrays()) })
+        let mut experiment = experiment.with_arrays(self.arrays());
+        // A filter that has a number as a state starts with what was stated of it, as that of the device as it is stated does.
+        experiment.was_uncertain = self.uncertain()?;
+        Ok(VariedExperiment { direction, experiment })
     }
 }

@@ -3,6 +3,7 @@
 //!
 //!     cargo run --release --example gyroscope
 
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::{
     GyroscopeCalibration, NoiseShare, NoiseStudy, OffAxisMotion, SimulatedInstrument, SimulatedUnit,
     Vibration, calibrate, calibration_figures,

@@ -36,6 +36,11 @@ pub struct UncertainEstimate {
     pub by_records: f64,
     /// Half of the interval of 95 % by the records alone.
     pub expanded_by_records: f64,
+    /// The effective degrees of freedom of the records alone; `null` in JSON where they are infinite.
+    #[serde(serialize_with = "or_null")]
+    pub degrees_of_freedom_by_records: f64,
+    /// By which the standard uncertainty by the records alone becomes the expanded one.
+    pub coverage_factor_by_records: f64,
     /// Its standard uncertainty with all that is stated besides.
     pub uncertainty: f64,
     /// The effective degrees of freedom of that; `null` in JSON where they are infinite.
@@ -55,6 +60,8 @@ impl UncertainEstimate {
             value,
             by_records: by_records.standard_uncertainty,
             expanded_by_records: by_records.expanded_uncertainty,
+            degrees_of_freedom_by_records: by_records.degrees_of_freedom,
+            coverage_factor_by_records: by_records.coverage_factor,
             uncertainty: all.standard_uncertainty,
             degrees_of_freedom: all.degrees_of_freedom,
             coverage_factor: all.coverage_factor,

@@ -75,7 +75,7 @@ impl<'a> CalibrationSummary<'a> {
                 for table in [matrix(result), trials(result)].into_iter().flatten() {
                     text += &format!("\n{}", table.to_text());
                 }
-                for line in geometry(result) {
+                for line in sentences(result) {
                     text += &format!("\n{line}\n");
                 }
                 for line in &result.not_observed {
@@ -111,7 +111,9 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         ColumnHead::text("axis"),
         ColumnHead::number("scale factor", ""),
         ColumnHead::number("± 95 %", "ppm"),
+        ColumnHead::text("k (ν)"),
         ColumnHead::number("by the records alone", "ppm"),
+        ColumnHead::text("k (ν) of the records"),
         ColumnHead::number("to the first reference", "ppm"),
         ColumnHead::number("crest to trough", ""),
         ColumnHead::number("with intercept", ""),
@@ -120,7 +122,8 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
     ];
     let mut table = TextTable::new("Scale factors, gyroscope by reference", columns);
     for result in results {
-        let UncertainEstimate { value, expanded_by_records, interval, .. } = result.scale_factor;
+        let found = &result.scale_factor;
+        let UncertainEstimate { value, expanded_by_records, interval, .. } = *found;
         let first = results.iter().find(|r| r.condition == result.condition && r.main == result.main);
         let first = first.map_or(value, |first| first.scale_factor.value);
         let peaks = result.peak_to_peak;
@@ -132,7 +135,9 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
             AXES[result.main].to_owned(),
             format!("{value:.6}"),
             format!("{:.1}", 0.5e6 * (interval[1] - interval[0]) / value.abs()),
+            coverage(found.coverage_factor, found.degrees_of_freedom),
             format!("{:.1}", 1e6 * expanded_by_records / value.abs()),
+            coverage(found.coverage_factor_by_records, found.degrees_of_freedom_by_records),
             format!("{:+.1}", 1e6 * (value / first - 1.0)),
             or_dash(peaks.map(|p| p.through_origin)),
             or_dash(peaks.and_then(|p| p.slope)),
@@ -210,6 +215,31 @@ fn short(name: &str) -> String {
 /// Degrees of freedom in a table.
 fn freedom(number: f64) -> String {
     if number.is_finite() && number < 1e6 { format!("{number:.1}") } else { "∞".to_owned() }
+}
+
+/// A coverage factor with the effective degrees of freedom that it is for, as JCGM 100 (7.2.3, G.6.4) asks for beside an expanded uncertainty.
+fn coverage(factor: f64, degrees_of_freedom: f64) -> String {
+    format!("{factor:.2} ({})", freedom(degrees_of_freedom))
+}
+
+/// Why the interval of a whole is narrower than that of a part of it, where it is.
+fn narrower_than_its_part(found: &UncertainEstimate) -> Option<String> {
+    (found.expanded() < found.expanded_by_records).then(|| {
+        let in_ppm = |size: f64| format!("{:.1} ppm", 1e6 * size / found.value.abs());
+        format!(
+            "the interval of the whole (± {}) is narrower than that of the records alone (± {}), although its standard uncertainty is larger ({} \
+             against {}): with what is stated besides there are {} effective degrees of freedom, and with the records alone {}, so that \
+             the coverage factors are {:.2} and {:.2} (JCGM 100, G.6.4)",
+            in_ppm(found.expanded()),
+            in_ppm(found.expanded_by_records),
+            in_ppm(found.uncertainty),
+            in_ppm(found.by_records),
+            freedom(found.degrees_of_freedom),
+            freedom(found.degrees_of_freedom_by_records),
+            found.coverage_factor,
+            found.coverage_factor_by_records
+        )
+    })
 }
 
 /// The intervals by trials beside the expanded uncertainties.
@@ -313,9 +343,9 @@ fn in_mrad(angle: &UncertainEstimate) -> String {
     format!("{:.4} ± {:.4} mrad", 1e3 * angle.value, 1e3 * half)
 }
 
-/// What else there is, in sentences.
-fn geometry(result: &CalibratedGyroscope) -> Vec<String> {
-    let mut lines = Vec::new();
+/// What else there is, in sentences: of the interval, and of the axes.
+fn sentences(result: &CalibratedGyroscope) -> Vec<String> {
+    let mut lines: Vec<String> = narrower_than_its_part(&result.scale_factor).into_iter().collect();
     if result.matrix.iter().flatten().flatten().count() > 1 {
         let parts = result
             .excitation
@@ -443,6 +473,11 @@ fn of_records(result: &CalibratedGyroscope) -> Figure {
         .filter_map(|r| Some((r.reference, 1e6 * r.residual?, 1.96e6 * r.deviation / value.abs())))
         .collect();
     let half = 1e6 * result.scale_factor.expanded_by_records / value.abs();
+    let found = &result.scale_factor;
+    let of_fit = format!(
+        "95 % of the fit, by the records alone: k (ν) = {}",
+        coverage(found.coverage_factor_by_records, found.degrees_of_freedom_by_records)
+    );
     let mut records = Panel::new(
         Axis::new("rate amplitude by the reference", "rad/s"),
         Axis::new("residual of the record", "ppm"),
@@ -455,7 +490,7 @@ fn of_records(result: &CalibratedGyroscope) -> Figure {
     let points: Vec<(f64, f64)> = residuals.iter().map(|(x, residual, _)| (*x, *residual)).collect();
     records = records
         .with(Series::points("each record", SeriesRole::Estimate, points))
-        .with(Series::level("95 % of the fit, by the records alone", SeriesRole::Bound, half))
+        .with(Series::level(of_fit, SeriesRole::Bound, half))
         .with(Series::level("", SeriesRole::Bound, -half));
     Figure::new(
         format!("records-{}-{}", result.condition, result.reference),
@@ -697,7 +732,7 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
         for table in [matrix(result), trials(result)].into_iter().flatten() {
             section = section.table(table);
         }
-        for line in geometry(result) {
+        for line in sentences(result) {
             section = section.paragraph(line);
         }
         for line in &result.not_observed {
@@ -744,4 +779,41 @@ struct CalibrationRecord<'a> {
     timing: RunTiming,
     input: &'a [RecordingSource],
     calibration: toml::Value,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrology::Combined;
+
+    /// The two-sided quantiles of the t distribution for 95 %, JCGM 100, table G.2: 3.18 with 3 degrees of freedom, 2.57 with 5.
+    fn combined(ppm: f64, degrees_of_freedom: f64, coverage_factor: f64) -> Combined {
+        let standard_uncertainty = 1e-6 * ppm;
+        Combined {
+            standard_uncertainty,
+            degrees_of_freedom,
+            probability: 0.95,
+            coverage_factor,
+            expanded_uncertainty: coverage_factor * standard_uncertainty,
+        }
+    }
+
+    #[test]
+    fn a_whole_that_is_narrower_than_its_part_says_why() {
+        let (records, all) = (combined(78.0, 3.0, 3.18), combined(88.0, 5.0, 2.57));
+        let found = UncertainEstimate::of(1.0, records, all);
+        let said = narrower_than_its_part(&found).unwrap();
+        for part in ["± 226.2 ppm", "± 248.0 ppm", "88.0 ppm against 78.0 ppm", "5.0", "3.0", "2.57 and 3.18"]
+        {
+            assert!(said.contains(part), "{part}: {said}");
+        }
+        assert_eq!(
+            coverage(found.coverage_factor_by_records, found.degrees_of_freedom_by_records),
+            "3.18 (3.0)"
+        );
+        // With as many degrees of freedom the whole is wider, and nothing needs a word.
+        let found = UncertainEstimate::of(1.0, combined(78.0, 5.0, 2.57), all);
+        assert_eq!(narrower_than_its_part(&found), None);
+        assert_eq!(coverage(1.96, f64::INFINITY), "1.96 (∞)");
+    }
 }

@@ -26,7 +26,8 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), C
     let by_likelihood = experiment.identify.as_ref().is_some_and(|identify| !identify.parameters.is_empty());
     let mut noise = noise;
     if by_likelihood && !noise.is_empty() {
-        let again = with_found_numbers(&experiment, &found.experiment, &noise).map_err(|e| wrong(&e))?;
+        let again =
+            with_found_numbers(workbench, &experiment, &found.experiment, &noise).map_err(|e| wrong(&e))?;
         let again = with_noise(workbench, &again, &bar);
         let (experiment, better) =
             again.map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;

@@ -72,6 +72,7 @@ pub use phase_prediction::{
 pub use readout_states::{ReadoutState, WithReadout};
 pub use segments::{AngleAxis, PassedMark, RecordedPassing, SegmentEstimate, SignalSegment};
 pub use stretches::{SkippedStretch, StretchJudge, StretchSummary};
+pub(crate) use tracked::is_at;
 pub use tracked::{DeviceParameter, Tracked};
 pub use trajectory::{
     FilterFailure, FurtherSignal, NisConsistency, ParameterCorrelation, Restart, SampleCounts, StateSeries,

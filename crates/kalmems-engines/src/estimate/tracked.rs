@@ -1,7 +1,7 @@
 //! Parameters of a device that are states of a filter.
 
 use super::TrackedPrior;
-use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, Key, Sign, TrackedState};
+use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, Key, Sign, TrackedNumber};
 use crate::units::{Kind, kind};
 use kalmems_core::Parameters;
 use kalmems_core::augmentation::{AddedState, Drift};
@@ -115,11 +115,59 @@ impl DeviceParameter {
         *self.kind == kind::RATIO
     }
 
+    /// Its standard deviation at first as a state of a filter: what the filter's table says at this key, or else what the device's table states
+    /// of the numbers that stand for it.
+    ///
+    /// # Errors
+    /// A value of another kind, and a state of which neither table says how far it may be off.
+    pub fn start_sd(
+        &self,
+        experiment: &Experiment,
+        key: &Key,
+        state: &TrackedNumber,
+    ) -> Result<f64, ConfigError> {
+        let key = key.clone().child("start_sd");
+        if let Some(stated) = &state.start_sd {
+            return experiment.value(key, stated, self.kind, Sign::Positive);
+        }
+        self.stated_sd(experiment)?.ok_or_else(|| {
+            let own = "write how far it may be off, such as `start_sd = \"1 %\"`";
+            let remedy = match self.written.first() {
+                Some((number, _)) => format!(
+                    "{own}, or state the uncertainty of `{number}` in the device's table, such as `± 1 %`, which is taken where `start_sd` is \
+                     left out"
+                ),
+                None => own.to_owned(),
+            };
+            experiment.error(key, ConfigFault::MissingKey { remedy })
+        })
+    }
+
+    /// The same by the device's table alone: of a factor as a ratio; `None` where it states no uncertainty. Where several numbers stand for it
+    /// the largest is taken.
+    pub fn stated_sd(&self, experiment: &Experiment) -> Result<Option<f64>, ConfigError> {
+        let stated = experiment.stated_uncertain()?;
+        let each = self.written.iter().flat_map(|(pattern, power)| {
+            let own = stated.iter().filter(|number| is_at(&number.name, pattern));
+            own.map(|number| {
+                let size = if self.is_factor() { number.value.si().abs() } else { 1.0 };
+                number.sd / (size * f64::from(power.abs()))
+            })
+        });
+        Ok(each.filter(|sd| sd.is_finite()).max_by(f64::total_cmp))
+    }
+
     /// The same, which the model of both in one depends on under this name.
     #[must_use]
     pub const fn in_whole(self, name: &'static str) -> Self {
         Self { in_whole: Some(name), ..self }
     }
+}
+
+/// Whether a key is one of those that a pattern stands for, in which `*` is any name.
+pub(crate) fn is_at(key: &str, pattern: &str) -> bool {
+    let (key, pattern): (Vec<&str>, Vec<&str>) = (key.split('.').collect(), pattern.split('.').collect());
+    key.len() == pattern.len() && key.iter().zip(&pattern).all(|(own, other)| *other == "*" || own == other)
 }
 
 /// The parameters that are states.
@@ -136,10 +184,9 @@ pub(super) fn tracked(
     }
     let mut all = Vec::new();
     for (parameter, &scale) in parameters.iter().zip(scales) {
-        let Some(TrackedState { start_sd, drift }) = filter.states.get(parameter.name) else { continue };
+        let Some(state) = filter.states.get(parameter.name) else { continue };
         let key = at.clone().child(parameter.name);
-        let sd = experiment.value(key.clone().child("start_sd"), start_sd, parameter.kind, Sign::Positive)?;
-        let density = match drift {
+        let density = match &state.drift {
             Some(drift) => {
                 experiment.value(key.clone().child("drift"), drift, parameter.drift, Sign::NotNegative)?
             }
@@ -152,6 +199,7 @@ pub(super) fn tracked(
             );
             return Err(experiment.error(key, ConfigFault::Value { why }));
         }
+        let sd = parameter.start_sd(experiment, &key, state)?;
         let added = AddedState { scale, drift: Drift::RandomWalk { density } };
         all.push(Tracked { parameter, added, sd });
     }

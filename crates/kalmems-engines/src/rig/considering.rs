@@ -4,7 +4,7 @@ use super::{Estimator, Rig};
 use crate::config::{Experiment, VariedExperiment};
 use crate::estimate::{
     DeviceParameter, DirectionInformation, EstimateError, NumberBits, Past, PastState, RowsAround,
-    SegmentEstimate, SegmentPart, Trajectory, TrajectoryKind,
+    SegmentEstimate, SegmentPart, Trajectory, TrajectoryKind, is_at,
 };
 use crate::recording::Finding;
 use std::sync::Arc;
@@ -87,12 +87,6 @@ impl VariedEstimator<'_> {
             .iter()
             .all(|(number, _)| written.iter().any(|key| is_at(&number.name, key)))
     }
-}
-
-/// Whether a key is one of those that a pattern stands for, in which `*` is any name.
-fn is_at(key: &str, pattern: &str) -> bool {
-    let (key, pattern): (Vec<&str>, Vec<&str>) = (key.split('.').collect(), pattern.split('.').collect());
-    key.len() == pattern.len() && key.iter().zip(&pattern).all(|(own, other)| *other == "*" || own == other)
 }
 
 impl Considering<'_> {

@@ -1,8 +1,7 @@
 //! Which parameters of the mechanics a filter takes for uncertain.
 
-use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, Key, Method, Sign, TrackedState};
+use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, Key, Method};
 use crate::estimate::DeviceParameter;
-use crate::units::kind;
 
 /// The parameters, in the order of their states.
 pub const NAMES: [&str; 3] = ["spring", "damping", "mass"];
@@ -33,17 +32,16 @@ pub fn spread(experiment: &Experiment, at: &Key, filter: &FilterTable) -> Result
         return Err(experiment.error(at.child(name), ConfigFault::unknown_key(name, NAMES)));
     }
     let mut spread = [0.0; 3];
-    for (slot, name) in spread.iter_mut().zip(NAMES) {
-        let Some(TrackedState { start_sd, drift }) = filter.states.get(name) else { continue };
-        let key = at.clone().child(name);
-        if drift.is_some() {
+    for (slot, parameter) in spread.iter_mut().zip(&PARAMETERS) {
+        let Some(state) = filter.states.get(parameter.name) else { continue };
+        let key = at.clone().child(parameter.name);
+        if state.drift.is_some() {
             return refuse(key.child("drift"), "the parameter is a constant here; leave it out");
         }
-        let start_sd_key = key.child("start_sd");
-        *slot = experiment.value(start_sd_key.clone(), start_sd, &kind::RATIO, Sign::Positive)?;
+        *slot = parameter.start_sd(experiment, &key, state)?;
         if *slot >= 1.0 {
             return refuse(
-                start_sd_key,
+                key.child("start_sd"),
                 "a parameter that is off by all of itself may be 0; write less than 100 %",
             );
         }

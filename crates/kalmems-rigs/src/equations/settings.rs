@@ -175,14 +175,19 @@ impl EquationSettings {
 }
 
 /// The parameters that a filter may hold as uncertain: each by a factor, but for those whose deviation some filter of the
-/// experiment states in the parameter's own unit.
+/// experiment states in the parameter's own unit, and for a number that is 0.
 pub fn parameters(experiment: &Experiment, device: &Device) -> &'static [DeviceParameter] {
     let filters = || experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+    let stated = experiment.stated_uncertain().unwrap_or_default();
     let is_added = |parameter: &kalmems_equations::Parameter| {
         let kind = names::kind_of(&parameter.named);
         let own = |filter: &FilterTable| {
-            let state = filter.states.get(&*parameter.named.name)?;
-            let dimension = state.start_sd.value().unit().dimension();
+            let Some(start_sd) = &filter.states.get(&*parameter.named.name)?.start_sd else {
+                // No factor is taken of a number that is 0: what its table states is what it may be off by.
+                let name = format!("parameters.{}", parameter.named.name);
+                return Some(stated.iter().any(|number| number.name == name && number.value.si() == 0.0));
+            };
+            let dimension = start_sd.value().unit().dimension();
             Some(dimension != Dimension::NONE && kind.accepts(dimension))
         };
         filters().filter_map(own).any(|own| own)

@@ -5,11 +5,12 @@ use super::change::TrialChange;
 use super::document::{document, text};
 use super::stop::StopFlag;
 use super::trial::DiagnosisTrial;
-use crate::config::{ConfigFault, Experiment, Key, Method, RecordingRole, exactly};
+use crate::config::{ConfigFault, Experiment, Key, Method, RecordingRole, exactly, put};
 use crate::identify::Material;
 use crate::progress::{Progress, ReaderProgress};
 use crate::recording::{SampledRecording, StretchSize, Stretches};
 use crate::rigs::Workbench;
+use crate::stated_start::{leaves_start_sd_out, write_start_sds};
 use toml::{Table, Value};
 
 /// What trials have in common.
@@ -32,6 +33,9 @@ pub(super) struct TrialBench<'a> {
     /// Heard by each run.
     pub(super) stop: StopFlag,
 }
+
+/// By how much longer a start from the signal may take with other numbers.
+const LONGER_START: f64 = 1.1;
 
 /// Whether a run's innovations are tested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,6 +84,10 @@ impl<'a> TrialBench<'a> {
         };
         let uncertain = parsed(&document)?;
         let varied = uncertain.varied()?.iter().map(|varied| varied.experiment.clone()).collect();
+        if leaves_start_sd_out(&mut document) {
+            let parameters = workbench.rig(&uncertain)?.parameters(&uncertain);
+            write_start_sds(&mut document, &uncertain, parameters)?;
+        }
         // What is asked for is what of the numbers as they stand is wrong.
         exactly(&mut document);
         let told = parsed(&document)?;
@@ -147,6 +155,29 @@ impl<'a> TrialBench<'a> {
         self.with_recording(recording.first_rows(skipped.saturating_add(rows)))
     }
 
+    /// The same with a settling time that is not shorter than a start from the signal takes, also with other numbers of the device.
+    ///
+    /// The number of cycles from which a start is found is fixed, so that it ends at another sample with another resonance. Samples that one trial
+    /// counts and another does not would make their likelihoods incomparable.
+    pub(super) fn behind_the_start(mut self, base: &DiagnosisTrial) -> Self {
+        let skip_s = self.experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si());
+        let longer_s = LONGER_START * base.begins_s();
+        let (_, long_s) = self.extent();
+        // Of a recording that is hardly longer than its start everything counts that there is.
+        if base.begins_s() > skip_s && longer_s < 0.5 * long_s / self.recordings.len() as f64 {
+            let key = Key::from("estimate").child("skip");
+            let skip = Value::String(format!("{longer_s:e} s"));
+            // The key is there: a filter has been run.
+            if put(&mut self.document, &key, skip).is_ok()
+                && let Ok(text) = toml::to_string(&self.document)
+                && let Ok(experiment) = self.workbench.parse(&text, self.experiment.path())
+            {
+                self.experiment = experiment;
+            }
+        }
+        self
+    }
+
     /// The same with no more than the beginning of each recording, and with what its document says by now.
     pub(super) fn shortened(&self, TestedRows(rows): TestedRows) -> Self {
         let short = |(index, recording): &(usize, SampledRecording)| {
@@ -165,6 +196,15 @@ impl<'a> TrialBench<'a> {
             recordings: self.recordings.iter().map(short).collect(),
             stop: self.stop.clone(),
         }
+    }
+
+    /// The rows behind the settling time of the recording that has most of them.
+    pub(super) fn longest(&self) -> usize {
+        let behind = |(_, recording): &(usize, SampledRecording)| {
+            let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
+            recording.rows().saturating_sub(self.skipped_rows(interval_s.unwrap_or(f64::INFINITY)))
+        };
+        self.recordings.iter().map(behind).max().unwrap_or(0)
     }
 
     /// The rows of the settling time.

@@ -3,6 +3,8 @@
 use super::FoundNoise;
 use super::document::{document, text};
 use crate::config::{ConfigError, Experiment, FROM_RECORDING, Key, put};
+use crate::rigs::Workbench;
+use crate::stated_start::write_start_sds;
 use toml::Value;
 
 /// The experiment with the numbers of `found` in the places of its own, and with these noises left to the recording again.
@@ -13,11 +15,14 @@ use toml::Value;
 /// # Errors
 /// An experiment that cannot be written as a file.
 pub fn with_found_numbers(
+    workbench: &Workbench,
     experiment: &Experiment,
     found: &Experiment,
     noises: &[FoundNoise],
 ) -> Result<Experiment, ConfigError> {
     let (mut own, found) = (document(experiment)?, document(found)?);
+    // What a filter takes from the uncertainties stays.
+    write_start_sds(&mut own, experiment, workbench.rig(experiment)?.parameters(experiment))?;
     if let (Some(own), Some(found)) = (own.get_mut("device"), found.get("device")) {
         take(own, found);
     }

@@ -61,6 +61,9 @@ pub(super) struct DiagnosisTrial {
     /// Whether the filter lost the motion, and for how long of the time that is looked at, in s.
     loses_lock: bool,
     lost_s: f64,
+    /// How long after the beginning of a segment its first sample corrects the filter, in s: of a start from the signal behind the samples
+    /// that it is found from.
+    begins_s: f64,
     /// Whether it stands in for the experiment as it is, with which the filter cannot be run.
     stands_in: bool,
     /// Whether a parameter that is a state speaks against it.
@@ -83,6 +86,10 @@ impl DiagnosisTrial {
         let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
         let times = trajectory.time_s.get(scored.clone())?;
         let (first, last) = (times.first().copied()?, times.last().copied()?);
+        let corrects =
+            scored.clone().find(|k| trajectory.innovation.get(*k).is_some_and(|value| value.is_finite()));
+        let begins = corrects.and_then(|k| trajectory.time_s.get(k)).copied().unwrap_or(first);
+        self.begins_s = self.begins_s.max(begins - estimate.start_s);
         let is_fitted = |time: f64| {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // one of a few blocks
             let block = (BLOCKS * (time - first) / (last - first)) as usize;
@@ -233,6 +240,11 @@ impl DiagnosisTrial {
     /// thousand times.
     pub(super) fn is_explained(&self) -> bool {
         self.passes() && self.tests.iter().all(|found| found.p_value > LEFT)
+    }
+
+    /// How long after the beginning of a segment the first sample that counts corrects the filter, in s.
+    pub(super) const fn begins_s(&self) -> f64 {
+        self.begins_s
     }
 
     /// Whether the filter's answer would pass.

@@ -216,6 +216,33 @@ fn a_late_detector_is_found_and_its_cost_predicted() {
     assert!(says(&corrected) && !says(&late));
 }
 
+/// A reference that is the same spectrum but for one wavenumber in the dark, by 0.3 of the peak: the mean square hides it among all, and the
+/// place is said.
+#[test]
+fn the_residual_is_said_where_it_is_worst() {
+    let scene = Scene { scans: 4, ..Scene::default() };
+    let own = scene.measure(&|_| 0.0, "");
+    let wavenumbers = own.processed.scans.grid.wavenumbers();
+    let place = wavenumbers.partition_point(|nu| *nu < 180e3);
+    let peak = own.spectrum.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
+    let mut theirs = own.spectrum.clone();
+    theirs[place] -= 0.3 * peak;
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("reference.csv");
+    write_columns(&file, &[("wavenumber_per_m", &wavenumbers), ("value", &theirs)]);
+    let reference = format!(
+        "[reference.spectrum]\nfile = {:?}\nwavenumber = \"wavenumber_per_m\"\ncolumn = \"value\"\n",
+        file.display()
+    );
+    let compared = scene.try_measure(&|_| 0.0, &|text| text.replace("#errors", &reference)).unwrap();
+    let metrics = SpectrumMetrics::of(&compared);
+    let found = metrics.reference.as_ref().unwrap();
+    assert!((found.worst_at_per_cm - wavenumbers[place] / 100.0).abs() < 1e-6, "{found:?}");
+    assert!((found.worst_over_peak - 0.3).abs() < 0.01 && found.rms_over_peak < 0.03, "{found:?}");
+    let text = metrics.to_text();
+    assert!(text.contains(&format!("where it is worst, at {:.3} 1/cm", found.worst_at_per_cm)), "{text}");
+}
+
 #[test]
 fn what_cannot_become_a_spectrum_is_named() {
     let scene = Scene { scans: 3, ..Scene::default() };

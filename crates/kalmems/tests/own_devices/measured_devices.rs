@@ -137,6 +137,8 @@ clock = { rate = "610.3515625 Hz" }
 channels = { u = "u_V", out = "y_V" }
 [identify]
 parameters = ["w2", "damping", "a3", "g", "u0", "y0"]
+# The device is no Duffing oscillator to a ten-thousandth.
+despite_innovations = true
 [estimate]
 skip = "0.2 s"
 [[estimate.filter]]

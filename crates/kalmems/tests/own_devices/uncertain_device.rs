@@ -7,7 +7,7 @@ use kalmems::recording::SampledRecording;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
-use kalmems::workflow::{Outcome, estimate_computed};
+use kalmems::workflow::{Outcome, WorkflowError, estimate_computed};
 use std::path::{Path, PathBuf};
 
 /// Finds a number within this part of what was expected.
@@ -173,14 +173,18 @@ fn a_stream_considers_what_is_uncertain_and_goes_on_after_a_kill() {
 
 /// A simulation of a device's example, told otherwise than it is.
 fn told(text: &str, truth: &[(&str, &str)], path: &Path) -> (Outcome, Metrics) {
+    let outcome = estimated(text, truth, path).unwrap();
+    let metrics = Metrics::of(&outcome);
+    (outcome, metrics)
+}
+
+fn estimated(text: &str, truth: &[(&str, &str)], path: &Path) -> Result<Outcome, WorkflowError> {
     let parse = |text: &str| published().parse(text, path).unwrap_or_else(|e| panic!("{e}"));
     let truth = parse(&replaced(text, truth));
     let simulation = published().rig(&truth).unwrap().simulate(&truth).unwrap();
     let simulated = ComputedRecording::of(&*simulation, &Silent).unwrap();
     let told = described(&parse(text), &*simulation);
-    let outcome = estimate_computed(published(), &told, &simulated, &Silent).unwrap();
-    let metrics = Metrics::of(&outcome);
-    (outcome, metrics)
+    estimate_computed(published(), &told, &simulated, &Silent)
 }
 
 /// The second way: where one number is wrong by one standard deviation, the error that is contributed is that of the filter that is told
@@ -229,6 +233,44 @@ fn the_claim_of(method: &str) {
     }
     // What is claimed is not the filter's own alone.
     assert!(largest > 0.5 || method == "ukf", "{method}: {largest}");
+}
+
+/// A number that the table states with its uncertainty and that is a state starts with it, also where a second number is considered; beside
+/// the same file with the standard deviation written out.
+#[test]
+fn a_state_without_a_start_sd_starts_with_what_the_table_states() {
+    let path = example("shared_scanner/simulation.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let with = |stiffness: &str, state: &str| {
+        let changes = [
+            ("1.10e-4 N m", stiffness),
+            ("\"0.2 rad\"", "\"0.2 rad ± 0.1 %\""),
+            ("duration = \"60 ms\"", "duration = \"5 ms\""),
+            ("skip = \"45 ms\"", "skip = \"1 ms\""),
+        ];
+        replaced(&text, &changes) + &format!("states = {{ stiffness = {state} }}\n")
+    };
+    let trajectory = |state: &str| {
+        let (outcome, _) = told(&with("1.10e-4 N m ± 0.3 %", state), &[], &path);
+        outcome.recordings[0].segments[0].estimate.trajectories[0].clone()
+    };
+    let [of_table, of_filter] = [trajectory("{}"), trajectory("{ start_sd = 0.003 }")];
+    assert_near(of_table.parameters[0].sd, 0.003, 1e-12);
+    // The width is considered beside, and the stiffness is not.
+    assert_eq!(of_table.considered.len(), 1);
+    for (own, other) in of_table.states.iter().zip(&of_filter.states) {
+        for ((a, b), (of, with)) in own.mean.iter().zip(&other.mean).zip(own.sd.iter().zip(&other.sd)) {
+            assert!(
+                (a - b).abs() <= 1e-6 * with && (of - with).abs() <= 1e-6 * with,
+                "{}: {a} {b}",
+                own.name
+            );
+        }
+    }
+    let refused = estimated(&with("1.10e-4 N m", "{}"), &[], &path).unwrap_err().to_string();
+    for part in ["states.stiffness.start_sd", "start_sd = \"1 %\"", "resonator.stiffness", "± 1 %"] {
+        assert!(refused.contains(part), "{part}: {refused}");
+    }
 }
 
 /// The devices that are drawn from their table: coverage and NEES are held in the suite of the verdict; here one that is off.

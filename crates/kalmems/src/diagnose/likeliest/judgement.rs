@@ -4,7 +4,7 @@ use super::likelihood_search::{DETERMINED, LikelihoodSearch};
 use crate::diagnose::answer::{AnswerChange, moved};
 use crate::diagnose::search::MostLikelySizes;
 use crate::diagnose::suspect::Suspect;
-use crate::diagnose::trial::TrialBlocks;
+use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
 use crate::identify::{CONNECTED, LikelihoodSolution, NumberStatus, TWO_SIDED, joint_number_statuses};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -31,10 +31,15 @@ pub(super) fn by_chance(count: f64) -> f64 {
 ///   by less than 0.3 of the error that the filter claims, and
 /// - the filter does not lose the motion for longer with them than before.
 ///
+/// Nothing is written where the innovations with all that was found still fail a test: the value of a number that stands beside a wrong one, or at
+/// which a search has stopped short of the largest likelihood, is off by more than its standard error says.
+///
 /// Else the experiment keeps what it says. A filter that is told the truth is not made worse by a recording that hardly tells it.
 pub(super) struct NumberJudgement {
     /// Of each number.
     pub(super) verdicts: Vec<NumberVerdict>,
+    /// The run with all that was found, be it written or not; `None` where the filter cannot be run.
+    pub(super) trial: Option<DiagnosisTrial>,
     /// By how much the answer moves from the stated numbers to those that are found.
     pub(super) moves: Option<AnswerChange>,
     /// By how much one standard deviation of what remains unknown of all numbers that are written moves it, root mean square in SI.
@@ -56,6 +61,9 @@ pub(super) enum NumberVerdict {
     NotConfirmed,
     /// With it the filter loses the motion for longer than before.
     LosesMotion,
+    /// With all that was found the innovations still show that something is wrong, so that neither value nor standard error can be
+    /// believed.
+    Contradicted,
 }
 
 impl NumberJudgement {
@@ -85,11 +93,18 @@ impl NumberJudgement {
             // Beside what is kept there is no filter: nothing is known of the others without it.
             Err(()) => vec![NumberVerdict::Untold; suspects.len()],
         };
+        let told = with(suspects.len(), found, &written(&verdicts));
         for group in groups(&verdicts, &correlation) {
-            if let Some(verdict) = refused(sought, suspects, found, &group) {
+            if let Some(verdict) = refused(sought, suspects, found, (&group, &told)) {
                 for place in &group {
                     verdicts[*place] = verdict;
                 }
+            }
+        }
+        let trial = sought.run(suspects, &found.at);
+        if trial.as_ref().is_none_or(|trial| !trial.passes()) {
+            for place in written(&verdicts) {
+                verdicts[place] = NumberVerdict::Contradicted;
             }
         }
         let written: Vec<usize> = written(&verdicts);
@@ -97,7 +112,7 @@ impl NumberJudgement {
         let after = sought.run(suspects, &moved)?;
         let moves = AnswerChange::between(sought.base, &after).filter(|_| !written.is_empty());
         let remains = unknown(sought, suspects, found, (&written, &moved)).filter(|_| !written.is_empty());
-        Some(Self { verdicts, moves, remains })
+        Some(Self { verdicts, trial, moves, remains })
     }
 }
 
@@ -139,31 +154,32 @@ fn groups(verdicts: &[NumberVerdict], correlation: &dyn Fn(usize, usize) -> f64)
     groups
 }
 
-/// Why a group is not to be written.
+/// Why a group is not to be written; `told` are all sizes that are to be. Beside the stated value of another number that is wrong a right one
+/// would be judged by what it makes up for.
 fn refused(
     sought: &LikelihoodSearch,
     suspects: &[Suspect],
     found: &MostLikelySizes,
-    group: &[usize],
+    (group, told): (&[usize], &[f64]),
 ) -> Option<NumberVerdict> {
     let free: Vec<bool> = (0..suspects.len()).map(|place| group.contains(&place)).collect();
     let count = group.len() as f64;
-    let stated = vec![0.0; suspects.len()];
+    let stated: Vec<f64> = (told.iter().enumerate())
+        .map(|(place, size)| if group.contains(&place) { 0.0 } else { *size })
+        .collect();
     let likelihood =
         |sizes: &[f64], blocks| sought.run(suspects, sizes).map(|trial| trial.log_likelihood(blocks));
     // By every second block, judged on the others.
-    if let Some(half) =
-        sought.refit_blocks(suspects, &with(suspects.len(), found, group), &free, TrialBlocks::Fitted)
+    if let Some(half) = sought.refit_blocks(suspects, told, &free, TrialBlocks::Fitted)
+        && let Some(before) = likelihood(&stated, TrialBlocks::HeldOut)
     {
-        let before = sought.base.log_likelihood(TrialBlocks::HeldOut);
         let after = likelihood(&half.at, TrialBlocks::HeldOut).unwrap_or(f64::NEG_INFINITY);
         // Of numbers that are as stated ln p falls by half of a number on the average, and by more than this once in a few hundred times.
         if after < before - count - 3.0 * count.sqrt() {
             return Some(NumberVerdict::NotConfirmed);
         }
     }
-    let moved = with(suspects.len(), found, group);
-    let after = sought.run(suspects, &moved)?;
+    let after = sought.run(suspects, told)?;
     if sought.base.is_its_own() && after.lost_s() > sought.base.lost_s() {
         return Some(NumberVerdict::LosesMotion);
     }
@@ -173,7 +189,7 @@ fn refused(
         return None;
     }
     let claimed = AnswerChange::between(sought.base, sought.base)?.claimed;
-    let unknown = unknown(sought, suspects, found, (group, &moved)).unwrap_or(f64::INFINITY);
+    let unknown = unknown(sought, suspects, found, (group, told)).unwrap_or(f64::INFINITY);
     (unknown > ADDS * claimed).then_some(NumberVerdict::Agrees)
 }
 

@@ -57,6 +57,8 @@ pub fn likeliest(
     let (prepared, filter) = prepared(workbench, experiment)?;
     let bench = TrialBench::of(workbench, &prepared, Some(&filter)).map_err(refused)?;
     let bench = bench.with_files(ROWS, progress).map_err(refused)?;
+    let (base, _) = begin(&bench).map_err(refused)?;
+    let bench = bench.behind_the_start(&base);
     let progress = &bench.stop.watching(progress);
     let (base, all) = begin(&bench).map_err(refused)?;
     let suspects = chosen(experiment, &bench, &all)?;

@@ -39,9 +39,20 @@ pub(super) struct LikelihoodOutcome<'a> {
 }
 
 impl LikelihoodOutcome<'_> {
+    /// Whether the innovations contradict a number that is determined.
+    fn is_contradicted(&self, place: usize) -> bool {
+        self.judgement.verdicts[place] == NumberVerdict::Contradicted
+    }
+
     /// The standard error of which the interval is one of 95 %.
     fn spread(&self, place: usize) -> f64 {
-        0.5 * (self.ends[place][0] + self.ends[place][1]) / TWO_SIDED
+        let [below, above] = self.ends(place);
+        0.5 * (below + above) / TWO_SIDED
+    }
+
+    /// How far a size may be from its likeliest value to either side: nobody knows where the innovations contradict it.
+    fn ends(&self, place: usize) -> [f64; 2] {
+        if self.is_contradicted(place) { [f64::INFINITY; 2] } else { self.ends[place] }
     }
 
     fn name(&self, place: usize) -> String {
@@ -77,6 +88,11 @@ impl LikelihoodOutcome<'_> {
                  diagnose` looks for which"
                     .to_owned()
             }
+            NumberVerdict::Contradicted => {
+                "the innovations contradict what was found, so that neither the value nor a standard error can be relied on (see the warning); of a device whose equations are known to lack something `despite_innovations = true` in `[identify]` \
+                 writes the values without an uncertainty"
+                    .to_owned()
+            }
         })
     }
 
@@ -96,11 +112,12 @@ impl LikelihoodOutcome<'_> {
             materials,
             ..Identification::begun(workbench.rig(experiment)?.name(), experiment)
         };
+        let despite = experiment.identify.as_ref().is_some_and(|identify| identify.despite_innovations);
         let (mut text, mut written) = (experiment.text().to_owned(), Vec::new());
         for (index, suspect) in self.suspects.iter().enumerate() {
             let NumberRole::Factor(numbers) = &suspect.what else { continue };
             let (Some(number), Some(size)) = (numbers.first(), self.found.at.get(index)) else { continue };
-            let (sd, [below, above]) = (self.spread(index), self.ends[index]);
+            let (sd, [below, above]) = (self.spread(index), self.ends(index));
             let unit = units::Unit::parse(if number.unit.is_empty() { "1" } else { &number.unit });
             let unit = unit.unwrap_or(units::Unit::ONE);
             let value = number.written * unit.factor() * Scalar::exp(*size);
@@ -114,19 +131,21 @@ impl LikelihoodOutcome<'_> {
                 unit: units::name(&units::si_text(&number.unit)),
                 recording: place.clone(),
             });
-            if let Some(why) = self.why_not(index) {
+            let is_accepted = despite && self.is_contradicted(index);
+            if let Some(why) = self.why_not(index).filter(|_| !is_accepted) {
                 let why = format!("{why}; the experiment keeps what it says");
                 found.undetermined.push(Undetermined { what: suspect.name(), why });
                 continue;
             }
-            let value = rounded(&number.times(Scalar::exp(*size)), Some(sd));
+            let value = rounded(&number.times(Scalar::exp(*size)), Some(sd).filter(|sd| sd.is_finite()));
             let is_noise = number
                 .key
                 .steps()
                 .iter()
                 .any(|step| matches!(step, KeyStep::Name(name) if name.starts_with("noise") || name == "process_noise"));
-            let to = if is_noise { value } else { with_uncertainty(value, sd) }.to_string();
-            if !is_noise {
+            let is_exact = is_noise || is_accepted;
+            let to = if is_exact { value } else { with_uncertainty(value, sd) }.to_string();
+            if !is_exact {
                 written.push(index);
             }
             let edit = Edit { key: number.key.to_string(), from: None, to, sd: None };
@@ -188,28 +207,26 @@ impl LikelihoodOutcome<'_> {
                 shown(moves.claimed)
             ));
         }
-        let trial = self.trial();
-        let failing: Vec<String> = trial
-            .iter()
-            .flat_map(DiagnosisTrial::failing)
-            .map(crate::evaluate::TestResult::in_short)
-            .collect();
-        if !failing.is_empty() {
-            found.warnings.push(format!(
-                "{place}: with these numbers the innovations still show what a filter that is right does not ({}): the device has more to \
-                 it, and the standard errors are too small; `kalmems diagnose` looks for what is wrong",
-                failing.join(", ")
-            ));
-        } else if trial.as_ref().is_none_or(|trial| !trial.passes()) {
-            found.warnings.push(format!(
-                "{place}: with these numbers the filter does not hold the motion; nothing here can be trusted"
-            ));
+        let is_right = self.judgement.trial.as_ref().is_some_and(DiagnosisTrial::passes);
+        if !is_right {
+            found.warnings.push(format!("{place}: {}", self.contradiction()));
         }
     }
 
-    /// The run with all that was found, be it written or not.
-    fn trial(&self) -> Option<DiagnosisTrial> {
-        self.sought.run(self.suspects, &self.found.at)
+    /// What the run with all that was found shows to be wrong.
+    fn contradiction(&self) -> String {
+        let failing: Vec<String> = (self.judgement.trial.iter().flat_map(DiagnosisTrial::failing))
+            .map(crate::evaluate::TestResult::in_short)
+            .collect();
+        if failing.is_empty() {
+            return "with these numbers the filter does not hold the motion; nothing here can be trusted"
+                .to_owned();
+        }
+        format!(
+            "with these numbers the innovations still show what a filter that is right does not ({}): the device has more to it, another number is \
+             wrong, or the search ended beside the right values; `kalmems diagnose` looks for what is wrong",
+            failing.join(", ")
+        )
     }
 
     /// Adds the recording that would tell what these do not.

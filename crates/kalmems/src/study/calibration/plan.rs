@@ -10,6 +10,7 @@ use super::prior::{self, DrawnDeviation};
 use crate::config::{ConfigError, ConfigFault, Key, Source, read_source};
 use crate::estimate::DeviceParameter;
 use crate::rigs::Workbench;
+use crate::stated_start::{leaves_start_sd_out, write_start_sds};
 use std::num::NonZero;
 use std::path::Path;
 use toml::Table;
@@ -74,9 +75,10 @@ impl StudyPlan {
         }
         let first = self.run(0);
         let settings: Vec<Option<&AxisValue>> = first.settings.iter().map(Some).collect();
-        let told = self.patched(&[], &settings, AppliesTo::Told, None)?;
+        let mut told = self.patched(&[], &settings, AppliesTo::Told, None)?;
         let read = self.read(&told)?;
         let parameters = self.workbench.rig(&read)?.parameters(&read);
+        write_start_sds(&mut told, &read, parameters)?;
         let refused = |(key, fault)| self.experiment.error_at(key, fault);
         let filters = prior::groups(&told, parameters).map_err(refused)?;
         for direction in read.directions()? {
@@ -124,6 +126,10 @@ impl StudyPlan {
         settings: &[Option<&AxisValue>],
     ) -> Result<(RunStart, Vec<DrawnDeviation>), RunError> {
         let mut told = self.patched(&[], settings, AppliesTo::Told, None)?;
+        if leaves_start_sd_out(&mut told) {
+            let read = self.read(&told)?;
+            write_start_sds(&mut told, &read, groups.parameters)?;
+        }
         let mut truth = self.patched(&self.truth, settings, AppliesTo::Truth, Some(run.seed))?;
         let refused = |(key, fault)| self.experiment.error_at(key, fault);
         let group = usize::try_from(run.point % self.groups_at_a_point()).unwrap_or(0);

@@ -3,9 +3,11 @@
 use super::{Bench, TRIAD, UNIT, about};
 use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::{
-    CalibratedGyroscope, Certificate, GyroscopeCalibration, Vibration, certificate_page,
+    CalibratedGyroscope, CalibrationSummary, Certificate, GyroscopeCalibration, Vibration,
+    calibration_figures, certificate_page,
 };
 use kalmems::applications::metrology::Distribution;
+use kalmems::figures::Shape;
 use kalmems::simulate::WhiteNoise;
 use statrs::distribution::{Binomial, DiscreteCDF};
 use std::fs;
@@ -28,7 +30,7 @@ fn inputs_with_distributions_and_few_degrees_of_freedom_combine_as_by_hand() {
     let uncertainty = "vibrometer = { standard = \"100 ppm\", degrees_of_freedom = 4, source = \"certificate 17\" }, \
         lever_arm = { half_width = \"60 ppm\", source = \"drawing\" }, \
         clock = { expanded = \"30 ppm\", coverage_factor = 1.5 }";
-    let (_, result) = calibrated(one_axis(21), uncertainty, "");
+    let (bench, result) = calibrated(one_axis(21), uncertainty, "");
     let found = result.scale_factor;
     let [vibrometer, arm, clock] = [100e-6, 60e-6 / 3.0_f64.sqrt(), 20e-6].map(|u: f64| u * found.value);
     let variance = vibrometer.powi(2) + arm.powi(2) + clock.powi(2) + found.by_records.powi(2);
@@ -51,6 +53,26 @@ fn inputs_with_distributions_and_few_degrees_of_freedom_combine_as_by_hand() {
     );
     // By the records alone, as the table and the figure have it: noise of thousands of residuals.
     assert!((found.expanded_by_records / found.by_records - 1.96).abs() < 0.01, "{found:?}");
+    assert!((found.coverage_factor_by_records - 1.96).abs() < 0.01, "{found:?}");
+    // Text and figure say the coverage factor and the degrees of freedom of each.
+    let again = bench.calibrate().unwrap();
+    let of = |factor: f64, freedom: f64| {
+        let freedom = if freedom < 1e6 { format!("{freedom:.1}") } else { "∞".to_owned() };
+        format!("{factor:.2} ({freedom})")
+    };
+    let of_records = of(found.coverage_factor_by_records, found.degrees_of_freedom_by_records);
+    let text = CalibrationSummary::of(&again).to_text();
+    for shown in [of(found.coverage_factor, freedom), of_records.clone()] {
+        assert!(text.contains(&shown), "{shown}: {text}");
+    }
+    let figures = calibration_figures(&again);
+    let level =
+        figures.iter().flat_map(|figure| &figure.panels).flat_map(|panel| &panel.series).find_map(|series| {
+            let Shape::Level(level) = series.shape() else { return None };
+            series.label().contains(&format!("k (ν) = {of_records}")).then_some(*level)
+        });
+    let half = 1e6 * found.coverage_factor_by_records * found.by_records / found.value;
+    assert!((level.unwrap() / half - 1.0).abs() < 1e-6, "{level:?} {half}");
 }
 
 #[test]

@@ -4,6 +4,7 @@
 use super::chance::Chance;
 use super::rows::Rows;
 use super::stage::{HZ, Told, response, told, write};
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::{GyroscopeCalibration, calibrate};
 use kalmems::diagnose::identify;
 use kalmems::fit::DerivedNumber;

@@ -4,6 +4,7 @@
 use super::chance::Chance;
 use super::harm::{Harm, error, ratio};
 use super::rows::Rows;
+use kalmems::applications::ApplicationFile;
 use kalmems::applications::spectrum::{SpectrumFile, measure};
 use kalmems::config::Experiment;
 use kalmems::diagnose::likeliest;

@@ -6,6 +6,7 @@ use super::harm::{Harm, error, named, ratio};
 use super::rows::Rows;
 use kalmems::config::Experiment;
 use kalmems::diagnose::{identify, likeliest};
+use kalmems::figures::{Panel, Shape};
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use std::f64::consts::TAU;
@@ -302,6 +303,52 @@ fn a_recorded_bias_counts_and_not_the_typed_one() {
     // By the typed bias it would be 3.3 % too large.
     assert!(capacitance.standard_error < 0.008 * TRUTH[2], "{capacitance:?}");
     assert!((capacitance.value - TRUTH[2]).abs() < 4.0 * capacitance.standard_error, "{capacitance:?}");
+}
+
+/// A signal that drifts by 1 mV over the record: what is added up of it leaves the curve by a parabola, 1 mV·T/8 at its vertex over the
+/// readout's gain. It is drawn beside the curve and, with what noise alone would do, by itself.
+#[test]
+fn charge_that_drifts_is_drawn_beside_the_curve_and_by_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut chance = Chance::new(32);
+    ring_down(&mut chance, WITH, folder.path());
+    steady(&mut chance, 0.0, folder.path());
+    let file = folder.path().join("ring_down.csv");
+    let rows = fs::read_to_string(&file).unwrap();
+    let count = rows.lines().count() as f64 - 1.0;
+    let mut drifting = format!("{}\n", rows.lines().next().unwrap());
+    for (k, line) in rows.lines().skip(1).enumerate() {
+        let (time, volts) = line.split_once(',').unwrap();
+        let drift = 1e-3 * (k as f64 / count - 0.5);
+        writeln!(drifting, "{time},{:e}", volts.parse::<f64>().unwrap() + drift).unwrap();
+    }
+    fs::write(&file, drifting).unwrap();
+    let found = identify(published(), &told(folder.path(), [1.0; 6], WITH, "", 1e6), &Silent).unwrap();
+    let figure = found.figures.iter().find(|figure| figure.id == "capacitance_profile").unwrap();
+    assert!(figure.caption.contains("what is drawn below over time"), "{}", figure.caption);
+    let [curves, drift] = &figure.panels[..] else { panic!("{} panels", figure.panels.len()) };
+    let of = |panel: &Panel, label: &str| {
+        panel.series.iter().find(|series| series.label().starts_with(label)).unwrap().shape().clone()
+    };
+    let Shape::Line(walked) = of(drift, "charge added up less fitted") else { panic!("no line") };
+    let Shape::Band(expected) = of(drift, "±2 standard deviations") else { panic!("no band") };
+    let farthest =
+        |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most: f64, own| most.max(own.abs()));
+    let walked = farthest(&mut walked.iter().flatten().map(|[_, value]| *value));
+    let vertex = 1e-3 / 8.0 * count * 0.5e-6 / (RESISTANCE * BIAS);
+    assert!((walked / vertex - 1.0).abs() < 0.3, "{walked:e} {vertex:e}");
+    let expected = farthest(&mut expected.iter().flatten().map(|[_, _, high]| *high));
+    assert!(walked > 3.0 * expected, "{walked:e} {expected:e}");
+    let Shape::Points(points) = of(curves, "charge added up") else { panic!("no points") };
+    let Shape::Line(fitted) = of(curves, "fitted") else { panic!("no line") };
+    let fitted: Vec<[f64; 2]> = fitted.into_iter().flatten().collect();
+    let at = |angle: f64| {
+        let place = fitted.partition_point(|[own, _]| *own < angle).clamp(1, fitted.len() - 1);
+        let ([x0, y0], [x1, y1]) = (fitted[place - 1], fitted[place]);
+        y0 + (y1 - y0) * (angle - x0) / (x1 - x0)
+    };
+    let beside = farthest(&mut points.iter().map(|[angle, value]| value - at(*angle)));
+    assert!((beside / walked - 1.0).abs() < 0.1, "{beside:e} {walked:e}");
 }
 
 #[test]
