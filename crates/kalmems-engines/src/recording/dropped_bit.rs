@@ -167,17 +167,26 @@ fn jumps_on(values: &[f64], range: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::WhiteNoise;
+
+    /// Noise of the variance 1, the sum of twelve uniform numbers by splitmix64.
+    fn normal(place: u64, seed: u64) -> f64 {
+        let uniform = |k: u64| {
+            let z = (seed << 32).wrapping_add(12 * place + k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ (z >> 31)) >> 11) as f64 * 0.5_f64.powi(53)
+        };
+        (0..12).map(uniform).sum::<f64>() - 6.0
+    }
 
     /// A sine with noise in steps of a converter, centred between `0` and `2 · amplitude`.
     fn signal(amplitude: f64, noise: f64, seed: u64) -> Vec<i64> {
-        let mut chance = WhiteNoise::new(seed, 3);
         #[allow(clippy::cast_possible_truncation)] // a code
-        let code = |k: usize, chance: &mut WhiteNoise| {
+        let code = |k: u64| {
             let angle = 0.0137 * k as f64;
-            (1.2 * amplitude + amplitude * angle.sin() + noise * chance.sample()).round() as i64
+            (1.2 * amplitude + amplitude * angle.sin() + noise * normal(k, seed)).round() as i64
         };
-        (0..20_000).map(|k| code(k, &mut chance)).collect()
+        (0..20_000).map(code).collect()
     }
 
     /// The same as volts, with a bit that is always 0, or always 1.
@@ -224,19 +233,23 @@ mod tests {
                 assert_eq!(found_in(&values), None, "{amplitude} {noise} {seed}");
             }
         }
-        let mut chance = WhiteNoise::new(1, 4);
-        let floats: Vec<f64> = (0..9000).map(|_| chance.sample()).collect();
+        let mut place = 0;
+        let mut chance = || {
+            place += 1;
+            normal(place, 1)
+        };
+        let floats: Vec<f64> = (0..9000).map(|_| chance()).collect();
         assert_eq!(found_in(&floats), None);
         for period in [256, 200, 64] {
             let levels = |k: usize, noise: f64| ((k / 37) % 5 * period) as f64 + noise;
-            let levels: Vec<f64> = (0..9000).map(|k| levels(k, (8.0 * chance.sample()).round())).collect();
+            let levels: Vec<f64> = (0..9000).map(|k| levels(k, (8.0 * chance()).round())).collect();
             assert_eq!(found_in(&levels), None, "levels {period}");
             let square: Vec<f64> =
-                (0..9000).map(|k| ((k / 37) % 2 * period) as f64 + (8.0 * chance.sample()).round()).collect();
+                (0..9000).map(|k| ((k / 37) % 2 * period) as f64 + (8.0 * chance()).round()).collect();
             assert_eq!(found_in(&square), None, "square {period}");
         }
         let sawtooth: Vec<f64> =
-            (0..9000).map(|k| f64::from(k * 7 % 2048) + (2.0 * chance.sample()).round()).collect();
+            (0..9000).map(|k| f64::from(k * 7 % 2048) + (2.0 * chance()).round()).collect();
         assert_eq!(found_in(&sawtooth), None);
     }
 }
