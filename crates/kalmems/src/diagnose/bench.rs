@@ -5,7 +5,7 @@ use super::change::TrialChange;
 use super::document::{document, text};
 use super::stop::StopFlag;
 use super::trial::DiagnosisTrial;
-use crate::config::{ConfigFault, Experiment, Key, Method, RecordingRole, exactly, put};
+use crate::config::{ConfigFault, Experiment, FilterStart, Key, Method, RecordingRole, exactly, put};
 use crate::identify::Material;
 use crate::progress::{Progress, ReaderProgress};
 use crate::recording::{SampledRecording, StretchSize, Stretches};
@@ -160,7 +160,13 @@ impl<'a> TrialBench<'a> {
     /// The number of cycles from which a start is found is fixed, so that it ends at another sample with another resonance. Samples that one trial
     /// counts and another does not would make their likelihoods incomparable.
     pub(super) fn behind_the_start(mut self, base: &DiagnosisTrial) -> Self {
-        let skip_s = self.experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si());
+        let Some(estimate) = &self.experiment.estimate else { return self };
+        let start = estimate.filters.get(self.filter).and_then(|filter| filter.start.as_ref());
+        // With a stated start every sample counts, whatever the numbers.
+        if matches!(start, Some(FilterStart::Values(_))) {
+            return self;
+        }
+        let skip_s = estimate.skip.si();
         let longer_s = LONGER_START * base.begins_s();
         let (_, long_s) = self.extent();
         // Of a recording that is hardly longer than its start everything counts that there is.
