@@ -82,8 +82,10 @@ impl LikelihoodSearch<'_> {
                     number.written = -number.written;
                 }
             }
+            // A number that has gone to nothing has no sign to be kept: beside a wrong one the others would be off.
+            let least = if is_determined { OTHER_SIGN } else { 0.0 };
             if let Some(found) = self.most_likely(&other)
-                && found.log_likelihood > best.log_likelihood + OTHER_SIGN
+                && found.log_likelihood > best.log_likelihood + least
             {
                 (suspects, best) = (other, found);
             }
