@@ -2,6 +2,7 @@
 
 use super::device::DeviceKind;
 use super::key::KeyStep;
+use super::quantity::FROM_RECORDING;
 use super::{Experiment, Key};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
@@ -18,6 +19,7 @@ pub fn experiment_schema(devices: &[DeviceKind]) -> Value {
         properties.insert("device".to_owned(), device.into());
     }
     RecursiveTransform(remove_null).transform(&mut schema);
+    RecursiveTransform(noise_may_be_left_out).transform(&mut schema);
     let mut schema = schema.to_value();
     schema["title"] = "A kalmems experiment".into();
     schema
@@ -65,6 +67,23 @@ fn remove_null(schema: &mut schemars::Schema) {
                 schema.insert(key, value);
             }
         }
+    }
+}
+
+/// The noise of a readout that is left out is found in the recording: no such key is required, although its type has a value.
+fn noise_may_be_left_out(schema: &mut schemars::Schema) {
+    let is_found = |property: &Value| {
+        let choices = property.get("anyOf").and_then(Value::as_array);
+        choices.is_some_and(|all| all.iter().any(|one| one["const"] == FROM_RECORDING))
+    };
+    let found: Vec<String> = match schema.get("properties") {
+        Some(Value::Object(all)) => {
+            all.iter().filter(|(_, property)| is_found(property)).map(|(name, _)| name.clone()).collect()
+        }
+        _ => return,
+    };
+    if let Some(Value::Array(required)) = schema.get_mut("required") {
+        required.retain(|name| !found.iter().any(|found| name == found));
     }
 }
 

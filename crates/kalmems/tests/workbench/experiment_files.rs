@@ -101,6 +101,11 @@ fn the_schema_accepts_what_is_right_and_refuses_what_is_broken() {
         schemas.validate(&json(&file(set)), compiled).unwrap_or_else(|e| panic!("{set}: {e:#}"));
     }
     schemas.validate(&json(Path::new(SIMULATION)), compiled).unwrap_or_else(|e| panic!("{e:#}"));
+    // A noise that is left out is found in the recording.
+    let mut without_noise = json(Path::new(SIMULATION));
+    let device = without_noise["device"].as_object_mut().unwrap().values_mut().next().unwrap();
+    device["readout"].as_object_mut().unwrap().remove("noise_variance").unwrap();
+    schemas.validate(&without_noise, compiled).unwrap_or_else(|e| panic!("{e:#}"));
     // What a schema can know: keys, words, types and counts. Dimensions are checked when the file is read.
     for name in [
         "unknown_key_top",
