@@ -34,8 +34,8 @@ pub struct StartSearch {
     pub periods: Vec<(usize, f64)>,
     /// Starts from which it is sought as well, such as what a lock-in finds.
     pub seeds: Vec<Vec<f64>>,
-    /// Whether a start and the one in which all of `mirrored` have the other sign are one: of a device that is symmetric no signal
-    /// tells it.
+    /// Whether a start and one in which some of `mirrored` have the other sign are one: of a device that is symmetric no signal
+    /// tells them apart.
     pub is_symmetric: bool,
     /// Whether what is known behind the rows is asked for where no noise enters the motion as well.
     pub tells_behind: bool,
@@ -345,12 +345,12 @@ impl StartBatch<'_> {
             };
             (0..self.states()).any(apart)
         };
-        let mirrored = if self.search.is_symmetric { self.mirrored(&found.parameters).pop() } else { None };
+        let images = if self.search.is_symmetric { self.mirrored(&found.parameters) } else { Vec::new() };
         let is_another = |other: &&Fit<MOST_STATES>| {
             let alike = other.sum_of_squares - found.sum_of_squares < ALIKE * scale;
             alike
                 && is_other_than(&found.parameters, other)
-                && mirrored.is_none_or(|mirrored| is_other_than(&mirrored, other))
+                && images.iter().all(|image| is_other_than(image, other))
         };
         match all.iter().find(is_another) {
             Some(other) => {

@@ -5,15 +5,15 @@ mod wrong_models;
 
 use kalmems::config::Experiment;
 use kalmems::estimate::driven::DrivenSegment;
-use kalmems::estimate::{Past, Trajectory, judge_lock};
+use kalmems::estimate::{EstimateError, Past, Trajectory, judge_lock};
 use kalmems::progress::Silent;
 use kalmems::results::{
     Metrics, Output, RunInfo, Verdict, Work, estimate_figures, notices, summary_table, write_simulation,
 };
 use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::two_axes::{
-    BandPlan, LinePlace, PlannedDrive, ProtectedBand, StartError, TwoAxisBatchStart, TwoAxisHardware,
-    TwoAxisSettings, TwoAxisStart, estimate, first_tones, line_share,
+    BandPlan, LinePlace, PlannedDrive, ProtectedBand, TwoAxisHardware, TwoAxisSettings, TwoAxisStart,
+    estimate, first_tones, line_share,
 };
 use kalmems::rigs::{Rig, shared_scanner::two_axes::TwoAxesRig};
 use kalmems::simulate::{Drive, Simulator, Tone, WhiteNoise, floquet_exponent};
@@ -108,9 +108,13 @@ fn anywhere(seed: u64) -> [f64; 4] {
 }
 
 fn run(settings: &TwoAxisSettings, recorded: &Recorded) -> Vec<Trajectory> {
+    attempt(settings, recorded).unwrap()
+}
+
+fn attempt(settings: &TwoAxisSettings, recorded: &Recorded) -> Result<Vec<Trajectory>, EstimateError> {
     let data = DrivenSegment::new(&recorded.time_s, &recorded.drive, &recorded.signal, 1e-6);
-    let drive = first_tones(settings, &data, "test").unwrap();
-    estimate(settings, ("test", &drive), &data, &mut Past::default(), &Silent).unwrap()
+    let drive = first_tones(settings, &data, "test")?;
+    estimate(settings, ("test", &drive), &data, &mut Past::default(), &Silent)
 }
 
 /// RMS angle errors in degrees of both axes over some samples, each axis mirrored as fits best.
@@ -285,52 +289,22 @@ fn the_line_of_a_sine_through_the_comb() {
     assert!(line_share(1.757) > line_share(1.74) && line_share(1.757) > line_share(1.78));
 }
 
-/// On pure sines the start is exact to within its own claim, either axis up to its sign.
-#[test]
-fn sines_are_found_as_they_are() {
-    let hardware = hardware();
-    let mut noise = WhiteNoise::new(3, 0);
-    let (amplitude, phase, offset) = ([0.16, 0.09], [1.1, 2.7], hardware.readout.offset + 0.5);
-    let time_s: Vec<f64> = (0..2001).map(|i| 0.2 + f64::from(i) * 1e-6).collect();
-    let angle =
-        |axis: usize, t: f64| amplitude[axis] * (PI * DRIVES_HZ[axis] * (t - 0.2) + phase[axis]).sin();
-    let signal: Vec<f64> = (time_s.iter())
-        .map(|t| {
-            let [y] = hardware.readout.predict(&[angle(0, *t), 0.0, angle(1, *t), 0.0]);
-            y + 0.5 + hardware.noise_variance.sqrt() * noise.sample()
-        })
-        .collect();
-    let start = TwoAxisBatchStart::of(&hardware.readout, &time_s, &signal, DRIVES_HZ).unwrap();
-    for axis in 0..2 {
-        let (a, p) = (start.amplitude_rad[axis], start.phase_rad[axis]);
-        println!(
-            "{axis}: amplitude {a:.5} ± {:.5}, phase {p:.5} ± {:.5}",
-            start.amplitude_sd_rad[axis], start.phase_sd_rad[axis]
-        );
-        assert!((a - amplitude[axis]).abs() < 4.0 * start.amplitude_sd_rad[axis]);
-        assert!((p - phase[axis]).abs() < 4.0 * start.phase_sd_rad[axis]);
-        assert!(start.amplitude_sd_rad[axis] < 2e-3 && start.phase_sd_rad[axis] < 5e-3);
-        let sd = start.covariance.standard_deviation(2 * axis);
-        assert!((start.mean[2 * axis] - angle(axis, 0.2)).abs() < 3.0 * sd);
-    }
-    assert!((start.offset_v - offset).abs() < 0.01);
-    assert!((start.residual_rms_v / hardware.noise_variance.sqrt() - 1.0).abs() < 0.1);
-}
-
 #[test]
 fn a_signal_that_determines_no_start_is_refused() {
-    let hardware = hardware();
-    let recorded = record(hardware.scanner, [0.15, 0.0, 0.0, 0.0], 0, 3000, 1);
-    let of = |n: usize| {
-        TwoAxisBatchStart::of(&hardware.readout, &recorded.time_s[..n], &recorded.signal[..n], DRIVES_HZ)
+    let mut settings = settings();
+    settings.filters.truncate(1);
+    let still = record(settings.hardware.scanner, [0.15, 0.0, 0.0, 0.0], 0, 3000, 1);
+    let moving = record(settings.hardware.scanner, [0.15, 0.0, 0.1, 0.0], 0, 3000, 1);
+    let with = |change: &dyn Fn(&mut Recorded)| {
+        let mut recorded = record(settings.hardware.scanner, [0.15, 0.0, 0.1, 0.0], 0, 3000, 1);
+        change(&mut recorded);
+        attempt(&settings, &recorded).unwrap_err().to_string()
     };
-    assert!(matches!(of(3000), Err(StartError::NoMotion { axis: 'y', .. })), "{:?}", of(3000));
-    assert!(matches!(of(500), Err(StartError::TooShort { .. })));
-    let loud: Vec<f64> = recorded.signal.iter().map(|y| 10.0 * y).collect();
-    let found = TwoAxisBatchStart::of(&hardware.readout, &recorded.time_s, &loud, DRIVES_HZ);
-    assert!(matches!(found, Err(StartError::TooLarge { axis: 'x', .. })), "{found:?}");
-    let same = TwoAxisBatchStart::of(&hardware.readout, &recorded.time_s, &recorded.signal, [31_350.0; 2]);
-    assert_eq!(same.unwrap_err(), StartError::Inseparable);
+    assert!(attempt(&settings, &moving).is_ok());
+    let refused = attempt(&settings, &still).unwrap_err().to_string();
+    assert!(refused.contains("axis y: its line in the signal"), "{refused}");
+    let loud = with(&|recorded| recorded.signal.iter_mut().for_each(|y| *y *= 10.0));
+    assert!(loud.contains("axis x: its line in the signal") && loud.contains("check gain"), "{loud}");
 }
 
 // ---- Estimate ----

@@ -8,20 +8,20 @@
 mod band_plan;
 mod filters;
 pub(super) mod hardware;
+mod lock_in;
 mod outlook;
 mod plant;
 mod rig;
 mod segment;
 mod settings;
 mod simulation;
-mod start;
 mod tones;
 
 pub use band_plan::{BandPlan, CombinationLine, Conflict, LinePlace, PlannedDrive, ProtectedBand};
 pub use filters::{STATES, TwoAxisFilterSettings, TwoAxisStart};
 pub use hardware::TwoAxisHardware;
+pub use lock_in::{LineError, line_share};
 pub use rig::TwoAxesRig;
 pub use segment::{estimate, first_tones};
 pub use settings::TwoAxisSettings;
-pub use start::{StartError, TwoAxisBatchStart, line_share};
 pub use tones::DriveTones;

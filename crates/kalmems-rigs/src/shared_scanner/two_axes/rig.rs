@@ -1,8 +1,8 @@
 //! The rig of a scanner with two axes.
 
-use super::filters::NOISE;
+use super::filters::{NOISE, STATES};
 use super::outlook::outlook;
-use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz, rows_of_window};
+use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz};
 use super::settings::TwoAxisSettings;
 use super::simulation::simulation;
 use super::tones::DriveTones;
@@ -10,6 +10,7 @@ use crate::config::{ConfigError, DeviceKind, DeviceUses, Experiment, Method};
 use crate::estimate::driven::DrivenSegment;
 use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
+    rows_for_start, rows_to_start_again,
 };
 use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::outlook::Outlook;
@@ -181,7 +182,11 @@ impl Estimator for TwoAxesEstimator<'_> {
         let open_s = if open { WINDOW_S } else { 0.0 };
         let started_s = (self.settings.skip_s + STARTING_CYCLES / slowest_hz + open_s).max(WINDOW_S);
         let around = around_driven(interval_s, started_s, smooths);
-        RowsAround { before: around.before + rows_of_window(interval_s), ..around }
+        let motion = (slowest_hz.recip(), interval_s);
+        let states = self.settings.filters.iter().map(|filter| filter.basics.states(&STATES).len());
+        let states = states.fold(0, usize::max);
+        let head = around.head.max(rows_for_start(motion, states));
+        RowsAround { head, before: around.before + rows_to_start_again(motion, states), ..around }
     }
 
     fn past(&mut self) -> &mut Past {

@@ -1,18 +1,21 @@
 //! The estimates of one segment.
 
 use super::filters::{STATES, TwoAxisFilterSettings, TwoAxisStart};
+use super::lock_in::{LineError, separating_s, swings};
 use super::plant::{both, both_models, both_with};
 use super::settings::TwoAxisSettings;
-use super::start::{StartError, TwoAxisBatchStart, separating_s, swings};
 use super::tones::DriveTones;
 use crate::config::Method;
-use crate::estimate::driven::{ByEuler, DrivenSegment, Plant, SteadySwing, TurningGain};
+use crate::estimate::driven::{ByEuler, DrivenCourse, DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, Course, EstimateError, FilterPast, GainOf, MeanAndCovariance, Past, Swing, Trajectory,
-    lock_in, start_again_from, with_the_sign_before,
+    AnyFilter, BatchStart, Course, EstimateError, FilterPast, GainOf, MeanAndCovariance, Past, SignalStart,
+    StartSearch, StatePrior, Swing, Trajectory, lock_in, rows_to_start_again, start_again_from_signal,
+    start_from_signal, with_the_sign_before,
 };
 use crate::progress::Progress;
 use crate::shared_scanner::segment::{FilterSideOutputs, ScannerFilterRun, SearchAgain};
+use kalmems_core::Covariance;
+use kalmems_core::augmentation::AugmentationError;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -72,7 +75,7 @@ pub fn resonances_hz(settings: &TwoAxisSettings) -> [f64; 2] {
     [scanner.x, scanner.y].map(|axis| axis.resonator.natural_rate() / TAU)
 }
 
-/// How much of the signal a start from it takes in, in s.
+/// How much of the signal a lock-in takes in, in s.
 pub const WINDOW_S: f64 = 2e-3;
 
 /// The rows that it has, at this interval in s.
@@ -100,8 +103,11 @@ impl TwoAxisFilterTask<'_> {
             Method::LockIn => self.lock_in(past),
             _ if let Some(gain) = filter.basics.gain() => self.turning(gain, past),
             Method::Bank => {
-                let states = filter.basics.states(&STATES);
-                self.follower().bank(&both_models(hardware, filter), &states, past, || self.start())
+                let (models, is_begun) = (both_models(hardware, filter), past.left().is_some());
+                let starts = models.iter().map(|model| self.batch_start(model, is_begun));
+                let follower =
+                    ScannerFilterRun { starts: starts.collect::<Result<_, _>>()?, ..self.follower() };
+                follower.bank(&models, &filter.basics.states(&STATES), past, || Ok(self.given()))
             }
             Method::EulerEkf => self.run(&ByEuler(both(hardware, filter)), past),
             _ if filter.basics.tracked.is_empty() => self.run(&both(hardware, filter), past),
@@ -116,19 +122,20 @@ impl TwoAxisFilterTask<'_> {
     fn turning(&self, gain: GainOf, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let (basics, hardware) = (&self.filter.basics, &self.settings.hardware);
         let plant = both(hardware, self.filter);
+        let start = self.batch_start(&plant, past.left().is_some())?;
         let begin = |left: Option<MeanAndCovariance>| {
-            let mean = left.map_or_else(|| self.start(), Ok)?.gaussian().mean;
+            let mean = left.unwrap_or_else(|| self.given()).gaussian().mean;
             let ((time_s, signal), drive) = (self.window(), self.window_tones()?);
             let drives_hz = drive.tones.map(|tone| tone.frequency_hz);
-            let found = swings(&hardware.readout, (time_s, signal), drives_hz, &[]);
-            let swings = found.ok_or_else(|| basics.no_gain(&StartError::Inseparable))?;
+            let swings = swings(&hardware.readout, (time_s, signal), drives_hz, &[]);
+            let swings = swings.map_err(|why| basics.no_gain(&why))?;
             let over_s = [time_s.first().copied().unwrap_or(0.0), WINDOW_S];
             let motion = SteadySwing { swings: &swings, drive: &|time_s| drive.at(time_s), over_s };
             let samples = (self.data.interval_s, hardware.noise_variance);
             let found = TurningGain::<4>::new(gain, &plant, motion, mean, samples);
             Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(&why))?))
         };
-        self.follower().follow(&plant, &STATES, past, begin)
+        self.follower().started(start).follow(&plant, &STATES, past, begin)
     }
 
     /// Both axes at once, in windows that tell the lines of one drive apart from those of the other.
@@ -151,13 +158,66 @@ impl TwoAxisFilterTask<'_> {
         let signals = [data.signal];
         let windows = data.windows(&signals, length_s);
         let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
-            swings(readout, (time_s, signals.first()?), drives_hz, before)
+            swings(readout, (time_s, signals.first()?), drives_hz, before).ok()
         };
         Ok(vec![lock_in((&self.filter.basics, past), &windows, &STATES, detect)])
     }
 
     fn run<P: Plant>(&self, plant: &P, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        self.follower().run(plant, &self.filter.basics.states(&STATES), past, || self.start())
+        let follower = self.follower().started(self.batch_start(plant, past.left().is_some())?);
+        follower.run(plant, &self.filter.basics.states(&STATES), past, || Ok(self.given()))
+    }
+
+    /// The start of a model by all of the first samples; `None` where it is stated otherwise, and where the filter has begun.
+    fn batch_start<P: Plant>(&self, plant: &P, is_begun: bool) -> Result<Option<BatchStart>, EstimateError> {
+        let (basics, data) = (&self.filter.basics, self.data);
+        if is_begun || !matches!(self.filter.start, TwoAxisStart::Signal) {
+            return Ok(None);
+        }
+        // Of an axis that stands still, every small motion has the same likelihood.
+        let swings = self.swings_in(self.window()).map_err(|why| EstimateError::NoStart {
+            place: self.place.to_owned(),
+            filter: basics.name.clone(),
+            why: why.to_string(),
+        })?;
+        let first_s = data.time_s.first().copied().unwrap_or(0.0);
+        let search = self.search(vec![swings.iter().flat_map(|swing| swing.at(first_s)).collect()]);
+        let mut course = self.course(plant).map_err(|why| basics.no_model(why))?;
+        let (states, cycle_s) = (basics.states(&STATES), self.slowest_hz().recip());
+        let of =
+            SignalStart { place: self.place, basics, states: (&states, STATES.len()), sizes: &[], cycle_s };
+        start_from_signal(&mut course, &data.samples, &search, of).map(Some)
+    }
+
+    fn course<'c, P: Plant>(&'c self, plant: &'c P) -> Result<DrivenCourse<'c, P>, AugmentationError> {
+        DrivenCourse::new(plant, self.settings.hardware.noise_variance, self.data)
+    }
+
+    /// The swings that a lock-in finds in some samples.
+    fn swings_in(&self, window: (&[f64], &[f64])) -> Result<Vec<Swing>, LineError> {
+        let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
+        swings(&self.settings.hardware.readout, window, drives_hz, &[])
+    }
+
+    /// What the search for a start knows: the oscillations of both axes, and from where it is sought as well. Signal and torque are those of either
+    /// motion mirrored as well, so that either sign is taken.
+    fn search(&self, seeds: Vec<Vec<f64>>) -> StartSearch {
+        let unknown = [StatePrior { mean: 0.0, sd: None }; STATES.len()];
+        let prior: Vec<StatePrior> = unknown.into_iter().chain(self.filter.basics.priors()).collect();
+        let shape = |(axis, motion_hz): (usize, f64)| {
+            let only = |place: usize, value: f64| {
+                (0..prior.len()).map(|i| if i == place { value } else { 0.0 }).collect::<Vec<f64>>()
+            };
+            [only(2 * axis, 1.0), only(2 * axis + 1, TAU * motion_hz)]
+        };
+        StartSearch {
+            shapes: self.motions_hz().into_iter().enumerate().map(shape).collect(),
+            mirrored: vec![vec![0, 1], vec![2, 3]],
+            seeds,
+            is_symmetric: true,
+            prior,
+            ..StartSearch::default()
+        }
     }
 
     fn follower(&self) -> ScannerFilterRun<'_> {
@@ -174,46 +234,43 @@ impl TwoAxisFilterTask<'_> {
         }
     }
 
+    /// The frequencies of both motions, as the drives have them.
+    fn motions_hz(&self) -> [f64; 2] {
+        self.drive.motions().map(|(_, motion)| motion.frequency_hz)
+    }
+
+    fn slowest_hz(&self) -> f64 {
+        self.motions_hz().into_iter().fold(f64::INFINITY, f64::min)
+    }
+
     /// How the filter is started again where it has lost the signal; the drives hold the phases of both axes, and so their signs.
     fn start_again(&self) -> Option<SearchAgain<'_>> {
-        let (basics, data) = (&self.filter.basics, self.data);
-        let motions = self.drive.motions().map(|(_, motion)| motion.frequency_hz);
-        let slowest_hz = motions.into_iter().fold(f64::INFINITY, f64::min);
-        let rule = basics.reacquisition(slowest_hz, data.start_s, rows_of_window(data.interval_s))?;
-        let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
-        let readout = &self.settings.hardware.readout;
+        let (basics, data, slowest_hz) = (&self.filter.basics, self.data, self.slowest_hz());
+        let states = basics.states(&STATES).len();
+        let rows = rows_to_start_again((slowest_hz.recip(), data.interval_s), states);
+        let rule = basics.reacquisition(slowest_hz, data.start_s, rows)?;
         let seek = move |course: &mut dyn Course, rows: Range<usize>, held: (f64, &[f64])| {
-            let (time_s, signal) = (data.time_s.get(rows.clone())?, data.signal.get(rows.clone())?);
-            let found = TwoAxisBatchStart::of(readout, time_s, signal, drives_hz).ok()?;
-            let first_s = *time_s.first()?;
-            let mut known = MeanAndCovariance::from((found.mean, found.covariance));
-            for (axis, hz) in motions.into_iter().enumerate() {
-                known = with_the_sign_before(known, 2 * axis, (first_s, TAU * hz), held);
+            let behind_s = data.time_s.get(rows.end).copied()?;
+            let mut known = start_again_from_signal(course, rows, &self.search(Vec::new()), &basics.readout)?;
+            for (axis, hz) in self.motions_hz().into_iter().enumerate() {
+                known = with_the_sign_before(known, 2 * axis, (behind_s, TAU * hz), held);
             }
-            let known = known.with(basics.parameters().iter().map(|tracked| (0.0, tracked.sd)));
-            start_again_from(course, rows, &known, &basics.readout)
+            Some(known)
         };
         Some(SearchAgain { rule, seek: Box::new(seek) })
     }
 
-    /// What is known at the first sample.
-    fn start(&self) -> Result<MeanAndCovariance, EstimateError> {
+    /// What is stated of the first sample; rest where nothing is, and what the signal tells takes its place.
+    fn given(&self) -> MeanAndCovariance {
         let motion = match self.filter.start {
             TwoAxisStart::Given { mean, covariance } => (mean, covariance),
-            TwoAxisStart::Signal => {
-                let found = self.batch_start().map_err(|why| EstimateError::NoStart {
-                    place: self.place.to_owned(),
-                    filter: self.filter.basics.name.clone(),
-                    why: why.to_string(),
-                })?;
-                (found.mean, found.covariance)
-            }
+            TwoAxisStart::Signal => ([0.0; 4], Covariance::zero()),
         };
-        Ok(MeanAndCovariance::from(motion)
-            .with(self.filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd))))
+        let parameters = self.filter.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
+        MeanAndCovariance::from(motion).with(parameters)
     }
 
-    /// The samples that a start takes in.
+    /// The first samples, as many as a lock-in takes in.
     fn window(&self) -> (&[f64], &[f64]) {
         let first = self.data.time_s.first().copied().unwrap_or(0.0);
         let end = self.data.time_s.partition_point(|t| *t <= first + WINDOW_S);
@@ -226,11 +283,5 @@ impl TwoAxisFilterTask<'_> {
         let (volts, interval_s) = (&self.data.drive.volts()[..time_s.len()], self.data.interval_s);
         let found = DriveTones::of(time_s, volts, interval_s, resonances_hz(self.settings));
         found.ok_or_else(|| EstimateError::NotTwoSines { place: self.place.to_owned() })
-    }
-
-    fn batch_start(&self) -> Result<TwoAxisBatchStart, StartError> {
-        let drives_hz = self.drive.tones.map(|tone| tone.frequency_hz);
-        let (time_s, signal) = self.window();
-        TwoAxisBatchStart::of(&self.settings.hardware.readout, time_s, signal, drives_hz)
     }
 }

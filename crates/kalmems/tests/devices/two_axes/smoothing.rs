@@ -51,7 +51,8 @@ fn a_fixed_lag_of_both_axes_equals_the_smoother_of_a_shorter_recording() {
 fn a_wrong_stiffness_of_one_axis_is_found() {
     let (settings, recorded) = (smoothed(6e-3), moving(12_000));
     let [filtered, whole, _] = <[_; 3]>::try_from(run(&settings, &recorded)).unwrap();
-    for (trajectory, k) in [(&filtered, 11_999), (&whole, 0)] {
+    // Not before 1000: over the samples of the start its own answer stands, which later ones do not change.
+    for (trajectory, k) in [(&filtered, 11_999), (&whole, 1000)] {
         let state = trajectory.state("stiffness_x").unwrap();
         let (found, sd) = (state.mean[k], state.sd[k]);
         println!("stiffness of x: {found:+.5} ± {sd:.5}");
