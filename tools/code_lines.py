@@ -10,7 +10,9 @@ crate, or, in a tree without it, the modules `reproduction` of the rigs and `rep
 
 `--repeats` also looks for repeats: runs of at least 8 lines of code that stand in two places with the same shape. In a shape,
 identifiers that begin with a lower-case letter, numbers, characters and strings are placeholders; keywords, types and punctuation
-are kept, and the further lines of a string of several lines are kept as they are. The longest runs are taken first. Each line is
+are kept, and the further lines of a string of several lines are kept as they are. The head of a function, from its `fn` to its
+`{`, is one line of a run however many lines the formatter made of it: it has to be what its trait says in each implementation, and
+a long one alone is no repeat. The longest runs are taken first. Each line is
 counted as a repeat of another once: a run that stands in three places gives two repeats, and whatever of a shorter run is
 already in a longer one is left out. A run with fewer than 4 different shapes is a list (of modules, or of the rows of a table) and
 no repeat.
@@ -61,8 +63,8 @@ TOKEN = re.compile(
 
 # One token: what it is, its text, and the lines from its first to its last, counted from 0.
 Token = collections.namedtuple("Token", "kind text first last")
-# One line of code: its number, counted from 1, and its shape.
-Line = collections.namedtuple("Line", "number shape")
+# What is compared as one line: its first and last number, counted from 1, how many lines of code that is, and its shape.
+Line = collections.namedtuple("Line", "number last count shape")
 # A run of lines that repeats an earlier one; both places are a file and the index of a line of code in it.
 Repeat = collections.namedtuple("Repeat", "length earlier later")
 
@@ -235,7 +237,32 @@ def code_lines(text, tokens):
         for line in range(token.first + 1, token.last + 1):
             if lines[line].strip():
                 shapes.setdefault(line, []).append(lines[line].strip())
-    return [Line(line + 1, " ".join(shape)) for line, shape in sorted(shapes.items())]
+    found, heads = [], heads_of(tokens)
+    for line, shape in sorted(shapes.items()):
+        shape = " ".join(shape)
+        if found and line < found[-1].last:
+            head = found[-1]
+            # A list that is broken ends with a comma.
+            joined = f"{head.shape} {shape}".replace(" , )", " )").replace(" , >", " >")
+            found[-1] = head._replace(count=head.count + 1, shape=joined)
+        else:
+            found.append(Line(line + 1, heads.get(line, line) + 1, 1, shape))
+    return found
+
+
+def heads_of(tokens):
+    """The last line of each head of a function by its first; lines are counted from 0."""
+    heads = {}
+    for start, token in enumerate(tokens):
+        names = [token.kind for token in tokens[start + 1 : start + 2]] == ["word"]
+        if token.kind != "word" or token.text != "fn" or not names:
+            continue
+        index = start
+        while index < len(tokens) and tokens[index].text not in ("{", ";"):
+            index = end_of_group(tokens, index) if tokens[index].text in ("(", "[") else index + 1
+        if index < len(tokens):
+            heads[token.first] = tokens[index].last
+    return heads
 
 
 def folder_of_modules(path):
@@ -271,7 +298,7 @@ def sizes(code):
     has_papers = any(path.startswith(f"crates/{PAPERS}/") for path in code)
     counts = collections.Counter()
     for path, lines in code.items():
-        counts[crate_of(path, has_papers)] += len(lines)
+        counts[crate_of(path, has_papers)] += sum(line.count for line in lines)
     return counts
 
 
@@ -333,7 +360,7 @@ def repeats_by_crates(code, found):
 def place_of(code, place, length):
     """A run as a reader finds it: the file, its first and its last line."""
     path, index = place
-    return f"{path}:{code[path][index].number}-{code[path][index + length - 1].number}"
+    return f"{path}:{code[path][index].number}-{code[path][index + length - 1].last}"
 
 
 def sources_here():
@@ -461,6 +488,13 @@ def self_test():
     # Another type, another keyword, another operator.
     for old, new in [("f64", "f32"), ("Kind::A", "Kind::B"), ("if", "while"), (" * ", " + ")]:
         same(found(run, renamed.replace(old, new)), [])
+    # The head of a function is one line, broken or not.
+    head = "fn one(x: f64, y: f64) -> Kind {\n"
+    broken = "fn other(\n    x: f64,\n    y: f64,\n) -> Kind {\n"
+    same(found(run.replace("fn one(x: f64) -> Kind {\n", head), renamed.replace("fn other(x: f64) -> Kind {\n", broken)),
+         [(8, "crates/1/src/lib.rs:1-13")])
+    same(found(broken + "    1\n}\n", broken + "    x\n}\n"), [])
+    same(sizes(code_of({"crates/a/src/lib.rs": broken + "}\n"})), {"a": 5})
     # Lists.
     same(found("mod a;\n" * 40), [])
     # A part of a longer run is not counted again.

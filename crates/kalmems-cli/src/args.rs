@@ -1,7 +1,9 @@
 //! What can be asked for.
 
+use crate::{CommandEnding, target};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use kalmems::results::{Output, Work};
 use kalmems::study::Shard;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -73,6 +75,26 @@ pub enum Command {
     /// Serve the results of a folder to the browsers of this machine: their verdicts, and their reports down to single samples.
     #[cfg(not(target_family = "wasm"))]
     View(ViewArguments),
+}
+
+// Where the results of a command are put; each command says in its help which folder that is where none is named. A doc comment here would
+// take the place of the help of the command.
+#[derive(Args)]
+pub struct ResultFolder {
+    /// The folder for the results.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
+    #[arg(long)]
+    force: bool,
+}
+
+impl ResultFolder {
+    /// Prepares the folder for what a work gives: that which was asked for, or else the one with these steps below `out`.
+    /// What may not be replaced is refused here, before any time is spent.
+    pub fn begin(&self, usual: &[&str], work: Work) -> Result<Output, CommandEnding> {
+        target::begin(self.out.as_ref(), usual, &work.forced(self.force))
+    }
 }
 
 /// What stands below the help of `batch`.
@@ -186,15 +208,12 @@ pub enum CalibrationSubject {
 }
 
 #[derive(Args)]
+#[command(mut_arg("out", |out| out.help("The folder for the results [default: out/calibrated/<name of the calibration>]")))]
 pub struct GyroArguments {
     /// The calibration file, such as `examples/gyroscope/calibration.toml`.
     pub file: PathBuf,
-    /// The folder for the results [default: out/calibrated/<name of the calibration>].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
-    #[arg(long)]
-    pub force: bool,
+    #[command(flatten)]
+    pub folder: ResultFolder,
     /// Print the figures as JSON instead of tables.
     #[arg(long)]
     pub json: bool,
@@ -202,15 +221,12 @@ pub struct GyroArguments {
 
 #[derive(Args)]
 #[allow(clippy::struct_excessive_bools)] // each is a flag of its own
+#[command(mut_arg("out", |out| out.help("The folder for the results [default: out/<name of the experiment>]")))]
 pub struct EstimateArguments {
     /// The experiment file, such as `examples/shared_scanner/experiment.toml`.
     pub experiment: PathBuf,
-    /// The folder for the results [default: out/<name of the experiment>].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
-    #[arg(long)]
-    pub force: bool,
+    #[command(flatten)]
+    pub folder: ResultFolder,
     /// Print the figures as JSON instead of a table.
     #[arg(long)]
     pub json: bool,
@@ -380,6 +396,7 @@ pub struct ViewArguments {
 }
 
 #[derive(Args)]
+#[command(mut_arg("out", |out| out.help("The folder for the source [default: out/exported/<name of the experiment>]")))]
 pub struct ExportArguments {
     /// The experiment file, such as `examples/shared_scanner/microcontroller.toml`.
     pub experiment: PathBuf,
@@ -406,12 +423,8 @@ pub struct ExportArguments {
     /// of `estimate` over the recording if left out.
     #[arg(long, value_enum)]
     pub digits: Option<ExportDigits>,
-    /// The folder for the source [default: out/exported/<name of the experiment>].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
-    #[arg(long)]
-    pub force: bool,
+    #[command(flatten)]
+    pub folder: ResultFolder,
     /// Print the names of the files as JSON instead of a list.
     #[arg(long)]
     pub json: bool,
@@ -436,30 +449,24 @@ pub enum Language {
 }
 
 #[derive(Args)]
+#[command(mut_arg("out", |out| out.help("The folder for the results [default: out/identified/<name of the experiment>]")))]
 pub struct IdentifyArguments {
     /// The experiment file, such as `examples/shared_scanner/ring_down.toml`.
     pub experiment: PathBuf,
-    /// The folder for the results [default: out/identified/<name of the experiment>].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
-    #[arg(long)]
-    pub force: bool,
+    #[command(flatten)]
+    pub folder: ResultFolder,
     /// Print the figures as JSON instead of a table.
     #[arg(long)]
     pub json: bool,
 }
 
 #[derive(Args)]
+#[command(mut_arg("out", |out| out.help("The folder for the results [default: out/image/<name of the image>]")))]
 pub struct ImageArguments {
     /// The image file, such as `examples/shared_scanner/image.toml`.
     pub image: PathBuf,
-    /// The folder for the results [default: out/image/<name of the image>].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
-    #[arg(long)]
-    pub force: bool,
+    #[command(flatten)]
+    pub folder: ResultFolder,
     /// The phase by which x is ahead of its trajectory, such as `0.7deg`, instead of the value in the file.
     #[arg(long, value_name = "ANGLE", allow_hyphen_values = true)]
     pub phase_x: Option<String>,
@@ -499,6 +506,7 @@ pub struct InspectArguments {
 
 #[cfg(feature = "papers")]
 #[derive(Args)]
+#[command(mut_arg("out", |out| out.help("The folder for the results [default: out/reproduce/<rig>]")))]
 pub struct ReproduceArguments {
     /// The rig, such as `shared_scanner`.
     pub rig: String,
@@ -508,12 +516,8 @@ pub struct ReproduceArguments {
     /// Compute more seeds and longer records: minutes instead of seconds.
     #[arg(long)]
     pub full: bool,
-    /// The folder for the results [default: out/reproduce/<rig>].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
-    #[arg(long)]
-    pub force: bool,
+    #[command(flatten)]
+    pub folder: ResultFolder,
     /// The first seed of the noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u32,
@@ -526,15 +530,12 @@ pub struct ReproduceArguments {
 }
 
 #[derive(Args)]
+#[command(mut_arg("out", |out| out.help("The folder for the recording [default: out/simulated/<name of the experiment>]")))]
 pub struct SimulateArguments {
     /// The experiment file, such as `examples/shared_scanner/simulation.toml`.
     pub experiment: PathBuf,
-    /// The folder for the recording [default: out/simulated/<name of the experiment>].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
-    #[arg(long)]
-    pub force: bool,
+    #[command(flatten)]
+    pub folder: ResultFolder,
     /// The seed of the noise, instead of the one in the file.
     #[arg(long, value_name = "N")]
     pub seed: Option<u32>,
@@ -544,17 +545,14 @@ pub struct SimulateArguments {
 }
 
 #[derive(Args)]
+#[command(mut_arg("out", |out| out.help("The folder for the results [default: out/spectrum/<name of the spectrum>]")))]
 pub struct SpectrumArguments {
     /// The spectrum file, such as `examples/piston_mirror/two_lines_spectrum.toml`. That one needs the results of two commands
     /// before it: `kalmems simulate examples/piston_mirror/two_lines.toml` and
     /// `kalmems estimate out/simulated/two-lines/experiment.toml`.
     pub spectrum: PathBuf,
-    /// The folder for the results [default: out/spectrum/<name of the spectrum>].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Put aside, as DIR.previous, the result of another experiment, or one with files that were changed since.
-    #[arg(long)]
-    pub force: bool,
+    #[command(flatten)]
+    pub folder: ResultFolder,
     /// Print the figures as JSON instead of text.
     #[arg(long)]
     pub json: bool,

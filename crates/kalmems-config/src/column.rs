@@ -194,7 +194,22 @@ pub struct FileColumns<'a> {
     pub columns: Vec<(&'a str, &'a ColumnChoice, Option<&'static str>)>,
 }
 
-impl FileColumns<'_> {
+impl<'a> FileColumns<'a> {
+    /// Columns of a file with this clock, which nothing divides.
+    pub fn new(
+        format: Option<&'a FileFormat>,
+        clock: &'a Clock,
+        columns: Vec<(&'a str, &'a ColumnChoice, Option<&'static str>)>,
+    ) -> Self {
+        Self { format, clock: Some(clock), segments: None, columns }
+    }
+
+    /// The same, of a file whose rows these divide.
+    #[must_use]
+    pub fn divided_by(self, segments: Option<&'a Segments>) -> Self {
+        Self { segments, ..self }
+    }
+
     fn declared(&self) -> Vec<DeclaredColumn> {
         let columns = self.columns.iter().map(|(key, column, usual_unit)| column.declared(key, *usual_unit));
         let clock = match self.clock {

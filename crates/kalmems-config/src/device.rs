@@ -5,12 +5,12 @@ use super::source::Source;
 use super::uncertainty::{CORRELATION, Correlations};
 use super::variation::Variations;
 use super::{ConfigError, ConfigFault, Experiment, Key};
+use crate::inline_schema;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{DeserializeOwned, EnumAccess, VariantAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::any::Any;
-use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -220,16 +220,8 @@ impl<'de> Deserialize<'de> for DeviceTable {
     }
 }
 
-impl JsonSchema for DeviceTable {
-    fn schema_name() -> Cow<'static, str> {
-        "Device".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "object", "minProperties": 1, "maxProperties": 2 })
-    }
-}
+inline_schema!(
+    DeviceTable,
+    "Device",
+    |_| json_schema!({ "type": "object", "minProperties": 1, "maxProperties": 2 })
+);

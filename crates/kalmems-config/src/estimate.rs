@@ -1,7 +1,7 @@
 //! What an experiment file says about the estimate that is wanted.
 
 use super::event::EventSource;
-use super::filter::FilterTable;
+use super::filter::{FilterTable, above_zero};
 use super::kinds::{Frequency, Time};
 use super::process_noise::ProcessNoiseTable;
 use super::quantity::Quantity;
@@ -72,11 +72,7 @@ pub struct Crossings {
     pub separation: Quantity<Time, Positive>,
     /// The smallest response that counts, in standard deviations of the response to noise. Either this or
     /// `false_alarms`.
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "super::filter::above_zero"
-    )]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "above_zero")]
     #[schemars(extend("exclusiveMinimum" = 0), example = &4.0)]
     pub threshold: Option<f64>,
     /// How often noise without motion may pass for a crossing.
@@ -85,11 +81,7 @@ pub struct Crossings {
     pub false_alarms: Option<Quantity<Frequency, Positive>>,
     /// The smallest response that counts while crossings follow each other, beside `false_alarms`: so that a motion is
     /// followed as it decays.
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "super::filter::above_zero"
-    )]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "above_zero")]
     #[schemars(extend("exclusiveMinimum" = 0), example = &2.0)]
     pub keep: Option<f64>,
 }

@@ -1,5 +1,6 @@
 //! What an experiment file says of a device's events: where their times come from, and how a filter is told of them.
 
+use super::filter::above_zero;
 use super::kinds::Time;
 use super::quantity::Quantity;
 use super::sign::{NotNegative, Positive};
@@ -108,11 +109,7 @@ pub struct EventUse {
     #[schemars(example = &"2 mrad")]
     pub sd: Option<AnyValue>,
     /// The largest innovation that is believed, in standard deviations; what the filter's own `gate` believes if left out.
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "super::filter::above_zero"
-    )]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "above_zero")]
     #[schemars(extend("exclusiveMinimum" = 0), example = &4.0)]
     pub gate: Option<f64>,
 }

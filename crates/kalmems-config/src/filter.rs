@@ -10,11 +10,11 @@ use super::readout::ReadoutStates;
 use super::sign::Positive;
 use super::values::{AnyValue, Values};
 use super::{ConfigFault, CrossingUse, Key, Variant};
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use crate::inline_schema;
+use schemars::{JsonSchema, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -291,22 +291,10 @@ impl<'de> Deserialize<'de> for FilterStart {
     }
 }
 
-impl JsonSchema for FilterStart {
-    fn schema_name() -> Cow<'static, str> {
-        "Start".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "anyOf": [generator.subschema_for::<Values>(), { "const": FROM_SIGNAL }],
-            "examples": [{ "angle": "0.05 rad", "rate": "0 rad/s" }],
-        })
-    }
-}
+inline_schema!(FilterStart, "Start", |generator| json_schema!({
+    "anyOf": [generator.subschema_for::<Values>(), { "const": FROM_SIGNAL }],
+    "examples": [{ "angle": "0.05 rad", "rate": "0 rad/s" }],
+}));
 
 /// The name of a filter: a few words on one line, with at least one letter or digit.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -357,24 +345,12 @@ impl TryFrom<String> for FilterName {
     }
 }
 
-impl JsonSchema for FilterName {
-    fn schema_name() -> Cow<'static, str> {
-        "FilterName".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "type": "string",
-            "pattern": "[A-Za-z0-9]",
-            "maxLength": LONGEST,
-            "examples": ["EKF"],
-        })
-    }
-}
+inline_schema!(FilterName, "FilterName", |_| json_schema!({
+    "type": "string",
+    "pattern": "[A-Za-z0-9]",
+    "maxLength": LONGEST,
+    "examples": ["EKF"],
+}));
 
 impl FilterTable {
     /// The same of the keys about samples that are no samples of the signal.
@@ -499,33 +475,30 @@ fn is_false(value: &bool) -> bool {
     !*value
 }
 
-pub(super) fn above_zero<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+/// A finite number for which this holds, of which a message says the rest of "is not a finite number".
+fn number_where<'de, D: Deserializer<'de>>(
+    deserializer: D,
+    holds: fn(f64) -> bool,
+    wanted: &str,
+) -> Result<Option<f64>, D::Error> {
     let number = f64::deserialize(deserializer)?;
-    if number > 0.0 && number.is_finite() {
+    if holds(number) && number.is_finite() {
         Ok(Some(number))
     } else {
-        Err(D::Error::custom(format!("`{number}` is not a finite number above 0; write one, such as `1`")))
+        Err(D::Error::custom(format!("`{number}` is not a finite number {wanted}")))
     }
+}
+
+pub(super) fn above_zero<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    number_where(deserializer, |number| number > 0.0, "above 0; write one, such as `1`")
 }
 
 fn above_two<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
-    let number = f64::deserialize(deserializer)?;
-    if number > 2.0 && number.is_finite() {
-        Ok(Some(number))
-    } else {
-        Err(D::Error::custom(format!("`{number}` is not a finite number above 2; write one, such as `4`")))
-    }
+    number_where(deserializer, |number| number > 2.0, "above 2; write one, such as `4`")
 }
 
 fn not_negative<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
-    let number = f64::deserialize(deserializer)?;
-    if number >= 0.0 && number.is_finite() {
-        Ok(Some(number))
-    } else {
-        Err(D::Error::custom(format!(
-            "`{number}` is not a finite number of 0 or more; write one, such as `1`"
-        )))
-    }
+    number_where(deserializer, |number| number >= 0.0, "of 0 or more; write one, such as `1`")
 }
 
 fn start_sd() -> serde_json::Value {

@@ -4,11 +4,11 @@ use super::kinds::Time;
 use super::quantity::NUMBER_FIRST;
 use super::sign::Positive;
 use super::{ConfigError, ConfigFault, Experiment, Key, Quantity};
+use crate::inline_schema;
 use crate::layout::{RecordingLayout, Restarts};
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use schemars::{JsonSchema, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::borrow::Cow;
 use std::fmt;
 
 /// What is done where samples are missing.
@@ -91,24 +91,12 @@ impl<'de> Deserialize<'de> for LongestGap {
     }
 }
 
-impl JsonSchema for LongestGap {
-    fn schema_name() -> Cow<'static, str> {
-        "LongestGap".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "type": "string",
-            "title": "a time above 0 (s), or a number of cycles of the device",
-            "pattern": NUMBER_FIRST,
-            "examples": ["20 cycles", "1 ms"],
-        })
-    }
-}
+inline_schema!(LongestGap, "LongestGap", |_| json_schema!({
+    "type": "string",
+    "title": "a time above 0 (s), or a number of cycles of the device",
+    "pattern": NUMBER_FIRST,
+    "examples": ["20 cycles", "1 ms"],
+}));
 
 impl Experiment {
     /// How to read these columns of a recording that is estimated, of a device with this cycle in s: cut into stretches

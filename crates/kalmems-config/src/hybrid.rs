@@ -1,5 +1,6 @@
 //! What an experiment file says of a filter that is told when a threshold is passed.
 
+use super::filter::above_zero;
 use super::kinds::{Angle, Time};
 use super::quantity::Quantity;
 use super::sign::{NotNegative, Positive};
@@ -43,11 +44,7 @@ pub struct CrossingUse {
     #[schemars(example = &"2 mrad")]
     pub angle_sd: Option<Quantity<Angle, Positive>>,
     /// The largest innovation that is believed, in standard deviations; what the filter's own `gate` believes if left out.
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "super::filter::above_zero"
-    )]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "above_zero")]
     #[schemars(extend("exclusiveMinimum" = 0), example = &4.0)]
     pub gate: Option<f64>,
 }

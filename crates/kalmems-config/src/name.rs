@@ -1,9 +1,9 @@
 //! Names that may become the name of a folder.
 
 use super::error::shown;
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use crate::inline_schema;
+use schemars::json_schema;
 use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
 use std::fmt;
 
 /// A name of lower-case letters, digits, `-` and `_`: safe as a folder's name on every system.
@@ -42,20 +42,8 @@ impl TryFrom<String> for Name {
     }
 }
 
-impl JsonSchema for Name {
-    fn schema_name() -> Cow<'static, str> {
-        "Name".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "type": "string",
-            "pattern": format!("^[a-z0-9_-]{{1,{LONGEST}}}$"),
-            "examples": ["shared-scanner"],
-        })
-    }
-}
+inline_schema!(Name, "Name", |_| json_schema!({
+    "type": "string",
+    "pattern": format!("^[a-z0-9_-]{{1,{LONGEST}}}$"),
+    "examples": ["shared-scanner"],
+}));

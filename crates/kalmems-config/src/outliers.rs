@@ -1,9 +1,9 @@
 //! What an experiment file says about samples that are no samples of the signal.
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use crate::inline_schema;
+use schemars::{JsonSchema, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::borrow::Cow;
 use std::fmt;
 
 /// Whether a filter rejects outliers, and how seldom a sample that is none.
@@ -75,22 +75,10 @@ impl<'de> Deserialize<'de> for OutlierGate {
     }
 }
 
-impl JsonSchema for OutlierGate {
-    fn schema_name() -> Cow<'static, str> {
-        "Gate".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "anyOf": [{ "type": "number", "exclusiveMinimum": 0, "maximum": MOST }, { "const": false }],
-            "examples": [1e-7, false],
-        })
-    }
-}
+inline_schema!(OutlierGate, "Gate", |_| json_schema!({
+    "anyOf": [{ "type": "number", "exclusiveMinimum": 0, "maximum": MOST }, { "const": false }],
+    "examples": [1e-7, false],
+}));
 
 /// How a filter weighs a sample whose innovation is large.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

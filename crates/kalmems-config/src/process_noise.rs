@@ -3,11 +3,11 @@
 use super::ConfigFault;
 use super::quantity::FROM_RECORDING;
 use super::values::{AnyValue, Values};
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use crate::inline_schema;
+use schemars::json_schema;
 use serde::de::{DeserializeSeed, Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fmt;
 
@@ -147,25 +147,15 @@ impl<'de> Deserialize<'de> for ProcessNoiseTable {
     }
 }
 
-impl JsonSchema for ProcessNoiseTable {
-    fn schema_name() -> Cow<'static, str> {
-        "ProcessNoiseTable".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let stated = AnyValue::json_schema(generator);
-        json_schema!({
-            "anyOf": [
-                { "type": "object", "additionalProperties": { "anyOf": [stated, { "const": FROM_RECORDING }] } },
-                { "const": FROM_RECORDING },
-            ]
-        })
-    }
-}
+inline_schema!(ProcessNoiseTable, "ProcessNoiseTable", |generator| {
+    let stated = AnyValue::json_schema(generator);
+    json_schema!({
+        "anyOf": [
+            { "type": "object", "additionalProperties": { "anyOf": [stated, { "const": FROM_RECORDING }] } },
+            { "const": FROM_RECORDING },
+        ]
+    })
+});
 
 #[cfg(test)]
 mod tests {

@@ -75,12 +75,8 @@ impl Recording {
 
     /// Its file with its columns.
     pub(super) fn in_file(&self) -> FileColumns<'_> {
-        FileColumns {
-            format: self.format.as_ref(),
-            clock: Some(&self.clock),
-            segments: self.segments.as_ref(),
-            columns: self.channels.in_file(),
-        }
+        FileColumns::new(self.format.as_ref(), &self.clock, self.channels.in_file())
+            .divided_by(self.segments.as_ref())
     }
 }
 

@@ -9,6 +9,33 @@ use schemars::generate::SchemaSettings;
 use schemars::transform::{RecursiveTransform, Transform};
 use serde_json::Value;
 
+/// The JSON schema of a type that code of its own reads: its name, and what it accepts, which is written wherever the type is used.
+///
+/// ```
+/// use schemars::{JsonSchema, json_schema};
+/// struct Even;
+/// kalmems_config::inline_schema!(Even, "Even", |_| json_schema!({ "type": "integer", "multipleOf": 2 }));
+/// assert_eq!(Even::schema_name(), "Even");
+/// ```
+#[macro_export]
+macro_rules! inline_schema {
+    ($type:ty, $name:literal, |$generator:pat_param| $schema:expr) => {
+        impl ::schemars::JsonSchema for $type {
+            fn schema_name() -> ::std::borrow::Cow<'static, str> {
+                $name.into()
+            }
+
+            fn inline_schema() -> bool {
+                true
+            }
+
+            fn json_schema($generator: &mut ::schemars::SchemaGenerator) -> ::schemars::Schema {
+                $schema
+            }
+        }
+    };
+}
+
 /// The JSON schema of an experiment file with one of these devices: for editors, and for checking a file without this
 /// program.
 pub fn experiment_schema(devices: &[DeviceKind]) -> Value {

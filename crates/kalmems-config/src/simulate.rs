@@ -269,8 +269,7 @@ impl RecordedDrive {
     /// How to read its file, where a column that states no unit would usually be in this one.
     pub fn layout(&self, usual_unit: &'static str) -> RecordingLayout {
         let columns = vec![("column", &self.column, Some(usual_unit))];
-        FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
-            .layout(None)
+        FileColumns::new(self.format.as_ref(), &self.clock, columns).layout(None)
     }
 }
 

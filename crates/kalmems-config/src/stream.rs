@@ -5,9 +5,9 @@ use super::kinds::{Frequency, Time};
 use super::quantity::Quantity;
 use super::regulated::TriggerDirection;
 use super::sign::Positive;
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use crate::inline_schema;
+use schemars::{JsonSchema, json_schema};
 use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
 use std::num::NonZeroU32;
 
 /// Samples that arrive while they are estimated, and what is wanted of the estimates.
@@ -179,19 +179,11 @@ impl From<Sync> for String {
     }
 }
 
-impl JsonSchema for Sync {
-    fn schema_name() -> Cow<'static, str> {
-        "Sync".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "string", "pattern": "^([0-9a-fA-F]{2}){1,16}$", "examples": ["a55a"] })
-    }
-}
+inline_schema!(
+    Sync,
+    "Sync",
+    |_| json_schema!({ "type": "string", "pattern": "^([0-9a-fA-F]{2}){1,16}$", "examples": ["a55a"] })
+);
 
 /// A number in a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -338,20 +330,8 @@ impl From<FrameField> for String {
     }
 }
 
-impl JsonSchema for FrameField {
-    fn schema_name() -> Cow<'static, str> {
-        "Field".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "type": "string",
-            "pattern": r"^\s*([iu](8|16|32|64)|f(32|64))\s+\S+\s*$",
-            "examples": ["f32 cap_V"],
-        })
-    }
-}
+inline_schema!(FrameField, "Field", |_| json_schema!({
+    "type": "string",
+    "pattern": r"^\s*([iu](8|16|32|64)|f(32|64))\s+\S+\s*$",
+    "examples": ["f32 cap_V"],
+}));

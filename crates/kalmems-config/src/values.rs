@@ -3,11 +3,11 @@
 use super::quantity::{NUMBER_FIRST, parse};
 use super::sign::Sign;
 use super::{ConfigFault, Key};
+use crate::inline_schema;
 use crate::units::{Kind, Value};
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use schemars::json_schema;
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -97,21 +97,9 @@ impl<'de> Deserialize<'de> for AnyValue {
     }
 }
 
-impl JsonSchema for AnyValue {
-    fn schema_name() -> Cow<'static, str> {
-        "AnyValue".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "type": ["string", "number"],
-            "title": "a value with its unit; a ratio may be a plain number",
-            "pattern": NUMBER_FIRST,
-            "examples": ["0.05 rad"],
-        })
-    }
-}
+inline_schema!(AnyValue, "AnyValue", |_| json_schema!({
+    "type": ["string", "number"],
+    "title": "a value with its unit; a ratio may be a plain number",
+    "pattern": NUMBER_FIRST,
+    "examples": ["0.05 rad"],
+}));

@@ -216,6 +216,16 @@ impl<T: Scalar> Over<T> for T {
     }
 }
 
+/// Functions of a number that are those of `math`.
+macro_rules! each {
+    ($($method:ident = $function:path),*) => {$(
+        #[inline(always)]
+        fn $method(self) -> Self {
+            $function(self)
+        }
+    )*};
+}
+
 macro_rules! float {
     ($t:ident) => {
         impl Scalar for $t {
@@ -245,30 +255,8 @@ macro_rules! float {
             fn mac(self, a: Self, b: Self) -> Self {
                 math::Register::mac(self, a, b)
             }
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                math::Register::sqrt(self)
-            }
-            #[inline(always)]
-            fn exp(self) -> Self {
-                math::exp(self)
-            }
-            #[inline(always)]
-            fn ln(self) -> Self {
-                math::ln(self)
-            }
-            #[inline(always)]
-            fn sin(self) -> Self {
-                math::sin(self)
-            }
-            #[inline(always)]
-            fn cos(self) -> Self {
-                math::cos(self)
-            }
-            #[inline(always)]
-            fn atanh(self) -> Self {
-                math::atanh(self)
-            }
+            each!(sqrt = math::Register::sqrt);
+            each!(exp = math::exp, ln = math::ln, sin = math::sin, cos = math::cos, atanh = math::atanh);
         }
     };
 }

@@ -393,8 +393,9 @@ impl Condition {
     /// How to read a file of the gyroscope.
     pub fn layout(&self, unit: &InertialUnit) -> RecordingLayout {
         let clock = unit.clock();
-        let (format, segments) = (self.format.as_ref(), self.segments.as_ref());
-        FileColumns { format, clock: Some(&clock), segments, columns: unit.columns() }.layout(None)
+        FileColumns::new(self.format.as_ref(), &clock, unit.columns())
+            .divided_by(self.segments.as_ref())
+            .layout(None)
     }
 }
 
@@ -405,12 +406,8 @@ impl MotionReference {
     }
 
     fn in_file(&self) -> FileColumns<'_> {
-        FileColumns {
-            format: self.format.as_ref(),
-            clock: Some(&self.clock),
-            segments: self.segments.as_ref(),
-            columns: self.channels.in_file(),
-        }
+        FileColumns::new(self.format.as_ref(), &self.clock, self.channels.in_file())
+            .divided_by(self.segments.as_ref())
     }
 }
 
@@ -427,12 +424,8 @@ impl RestRecord {
     }
 
     fn in_file<'a>(&'a self, unit: &'a InertialUnit, clock: &'a Clock) -> FileColumns<'a> {
-        FileColumns {
-            format: self.format.as_ref(),
-            clock: Some(clock),
-            segments: self.segments.as_ref(),
-            columns: self.channels(unit).in_file(),
-        }
+        FileColumns::new(self.format.as_ref(), clock, self.channels(unit).in_file())
+            .divided_by(self.segments.as_ref())
     }
 }
 

@@ -196,7 +196,7 @@ impl Intensity {
 
     fn in_file(&self) -> FileColumns<'_> {
         let columns = vec![("column", &self.column, Some("1"))];
-        FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
+        FileColumns::new(self.format.as_ref(), &self.clock, columns)
     }
 }
 
@@ -209,7 +209,7 @@ impl ImageAxis {
     fn in_file(&self) -> FileColumns<'_> {
         let mut columns = vec![("column", &self.column, Some("rad"))];
         columns.extend(self.uncertainty.as_ref().map(|column| ("uncertainty", column, Some("rad"))));
-        FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
+        FileColumns::new(self.format.as_ref(), &self.clock, columns)
     }
 }
 

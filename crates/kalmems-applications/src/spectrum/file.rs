@@ -392,39 +392,35 @@ impl SpectrumFile {
         if let Some(found) = transform.zero_filling.filter(|n| !ZERO_FILLING.contains(n)) {
             refuse("transform.zero_filling", &format!("found {found}; expected 1 to 64"))?;
         }
-        if along && transform.largest_path_difference.is_none() {
-            refuse(
+        let weighted = along && transform.method.unwrap_or_default() == TransformMethod::Weighted;
+        let of_a_trajectory = "has no meaning where the step is known and there is no trajectory; remove it";
+        let wrong = [
+            (
+                along && transform.largest_path_difference.is_none(),
                 "transform.largest_path_difference",
                 "is missing; along a trajectory it says what a scan is, such as `\"0.95 mm\"`",
-            )?;
-        }
-        let weighted = along && transform.method.unwrap_or_default() == TransformMethod::Weighted;
-        if weighted && transform.phase == PhaseCorrection::Mertz {
-            refuse(
+            ),
+            (
+                weighted && transform.phase == PhaseCorrection::Mertz,
                 "transform.phase",
                 "Mertz's correction needs equal steps; write `method = \"resampled\"`",
-            )?;
-        }
-        if weighted && transform.band.is_none() {
-            refuse(
+            ),
+            (
+                weighted && transform.band.is_none(),
                 "transform.band",
                 "is missing; expected one such as `{ from = \"1500 1/cm\", to = \"2100 1/cm\" }`",
-            )?;
-        }
-        if !along {
-            for (there, key) in [
-                (transform.method.is_some(), "transform.method"),
-                (transform.zero_path.is_some(), "transform.zero_path"),
-                (transform.directions.is_some(), "transform.directions"),
-                (transform.short_path_difference.is_some(), "transform.short_path_difference"),
-            ] {
-                if there {
-                    refuse(
-                        key,
-                        "has no meaning where the step is known and there is no trajectory; remove it",
-                    )?;
-                }
-            }
+            ),
+            (!along && transform.method.is_some(), "transform.method", of_a_trajectory),
+            (!along && transform.zero_path.is_some(), "transform.zero_path", of_a_trajectory),
+            (!along && transform.directions.is_some(), "transform.directions", of_a_trajectory),
+            (
+                !along && transform.short_path_difference.is_some(),
+                "transform.short_path_difference",
+                of_a_trajectory,
+            ),
+        ];
+        if let Some((_, key, why)) = wrong.into_iter().find(|(is_wrong, ..)| *is_wrong) {
+            refuse(key, why)?;
         }
         let reference = self.reference.as_ref();
         if let Some(reference) = reference {
@@ -506,7 +502,7 @@ impl PathTrajectory {
 
     fn in_file(&self) -> FileColumns<'_> {
         let columns = vec![("column", &self.column, Some("m"))];
-        FileColumns { format: self.format.as_ref(), clock: Some(&self.clock), columns, segments: None }
+        FileColumns::new(self.format.as_ref(), &self.clock, columns)
     }
 
     /// By how much the path changes for each unit of the position.

@@ -16,8 +16,8 @@ pub fn run(arguments: &CalibrateArguments) -> Result<(), CommandEnding> {
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let file = GyroscopeCalibration::load(&arguments.file).map_err(|e| wrong(&e))?;
-    let work = Work::of_file("calibrate gyro", &arguments.file, file.files()).forced(arguments.force);
-    let output = target::begin(arguments.out.as_ref(), &["calibrated", &file.name.to_string()], &work)?;
+    let work = Work::of_file("calibrate gyro", &arguments.file, file.files());
+    let output = arguments.folder.begin(&["calibrated", &file.name.to_string()], work)?;
     let bar = ProgressDisplay::default();
     let found = calibrate(&file, &bar)
         .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;

@@ -19,8 +19,8 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), C
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let (experiment, noise) = load(workbench, &arguments.experiment)?;
-    let work = Work::of_file("estimate", &arguments.experiment, experiment.files()).forced(arguments.force);
-    let output = target::begin(arguments.out.as_ref(), &[&experiment.name.to_string()], &work)?;
+    let work = Work::of_file("estimate", &arguments.experiment, experiment.files());
+    let output = arguments.folder.begin(&[&experiment.name.to_string()], work)?;
     let metrics = if workflow::is_long(workbench, &experiment).map_err(|e| wrong(&e))? {
         in_parts((workbench, &experiment, noise), arguments, &output, (started, clock))?
     } else {

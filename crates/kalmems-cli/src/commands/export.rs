@@ -36,8 +36,8 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Com
     };
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let exported = rig.export(&experiment, &request).map_err(|e| wrong(&e))?;
-    let work = Work::of_file("export", &arguments.experiment, experiment.files()).forced(arguments.force);
-    let output = target::begin(arguments.out.as_ref(), &["exported", &experiment.name.to_string()], &work)?;
+    let work = Work::of_file("export", &arguments.experiment, experiment.files());
+    let output = arguments.folder.begin(&["exported", &experiment.name.to_string()], work)?;
     write_export(&exported, &output).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;
     let files: Vec<PathBuf> = exported.files.iter().map(|(name, _)| out.join(name)).collect();

@@ -15,8 +15,8 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), C
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let (experiment, noise) = load(workbench, &arguments.experiment)?;
-    let work = Work::of_file("identify", &arguments.experiment, experiment.files()).forced(arguments.force);
-    let output = target::begin(arguments.out.as_ref(), &["identified", &experiment.name.to_string()], &work)?;
+    let work = Work::of_file("identify", &arguments.experiment, experiment.files());
+    let output = arguments.folder.begin(&["identified", &experiment.name.to_string()], work)?;
     let bar = ProgressDisplay::default();
     let identified = |experiment: &Experiment| {
         identify(workbench, experiment, &bar)

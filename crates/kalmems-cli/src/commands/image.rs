@@ -24,8 +24,8 @@ pub fn run(arguments: &ImageArguments) -> Result<(), CommandEnding> {
         Some(path) => Some((path.as_path(), read_grey(path).map_err(|e| wrong(&e))?)),
         None => None,
     };
-    let work = Work::of_file("image", &arguments.image, image.files()).forced(arguments.force);
-    let output = target::begin(arguments.out.as_ref(), &["image", &image.name.to_string()], &work)?;
+    let work = Work::of_file("image", &arguments.image, image.files());
+    let output = arguments.folder.begin(&["image", &image.name.to_string()], work)?;
     let bar = ProgressDisplay::default();
     let outcome = reconstruct(&image, &bar)
         .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;

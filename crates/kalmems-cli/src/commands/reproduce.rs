@@ -33,8 +33,8 @@ pub fn run(arguments: &ReproduceArguments) -> Result<(), CommandEnding> {
             .threads
             .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, Into::into)),
     };
-    let work = Work::named("reproduce", name).forced(arguments.force);
-    let output = target::begin(arguments.out.as_ref(), &["reproduce", name], &work)?;
+    let work = Work::named("reproduce", name);
+    let output = arguments.folder.begin(&["reproduce", name], work)?;
     let bar = ProgressDisplay::default();
     let reproduction = reproduce(name, program, settings, &bar).map_err(ending)?;
     drop(bar);

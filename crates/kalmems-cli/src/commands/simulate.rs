@@ -22,8 +22,8 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), C
     }
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let simulation = rig.simulate(&experiment).map_err(|e| wrong(&e))?;
-    let work = Work::of_file("simulate", &arguments.experiment, experiment.files()).forced(arguments.force);
-    let output = target::begin(arguments.out.as_ref(), &["simulated", &experiment.name.to_string()], &work)?;
+    let work = Work::of_file("simulate", &arguments.experiment, experiment.files());
+    let output = arguments.folder.begin(&["simulated", &experiment.name.to_string()], work)?;
     let bar = ProgressDisplay::default();
     let info = || RunInfo { started, took: clock.elapsed() };
     let summary = write_simulation(&experiment, &*simulation, &output, info, &bar).map_err(|e| match e {

@@ -16,8 +16,8 @@ pub fn run(workbench: &Workbench, arguments: &SpectrumArguments) -> Result<(), C
     let (started, clock) = (SystemTime::now(), Instant::now());
     let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(e.to_string());
     let file = SpectrumFile::load(&arguments.spectrum).map_err(|e| wrong(&e))?;
-    let work = Work::of_file("spectrum", &arguments.spectrum, file.files()).forced(arguments.force);
-    let output = target::begin(arguments.out.as_ref(), &["spectrum", &file.name.to_string()], &work)?;
+    let work = Work::of_file("spectrum", &arguments.spectrum, file.files());
+    let output = arguments.folder.begin(&["spectrum", &file.name.to_string()], work)?;
     let bar = ProgressDisplay::default();
     let outcome = measure(workbench, &file, &bar)
         .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;

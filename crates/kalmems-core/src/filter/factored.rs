@@ -92,7 +92,7 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
         // What a component shares with those before it brings in what they see.
         let sees_apart = |i: usize, j: usize| (0..=i).any(|c| sees(c, j));
         let residual: [T; M] = vector!(|i| y[i] - predicted[i]);
-        let mut rest = apart.of_vector(&residual);
+        let mut rest = apart.lower.inverse_times(&residual);
         let mut rows = apart.of_rows(f);
         let mut factor = self.factor;
         let mut change = [T::of(-0.0); N];

@@ -2,6 +2,7 @@
 
 use super::factored::Factored;
 use super::gaussian::Refusal;
+use super::linearized::held_state;
 use super::sigma::{PerSigmaPoint, SigmaPoints, Weights};
 use super::square_root::sees;
 use super::{Filter, Innovation, StateTransition};
@@ -117,17 +118,7 @@ impl<T: Scalar, const N: usize> SquareRootUkf<T, N> {
 }
 
 impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
-    /// The mean of the state.
-    #[inline(always)]
-    fn mean(&self) -> &[T; N] {
-        &self.state.mean
-    }
-
-    /// S·Sᵀ.
-    #[inline(always)]
-    fn covariance(&self) -> Covariance<T, N> {
-        self.state.covariance()
-    }
+    held_state!(covariance());
 
     #[inline(always)]
     fn predict_linked<P: NumericProcess<T, N>>(

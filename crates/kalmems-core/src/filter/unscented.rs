@@ -1,6 +1,7 @@
 //! The unscented Kalman filter.
 
 use super::gaussian::Refusal;
+use super::linearized::held_state;
 use super::sigma::{Offsets, SigmaPoints, Weights, sees};
 use super::{Filter, Gaussian, Innovation, StateTransition};
 use crate::linalg::Ldl;
@@ -48,17 +49,7 @@ impl<T: Scalar, const N: usize> Ukf<T, N> {
 }
 
 impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
-    /// The mean of the state.
-    #[inline(always)]
-    fn mean(&self) -> &[T; N] {
-        &self.state.mean
-    }
-
-    /// The covariance of the state.
-    #[inline(always)]
-    fn covariance(&self) -> Covariance<T, N> {
-        self.state.covariance
-    }
+    held_state!(covariance);
 
     #[inline(always)]
     fn predict_linked<P: NumericProcess<T, N>>(

@@ -77,6 +77,7 @@
 //! attribute `model` of `kalmems-macros`, and compute in no closure, which cannot be marked: closures of a line or two
 //! with one use are inlined, larger ones are not. `.ci/symbols` finds what is left.
 
+mod arithmetic;
 mod fused;
 mod isa;
 mod lane;

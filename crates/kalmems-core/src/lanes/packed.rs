@@ -1,5 +1,6 @@
 //! A register as a [`Scalar`].
 
+use super::arithmetic::arithmetic;
 use crate::Scalar;
 use crate::math::{self, Register};
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -11,29 +12,16 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 #[derive(Clone, Copy, Debug)]
 pub struct Packed<V>(pub(super) V);
 
-macro_rules! operator {
-    ($trait:ident, $method:ident) => {
-        impl<V: Register> $trait for Packed<V> {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                Self(self.0.$method(other.0))
-            }
+arithmetic!(Packed(0));
+
+/// Functions of the register.
+macro_rules! each {
+    ($($method:ident = $function:path),*) => {$(
+        #[inline(always)]
+        fn $method(self) -> Self {
+            Self($function(self.0))
         }
-    };
-}
-
-operator!(Add, add);
-operator!(Sub, sub);
-operator!(Mul, mul);
-operator!(Div, div);
-
-impl<V: Register> Neg for Packed<V> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self(-self.0)
-    }
+    )*};
 }
 
 impl<V: Register> Scalar for Packed<V> {
@@ -55,32 +43,6 @@ impl<V: Register> Scalar for Packed<V> {
     fn select(mask: V::Mask, yes: Self, no: Self) -> Self {
         Self(V::select(mask, yes.0, no.0))
     }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Self(self.0.abs())
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self(self.0.sqrt())
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        Self(math::exp(self.0))
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        Self(math::ln(self.0))
-    }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        Self(math::sin(self.0))
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        Self(math::cos(self.0))
-    }
-    #[inline(always)]
-    fn atanh(self) -> Self {
-        Self(math::atanh(self.0))
-    }
+    each!(abs = Register::abs, sqrt = Register::sqrt);
+    each!(exp = math::exp, ln = math::ln, sin = math::sin, cos = math::cos, atanh = math::atanh);
 }

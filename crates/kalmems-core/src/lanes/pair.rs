@@ -1,5 +1,6 @@
 //! Two registers as one.
 
+use super::arithmetic::arithmetic;
 use crate::Mask;
 use crate::math::Register;
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -31,30 +32,7 @@ impl<M: Mask> Mask for Pair<M> {
     }
 }
 
-macro_rules! operator {
-    ($trait:ident, $method:ident) => {
-        impl<V: Register> $trait for Pair<V> {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                Self(self.0.$method(other.0), self.1.$method(other.1))
-            }
-        }
-    };
-}
-
-operator!(Add, add);
-operator!(Sub, sub);
-operator!(Mul, mul);
-operator!(Div, div);
-
-impl<V: Register> Neg for Pair<V> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self(-self.0, -self.1)
-    }
-}
+arithmetic!(Pair(0, 1));
 
 /// Functions of each register by itself.
 macro_rules! each {

@@ -81,6 +81,17 @@ macro_rules! operator {
     };
 }
 
+/// Methods with two operands that are one instruction.
+macro_rules! instructions {
+    ($($method:ident $instruction:ident),*) => {$(
+        #[inline(always)]
+        fn $method(self, other: Self) -> Self {
+            // SAFETY: code over this type runs only where its instructions are; see above.
+            Self(unsafe { $instruction(self.0, other.0) })
+        }
+    )*};
+}
+
 /// What the registers of both sets have in common.
 macro_rules! register {
     (
@@ -191,14 +202,7 @@ macro_rules! register {
                 Self::from_array(self.to_array().map(f))
             }
 
-            #[inline(always)]
-            fn and(self, other: Self) -> Self {
-                Self(unsafe { $and(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn xor(self, other: Self) -> Self {
-                Self(unsafe { $xor(self.0, other.0) })
-            }
+            instructions!(and $and, xor $xor);
             #[inline(always)]
             fn plus_bits(self, other: Self) -> Self {
                 Self(unsafe { $from_bits($plus($bits(self.0), $bits(other.0))) })
@@ -231,6 +235,22 @@ macro_rules! register {
     };
 }
 
+/// Truth values, and what a comparison of two registers makes of them.
+macro_rules! mask {
+    ($mask:ident($bits:ident), $raw:ident, $compare:ident) => {
+        #[derive(Clone, Copy, Debug)]
+        pub struct $mask($bits);
+
+        impl $mask {
+            #[inline(always)]
+            fn less(a: $raw, b: $raw) -> Self {
+                // SAFETY: code over this type runs only where its instructions are; see above.
+                Self(unsafe { $compare::<_CMP_LT_OQ>(a, b) })
+            }
+        }
+    };
+}
+
 /// A truth value for each number, in the sign's bit; the other bits of a number may be anything.
 macro_rules! vector_mask {
     (
@@ -238,15 +258,10 @@ macro_rules! vector_mask {
         or $or:ident, xor $xor:ident, set1 $set1:ident, signs $signs:ident, bits $bits:ident, float $from_bits:ident,
         greater $greater:ident
     ) => {
-        #[derive(Clone, Copy, Debug)]
-        pub struct $mask($raw);
+        mask!($mask($raw), $raw, $compare);
 
         // SAFETY, of every instruction below: code over this type runs only where its instructions are; see above.
         impl $mask {
-            #[inline(always)]
-            fn less(a: $raw, b: $raw) -> Self {
-                Self(unsafe { $compare::<_CMP_LT_OQ>(a, b) })
-            }
             /// The bits compared as integers.
             #[inline(always)]
             fn bits_less(a: $raw, b: $raw) -> Self {
@@ -267,14 +282,7 @@ macro_rules! vector_mask {
         }
 
         impl Mask for $mask {
-            #[inline(always)]
-            fn and(self, other: Self) -> Self {
-                Self(unsafe { $and(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn or(self, other: Self) -> Self {
-                Self(unsafe { $or(self.0, other.0) })
-            }
+            instructions!(and $and, or $or);
             #[inline(always)]
             fn not(self) -> Self {
                 Self(unsafe { $xor(self.0, $set1(-0.0)) })
@@ -297,15 +305,10 @@ macro_rules! bit_mask {
         $mask:ident, $raw:ident, $integer:ident, compare $compare:ident, blend $blend:ident, bits $bits:ident,
         less $less:ident
     ) => {
-        #[derive(Clone, Copy, Debug)]
-        pub struct $mask($integer);
+        mask!($mask($integer), $raw, $compare);
 
         // SAFETY, of every instruction below: code over this type runs only where its instructions are; see above.
         impl $mask {
-            #[inline(always)]
-            fn less(a: $raw, b: $raw) -> Self {
-                Self(unsafe { $compare::<_CMP_LT_OQ>(a, b) })
-            }
             /// The bits compared as integers.
             #[inline(always)]
             fn bits_less(a: $raw, b: $raw) -> Self {

@@ -1,7 +1,7 @@
 //! Correlated measurement noise, taken apart.
 
 use super::Mat;
-use super::ldl::unit_inverse_times;
+use super::ldl::UnitLower;
 use crate::notation::{matrix, sum, vector};
 use crate::{Covariance, Mask, Scalar};
 
@@ -11,7 +11,8 @@ use crate::{Covariance, Mask, Scalar};
 /// Unlike [`Ldl`](super::Ldl) it allows components without noise.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Decorrelation<T: Scalar, const M: usize> {
-    lower: Mat<T, M, M>,
+    /// L.
+    pub lower: UnitLower<T, M>,
     /// D.
     pub diagonal: [T; M],
     /// Whether R was positive semi-definite and finite; nothing else here means anything where not.
@@ -38,21 +39,14 @@ impl<T: Scalar, const M: usize> Decorrelation<T, M> {
                 l.0[i][j] = entry * recip;
             }
         }
-        Self { lower: l, diagonal: d, semidefinite }
-    }
-
-    /// L⁻¹·v.
-    #[inline(always)]
-    #[must_use]
-    pub fn of_vector(&self, v: &[T; M]) -> [T; M] {
-        unit_inverse_times(&self.lower, v)
+        Self { lower: UnitLower(l), diagonal: d, semidefinite }
     }
 
     /// L⁻¹·A.
     #[inline(always)]
     #[must_use]
     pub fn of_rows<const N: usize>(&self, a: &Mat<T, M, N>) -> Mat<T, M, N> {
-        let columns: [[T; M]; N] = vector!(|j| self.of_vector(&vector!(|i| a.0[i][j])));
+        let columns: [[T; M]; N] = vector!(|j| self.lower.inverse_times(&vector!(|i| a.0[i][j])));
         matrix!(|i, j| columns[j][i])
     }
 }

@@ -9,7 +9,7 @@ use crate::{Covariance, Mask, Scalar};
 /// Without square roots: one measurement needs one reciprocal, and needs no special case.
 #[derive(Clone, Copy, Debug)]
 pub struct Ldl<T: Scalar, const M: usize> {
-    lower: Mat<T, M, M>,
+    lower: UnitLower<T, M>,
     /// D.
     pub diagonal: [T; M],
     /// 1/D.
@@ -18,14 +18,21 @@ pub struct Ldl<T: Scalar, const M: usize> {
     pub positive: T::Mask,
 }
 
-/// L⁻¹·v, of a lower triangular L with ones on its diagonal.
-#[inline(always)]
-pub(super) fn unit_inverse_times<T: Scalar, const M: usize>(lower: &Mat<T, M, M>, v: &[T; M]) -> [T; M] {
-    let mut x = *v;
-    for i in 0..M {
-        x[i] = x[i] - sum!(i, |k| lower.0[i][k] * x[k]);
+/// A lower triangular matrix L with ones on its diagonal.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct UnitLower<T, const M: usize>(pub Mat<T, M, M>);
+
+impl<T: Scalar, const M: usize> UnitLower<T, M> {
+    /// L⁻¹·v.
+    #[inline(always)]
+    #[must_use]
+    pub fn inverse_times(&self, v: &[T; M]) -> [T; M] {
+        let mut x = *v;
+        for i in 0..M {
+            x[i] = x[i] - sum!(i, |k| self.0.0[i][k] * x[k]);
+        }
+        x
     }
-    x
 }
 
 impl<T: Scalar, const M: usize> Ldl<T, M> {
@@ -45,23 +52,24 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
                 l.0[i][j] = less!(covariance.get(i, j), j, |k| l.0[i][k] * l.0[j][k] * d[k]) * recip[j];
             }
         }
-        Self { lower: l, diagonal: d, recip, positive }
+        Self { lower: UnitLower(l), diagonal: d, recip, positive }
     }
 
     /// L⁻¹·v: components that are uncorrelated, with variances D, where v has covariance S.
     #[inline(always)]
     #[must_use]
     pub fn decorrelate(&self, v: &[T; M]) -> [T; M] {
-        unit_inverse_times(&self.lower, v)
+        self.lower.inverse_times(v)
     }
 
     /// S⁻¹·v.
     #[inline(always)]
     #[must_use]
     pub fn solve(&self, v: &[T; M]) -> [T; M] {
+        let UnitLower(lower) = &self.lower;
         let mut x = *v;
         for i in 0..M {
-            x[i] = less!(x[i], i, |k| self.lower.0[i][k] * x[k]);
+            x[i] = less!(x[i], i, |k| lower.0[i][k] * x[k]);
         }
         for i in 0..M {
             x[i] = x[i] * self.recip[i];
@@ -69,7 +77,7 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
         for i in (0..M).rev() {
             // Over the indices themselves: with an offset a build for size keeps a bounds check.
             for k in (i + 1)..M {
-                x[i] = x[i] - self.lower.0[k][i] * x[k];
+                x[i] = x[i] - lower.0[k][i] * x[k];
             }
         }
         x

@@ -31,6 +31,23 @@ impl<I: Copy> Nodes<I> {
     }
 }
 
+/// What the steppers say of the dynamics that they hold, whose parameters may be states.
+macro_rules! held_dynamics {
+    () => {
+        type Model = D;
+
+        #[inline(always)]
+        fn model(&self) -> &D {
+            &self.dynamics
+        }
+
+        #[inline(always)]
+        fn interval(&self) -> T {
+            self.interval
+        }
+    };
+}
+
 /// The classical Runge–Kutta method of fourth order, one step per interval.
 ///
 /// The process noise is discretised exactly for the dynamics linearised at one stated point; over an interval
@@ -74,17 +91,7 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Rk4<D, T, N
 }
 
 impl<T: Scalar, D: ParametricDynamics<T, N>, const N: usize> ParametricProcess<T, N> for Rk4<D, T, N> {
-    type Model = D;
-
-    #[inline(always)]
-    fn model(&self) -> &D {
-        &self.dynamics
-    }
-
-    #[inline(always)]
-    fn interval(&self) -> T {
-        self.interval
-    }
+    held_dynamics!();
 
     #[inline(always)]
     fn step_of<S: Over<T>>(&self, varied: &D::Of<S>, x: &[S; N], u: &Nodes<D::Input>) -> [S; N] {
@@ -201,17 +208,7 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Euler<D, T,
 }
 
 impl<T: Scalar, D: ParametricDynamics<T, N>, const N: usize> ParametricProcess<T, N> for Euler<D, T, N> {
-    type Model = D;
-
-    #[inline(always)]
-    fn model(&self) -> &D {
-        &self.dynamics
-    }
-
-    #[inline(always)]
-    fn interval(&self) -> T {
-        self.interval
-    }
+    held_dynamics!();
 
     #[inline(always)]
     fn step_of<S: Over<T>>(&self, varied: &D::Of<S>, x: &[S; N], u: &D::Input) -> [S; N] {

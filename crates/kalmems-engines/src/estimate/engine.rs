@@ -20,6 +20,37 @@ use std::ops::{ControlFlow, Range};
 use std::rc::Rc;
 use std::time::Instant;
 
+/// What a course leaves to the `course` that it holds.
+macro_rules! held_course {
+    () => {
+        fn time_s(&self) -> &[f64] {
+            self.course.time_s()
+        }
+
+        fn signal(&self) -> &[f64] {
+            self.course.signal()
+        }
+
+        fn further_signals(&self) -> Vec<String> {
+            self.course.further_signals()
+        }
+
+        fn drive(&self, k: usize) -> Option<f64> {
+            self.course.drive(k)
+        }
+
+        fn derived(&self) -> Option<DerivedQuantities> {
+            self.course.derived()
+        }
+
+        fn conclude(&self, trajectory: &mut Trajectory) {
+            self.course.conclude(trajectory);
+        }
+    };
+}
+
+pub(super) use held_course;
+
 /// What a filter meets on its way through one segment: how to get from one sample to the next, and what was
 /// measured there.
 pub trait Course {

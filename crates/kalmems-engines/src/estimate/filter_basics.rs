@@ -176,6 +176,22 @@ const HUBER_BOUND: f64 = 1.345;
 /// The degrees of freedom of Student's t, where the file does not say: between a distribution without a fourth moment and a normal one.
 const STUDENT_FREEDOM: f64 = 4.0;
 
+/// Refuses a demodulator's states in a filter of a device that has none; `why` also says what to do.
+///
+/// # Errors
+/// Where the filter at this place of the file asks for them.
+pub fn refuse_demodulator(
+    experiment: &Experiment,
+    (at, filter): (&Key, &FilterTable),
+    why: &str,
+) -> Result<(), ConfigError> {
+    if !filter.demodulator {
+        return Ok(());
+    }
+    let fault = ConfigFault::Value { why: why.to_owned() };
+    Err(experiment.error(at.clone().child("demodulator"), fault))
+}
+
 /// Where the file has a filter's process noise, its own or that of all, and what it says.
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! A filter that takes its start from the first samples of its way.
 
 use super::batch_start::carried_on;
-use super::engine::{Course, DerivedQuantities, Filtering};
+use super::engine::{Course, DerivedQuantities, Filtering, held_course};
 use super::signal_watch::ALARM;
 use super::{
     AnyKnownStateStep, BatchStart, EstimateError, FilterBasics, MeanAndCovariance, NoBatchStart,
@@ -275,36 +275,14 @@ impl<'a, C: Course> StartedCourse<'a, C> {
 }
 
 impl<C: Course> Course for StartedCourse<'_, C> {
-    fn time_s(&self) -> &[f64] {
-        self.course.time_s()
-    }
-
-    fn signal(&self) -> &[f64] {
-        self.course.signal()
-    }
-
-    fn further_signals(&self) -> Vec<String> {
-        self.course.further_signals()
-    }
+    held_course!();
 
     fn further_innovations(&self) -> &[[f64; 2]] {
         if self.is_silent { &self.none } else { self.course.further_innovations() }
     }
 
-    fn drive(&self, k: usize) -> Option<f64> {
-        self.course.drive(k)
-    }
-
-    fn derived(&self) -> Option<DerivedQuantities> {
-        self.course.derived()
-    }
-
     fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
         self.course.predict_phases(filter, k);
-    }
-
-    fn conclude(&self, trajectory: &mut Trajectory) {
-        self.course.conclude(trajectory);
     }
 
     fn reacquisition(&self) -> Option<Reacquisition> {

@@ -48,7 +48,7 @@ pub use engine::{
 };
 pub use error::EstimateError;
 pub use error_memory::ErrorSpan;
-pub use filter_basics::{FilterBasics, process_noise};
+pub use filter_basics::{FilterBasics, process_noise, refuse_demodulator};
 pub use from_signal::{
     SignalStart, StartAgain, StartedCourse, begun, rows_for_start, rows_to_start_again, start_again_from,
     start_again_from_signal, start_from_signal, with_the_sign_before,

@@ -6,7 +6,7 @@
 //! Gauss-Markov process n of variance σ² and correlation time τ, n(t + Δt) = e^(−Δt/τ)·n(t) + w, var w = σ²·(1 − e^(−2Δt/τ)). A course is led with a
 //! filter of all of them; it sees those of the device alone.
 
-use super::engine::{Course, DerivedQuantities, Filtering};
+use super::engine::{Course, DerivedQuantities, Filtering, held_course};
 use super::gate::SampleGate;
 use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::{
@@ -183,28 +183,10 @@ impl<'a> WithReadout<'a> {
 }
 
 impl Course for WithReadout<'_> {
-    fn time_s(&self) -> &[f64] {
-        self.course.time_s()
-    }
-
-    fn signal(&self) -> &[f64] {
-        self.course.signal()
-    }
-
-    fn further_signals(&self) -> Vec<String> {
-        self.course.further_signals()
-    }
+    held_course!();
 
     fn further_innovations(&self) -> &[[f64; 2]] {
         self.course.further_innovations()
-    }
-
-    fn drive(&self, k: usize) -> Option<f64> {
-        self.course.drive(k)
-    }
-
-    fn derived(&self) -> Option<DerivedQuantities> {
-        self.course.derived()
     }
 
     fn reacquisition(&self) -> Option<Reacquisition> {
@@ -214,10 +196,6 @@ impl Course for WithReadout<'_> {
     /// The course seeks a start of all states, as it does at the beginning.
     fn start_again(&mut self, row: usize, held: (f64, &[f64])) -> Option<MeanAndCovariance> {
         self.course.start_again(row, held)
-    }
-
-    fn conclude(&self, trajectory: &mut Trajectory) {
-        self.course.conclude(trajectory);
     }
 
     fn advance(

@@ -13,8 +13,8 @@ use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, DeviceParameter, EstimateError, FilterBasics, FilterPast,
     MeanAndCovariance, MotionRate, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
     SignalStart, StartAgain, StartSearch, StartedCourse, StateName, StatePrior, Trajectory, answers_of_bank,
-    begun, follow, process_noise, rows_for_start, rows_to_start_again, start_again_from_signal,
-    start_from_signal,
+    begun, follow, process_noise, refuse_demodulator, rows_for_start, rows_to_start_again,
+    start_again_from_signal, start_from_signal,
 };
 use crate::evaluate::ValueState;
 use crate::outlook::{Outlook, OutlookTopic};
@@ -243,12 +243,7 @@ impl<const M: usize> DrivenFilterSettings<M> {
     ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
-        let refuse = |name: &str, why: String| {
-            Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
-        };
-        if filter.demodulator {
-            return refuse("demodulator", "this device has none; leave it out".to_owned());
-        }
+        refuse_demodulator(experiment, (&at, filter), "this device has none; leave it out")?;
         let values = |name: &str, values: &Values, sign| {
             experiment.values(at.clone().child(name), values, entries::<D, M>(sign))
         };

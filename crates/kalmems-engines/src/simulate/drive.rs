@@ -272,15 +272,7 @@ impl Drive {
     pub fn period_s(&self) -> Option<f64> {
         match self {
             Self::Sine { frequency_hz, .. } | Self::Square { frequency_hz, .. } => Some(1.0 / frequency_hz),
-            Self::Constant { .. }
-            | Self::Sweep { .. }
-            | Self::Tones { .. }
-            | Self::Interrupted { .. }
-            | Self::Steps { .. }
-            | Self::Switched { .. }
-            | Self::Late { .. }
-            | Self::Rate { .. }
-            | Self::Recorded { .. } => None,
+            _ => None,
         }
     }
 

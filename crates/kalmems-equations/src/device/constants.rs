@@ -26,6 +26,9 @@ impl ReadResult<'_> {
             let square = |unit: Unit| UnitKnowledge::Exact(unit.dimension()).to_half_power(4);
             let per_second = |quantity: UnitKnowledge| quantity.over(UnitKnowledge::Exact(SECOND));
             let event = events.iter().position(|named| *named.name == entry.name);
+            let refused = |wanted: UnitKnowledge, because: String| {
+                text.error(&whole, unlike("this", value.quantity, wanted.to_string(), because))
+            };
             let kind = match (state, measure, event) {
                 (Some(state), ..) => {
                     let unit = self.states.get(state).map_or(Unit::ONE, |named| named.unit);
@@ -33,8 +36,7 @@ impl ReadResult<'_> {
                     let wanted = square(unit).and_then(per_second).unwrap_or(UnitKnowledge::Any);
                     if wanted.plus(value.quantity).is_none() {
                         let because = format!("the power density of the rate of `{}` has", entry.name);
-                        let fault = unlike("this", value.quantity, wanted.to_string(), because);
-                        return Err(text.error(&whole, fault));
+                        return Err(refused(wanted, because));
                     }
                     NoiseKind::Rate { state }
                 }
@@ -51,8 +53,7 @@ impl ReadResult<'_> {
                             "a variance of one sample of `{}` has (or {density} as a density)",
                             entry.name
                         );
-                        let fault = unlike("this", value.quantity, variance.to_string(), because);
-                        return Err(text.error(&whole, fault));
+                        return Err(refused(variance, because));
                     }
                 }
                 (None, None, Some(event)) => {
@@ -68,8 +69,7 @@ impl ReadResult<'_> {
                             "the variance of the time of `{}` has (or {variance} as one of its expression)",
                             entry.name
                         );
-                        let fault = unlike("this", value.quantity, of_time.to_string(), because);
-                        return Err(text.error(&whole, fault));
+                        return Err(refused(of_time, because));
                     }
                 }
                 (None, None, None) => {

@@ -1,6 +1,8 @@
 //! Tables of the source: curves and the series of two disks, in units of their own.
 
 use super::error::EmitError;
+use super::interface::part;
+use super::routine::Syntax;
 use super::tape::CalledFunction;
 use crate::curve::Curve;
 use crate::description::CurveExtension;
@@ -16,25 +18,58 @@ pub(super) fn listed(
     Ok(values.iter().map(|value| number(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
 }
 
-/// The tables of what is called, with their functions: that of two disks and that of a curve, as a language writes them.
-pub(super) fn called_tables(
-    device: &Device,
-    called: &BTreeSet<CalledFunction>,
-    disks: fn() -> Result<String, EmitError>,
-    curve: fn(usize, &EmittedCurve) -> Result<String, EmitError>,
-) -> Result<String, EmitError> {
-    let mut text = String::new();
-    if called.iter().any(|one| matches!(one, CalledFunction::Disks(_))) {
-        text += &disks()?;
-    }
-    let place =
-        |one: &CalledFunction| if let CalledFunction::Curve(place, _) = one { Some(*place) } else { None };
-    for place in called.iter().filter_map(place).collect::<BTreeSet<usize>>() {
-        if let Some(table) = device.curves.get(place) {
-            text += &curve(place, &EmittedCurve::of(table))?;
+/// What a language writes for functions that it does not have, and for tables.
+pub(super) trait FunctionSource: Syntax {
+    /// The functions, each behind its marker.
+    const TEXT: &'static str;
+    /// What stands before and behind the name of a function in its marker.
+    const MARKER: [&'static str; 2];
+    /// The function of two disks, with names in braces where its numbers are.
+    const DISKS: &'static str;
+
+    /// The functions of the text by their names, and whether they are needed for those that are called.
+    fn needed(called: &BTreeSet<CalledFunction>) -> Vec<(&'static str, bool)>;
+
+    /// A curve.
+    fn curve(curve: usize, table: &EmittedCurve) -> Result<String, EmitError>;
+
+    /// What is called and not there: functions, and tables with theirs.
+    fn functions(&self, device: &Device, called: &BTreeSet<CalledFunction>) -> Result<String, EmitError> {
+        let [before, behind] = Self::MARKER;
+        let mut text = String::new();
+        for (name, is_needed) in Self::needed(called) {
+            if is_needed {
+                text.push('\n');
+                text += part(Self::TEXT, &format!("{before}{name}{behind}\n"), before);
+            }
         }
+        if called.iter().any(|one| matches!(one, CalledFunction::Disks(_))) {
+            text += &self.disks()?;
+        }
+        let place = |one: &CalledFunction| {
+            if let CalledFunction::Curve(place, _) = one { Some(*place) } else { None }
+        };
+        for place in called.iter().filter_map(place).collect::<BTreeSet<usize>>() {
+            if let Some(table) = device.curves.get(place) {
+                text += &Self::curve(place, &EmittedCurve::of(table))?;
+            }
+        }
+        Ok(text)
     }
-    Ok(text)
+
+    /// The function of two disks.
+    fn disks(&self) -> Result<String, EmitError> {
+        let (series, size, factor, offset) = disks_series();
+        let float = |value| self.literal(value, false);
+        let numbers = [
+            ("{count}", series.len().to_string()),
+            ("{table}", coefficient_rows(series, float)?),
+            ("{size}", float(size)?),
+            ("{factor}", float(factor)?),
+            ("{offset}", float(offset)?),
+        ];
+        Ok(numbers.iter().fold(Self::DISKS.to_owned(), |text, (name, number)| text.replace(name, number)))
+    }
 }
 
 /// Coefficients of 32 bits in rows of six.
@@ -75,7 +110,7 @@ impl EmittedCurve {
 /// argument.
 ///
 /// The first coefficient is twice as large as the rest of the series: as a factor it costs no digits of the exponent.
-pub(super) fn disks_series() -> (&'static [f64], f64, f64, f64) {
+fn disks_series() -> (&'static [f64], f64, f64, f64) {
     use kalmems_core::Scalar;
     let [low, high] = disks::RANGE.map(Scalar::ln);
     let (factor, offset) = (2.0 / (high - low), -(high + low) / (high - low));

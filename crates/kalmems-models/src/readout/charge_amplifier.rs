@@ -1,5 +1,6 @@
 //! The amplifier that makes a voltage of a differential capacitance.
 
+use super::first_state::of_first_state;
 use crate::capacitance::DifferentialPlates;
 use kalmems_core::{Dual, Mat, Measurement, Over, Scalar};
 use kalmems_macros::{Parameters, model};
@@ -51,26 +52,7 @@ impl<P: Scalar> DifferentialReadout<P> {
     }
 }
 
-#[model(parametric)]
-impl<T: Scalar, const N: usize> Measurement<T, N, 1> for DifferentialReadout<T> {
-    fn predict<S: Over<T>>(&self, x: &[S; N]) -> [S; 1] {
-        const { assert!(N >= 1, "the first state is the displacement") };
-        [self.voltage(x[0])]
-    }
-
-    fn depends(_: usize, state: usize) -> bool {
-        state == 0
-    }
-
-    /// One derivative, where dual numbers of all states would carry `N`.
-    fn linearize(&self, x: &[T; N]) -> ([T; 1], Mat<T, 1, N>) {
-        const { assert!(N >= 1, "the first state is the displacement") };
-        let y = self.voltage(Dual::<T, 1>::variable(x[0], 0));
-        let mut jacobian = Mat::zero();
-        [jacobian.0[0][0]] = y.gradient();
-        ([y.value()], jacobian)
-    }
-}
+of_first_state!(DifferentialReadout, "displacement");
 
 /// The circuit of the thesis's Figure 6 around an ideal amplifier, at one frequency.
 ///

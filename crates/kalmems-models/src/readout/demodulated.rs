@@ -1,5 +1,6 @@
 //! A carrier through the capacitance, demodulated.
 
+use super::first_state::of_first_state;
 use crate::capacitance::GaussianComb;
 use kalmems_core::{Dual, Mat, Measurement, Over, Scalar};
 use kalmems_macros::{Parameters, model};
@@ -39,23 +40,4 @@ impl<T: Scalar> DemodulatedComb<T> {
     }
 }
 
-#[model(parametric)]
-impl<T: Scalar, const N: usize> Measurement<T, N, 1> for DemodulatedComb<T> {
-    fn predict<S: Over<T>>(&self, x: &[S; N]) -> [S; 1] {
-        const { assert!(N >= 1, "the first state is the angle") };
-        [self.voltage(x[0])]
-    }
-
-    fn depends(_: usize, state: usize) -> bool {
-        state == 0
-    }
-
-    /// One derivative, where dual numbers of all states would carry `N`.
-    fn linearize(&self, x: &[T; N]) -> ([T; 1], Mat<T, 1, N>) {
-        const { assert!(N >= 1, "the first state is the angle") };
-        let y = self.voltage(Dual::<T, 1>::variable(x[0], 0));
-        let mut jacobian = Mat::zero();
-        [jacobian.0[0][0]] = y.gradient();
-        ([y.value()], jacobian)
-    }
-}
+of_first_state!(DemodulatedComb, "angle");

@@ -8,6 +8,7 @@ mod current;
 mod delayed;
 mod demodulated;
 mod feedthrough;
+mod first_state;
 mod low_pass;
 mod low_passed;
 mod phasor_capacitance;

@@ -4,6 +4,29 @@ use super::settings::AccelerometerHardware;
 use crate::Expansion;
 use crate::config::{ConfigError, Experiment, Method};
 
+/// The tables that are the same for every experiment.
+const EQUATIONS: &str = r#"
+[device.equations.let]
+near_square = "(bias - feedback)^2 + carrier_square"
+far_square = "(bias + feedback)^2 + carrier_square"
+force = "differential_force(displacement, area, gap, permittivity, near_square, far_square)"
+film = "squeeze_film(displacement/gap, damping, squeezed)*velocity"
+
+[device.equations.derivative]
+displacement = "velocity"
+velocity = "acceleration + (force - film - spring*displacement)/mass"
+acceleration = "jerk"
+jerk = "-bandwidth^2*acceleration - 2*prior_damping*bandwidth*jerk"
+
+[device.equations.measure]
+signal = "charge_amplifier(differential_plates(displacement, area, gap, permittivity), carrier_amplitude, feedback_capacitance) in V"
+
+[device.equations.noise]
+velocity = "force_density/mass^2"
+jerk = "4*prior_damping*bandwidth^3*rms^2"
+signal = "noise_variance"
+"#;
+
 /// The device of an experiment.
 pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     let hardware = AccelerometerHardware::of(experiment)?;
@@ -37,39 +60,7 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
         numbers.push(("feedback", 0.0, "V"));
     }
     all.numbers("parameters", &numbers);
-    all.table(
-        "let",
-        &[
-            ("near_square", "(bias - feedback)^2 + carrier_square"),
-            ("far_square", "(bias + feedback)^2 + carrier_square"),
-            ("force", "differential_force(displacement, area, gap, permittivity, near_square, far_square)"),
-            ("film", "squeeze_film(displacement/gap, damping, squeezed)*velocity"),
-        ],
-    );
-    all.table(
-        "derivative",
-        &[
-            ("displacement", "velocity"),
-            ("velocity", "acceleration + (force - film - spring*displacement)/mass"),
-            ("acceleration", "jerk"),
-            ("jerk", "-bandwidth^2*acceleration - 2*prior_damping*bandwidth*jerk"),
-        ],
-    );
-    all.table(
-        "measure",
-        &[(
-            "signal",
-            "charge_amplifier(differential_plates(displacement, area, gap, permittivity), carrier_amplitude, feedback_capacitance) in V",
-        )],
-    );
-    all.table(
-        "noise",
-        &[
-            ("velocity", "force_density/mass^2"),
-            ("jerk", "4*prior_damping*bandwidth^3*rms^2"),
-            ("signal", "noise_variance"),
-        ],
-    );
+    all.text.push_str(EQUATIONS);
     let mut filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
     if filters.any(|filter| filter.method == Method::Luenberger) {
         all.notes.push(

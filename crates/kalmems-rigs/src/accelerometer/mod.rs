@@ -68,6 +68,24 @@ static NO_METHODS: [(Method, &str); 1] = [(
     "the acceleration that it measures has no frequency of its own that a signal could be locked to; use `ekf`",
 )];
 
+/// What an experiment with it begins from.
+const TEMPLATE: Template = Template {
+    text: include_str!("template.toml"),
+    channels: &[
+        TemplateChannel::SIGNAL,
+        TemplateChannel::optional(
+            "feedback",
+            ("the voltage that the loop feeds back", "V"),
+            &["feedback", "loop", "vfb"],
+        ),
+    ],
+    references: &[TemplateChannel::optional(
+        "acceleration",
+        ("the acceleration, measured otherwise", "m/s²"),
+        &["acc", "reference"],
+    )],
+};
+
 impl Rig for AccelerometerRig {
     fn name(&self) -> &'static str {
         "accelerometer"
@@ -78,26 +96,7 @@ impl Rig for AccelerometerRig {
     }
 
     fn template(&self) -> Option<Template> {
-        Some(
-            const {
-                Template {
-                    text: include_str!("template.toml"),
-                    channels: &[
-                        TemplateChannel::SIGNAL,
-                        TemplateChannel::optional(
-                            "feedback",
-                            ("the voltage that the loop feeds back", "V"),
-                            &["feedback", "loop", "vfb"],
-                        ),
-                    ],
-                    references: &[TemplateChannel::optional(
-                        "acceleration",
-                        ("the acceleration, measured otherwise", "m/s²"),
-                        &["acc", "reference"],
-                    )],
-                }
-            },
-        )
+        Some(TEMPLATE)
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

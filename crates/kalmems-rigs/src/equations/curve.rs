@@ -1,12 +1,11 @@
 //! Curves through points, written out or in a file.
 
-use crate::config::{ConfigError, ConfigFault, Experiment, Key};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, inline_schema};
 use crate::recording::{Hints, RecordingLayout, SampledRecording, TimeSource};
 use kalmems_equations::{CurveExtension, CurvePoints};
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use schemars::{JsonSchema, json_schema};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -147,19 +146,7 @@ impl<'de> Deserialize<'de> for Coordinates {
     }
 }
 
-impl JsonSchema for Coordinates {
-    fn schema_name() -> Cow<'static, str> {
-        "Coordinates".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "oneOf": [{ "type": "array", "items": { "type": "number" } }, { "type": "string" }],
-            "title": "numbers, or a column of the file",
-        })
-    }
-}
+inline_schema!(Coordinates, "Coordinates", |_| json_schema!({
+    "oneOf": [{ "type": "array", "items": { "type": "number" } }, { "type": "string" }],
+    "title": "numbers, or a column of the file",
+}));

@@ -1,14 +1,14 @@
 //! How an input goes between two samples of a recording.
 
 use super::ordered::Ordered;
+use crate::config::inline_schema;
 use crate::estimate::driven::SegmentDrive;
 use crate::signal::band_limited;
 use kalmems_core::Nodes;
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use schemars::{JsonSchema, json_schema};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::borrow::Cow;
 use std::fmt;
 
 /// How an input goes between two samples.
@@ -172,25 +172,13 @@ impl<'de> Deserialize<'de> for Interpolations {
     }
 }
 
-impl JsonSchema for Interpolations {
-    fn schema_name() -> Cow<'static, str> {
-        "Interpolations".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "anyOf": [
-                generator.subschema_for::<Interpolation>(),
-                { "type": "object", "additionalProperties": generator.subschema_for::<Interpolation>() },
-            ],
-            "examples": ["hold"],
-        })
-    }
-}
+inline_schema!(Interpolations, "Interpolations", |generator| json_schema!({
+    "anyOf": [
+        generator.subschema_for::<Interpolation>(),
+        { "type": "object", "additionalProperties": generator.subschema_for::<Interpolation>() },
+    ],
+    "examples": ["hold"],
+}));
 
 #[cfg(test)]
 mod tests {

@@ -121,6 +121,13 @@ impl<'a> EquationColumns<'a> {
     }
 }
 
+/// What an experiment with it begins from.
+const TEMPLATE: Template = Template {
+    text: include_str!("template.toml"),
+    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
+    references: &[],
+};
+
 impl Rig for EquationsRig {
     fn name(&self) -> &'static str {
         "equations"
@@ -131,15 +138,7 @@ impl Rig for EquationsRig {
     }
 
     fn template(&self) -> Option<Template> {
-        Some(
-            const {
-                Template {
-                    text: include_str!("template.toml"),
-                    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
-                    references: &[],
-                }
-            },
-        )
+        Some(TEMPLATE)
     }
 
     fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {

@@ -1,8 +1,8 @@
 //! The value of a parameter.
 
-use crate::config::with_sd;
+use crate::config::{inline_schema, with_sd};
 use crate::units::Value;
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use schemars::json_schema;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
@@ -62,23 +62,11 @@ impl<'de> Deserialize<'de> for NumberText {
     }
 }
 
-impl JsonSchema for NumberText {
-    fn schema_name() -> Cow<'static, str> {
-        "NumberText".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "type": ["string", "number", "object"],
-            "title": "a number with its unit, and with its standard uncertainty if that is known; a ratio may be a plain number",
-            "examples": ["3 N/m", "3 N/m ± 1 %"],
-            "properties": { "value": { "type": ["string", "number"] }, "sd": { "type": ["string", "number"] } },
-            "required": ["value", "sd"],
-            "additionalProperties": false,
-        })
-    }
-}
+inline_schema!(NumberText, "NumberText", |_| json_schema!({
+    "type": ["string", "number", "object"],
+    "title": "a number with its unit, and with its standard uncertainty if that is known; a ratio may be a plain number",
+    "examples": ["3 N/m", "3 N/m ± 1 %"],
+    "properties": { "value": { "type": ["string", "number"] }, "sd": { "type": ["string", "number"] } },
+    "required": ["value", "sd"],
+    "additionalProperties": false,
+}));

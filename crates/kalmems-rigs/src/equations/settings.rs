@@ -14,6 +14,7 @@ use crate::config::{
 use crate::estimate::driven::combinations;
 use crate::estimate::{
     DeviceParameter, FilterBasics, MeanAndCovariance, StateName, StatePrior, Tracked, process_noise,
+    refuse_demodulator,
 };
 use crate::units::{Dimension, kind};
 use kalmems_equations::{Device, EquationError, Mode, modes};
@@ -208,9 +209,7 @@ impl EquationFilterSettings {
         let refuse = |name: &str, why: String| {
             Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
         };
-        if filter.demodulator {
-            return refuse("demodulator", "this device has none; write a `lag` in its table".to_owned());
-        }
+        refuse_demodulator(experiment, (&at, filter), "this device has none; write a `lag` in its table")?;
         let entries = names::entries(device, Sign::Any);
         let start = match &filter.start {
             Some(FilterStart::Values(values)) => Some(values),

@@ -4,7 +4,9 @@ use super::hardware::StageHardware;
 use crate::config::{
     ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, Key, Sign, Values,
 };
-use crate::estimate::{DeviceParameter, FilterBasics, process_noise, rows_to_start_again};
+use crate::estimate::{
+    DeviceParameter, FilterBasics, process_noise, refuse_demodulator, rows_to_start_again,
+};
 use crate::units::kind;
 
 /// The density of its process noise.
@@ -66,9 +68,7 @@ impl StageFilterSettings {
         let refuse = |name: &str, why: String| {
             Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
         };
-        if filter.demodulator {
-            return refuse("demodulator", "a micro-stage has none; leave it out".to_owned());
-        }
+        refuse_demodulator(experiment, (&at, filter), "a micro-stage has none; leave it out")?;
         let mut electrodes = Vec::new();
         for name in &filter.channels {
             let place = hardware.channels.iter().position(|channel| channel.name == *name);

@@ -67,6 +67,23 @@ static NO_METHODS: [(Method, &str); 1] = [(
      turns round, samples of all electrodes together do not tell the angle; use `ekf` or `lock_in`",
 )];
 
+/// What an experiment with it begins from.
+const TEMPLATE: Template = Template {
+    text: include_str!("template.toml"),
+    channels: &[
+        TemplateChannel::DRIVE,
+        TemplateChannel::needed("signal_1A", ("the output of electrode 1A", "V"), &["1a"]),
+        TemplateChannel::needed("signal_1B", ("the output of electrode 1B", "V"), &["1b"]),
+        TemplateChannel::needed("signal_2A", ("the output of electrode 2A", "V"), &["2a"]),
+        TemplateChannel::needed("signal_2B", ("the output of electrode 2B", "V"), &["2b"]),
+    ],
+    references: &[TemplateChannel::optional(
+        "edge_velocity",
+        ("the output of the vibrometer", "V"),
+        &["ldv", "vibro", "edge"],
+    )],
+};
+
 impl Rig for MicroStageRig {
     fn name(&self) -> &'static str {
         "micro_stage"
@@ -77,25 +94,7 @@ impl Rig for MicroStageRig {
     }
 
     fn template(&self) -> Option<Template> {
-        Some(
-            const {
-                Template {
-                    text: include_str!("template.toml"),
-                    channels: &[
-                        TemplateChannel::DRIVE,
-                        TemplateChannel::needed("signal_1A", ("the output of electrode 1A", "V"), &["1a"]),
-                        TemplateChannel::needed("signal_1B", ("the output of electrode 1B", "V"), &["1b"]),
-                        TemplateChannel::needed("signal_2A", ("the output of electrode 2A", "V"), &["2a"]),
-                        TemplateChannel::needed("signal_2B", ("the output of electrode 2B", "V"), &["2b"]),
-                    ],
-                    references: &[TemplateChannel::optional(
-                        "edge_velocity",
-                        ("the output of the vibrometer", "V"),
-                        &["ldv", "vibro", "edge"],
-                    )],
-                }
-            },
-        )
+        Some(TEMPLATE)
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

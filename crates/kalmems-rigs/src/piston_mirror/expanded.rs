@@ -84,6 +84,33 @@ fn recorded_start(experiment: &Experiment, hardware: &PistonHardware) -> Result<
     Ok([amplitude, frequency, offset])
 }
 
+/// The motion, of which no number of the experiment is a part.
+const MOTION: &str = r#"
+[device.equations.let]
+distance = "offset + amplitude*cos(phase)"
+near = "reference_distance/distance"
+
+[device.equations.derivative]
+amplitude = "amplitude_rate"
+frequency = "0"
+phase = "2*pi*frequency"
+offset = "0"
+amplitude_rate = "0"
+"#;
+
+/// What the motion shows besides the signal, where it comes round, and the noise.
+const QUANTITIES: &str = r#"
+[device.equations.quantities]
+position = "distance in m"
+velocity = "amplitude_rate*cos(phase) - 2*pi*frequency*amplitude*sin(phase) in m/s"
+
+[device.equations.cyclic]
+phase = "2*pi"
+
+[device.equations.noise]
+signal = "noise_density^2"
+"#;
+
 /// The device of an experiment.
 pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     let hardware = PistonHardware::of(experiment)?;
@@ -109,20 +136,7 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     numbers.extend(names.iter().zip(&plates.coefficients).map(|(name, c)| (name.as_str(), *c, "F")));
     numbers.push(("noise_density", hardware.noise_density, "F/sqrt(Hz)"));
     all.numbers("parameters", &numbers);
-    all.table(
-        "let",
-        &[("distance", "offset + amplitude*cos(phase)"), ("near", "reference_distance/distance")],
-    );
-    all.table(
-        "derivative",
-        &[
-            ("amplitude", "amplitude_rate"),
-            ("frequency", "0"),
-            ("phase", "2*pi*frequency"),
-            ("offset", "0"),
-            ("amplitude_rate", "0"),
-        ],
-    );
+    all.text.push_str(MOTION);
     let terms = names.iter().enumerate().map(|(k, name)| match k {
         0 => name.clone(),
         1 => format!("{name}*near"),
@@ -130,15 +144,7 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     });
     let seen = format!("{} in F", terms.collect::<Vec<_>>().join(" + "));
     all.table("measure", &[("signal", seen.as_str())]);
-    all.table(
-        "quantities",
-        &[
-            ("position", "distance in m"),
-            ("velocity", "amplitude_rate*cos(phase) - 2*pi*frequency*amplitude*sin(phase) in m/s"),
-        ],
-    );
-    all.table("cyclic", &[("phase", "2*pi")]);
-    all.table("noise", &[("signal", "noise_density^2")]);
+    all.text.push_str(QUANTITIES);
     match filter_starts(experiment, &hardware) {
         Ok((starts, holds_rest)) => {
             all.filter_starts = starts;

@@ -72,6 +72,21 @@ struct PistonColumns<'a> {
     trigger: Option<&'a str>,
 }
 
+/// What an experiment with it begins from.
+const TEMPLATE: Template = Template {
+    text: include_str!("template.toml"),
+    channels: &[TemplateChannel::needed(
+        "signal",
+        ("the measured capacitance", "F"),
+        &["signal", "cap", "c_"],
+    )],
+    references: &[TemplateChannel::optional(
+        "position",
+        ("the position, measured otherwise", "m"),
+        &["position", "displacement", "distance"],
+    )],
+};
+
 impl Rig for PistonMirrorRig {
     fn name(&self) -> &'static str {
         "piston_mirror"
@@ -82,23 +97,7 @@ impl Rig for PistonMirrorRig {
     }
 
     fn template(&self) -> Option<Template> {
-        Some(
-            const {
-                Template {
-                    text: include_str!("template.toml"),
-                    channels: &[TemplateChannel::needed(
-                        "signal",
-                        ("the measured capacitance", "F"),
-                        &["signal", "cap", "c_"],
-                    )],
-                    references: &[TemplateChannel::optional(
-                        "position",
-                        ("the position, measured otherwise", "m"),
-                        &["position", "displacement", "distance"],
-                    )],
-                }
-            },
-        )
+        Some(TEMPLATE)
     }
 
     fn uses(&self, _: &Experiment) -> DeviceUses {

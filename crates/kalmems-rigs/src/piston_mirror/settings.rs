@@ -8,7 +8,7 @@ use crate::config::{
     CYCLES, ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key,
     Method, Quantity, Sign,
 };
-use crate::estimate::{DeviceParameter, FilterBasics, process_noise};
+use crate::estimate::{DeviceParameter, FilterBasics, process_noise, refuse_demodulator};
 use crate::piston_mirror::device::PistonMirror;
 use crate::units::{Kind, kind};
 
@@ -174,9 +174,11 @@ impl PistonFilterSettings {
         let refuse = |name: &str, why: &str| {
             Err(experiment.error(at.clone().child(name), ConfigFault::Value { why: why.to_owned() }))
         };
-        if filter.demodulator {
-            return refuse("demodulator", "a piston mirror's filter has no such states; leave it out");
-        }
+        refuse_demodulator(
+            experiment,
+            (&at, filter),
+            "a piston mirror's filter has no such states; leave it out",
+        )?;
         let motion = match filter.method {
             Method::DirectInversion | Method::LockIn => MotionKnowledge::None,
             _ => motion(experiment, filter, &at)?,

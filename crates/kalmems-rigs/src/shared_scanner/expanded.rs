@@ -73,6 +73,29 @@ drive_cycles = 2
 const SIGN: &str = "The signal is the same for the mirrored motion; `first_peak` is not known to equations, so that the sign is that of the \
                     start.";
 
+/// The tables of a device with two axes that are the same for every experiment.
+const TWO_AXES: &str = r#"
+[device.equations.let]
+capacitance_x = "gaussian_comb(angle_x, nominal_x, width_x, bias_x)"
+capacitance_y = "gaussian_comb(angle_y, nominal_y, width_y, bias_y)"
+square = "drive^2 + carrier_square"
+swing = "gimbal*sin(angle_x)*cos(angle_x)"
+torque_x = "electrostatic_force(d(capacitance_x, angle_x), square) + swing*rate_y^2"
+torque_y = "electrostatic_force(d(capacitance_y, angle_y), square) - 2*swing*rate_x*rate_y"
+
+[device.equations.derivative]
+angle_x = "rate_x"
+rate_x = "(torque_x - damping_x*rate_x - stiffness_x*angle_x)/inertia_x"
+angle_y = "rate_y"
+rate_y = "(torque_y - damping_y*rate_y - stiffness_y*angle_y)/(inertia_y + gimbal*sin(angle_x)^2)"
+
+[device.equations.measure]
+signal = "gain*(capacitance_x + capacitance_y) + offset in V"
+
+[device.equations.noise]
+signal = "noise_variance"
+"#;
+
 /// The device of an experiment with two axes.
 pub fn expanded_two_axes(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     let two_axes::hardware::TwoAxisHardware { scanner, readout, noise_variance } =
@@ -107,31 +130,7 @@ pub fn expanded_two_axes(experiment: &Experiment) -> Result<Expansion, ConfigErr
             ("noise_variance", noise_variance, "V^2"),
         ],
     );
-    all.table(
-        "let",
-        &[
-            ("capacitance_x", "gaussian_comb(angle_x, nominal_x, width_x, bias_x)"),
-            ("capacitance_y", "gaussian_comb(angle_y, nominal_y, width_y, bias_y)"),
-            ("square", "drive^2 + carrier_square"),
-            ("swing", "gimbal*sin(angle_x)*cos(angle_x)"),
-            ("torque_x", "electrostatic_force(d(capacitance_x, angle_x), square) + swing*rate_y^2"),
-            ("torque_y", "electrostatic_force(d(capacitance_y, angle_y), square) - 2*swing*rate_x*rate_y"),
-        ],
-    );
-    all.table(
-        "derivative",
-        &[
-            ("angle_x", "rate_x"),
-            ("rate_x", "(torque_x - damping_x*rate_x - stiffness_x*angle_x)/inertia_x"),
-            ("angle_y", "rate_y"),
-            (
-                "rate_y",
-                "(torque_y - damping_y*rate_y - stiffness_y*angle_y)/(inertia_y + gimbal*sin(angle_x)^2)",
-            ),
-        ],
-    );
-    all.table("measure", &[("signal", "gain*(capacitance_x + capacitance_y) + offset in V")]);
-    all.table("noise", &[("signal", "noise_variance")]);
+    all.text.push_str(TWO_AXES);
     all.notes.push(SIGN.to_owned());
     Ok(all)
 }

@@ -74,6 +74,13 @@ fn left_out(natural_hz: f64) -> Vec<OmittedNumber> {
     ]
 }
 
+/// What an experiment with it begins from.
+const TEMPLATE: Template = Template {
+    text: include_str!("template.toml"),
+    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
+    references: &[TemplateChannel::ANGLE, TemplateChannel::RATE],
+};
+
 impl Rig for SharedScannerRig {
     fn name(&self) -> &'static str {
         "shared_scanner"
@@ -84,15 +91,7 @@ impl Rig for SharedScannerRig {
     }
 
     fn template(&self) -> Option<Template> {
-        Some(
-            const {
-                Template {
-                    text: include_str!("template.toml"),
-                    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
-                    references: &[TemplateChannel::ANGLE, TemplateChannel::RATE],
-                }
-            },
-        )
+        Some(TEMPLATE)
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

@@ -7,6 +7,17 @@ use crate::config::{ConfigError, ConfigFault, Estimate, Experiment, Quantity};
 use kalmems_models::capacitance::CurveShape;
 use toml::{Table, Value};
 
+/// The motion, which is the same for every experiment.
+const MOTION: &str = r#"
+[device.equations.let]
+natural_rate = "2*pi*natural_frequency"
+form = "logistic_comb(angle, threshold_angle, 1, steepness)"
+
+[device.equations.derivative]
+angle = "rate"
+rate = "-2*damping_ratio*natural_rate*rate - natural_rate^2*angle - drive_gain*form*drive^2"
+"#;
+
 /// The device of an experiment.
 pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     let hardware = ThresholdHardware::of(experiment)?;
@@ -48,20 +59,7 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
         ]);
     }
     all.numbers("parameters", &parameters.into_iter().chain(stated).collect::<Vec<_>>());
-    all.table(
-        "let",
-        &[
-            ("natural_rate", "2*pi*natural_frequency"),
-            ("form", "logistic_comb(angle, threshold_angle, 1, steepness)"),
-        ],
-    );
-    all.table(
-        "derivative",
-        &[
-            ("angle", "rate"),
-            ("rate", "-2*damping_ratio*natural_rate*rate - natural_rate^2*angle - drive_gain*form*drive^2"),
-        ],
-    );
+    all.text.push_str(MOTION);
     let seen = "logistic_comb(angle, threshold_angle, gain, steepness)*rate + offset";
     let passed_on = if through { " - feedback_resistance*feedthrough*ddt(drive)" } else { "" };
     all.table("measure", &[("signal", &*format!("{seen}{passed_on} in V"))]);

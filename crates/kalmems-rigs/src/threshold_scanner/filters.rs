@@ -9,6 +9,7 @@ use crate::config::{
 use crate::crossings::CrossingDelivery;
 use crate::estimate::{
     DeviceParameter, FilterBasics, MeanAndCovariance, StateName, StatePrior, process_noise,
+    refuse_demodulator,
 };
 use crate::units::kind;
 
@@ -88,9 +89,7 @@ impl ThresholdFilterSettings {
             Err(experiment.error(at.clone().child(name), ConfigFault::Value { why: why.to_owned() }))
         };
         let claims = filter.method.claims();
-        if filter.demodulator {
-            return refuse("demodulator", "this device has no demodulator; leave it out");
-        }
+        refuse_demodulator(experiment, (&at, filter), "this device has no demodulator; leave it out")?;
         let start = match &filter.start {
             Some(FilterStart::Values(start)) => Some(state_at(experiment, at.clone().child("start"), start)?),
             Some(FilterStart::FromSignal) | None => None,

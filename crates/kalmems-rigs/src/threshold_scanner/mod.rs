@@ -58,6 +58,21 @@ static NO_METHODS: [(Method, &str); 1] = [(
     "one sample is the product of the rate and of a function of the angle, and tells neither; use `lock_in` or `ekf`",
 )];
 
+/// What an experiment with it begins from.
+const TEMPLATE: Template = Template {
+    text: include_str!("template.toml"),
+    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
+    references: &[
+        TemplateChannel::ANGLE,
+        TemplateChannel::RATE,
+        TemplateChannel::optional(
+            "position",
+            ("the output of the position detector", "V"),
+            &["psd", "position", "detector"],
+        ),
+    ],
+};
+
 impl Rig for ThresholdScannerRig {
     fn name(&self) -> &'static str {
         "threshold_scanner"
@@ -68,23 +83,7 @@ impl Rig for ThresholdScannerRig {
     }
 
     fn template(&self) -> Option<Template> {
-        Some(
-            const {
-                Template {
-                    text: include_str!("template.toml"),
-                    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
-                    references: &[
-                        TemplateChannel::ANGLE,
-                        TemplateChannel::RATE,
-                        TemplateChannel::optional(
-                            "position",
-                            ("the output of the position detector", "V"),
-                            &["psd", "position", "detector"],
-                        ),
-                    ],
-                }
-            },
-        )
+        Some(TEMPLATE)
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {

@@ -1,11 +1,10 @@
 //! The study file.
 
-use crate::config::{Name, schema_of};
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use crate::config::{Name, inline_schema, schema_of};
+use schemars::{JsonSchema, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -118,19 +117,7 @@ pub(super) enum Spacing {
 /// A value of an experiment that lies between others: a number, or text of a number with a unit.
 struct NumberOrText;
 
-impl JsonSchema for NumberOrText {
-    fn schema_name() -> Cow<'static, str> {
-        "NumberOrText".into()
-    }
-
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": ["string", "number"] })
-    }
-}
+inline_schema!(NumberOrText, "NumberOrText", |_| json_schema!({ "type": ["string", "number"] }));
 
 /// The JSON schema of a study file: for editors, and for checking a file without this program.
 pub fn schema() -> Value {

@@ -203,39 +203,44 @@ impl std::fmt::Display for TestResult {
 impl InnovationTest {
     /// What it looks at, in a few words.
     pub const fn words(self) -> &'static str {
-        match self {
-            Self::MeanNis => "mean square",
-            Self::Level => "mean, in all and in parts",
-            Self::Bands => "power in bands",
-            Self::Line => "lines",
-            Self::Harmonics => "harmonics of the motion",
-            Self::Phase => "variance over the motion's cycle",
-            Self::Windows => "variance over the recording",
-            Self::Shape => "normal distribution",
-            Self::Outlier => "largest innovation",
-            Self::Whiteness => "correlation",
-            Self::Numbers => "numbers of the device",
-        }
+        self.texts()[0]
     }
 
     /// What a finding of this test usually means.
     const fn usual_cause(self) -> &'static str {
+        self.texts()[1]
+    }
+
+    const fn texts(self) -> [&'static str; 2] {
         match self {
-            Self::MeanNis => "the noise is stated too small, or the model is wrong",
-            Self::Level => "an offset of the readout or its drift is not in the model",
-            Self::Bands => {
-                "the model lacks a motion, a pole of the readout or a disturbance there, or its damping is wrong"
+            Self::MeanNis => ["mean square", "the noise is stated too small, or the model is wrong"],
+            Self::Level => {
+                ["mean, in all and in parts", "an offset of the readout or its drift is not in the model"]
             }
-            Self::Line => "interference, or a motion that the model does not have",
-            Self::Harmonics => {
-                "a parameter of the readout or the drive is wrong, such as its gain, shape, delay or feedthrough"
-            }
-            Self::Phase => "the noise depends on the signal, or the slope of the readout is wrong",
-            Self::Windows => "the noise changes over the recording, or something disturbed a part of it",
-            Self::Shape => "outliers, clipping, or coarse digits",
-            Self::Outlier => "a disturbance of a single sample",
-            Self::Whiteness => "the process noise, a pole or a delay is wrong",
-            Self::Numbers => "this number is wrong, or one that has the same effect on the signal",
+            Self::Bands => [
+                "power in bands",
+                "the model lacks a motion, a pole of the readout or a disturbance there, or its damping is wrong",
+            ],
+            Self::Line => ["lines", "interference, or a motion that the model does not have"],
+            Self::Harmonics => [
+                "harmonics of the motion",
+                "a parameter of the readout or the drive is wrong, such as its gain, shape, delay or feedthrough",
+            ],
+            Self::Phase => [
+                "variance over the motion's cycle",
+                "the noise depends on the signal, or the slope of the readout is wrong",
+            ],
+            Self::Windows => [
+                "variance over the recording",
+                "the noise changes over the recording, or something disturbed a part of it",
+            ],
+            Self::Shape => ["normal distribution", "outliers, clipping, or coarse digits"],
+            Self::Outlier => ["largest innovation", "a disturbance of a single sample"],
+            Self::Whiteness => ["correlation", "the process noise, a pole or a delay is wrong"],
+            Self::Numbers => [
+                "numbers of the device",
+                "this number is wrong, or one that has the same effect on the signal",
+            ],
         }
     }
 }

@@ -34,11 +34,8 @@ pub(super) fn header(
     );
     if request.gain == EmitGain::Covariance {
         let entries = size * (size + 1) / 2;
-        let _ = writeln!(
-            text,
-            "    {} covariance[{entries}]; /* the lower triangle, row by row */",
-            kind(program.widths.covariance)
-        );
+        let of = kind(program.widths.covariance);
+        let _ = writeln!(text, "    {of} covariance[{entries}]; /* the lower triangle, row by row */");
     }
     let _ = write!(text, "}} {name}_state_t;\n\n");
     if program.configure.is_some() {
@@ -54,11 +51,8 @@ pub(super) fn header(
     let _ = write!(text, "typedef struct {{\n    {name}_state_t state;\n");
     if let Some(configure) = &program.configure {
         let count = configure.outputs.len().max(1);
-        let _ = writeln!(
-            text,
-            "    {} constants[{count}]; /* what follows from the parameters */",
-            kind(program.widths.constants)
-        );
+        let of = kind(program.widths.constants);
+        let _ = writeln!(text, "    {of} constants[{count}]; /* what follows from the parameters */");
     }
     let _ = write!(text, "}} {name}_t;\n\n");
     if program.configure.is_some() {

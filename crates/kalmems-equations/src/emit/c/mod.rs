@@ -9,10 +9,9 @@ use super::filter::FilterProgram;
 use super::interface::{Interface, UpdateFunction, further};
 use super::request::EmitRequest;
 use super::routine::{ArrayNames, Routine, Syntax};
-use super::tables::listed;
+use super::tables::{FunctionSource as _, listed};
 use super::tape::CalledFunction;
 use crate::device::Device;
-use functions::functions;
 use header::header;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -153,7 +152,7 @@ fn source(
     let name = &request.name;
     let routines = program.routines();
     let called: BTreeSet<CalledFunction> = routines.iter().flat_map(|routine| routine.called()).collect();
-    let functions = functions(device, &called)?;
+    let functions = C.functions(device, &called)?;
     let mut text = comment(&interface.heading);
     let _ = write!(text, "#include \"{name}.h\"\n\n");
     if functions.contains("uint32_t") {

@@ -60,27 +60,28 @@ pub(super) fn methods(
     } else {
         "ORIGIN[k] + UNIT[k] * self.state.mean[k]"
     };
-    let _ = write!(
-        text,
-        "\n    /// The means in SI.\n    pub fn values(&self) -> [f32; {size}] {{\n        \
-         core::array::from_fn(|k| {value})\n    }}\n"
-    );
+    in_si(text, ("means", "values"), size, value);
     if !covariance.is_empty() {
         let variance = if widths.covariance {
             "(f64::from(UNIT[k] * UNIT[k]) * self.state.covariance[k * (k + 3) / 2]) as f32"
         } else {
             "UNIT[k] * UNIT[k] * self.state.covariance[k * (k + 3) / 2]"
         };
-        let _ = write!(
-            text,
-            "\n    /// The variances in SI.\n    pub fn variances(&self) -> [f32; {size}] {{\n        \
-             core::array::from_fn(|k| {variance})\n    }}\n"
-        );
+        in_si(text, ("variances", "variances"), size, variance);
     }
     text.push_str(
         "}\n\nimpl Default for Filter {\n    fn default() -> Self {\n        Self::new()\n    }\n}\n",
     );
     Ok(())
+}
+
+/// A function that gives a number of each state in SI.
+fn in_si(text: &mut String, (what, name): (&str, &str), size: usize, of_state: &str) {
+    let _ = write!(
+        text,
+        "\n    /// The {what} in SI.\n    pub fn {name}(&self) -> [f32; {size}] {{\n        \
+         core::array::from_fn(|k| {of_state})\n    }}\n"
+    );
 }
 
 /// The function that takes parameters.

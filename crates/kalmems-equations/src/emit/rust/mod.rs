@@ -8,13 +8,12 @@ use super::filter::FilterProgram;
 use super::interface::{Interface, UpdateFunction, further};
 use super::request::{EmitGain, EmitRequest};
 use super::routine::{ArrayNames, Routine, Syntax};
-use super::tables::listed;
+use super::tables::{FunctionSource as _, listed};
 use super::tape::CalledFunction;
 use crate::device::Device;
 use methods::methods;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
-use tables::functions;
 
 /// A choice between two values.
 const CHOICE: &str = "
@@ -154,7 +153,7 @@ pub(super) fn files(
     if program.routines().iter().any(|routine| routine.counts()[4] > 0) {
         text += CHOICE;
     }
-    text += &functions(device, &called)?;
+    text += &Rust.functions(device, &called)?.replace("pub(super) fn", "fn");
     if let Some(stage) = &program.stage {
         let written = stage.written(&Rust)?;
         let of_stage = kind(program.widths.stage);

@@ -1,107 +1,90 @@
 //! Functions and tables that Rust without `std` does not have.
 
-use super::float;
+use super::{Rust, float};
 use crate::description::CurveExtension;
-use crate::device::Device;
 use crate::emit::error::EmitError;
-use crate::emit::interface::part;
-use crate::emit::tables::{EmittedCurve, called_tables, coefficient_rows, disks_series};
+use crate::emit::tables::{EmittedCurve, FunctionSource, coefficient_rows};
 use crate::emit::tape::CalledFunction;
 use std::collections::BTreeSet;
 
-/// Functions that Rust without `std` does not have.
-const FUNCTIONS: &str = include_str!("functions.rs");
-
-/// The functions that are called.
-pub(super) fn functions(device: &Device, called: &BTreeSet<CalledFunction>) -> Result<String, EmitError> {
-    let any = |of: &[CalledFunction]| of.iter().any(|one| called.contains(one));
-    let atanhc = called.iter().any(|c| matches!(c, CalledFunction::Atanhc(_)));
-    let disks_used = called.iter().any(|c| matches!(c, CalledFunction::Disks(_)));
-    let atanh = atanhc || any(&[CalledFunction::Atanh]);
-    let ln_cosh = any(&[CalledFunction::LnCosh]);
-    let tanh = any(&[CalledFunction::Tanh]);
-    let mut text = String::new();
-    for (marker, is_used) in [
-        ("EXP", disks_used || any(&[CalledFunction::Exp])),
-        ("FALLING_EXP", tanh || ln_cosh || any(&[CalledFunction::FallingExp])),
-        ("LN", atanh || ln_cosh || disks_used || any(&[CalledFunction::Ln])),
-        ("SIN_COS", any(&[CalledFunction::Sin, CalledFunction::Cos])),
-        ("SIN", any(&[CalledFunction::Sin])),
-        ("COS", any(&[CalledFunction::Cos])),
-        ("TANH", tanh),
-        ("ATANH", atanh),
-        ("SQRT", any(&[CalledFunction::Sqrt])),
-        ("LN_COSH", ln_cosh),
-        ("ATANHC", atanhc),
-    ] {
-        if is_used {
-            text.push('\n');
-            text += &part(FUNCTIONS, &format!("// --- {marker}\n"), "// --- ").replace("pub(super) fn", "fn");
-        }
-    }
-    Ok(text + &called_tables(device, called, disks, curve_function)?)
-}
-
-fn disks() -> Result<String, EmitError> {
-    let (series, size, factor, offset) = disks_series();
-    Ok(format!(
-        r"
+/// The function of two disks, with names in braces where its numbers are.
+const DISKS: &str = r"
 /// Chebyshev's coefficients from the first order on of ln(C/(epsilon_0 a)) of two disks, over ln(d/a).
 static DISKS: [f32; {count}] = [
     {table}
 ];
 
 /// C/(epsilon_0 a) of two disks over d/a, and its first two derivatives.
-fn disks(share: f32, order: u32) -> f32 {{
+fn disks(share: f32, order: u32) -> f32 {
     let x = {factor} * ln(share) + {offset};
-    if !(-1.0..=1.0).contains(&x) {{
+    if !(-1.0..=1.0).contains(&x) {
         return f32::NAN;
-    }}
+    }
     let (mut b1, mut b2, mut d1, mut d2, mut e1, mut e2) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for c in DISKS.iter().rev() {{
+    for c in DISKS.iter().rev() {
         let b = 2.0 * x * b1 - b2 + c;
         let d = 2.0 * (b1 + x * d1) - d2;
         let e = 2.0 * (2.0 * d1 + x * e1) - e2;
         (b2, b1, d2, d1, e2, e1) = (b1, b, d1, d, e1, e);
-    }}
+    }
     let value = {size} * exp(x * b1 - b2);
     let slope = b1 + x * d1 - d2;
     let bend = 2.0 * d1 + x * e1 - e2;
     let by_share = {factor} / share;
-    match order {{
+    match order {
         0 => value,
         1 => value * slope * by_share,
         _ => value * by_share * by_share * (slope * slope + bend - slope / {factor}),
-    }}
-}}
-",
-        count = series.len(),
-        table = coefficient_rows(series, float)?,
-        size = float(size)?,
-        factor = float(factor)?,
-        offset = float(offset)?
-    ))
+    }
 }
+";
 
-fn curve_function(curve: usize, table: &EmittedCurve) -> Result<String, EmitError> {
-    let count = table.places.len();
-    let rows: Result<Vec<String>, EmitError> =
-        table.pieces.iter().map(|piece| Ok(format!("[{}]", coefficient_rows(piece, float)?))).collect();
-    let outside = match table.outside {
-        CurveExtension::Error => {
-            "    if !(x >= CURVE_AT[0] && x <= CURVE_AT[LAST]) {\n        return f32::NAN;\n    }\n    let beyond = 0.0;\n"
-        }
-        CurveExtension::Clamp => {
-            "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    if x != end && order > 0 {\n        \
+impl FunctionSource for Rust {
+    const TEXT: &'static str = include_str!("functions.rs");
+    const MARKER: [&'static str; 2] = ["// --- ", ""];
+    const DISKS: &'static str = DISKS;
+
+    fn needed(called: &BTreeSet<CalledFunction>) -> Vec<(&'static str, bool)> {
+        let any = |of: &[CalledFunction]| of.iter().any(|one| called.contains(one));
+        let atanhc = called.iter().any(|c| matches!(c, CalledFunction::Atanhc(_)));
+        let disks_used = called.iter().any(|c| matches!(c, CalledFunction::Disks(_)));
+        let atanh = atanhc || any(&[CalledFunction::Atanh]);
+        let ln_cosh = any(&[CalledFunction::LnCosh]);
+        let tanh = any(&[CalledFunction::Tanh]);
+        vec![
+            ("EXP", disks_used || any(&[CalledFunction::Exp])),
+            ("FALLING_EXP", tanh || ln_cosh || any(&[CalledFunction::FallingExp])),
+            ("LN", atanh || ln_cosh || disks_used || any(&[CalledFunction::Ln])),
+            ("SIN_COS", any(&[CalledFunction::Sin, CalledFunction::Cos])),
+            ("SIN", any(&[CalledFunction::Sin])),
+            ("COS", any(&[CalledFunction::Cos])),
+            ("TANH", tanh),
+            ("ATANH", atanh),
+            ("SQRT", any(&[CalledFunction::Sqrt])),
+            ("LN_COSH", ln_cosh),
+            ("ATANHC", atanhc),
+        ]
+    }
+
+    fn curve(curve: usize, table: &EmittedCurve) -> Result<String, EmitError> {
+        let count = table.places.len();
+        let rows: Result<Vec<String>, EmitError> =
+            table.pieces.iter().map(|piece| Ok(format!("[{}]", coefficient_rows(piece, float)?))).collect();
+        let outside = match table.outside {
+            CurveExtension::Error => {
+                "    if !(x >= CURVE_AT[0] && x <= CURVE_AT[LAST]) {\n        return f32::NAN;\n    }\n    let beyond = 0.0;\n"
+            }
+            CurveExtension::Clamp => {
+                "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    if x != end && order > 0 {\n        \
              return if x == x { 0.0 } else { x };\n    }\n    let (x, beyond) = (end, 0.0);\n"
-        }
-        CurveExtension::Linear => {
-            "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    let beyond = x - end;\n    \
+            }
+            CurveExtension::Linear => {
+                "    let end = x.clamp(CURVE_AT[0], CURVE_AT[LAST]);\n    let beyond = x - end;\n    \
              if beyond != 0.0 && order > 1 {\n        return 0.0 * beyond;\n    }\n    let x = end;\n"
-        }
-    };
-    let text = format!(
-        r"
+            }
+        };
+        let text = format!(
+            r"
 /// The places of a curve over its own span, and the coefficients of its pieces in its largest value.
 static CURVE_AT: [f32; {count}] = [
     {places}
@@ -130,13 +113,14 @@ fn curve{curve}(x: f32, order: u32) -> f32 {{
     }}
 }}
 ",
-        places = coefficient_rows(&table.places, float)?,
-        pieces = count - 1,
-        coefficients = rows?.join(",\n    "),
-    );
-    Ok(text
-        .replace("CURVE_AT", &format!("CURVE{curve}_AT"))
-        .replace("CURVE:", &format!("CURVE{curve}:"))
-        .replace("CURVE[", &format!("CURVE{curve}["))
-        .replace("LAST", &(count - 1).to_string()))
+            places = coefficient_rows(&table.places, float)?,
+            pieces = count - 1,
+            coefficients = rows?.join(",\n    "),
+        );
+        Ok(text
+            .replace("CURVE_AT", &format!("CURVE{curve}_AT"))
+            .replace("CURVE:", &format!("CURVE{curve}:"))
+            .replace("CURVE[", &format!("CURVE{curve}["))
+            .replace("LAST", &(count - 1).to_string()))
+    }
 }

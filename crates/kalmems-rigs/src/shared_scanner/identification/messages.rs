@@ -192,14 +192,6 @@ fn worst_pair(found: &mut Identification, fitted: &RingDownFit, place: &str) {
     found.worst_pairs.extend(worst);
 }
 
-pub fn no_ring_down(found: &mut Identification) {
-    undetermined(
-        found,
-        "k, b, C0 and theta0",
-        "no recording has the role `ring_down`; the values of the file are taken as right".to_owned(),
-    );
-}
-
 /// Amplitudes that the cost of an unknown gain is said for, in degrees.
 const AMPLITUDES_DEG: [f64; 3] = [6.0, 9.0, 15.0];
 
@@ -356,10 +348,13 @@ pub fn still(found: &mut Identification, material: &Material, fitted: &StillNois
     }
 }
 
-pub fn no_still(found: &mut Identification) {
-    undetermined(
-        found,
-        "noise variance R",
-        "no recording has the role `zero_drive`; the value of the file stands".to_owned(),
-    );
+/// What a ring-down determines, its role, and what is taken where there is none.
+pub const RING_DOWN: [&str; 3] =
+    ["k, b, C0 and theta0", "ring_down", "the values of the file are taken as right"];
+/// The same of a recording without a drive.
+pub const STILL: [&str; 3] = ["noise variance R", "zero_drive", "the value of the file stands"];
+
+/// What is not determined because no recording has the role that it needs.
+pub fn no_recording(found: &mut Identification, [what, role, instead]: [&str; 3]) {
+    undetermined(found, what, format!("no recording has the role `{role}`; {instead}"));
 }

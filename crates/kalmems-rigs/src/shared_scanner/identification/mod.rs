@@ -75,7 +75,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
             ring_down = Some(fitted);
             found.materials.push(material);
         }
-        None => messages::no_ring_down(&mut found),
+        None => messages::no_recording(&mut found, messages::RING_DOWN),
     }
     stop(progress)?;
     match steady {
@@ -127,7 +127,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
             entries.set(experiment, place, exact(fitted.variance), "V^2")?;
             found.materials.push(material);
         }
-        None => messages::no_still(&mut found),
+        None => messages::no_recording(&mut found, messages::STILL),
     }
     for material in &found.materials {
         found.notes.extend(material.diagnosis.iter().map(|finding| format!("{}: {finding}", material.name)));

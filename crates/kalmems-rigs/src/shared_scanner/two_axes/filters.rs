@@ -4,7 +4,7 @@ use super::hardware::TwoAxisHardware;
 use crate::config::{
     self, ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterTable, Key, Sign,
 };
-use crate::estimate::{DeviceParameter, FilterBasics, StateName, process_noise};
+use crate::estimate::{DeviceParameter, FilterBasics, StateName, process_noise, refuse_demodulator};
 use crate::units::kind;
 use kalmems_core::Covariance;
 
@@ -90,15 +90,11 @@ impl TwoAxisFilterSettings {
     ) -> Result<Self, ConfigError> {
         let filter = &estimate.filters[index];
         let at = Key::from("estimate").child("filter").index(index);
-        let refuse = |name: &str, why: &str| {
-            Err(experiment.error(at.clone().child(name), ConfigFault::Value { why: why.to_owned() }))
-        };
-        if filter.demodulator {
-            return refuse(
-                "demodulator",
-                "with two axes the demodulator's stages are no states; leave it out",
-            );
-        }
+        refuse_demodulator(
+            experiment,
+            (&at, filter),
+            "with two axes the demodulator's stages are no states; leave it out",
+        )?;
         let (noise_key, noise) = process_noise(experiment, &at, filter)?;
         Ok(Self {
             basics: FilterBasics::of(experiment, &at, filter, (&PARAMETERS, &scales(hardware)))?,

@@ -34,6 +34,24 @@ static NO_METHODS: [(Method, &str); 1] = [(
     "its one signal is the sum of two parts, each even in an angle of its own; use `lock_in` or `ekf`",
 )];
 
+/// What an experiment with it begins from.
+const TEMPLATE: Template = Template {
+    text: include_str!("template.toml"),
+    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
+    references: &[
+        TemplateChannel::optional(
+            "angle_x",
+            ("the angle of x, measured otherwise", "rad"),
+            &["angle_x", "theta_x", "x"],
+        ),
+        TemplateChannel::optional(
+            "angle_y",
+            ("the angle of y, measured otherwise", "rad"),
+            &["angle_y", "theta_y", "y"],
+        ),
+    ],
+};
+
 impl Rig for TwoAxesRig {
     fn name(&self) -> &'static str {
         "shared_scanner.second_axis"
@@ -44,26 +62,7 @@ impl Rig for TwoAxesRig {
     }
 
     fn template(&self) -> Option<Template> {
-        Some(
-            const {
-                Template {
-                    text: include_str!("template.toml"),
-                    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
-                    references: &[
-                        TemplateChannel::optional(
-                            "angle_x",
-                            ("the angle of x, measured otherwise", "rad"),
-                            &["angle_x", "theta_x", "x"],
-                        ),
-                        TemplateChannel::optional(
-                            "angle_y",
-                            ("the angle of y, measured otherwise", "rad"),
-                            &["angle_y", "theta_y", "y"],
-                        ),
-                    ],
-                }
-            },
-        )
+        Some(TEMPLATE)
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
