@@ -697,7 +697,8 @@ const RING_DOWN: &str = "examples/shared_scanner/ring_down.toml";
 /// The example from end to end: what was simulated is found within its intervals, what cannot be found is named, the
 /// experiment that is written can be estimated, and the same command gives the same bytes.
 #[test]
-fn parameters_are_identified_and_used() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_parameters_are_identified_and_used() {
     let folder = tempfile::tempdir().unwrap();
     let identified = ["a", "b"].map(|name| {
         let out = folder.path().join(name);

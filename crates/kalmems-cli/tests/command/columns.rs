@@ -271,7 +271,8 @@ fn folder_of_settings(settings: &[(&str, Vec<&str>, String)]) -> TempDir {
 
 /// A file that was not meant shows nothing of itself, whatever named it.
 #[test]
-fn a_file_of_another_kind_is_not_quoted() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_file_of_another_kind_is_not_quoted() {
     let settings = settings_with_a_file();
     let folder = folder_of_settings(&settings);
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
@@ -410,7 +411,8 @@ fn as_npy(csv: &Path) -> Vec<u8> {
 }
 
 #[test]
-fn calibrate_takes_formats_and_columns_as_estimate_does() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_calibrate_takes_formats_and_columns_as_estimate_does() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let example = root().join("examples/gyroscope");

@@ -94,7 +94,8 @@ const EXAMPLES: [Expanded; 5] = [
 ];
 
 #[test]
-fn an_expanded_example_is_estimated_as_by_its_rig() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_an_expanded_example_is_estimated_as_by_its_rig() {
     for Expanded { device, quantity, same, alike } in &EXAMPLES {
         let folder = copied(&examples().join(device));
         let folder = folder.path();

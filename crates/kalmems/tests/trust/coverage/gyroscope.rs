@@ -105,7 +105,8 @@ fn scale_factors(runs: u64, rows: &mut Rows) {
 }
 
 #[test]
-fn a_few_scale_factors() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_few_scale_factors() {
     let mut rows = Rows::default();
     scale_factors(2, &mut rows);
     rows.judge();

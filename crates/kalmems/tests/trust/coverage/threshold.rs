@@ -181,7 +181,8 @@ fn a_search_goes_on_where_a_start_takes_other_samples() {
 
 /// With a gain that is 20 % wrong no resonance explains the signal: nothing is written, and no interval is printed.
 #[test]
-fn what_the_innovations_contradict_is_not_written() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_what_the_innovations_contradict_is_not_written() {
     let folder = tempfile::tempdir().unwrap();
     decay(&mut Chance::new(2), LONG, folder.path());
     let told = told_without_reference(folder.path(), [1.001, 1.05, 1.2, 1.0, 1.0]);
@@ -216,7 +217,8 @@ const LONG: (f64, usize, f64) = (0.15, 6000, NOISE_V);
 const POOR: (f64, usize, f64) = (0.06, 5000, 3.0 * NOISE_V);
 
 #[test]
-fn a_few_threshold_scanners() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_few_threshold_scanners() {
     let (mut rows, mut harm) = (Rows::default(), Harm::default());
     let ratios = identified("threshold", 2, LONG, 0.3, &mut rows);
     harm.take("threshold", ratios);

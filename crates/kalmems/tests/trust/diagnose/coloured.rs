@@ -40,7 +40,8 @@ fn coloured_noise_is_named_with_its_size() {
 }
 
 #[test]
-fn a_wrong_stiffness_is_not_called_coloured_noise() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_wrong_stiffness_is_not_called_coloured_noise() {
     let key = "device.shared_scanner.resonator.stiffness";
     let fault = Fault {
         device: "shared scanner",
