@@ -110,10 +110,8 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         ColumnHead::text("reference"),
         ColumnHead::text("axis"),
         ColumnHead::number("scale factor", ""),
-        ColumnHead::number("± 95 %", "ppm"),
-        ColumnHead::text("k (ν)"),
-        ColumnHead::number("by the records alone", "ppm"),
-        ColumnHead::text("k (ν) of the records"),
+        ColumnHead::text("± 95 % (ppm), k (ν)"),
+        ColumnHead::text("by the records alone"),
         ColumnHead::number("to the first reference", "ppm"),
         ColumnHead::number("crest to trough", ""),
         ColumnHead::number("with intercept", ""),
@@ -124,6 +122,9 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
     for result in results {
         let found = &result.scale_factor;
         let UncertainEstimate { value, expanded_by_records, interval, .. } = *found;
+        let expanded = |size: f64, k: f64, freedom: f64| {
+            format!("{:.1}, {}", 1e6 * size / value.abs(), coverage(k, freedom))
+        };
         let first = results.iter().find(|r| r.condition == result.condition && r.main == result.main);
         let first = first.map_or(value, |first| first.scale_factor.value);
         let peaks = result.peak_to_peak;
@@ -134,10 +135,12 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
             result.reference.clone(),
             AXES[result.main].to_owned(),
             format!("{value:.6}"),
-            format!("{:.1}", 0.5e6 * (interval[1] - interval[0]) / value.abs()),
-            coverage(found.coverage_factor, found.degrees_of_freedom),
-            format!("{:.1}", 1e6 * expanded_by_records / value.abs()),
-            coverage(found.coverage_factor_by_records, found.degrees_of_freedom_by_records),
+            expanded(0.5 * (interval[1] - interval[0]), found.coverage_factor, found.degrees_of_freedom),
+            expanded(
+                expanded_by_records,
+                found.coverage_factor_by_records,
+                found.degrees_of_freedom_by_records,
+            ),
             format!("{:+.1}", 1e6 * (value / first - 1.0)),
             or_dash(peaks.map(|p| p.through_origin)),
             or_dash(peaks.and_then(|p| p.slope)),
