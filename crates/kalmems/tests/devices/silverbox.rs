@@ -392,7 +392,7 @@ fn on_the_measured_circuit_the_cubic_model_predicts_better_than_any_linear_one()
 /// Between its samples the input is not recorded.
 #[test]
 #[ignore = "needs KALMEMS_REFERENCE_DATA"]
-fn each_better_guess_of_the_input_between_its_samples_predicts_better() {
+fn long_each_better_guess_of_the_input_between_its_samples_predicts_better() {
     let (input, output) = measurement();
     let output = &output[..ARROW];
     let circuit = measured_circuit();

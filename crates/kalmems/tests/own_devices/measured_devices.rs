@@ -150,7 +150,7 @@ start_sd = { y = "0.1 V", v = "40 V/s" }
 
 #[test]
 #[ignore = "needs KALMEMS_REFERENCE_DATA"]
-fn the_silverbox_is_identified_from_its_text() {
+fn long_the_silverbox_is_identified_from_its_text() {
     let expected: serde_json::Value = serde_json::from_str(&data("silverbox/expected.json")).unwrap();
     let own = &expected["duffing_greybox_fit"]["parameters"];
     let rows = data("silverbox/snls80mv.csv");
