@@ -280,13 +280,16 @@
       });
   }
 
-  /** A vertical axis with names at 0, -1, -2 ...; on a narrow page names are cut to what fits beside the plot. */
+  /** A vertical axis with names at 0, -1, -2 ...; on a narrow page names are cut to what fits beside the plot, but not what they say behind a colon. */
   function named(names, width) {
     const perCharacter = 6.6;
     const longest = Math.max(...names.map((name) => name.length));
-    const size = Math.round(Math.min(20 + perCharacter * longest, 0.45 * width));
+    const size = Math.ceil(Math.min(20 + perCharacter * longest, 0.45 * width));
     const fits = Math.floor((size - 20) / perCharacter);
-    const cut = (name) => (name.length > fits ? `${name.slice(0, Math.max(1, fits - 1))}\u2026` : name);
+    const cut = (name) => {
+      const [value] = name.match(/: [^:]*$/) ?? [""];
+      return name.length > fits ? `${name.slice(0, Math.max(1, fits - 1 - value.length))}\u2026${value}` : name;
+    };
     const places = names.map((_, place) => place + 1 - names.length);
     return { size, splits: () => places, filter: (plot, splits) => splits, values: (plot, splits) => splits.map((at) => cut(names[Math.round(-at)] ?? "")) };
   }
