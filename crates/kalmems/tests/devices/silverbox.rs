@@ -359,7 +359,7 @@ const ARROW: usize = 40_450;
 
 #[test]
 #[ignore = "needs KALMEMS_REFERENCE_DATA"]
-fn on_the_measured_circuit_the_cubic_model_predicts_better_than_any_linear_one() {
+fn long_on_the_measured_circuit_the_cubic_model_predicts_better_than_any_linear_one() {
     let (input, output) = measurement();
     let output = &output[..ARROW];
     let circuit = measured_circuit();
