@@ -71,10 +71,14 @@ impl LiveFigures {
             return false;
         }
         let layout = FigureLayout::of(figure, &Ruler::new());
+        // Panels that share an x axis are above the one that has its labels.
+        let mut axes_above = 0;
         let panels: Option<Vec<Panelled>> = layout
             .places
             .iter()
             .map(|place| {
+                let of_figure = axes_above;
+                axes_above += u32::from(place.labels_x);
                 let colours = style::colours(&place.panel.series);
                 let series = place.panel.series.iter().zip(colours);
                 let order = |drawn: &(&Series, _)| style::layer(drawn.0);
@@ -89,7 +93,7 @@ impl LiveFigures {
                     link: if x_axis.label == "time" {
                         format!("{group} {link}")
                     } else {
-                        format!("{number} {link}")
+                        format!("{number} {of_figure} {link}")
                     },
                     is_isotropic: place.is_isotropic,
                     series: series
@@ -367,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_of_time_are_linked_throughout_a_recording_and_others_within_a_figure() {
+    fn axes_of_time_are_linked_throughout_a_recording_and_others_where_panels_share_them() {
         let links = |label: &str, groups: [&str; 2]| {
             let mut live = LiveFigures::default();
             for (number, group) in (1..).zip(groups) {
@@ -381,5 +385,16 @@ mod tests {
         assert!(links("time", ["a", "a"]));
         assert!(!links("time", ["a", "b"]));
         assert!(!links("averaging time", ["a", "a"]));
+        let panel = || {
+            let panel = Panel::new(Axis::new("wavenumber", "cm^-1"), Axis::new("value", "V"));
+            panel.with(Series::line("", SeriesRole::Other, [(0.0, 1.0), (1.0, 2.0)]))
+        };
+        let mut live = LiveFigures::default();
+        let below = Panel { shares_x: true, ..panel() };
+        let figure = Figure::new("figure", "", "").with(panel()).with(below).with(panel());
+        assert!(live.take(1, "a", &figure));
+        let all: Value = serde_json::from_str(&live.into_json(None).unwrap()).unwrap();
+        let link = |place: usize| &all["figures"][0]["panels"][place]["link"];
+        assert!(link(0) == link(1) && link(1) != link(2));
     }
 }
