@@ -417,6 +417,58 @@ const said = (page) => page.locator(".samples output").first().textContent();
   await page.context().close();
 }
 
+// ---- A study leads to its runs -----------------------------------------------------------------------------------------
+{
+  /** Whether the row of a run is what the address names, and in sight. */
+  const isAt = async (page, run) => {
+    await page.waitForTimeout(100);
+    return page.evaluate((run) => {
+      const row = document.getElementById(`run-${run}`).getBoundingClientRect();
+      const box = document.querySelector(".bounded").getBoundingClientRect();
+      return location.hash === `#run-${run}` && row.top >= 0 && row.bottom <= innerHeight + 1 && row.top >= box.top - 1 && row.bottom <= box.bottom + 1;
+    }, run);
+  };
+  const back = (page) => page.evaluate(() => (location.hash = "section-2"));
+  // Nothing moves on by itself while the place of a click is looked for.
+  for (const script of [true, false]) {
+    const page = await open("study", { script });
+    await page.emulateMedia({ reducedMotion: "reduce" });
+    const how = script ? "study" : "study without script";
+    if (script) {
+      const { box } = await plot(page, 1, 0);
+      const places = await page.evaluate(() => {
+        const panel = window.figures.shown.find(({ number }) => number === 1).panels[0];
+        const { links } = panel.series.find((one) => one.kind === "crosses");
+        return links.map(([x, y, anchor]) => [panel.plot.valToPos(x, "x"), panel.plot.valToPos(y, "y"), anchor]);
+      });
+      check("study: runs that lost lock are crosses", places.length === 4 && places.some(([, , anchor]) => anchor === "run-9"), JSON.stringify(places));
+      const [left, top] = places.find(([, , anchor]) => anchor === "run-9");
+      await page.mouse.move(box.x + left + 3, box.y + top);
+      check("study: what can be clicked says what it is", /without an estimate \(run 9\)/.test(await page.locator('.live[data-figure="1"] .u-over').getAttribute("title")));
+      await page.mouse.click(box.x + left + 3, box.y + top);
+      check("study: a click on a cross leads to its run", await isAt(page, 9));
+      await back(page);
+      const again = await plot(page, 1, 0);
+      await page.mouse.move(again.box.x + left + 3, again.box.y + top);
+      await page.mouse.down();
+      await page.mouse.move(again.box.x + left + 60, again.box.y + top, { steps: 3 });
+      await page.mouse.up();
+      check("study: a drag leads nowhere", (await page.evaluate(() => location.hash)) === "#section-2");
+      await again.holder.focus();
+      await page.keyboard.press("0");
+      for (let turn = 0; turn < 9; turn++) await page.keyboard.press("ArrowRight");
+      await page.keyboard.press("Enter");
+      check("study: Enter leads to the run at the cursor", /^#run-\d+$/.test(await page.evaluate(() => location.hash)), await page.evaluate(() => location.hash));
+    } else {
+      await page.locator('svg a[href="#run-9"]').first().click();
+      check(`${how}: a click on a point leads to its run`, await isAt(page, 9));
+    }
+    await page.locator('svg[data-figure^="3"] a[href="#run-0"]').click({ force: true });
+    check(`${how}: a click on a cell leads to its run`, await isAt(page, 0));
+    await page.context().close();
+  }
+}
+
 // ---- Without script --------------------------------------------------------------------------------------------------
 for (const name of Object.keys(pages)) {
   const page = await open(name, { script: false });

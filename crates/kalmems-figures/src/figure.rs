@@ -140,6 +140,8 @@ pub enum SeriesRole {
     Input,
     /// A bound, a limit or an interval that a test allows.
     Bound,
+    /// Where something failed. Its points are crosses.
+    Failure,
     /// Anything else: the next colour that is free.
     Other,
 }
@@ -192,6 +194,18 @@ pub struct Series {
     thinning: Thinning,
     record: Option<Arc<Record>>,
     place: Option<SamplesPlace>,
+    links: Vec<SeriesLink>,
+}
+
+/// A point of a series, or a cell of a map, that leads to another part of the page.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeriesLink {
+    /// The point, or the middle of the cell.
+    pub at: [f64; 2],
+    /// What is there, for the reader who points at it.
+    pub text: String,
+    /// The part of the page: the name of a row of one of its tables (see [`TextTable::with_anchors`](crate::TextTable::with_anchors)).
+    pub anchor: String,
 }
 
 /// Where all samples of a series are, in a file beside the page (see [`SamplesWriter`](crate::SamplesWriter)).
@@ -257,6 +271,7 @@ impl Series {
             thinning: Thinning::None,
             record: None,
             place: None,
+            links: Vec::new(),
             shape: Shape::Map(grid),
         }
     }
@@ -289,6 +304,13 @@ impl Series {
         self
     }
 
+    /// On a page, leads from its points to other parts of the page.
+    #[must_use]
+    pub fn leading_to(mut self, links: Vec<SeriesLink>) -> Self {
+        self.links = links;
+        self
+    }
+
     fn reduced<T>(
         (label, role, record): (String, SeriesRole, Option<Arc<Record>>),
         data: DecimatedSignal<T>,
@@ -303,6 +325,7 @@ impl Series {
             thinning: data.thinning,
             record,
             place: None,
+            links: Vec::new(),
             shape: shape(data.runs),
         }
     }
@@ -344,6 +367,11 @@ impl Series {
     /// Where all of its samples are, beside a page.
     pub(crate) fn place(&self) -> Option<&SamplesPlace> {
         self.place.as_ref()
+    }
+
+    /// Where it leads to.
+    pub(crate) fn links(&self) -> &[SeriesLink] {
+        &self.links
     }
 
     /// What a page has of it to look into.

@@ -40,7 +40,9 @@ mod text;
 pub use decimate::{DecimatedSignal, Thinning, decimate, decimate_band, pairs, triples};
 #[cfg(feature = "draw")]
 pub use drawing::{ReportError, SamplesWriter, escaped};
-pub use figure::{Axis, AxisScale, Figure, MapGrid, Panel, SamplesPlace, Series, SeriesRole, Shape};
+pub use figure::{
+    Axis, AxisScale, Figure, MapGrid, Panel, SamplesPlace, Series, SeriesLink, SeriesRole, Shape,
+};
 pub use page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection, SamplesLink};
 pub use record::{BandCentre, SampledQuantity, Track};
 pub use significant::{number, significant, with_short_numbers};

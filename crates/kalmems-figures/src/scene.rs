@@ -73,4 +73,14 @@ pub(crate) struct Scene {
     pub(crate) width: f64,
     pub(crate) height: f64,
     pub(crate) groups: Vec<MarkGroup>,
+    /// What leads elsewhere, above all marks.
+    pub(crate) links: Vec<SceneLink>,
+}
+
+/// A place of a drawing that leads to another part of the page that it is on.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SceneLink {
+    pub(crate) area: Rect,
+    pub(crate) text: String,
+    pub(crate) anchor: String,
 }

@@ -54,6 +54,7 @@ fn colour_of(role: SeriesRole) -> Option<Colour> {
         SeriesRole::Reference => Some(ORANGE),
         SeriesRole::Input => Some(GREEN),
         SeriesRole::Bound => Some(PURPLE),
+        SeriesRole::Failure => Some(BLACK),
         SeriesRole::Other => None,
     }
 }
@@ -111,6 +112,14 @@ fn nth(
     0
 }
 
+/// Whether the points of a role are crosses.
+pub(crate) fn is_crossed(role: SeriesRole) -> bool {
+    role == SeriesRole::Failure
+}
+
+/// A cell of a map that has no value.
+pub(crate) const NO_VALUE: Colour = Colour(0xd6, 0xd6, 0xd6);
+
 /// Blue to white to vermilion, which the colour-blind can tell apart, over −1 to 1.
 pub(crate) fn diverging(position: f64) -> Colour {
     let end = if position < 0.0 { BLUE } else { VERMILION };
@@ -144,6 +153,7 @@ const FEW: usize = 60;
 /// What is drawn first lies below: maps, then bands, then clouds of points, then wide lines, then thin ones, then points.
 pub(crate) fn layer(series: &Series) -> u8 {
     match (series.shape(), series.role()) {
+        (Shape::Points(_), SeriesRole::Failure) => 8,
         (Shape::Points(points), _) if points.len() <= FEW => 7,
         (Shape::Map(_), _) => 0,
         (Shape::Band(_), SeriesRole::Bound) => 1,

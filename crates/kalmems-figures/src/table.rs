@@ -43,6 +43,8 @@ pub struct TextTable {
     pub rows: Vec<Vec<String>>,
     /// The column of verdicts, and how serious that of each row is.
     verdicts: Option<(usize, Vec<NoticeSeverity>)>,
+    /// What each row is called where a page leads to it.
+    anchors: Vec<String>,
 }
 
 impl TextTable {
@@ -53,7 +55,20 @@ impl TextTable {
             columns: columns.into_iter().collect(),
             rows: Vec::new(),
             verdicts: None,
+            anchors: Vec::new(),
         }
+    }
+
+    /// On a page, names each row so that figures can lead to it (see [`SeriesLink`](crate::SeriesLink)).
+    #[must_use]
+    pub fn with_anchors(mut self, anchors: Vec<String>) -> Self {
+        self.anchors = anchors;
+        self
+    }
+
+    /// The name of a row.
+    pub(crate) fn anchor(&self, row: usize) -> Option<&str> {
+        self.anchors.get(row).map(String::as_str)
     }
 
     /// On a page, the column of this name stands second, where no width hides it, and its cells show how serious each is. Without

@@ -1,9 +1,9 @@
 //! How far an estimate can be trusted, in one word.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// How far an estimate can be trusted; a worse grade is greater.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grade {
     /// No test contradicts the estimate or its claimed standard deviation.

@@ -7,16 +7,18 @@ use crate::drawing::layout::{
     AXIS_LINE, AXIS_SIZE, EDGE, FigureLayout, LEGEND_SIZE, LegendEntry, PanelPlace, SWATCH, TICK_SIZE,
     TITLE_LINE, TITLE_SIZE, WIDTH,
 };
-use crate::drawing::map::{cells, contour};
+use crate::drawing::map::{CellEdges, cells, contour};
 use crate::drawing::notes::notes;
 use crate::drawing::ruler::Ruler;
-use crate::figure::{AxisScale, Figure, Series, Shape};
-use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneMark, Stroke};
+use crate::figure::{AxisScale, Figure, MapGrid, Series, SeriesRole, Shape};
+use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneLink, SceneMark, Stroke};
 use crate::style::{self, BAND_OPACITY, FAINT_INK, FRAME, GRID, INK};
 
 const NOTE_SIZE: f64 = 10.0;
 const NOTE_LINE: f64 = 14.0;
 const TICK: f64 = 4.0;
+/// How near to a point of a series it is that a click leads from.
+const REACH: f64 = 9.0;
 /// Points farther out count as this far, so that lines to them can still be cut at the frame.
 const FARTHEST: f64 = 1e9;
 
@@ -32,7 +34,35 @@ pub(crate) fn scene(figure: &Figure) -> Scene {
     let (group, height) = note_lines(figure, &layout, &ruler);
     groups.push(group);
     groups.retain(|group| !group.marks.is_empty());
-    Scene { id: figure.id.clone(), title: figure.title.clone(), width: WIDTH, height, groups }
+    let links = layout.places.iter().flat_map(links).collect();
+    Scene { id: figure.id.clone(), title: figure.title.clone(), width: WIDTH, height, groups, links }
+}
+
+/// Where a panel leads to: from its cells, or from around its points, the last drawn above.
+fn links(place: &PanelPlace<'_>) -> Vec<SceneLink> {
+    let Some((x, y)) = place.x.zip(place.y) else { return Vec::new() };
+    let map = PointMap { x, y, frame: place.frame };
+    let mut links = Vec::new();
+    for series in &place.panel.series {
+        let grid = match series.shape() {
+            Shape::Map(grid) => Some((grid, map.edges(grid))),
+            _ => None,
+        };
+        for link in series.links() {
+            let area = match &grid {
+                Some((grid, edges)) => edges.cell(grid, link.at),
+                None => Some(around([map.x(link.at[0]), map.y(link.at[1])])),
+            };
+            let seen = area.filter(|area| clip::holds(&clip::guard(&place.frame), &[area.left, area.top]));
+            let link = |area| SceneLink { area, text: link.text.clone(), anchor: link.anchor.clone() };
+            links.extend(seen.map(link));
+        }
+    }
+    links
+}
+
+fn around([x, y]: [f64; 2]) -> Rect {
+    Rect { left: x - REACH, top: y - REACH, width: 2.0 * REACH, height: 2.0 * REACH }
 }
 
 fn title(layout: &FigureLayout<'_>) -> MarkGroup {
@@ -108,6 +138,10 @@ impl PointMap {
         along_y(self.y, &self.frame, value)
     }
 
+    fn edges(&self, grid: &MapGrid) -> CellEdges {
+        CellEdges::of(grid, [self.x.scale, self.y.scale], |x| self.x(x), |y| self.y(y))
+    }
+
     /// Cuts lines far outside of the frame.
     fn cut(&self, runs: Vec<Vec<[f64; 2]>>) -> Vec<Vec<[f64; 2]>> {
         clip::lines(runs, &clip::guard(&self.frame))
@@ -150,7 +184,7 @@ fn draw_series(series: &Series, colour: Colour, map: &PointMap) -> MarkGroup {
             let at: Vec<[f64; 2]> = at.filter(|point| clip::holds(&guard, point)).collect();
             let radius = style::radius(points.len());
             if !at.is_empty() {
-                group.marks.push(SceneMark::Dots { at, colour, radius });
+                group.marks.push(dots(at, series.role(), colour, radius));
             }
         }
         Shape::Band(runs) => {
@@ -171,7 +205,7 @@ fn draw_series(series: &Series, colour: Colour, map: &PointMap) -> MarkGroup {
         }
         Shape::Map(grid) => {
             kind = "map";
-            group.marks = cells(grid, |x| map.x(x), |y| map.y(y));
+            group.marks = cells(grid, &map.edges(grid));
             let pieces = contour(grid).into_iter();
             let pieces = pieces.map(|run| run.iter().map(|p| [map.x(p[0]), map.y(p[1])]).collect());
             line(&mut group, map.cut(pieces.collect()), style::CONTOUR);
@@ -185,6 +219,17 @@ fn draw_series(series: &Series, colour: Colour, map: &PointMap) -> MarkGroup {
     ];
     map.hide_outside(&mut group);
     group
+}
+
+/// Points as their role has them.
+fn dots(at: Vec<[f64; 2]>, role: SeriesRole, colour: Colour, radius: f64) -> SceneMark {
+    if !style::is_crossed(role) {
+        return SceneMark::Dots { at, colour, radius };
+    }
+    let arm = 1.8 * radius;
+    let cross =
+        |[x, y]: [f64; 2]| [-1.0, 1.0].map(|side| vec![[x - arm, y - side * arm], [x + arm, y + side * arm]]);
+    SceneMark::Lines { runs: at.into_iter().flat_map(cross).collect(), stroke: style::stroke(role, colour) }
 }
 
 /// A run of one sample has no length and becomes a dot.
@@ -377,11 +422,10 @@ fn sample(series: &Series, colour: Colour, entry: &LegendEntry) -> SceneMark {
             runs: vec![vec![[x, y], [x + SWATCH, y]]],
             stroke: style::stroke(series.role(), colour),
         },
-        Shape::Points(points) => SceneMark::Dots {
-            at: vec![[x + SWATCH / 2.0, y]],
-            colour,
-            radius: style::radius(points.len()).max(1.7),
-        },
+        Shape::Points(points) => {
+            let radius = style::radius(points.len()).max(1.7);
+            dots(vec![[x + SWATCH / 2.0, y]], series.role(), colour, radius)
+        }
         Shape::Map(_) => {
             SceneMark::Lines { runs: vec![vec![[x, y], [x + SWATCH, y]]], stroke: style::CONTOUR }
         }

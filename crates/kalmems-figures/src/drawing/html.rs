@@ -4,7 +4,7 @@ use crate::drawing::error::ReportError;
 use crate::drawing::layout::extent;
 use crate::drawing::live::LiveFigures;
 use crate::drawing::notes::quantity;
-use crate::figure::{Figure, Series};
+use crate::figure::{Figure, Panel, Series};
 use crate::page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection};
 use crate::table::{ColumnHead, TextTable};
 use base64::Engine;
@@ -175,7 +175,7 @@ impl PageNumbering {
                     number => self.figures,
                     title => figure.title.as_str(),
                     caption => with_code(&figure.caption),
-                    svg => Value::from_safe_string(figure.to_svg()),
+                    svg => Value::from_safe_string(figure.to_page_svg()),
                     numbers => is_live.then(|| table_value(&numbers_of(figure))),
                 }
             }
@@ -226,26 +226,22 @@ fn numbers_of(figure: &Figure) -> TextTable {
     let mut table = TextTable::new("What the series of this figure come to", columns);
     for panel in &figure.panels {
         for series in panel.series.iter().filter(|series| series.record().is_some()) {
-            table.push(numbers_of_series(
-                panel.x.unit.as_str(),
-                panel.y.label.as_str(),
-                panel.y.unit.as_str(),
-                series,
-            ));
+            table.push(numbers_of_series(panel, series));
         }
     }
     table
 }
 
-fn numbers_of_series(x_unit: &str, panel: &str, y_unit: &str, series: &Series) -> [String; 7] {
-    let ends = extent(series).fold(None, |ends: Option<[f64; 4]>, [x, low, high]| {
+fn numbers_of_series(panel: &Panel, series: &Series) -> [String; 7] {
+    let (x_unit, y_unit) = (panel.x.unit.as_str(), panel.y.unit.as_str());
+    let ends = extent(series, panel).fold(None, |ends: Option<[f64; 4]>, [x, low, high]| {
         let [from, to, lowest, highest] = ends.unwrap_or([x, x, low, high]);
         Some([from.min(x), to.max(x), lowest.min(low), highest.max(high)])
     });
     let text =
         |place: usize, unit: &str| ends.map_or_else(|| "–".to_owned(), |ends| quantity(ends[place], unit));
     [
-        panel.to_owned(),
+        panel.y.label.clone(),
         series.label().to_owned(),
         series.source_samples().to_string(),
         text(0, x_unit),
@@ -261,18 +257,21 @@ fn table_value(table: &TextTable) -> Value {
     let heads: Vec<Value> = (order.iter())
         .map(|column| context! { text => with_code(&table.head(*column)), class => class(*column) })
         .collect();
-    let rows: Vec<Vec<Value>> = (table.rows.iter().enumerate())
+    let rows: Vec<Value> = (table.rows.iter().enumerate())
         .map(|(index, row)| {
-            (order.iter())
+            let cells: Vec<Value> = (order.iter())
                 .map(|column| {
                     let cell = row.get(*column).map_or("", String::as_str);
                     let text = with_code(cell);
                     let grade = table.grade(index, *column).map(NoticeSeverity::class);
                     context! { text, class => class(*column), head => table.head(*column), grade }
                 })
-                .collect()
+                .collect();
+            context! { cells, anchor => table.anchor(index) }
         })
         .collect();
     let is_cards = table.width() >= CARDS;
-    context! { kind => "table", caption => with_code(&table.caption), has_caption => !table.caption.is_empty(), heads, rows, is_cards }
+    // Rows that are led to can be many.
+    let is_bounded = table.anchor(0).is_some();
+    context! { kind => "table", caption => with_code(&table.caption), has_caption => !table.caption.is_empty(), heads, rows, is_cards, is_bounded }
 }

@@ -1,7 +1,7 @@
 //! Where the panels of a figure lie, what their axes show, and where the legends stand.
 
 use crate::drawing::axis::{Range, Ticks};
-use crate::drawing::map::ColourBar;
+use crate::drawing::map::{ColourBar, edges};
 use crate::drawing::ruler::Ruler;
 use crate::figure::{Axis, AxisScale, Figure, Panel, Series, Shape};
 use crate::scene::Rect;
@@ -159,10 +159,12 @@ fn x_range(group: &[Panel], axis: &Axis) -> Option<Range> {
     if let Some(range) = Range::fixed(axis) {
         return Some(range);
     }
-    let series = || group.iter().flat_map(|panel| &panel.series);
-    // A point on the frame would be drawn half outside.
-    let margin = if series().any(|s| matches!(s.shape(), Shape::Points(_))) { 0.015 } else { 0.0 };
-    Range::around(axis.scale, series().flat_map(extent).map(|[x, _, _]| x), margin)
+    let has = |is: fn(&Shape) -> bool| group.iter().flat_map(|panel| &panel.series).any(|s| is(s.shape()));
+    // A point on the frame would be drawn half outside; a map fills its panel.
+    let has_points = has(|shape| matches!(shape, Shape::Points(_)));
+    let margin = if has_points && !has(|shape| matches!(shape, Shape::Map(_))) { 0.015 } else { 0.0 };
+    let ends = group.iter().flat_map(|panel| panel.series.iter().flat_map(|one| extent(one, panel)));
+    Range::around(axis.scale, ends.map(|[x, _, _]| x), margin)
 }
 
 fn y_range(panel: &Panel, x: Option<Range>) -> Option<Range> {
@@ -174,7 +176,12 @@ fn y_range(panel: &Panel, x: Option<Range>) -> Option<Range> {
         Shape::Level(y) => Some(*y),
         _ => None,
     });
-    let values = panel.series.iter().flat_map(extent).filter(|p| shown(p[0])).flat_map(|p| [p[1], p[2]]);
+    let values = panel
+        .series
+        .iter()
+        .flat_map(|one| extent(one, panel))
+        .filter(|p| shown(p[0]))
+        .flat_map(|p| [p[1], p[2]]);
     // A map fills its panel.
     let margin = if panel.series.iter().any(|s| matches!(s.shape(), Shape::Map(_))) { 0.0 } else { 0.06 };
     Range::around(panel.y.scale, values.chain(levels), margin)
@@ -199,17 +206,19 @@ fn isotropic(panel: &Panel, axes: &Axes, width: f64) -> Option<[f64; 2]> {
     Some([width, width / ratio])
 }
 
-/// All points as x, lowest and highest value; a level has no x and so none.
-pub(crate) fn extent(series: &Series) -> Box<dyn Iterator<Item = [f64; 3]> + '_> {
+/// All points as x, lowest and highest value; a level has no x and so none. Of a map, the ends of its cells.
+pub(crate) fn extent<'a>(series: &'a Series, panel: &Panel) -> Box<dyn Iterator<Item = [f64; 3]> + 'a> {
     match series.shape() {
         Shape::Line(runs) => Box::new(runs.iter().flatten().map(|p| [p[0], p[1], p[1]])),
         Shape::Points(points) => Box::new(points.iter().map(|p| [p[0], p[1], p[1]])),
         Shape::Band(runs) => Box::new(runs.iter().flatten().copied()),
         Shape::Level(_) => Box::new(std::iter::empty()),
         Shape::Map(grid) => {
-            let (low, high) = (grid.y.first().copied(), grid.y.last().copied());
-            let ends = grid.x.first().into_iter().chain(grid.x.last());
-            Box::new(ends.filter_map(move |x| Some([*x, low?, high?])))
+            let [columns, rows] =
+                [(&grid.x, panel.x.scale), (&grid.y, panel.y.scale)].map(|(at, scale)| edges(at, scale));
+            let (low, high) = (rows.first().copied(), rows.last().copied());
+            let ends = [columns.first().copied(), columns.last().copied()];
+            Box::new(ends.into_iter().flatten().filter_map(move |x| Some([x, low?, high?])))
         }
     }
 }

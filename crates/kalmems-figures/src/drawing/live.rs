@@ -198,6 +198,7 @@ fn drawn_as(series: &Series, colour: &str) -> LiveSeries {
     let stroke = style::stroke(series.role(), crate::scene::Colour(0, 0, 0));
     let (kind, level) = match series.shape() {
         Shape::Line(_) => ("line", None),
+        Shape::Points(_) if style::is_crossed(series.role()) => ("crosses", None),
         Shape::Points(_) => ("points", None),
         // Extremes of one value stand for a line.
         Shape::Band(_) if series.record().is_some_and(|record| record.is_single) => ("line", None),
@@ -205,7 +206,9 @@ fn drawn_as(series: &Series, colour: &str) -> LiveSeries {
         Shape::Level(level) => ("level", Some(*level)),
         Shape::Map(_) => ("map", None),
     };
+    let links = series.links().iter().map(|link| json!([link.at[0], link.at[1], link.anchor, link.text]));
     let known = json!({
+        "links": links.collect::<Vec<Value>>(),
         "label": series.label(),
         "kind": kind,
         "level": level,

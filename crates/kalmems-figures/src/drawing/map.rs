@@ -100,38 +100,80 @@ fn steps(range: Range, level: f64) -> impl Iterator<Item = (f64, Colour)> {
 
 /// The cells of a map: for each colour all that is at least so high, so that the next colour lies on it and no seam is
 /// left between cells.
-pub(crate) fn cells(grid: &MapGrid, x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<SceneMark> {
+/// What has no value lies below all of them.
+pub(crate) fn cells(grid: &MapGrid, edges: &CellEdges) -> Vec<SceneMark> {
     let Some(range) = range(grid) else { return Vec::new() };
-    // Between neighbours as they are drawn, so that cells are alike on a logarithmic axis as well.
-    let (columns, rows) = (edges(grid.x.iter().map(|at| x(*at))), edges(grid.y.iter().map(|at| y(*at))));
-    let mut marks = Vec::new();
-    for (k, (from, colour)) in steps(range, grid.level).enumerate() {
-        let is_in = |value: f64| is_drawable(value) && (k == 0 || value >= from);
-        let mut outlines = Vec::new();
-        for (row, edge) in grid.values.iter().zip(rows.windows(2)) {
-            let (bottom, top) = (edge[0], edge[1]);
-            let mut at = 0;
-            for run in row.chunk_by(|a, b| is_in(*a) == is_in(*b)) {
-                let ends = columns.get(at).zip(columns.get(at + run.len()));
-                at += run.len();
-                let drawn = ends.filter(|_| run.first().is_some_and(|value| is_in(*value)));
-                if let Some((&left, &right)) = drawn {
-                    outlines.push(vec![[left, bottom], [right, bottom], [right, top], [left, top]]);
-                }
-            }
-        }
-        if !outlines.is_empty() {
-            marks.push(SceneMark::Areas { outlines, colour, opacity: 1.0 });
-        }
-    }
-    marks
+    let missing = areas(grid, edges, style::NO_VALUE, |value| !is_drawable(value));
+    let coloured = steps(range, grid.level).enumerate().filter_map(|(k, (from, colour))| {
+        areas(grid, edges, colour, |value| is_drawable(value) && (k == 0 || value >= from))
+    });
+    missing.into_iter().chain(coloured).collect()
 }
 
-/// Between neighbours, and the first and the last themselves.
-fn edges(at: impl Iterator<Item = f64>) -> Vec<f64> {
-    let at: Vec<f64> = at.collect();
-    let between = at.windows(2).map(|pair| pair[0].midpoint(pair[1]));
-    at.first().copied().into_iter().chain(between).chain(at.last().copied()).collect()
+/// All cells whose values are such, in one colour.
+fn areas(
+    grid: &MapGrid,
+    edges: &CellEdges,
+    colour: Colour,
+    is_in: impl Fn(f64) -> bool,
+) -> Option<SceneMark> {
+    let mut outlines = Vec::new();
+    for (row, edge) in grid.values.iter().zip(edges.rows.windows(2)) {
+        let (bottom, top) = (edge[0], edge[1]);
+        let mut at = 0;
+        for run in row.chunk_by(|a, b| is_in(*a) == is_in(*b)) {
+            let ends = edges.columns.get(at).zip(edges.columns.get(at + run.len()));
+            at += run.len();
+            let drawn = ends.filter(|_| run.first().is_some_and(|value| is_in(*value)));
+            if let Some((&left, &right)) = drawn {
+                outlines.push(vec![[left, bottom], [right, bottom], [right, top], [left, top]]);
+            }
+        }
+    }
+    (!outlines.is_empty()).then_some(SceneMark::Areas { outlines, colour, opacity: 1.0 })
+}
+
+/// Where the cells of a map end, as they are drawn.
+pub(crate) struct CellEdges {
+    columns: Vec<f64>,
+    rows: Vec<f64>,
+}
+
+impl CellEdges {
+    pub(crate) fn of(
+        grid: &MapGrid,
+        [x_scale, y_scale]: [AxisScale; 2],
+        x: impl Fn(f64) -> f64,
+        y: impl Fn(f64) -> f64,
+    ) -> Self {
+        let columns = edges(&grid.x, x_scale).into_iter().map(x).collect();
+        Self { columns, rows: edges(&grid.y, y_scale).into_iter().map(y).collect() }
+    }
+
+    /// The cell that has this for its middle.
+    pub(crate) fn cell(&self, grid: &MapGrid, at: [f64; 2]) -> Option<Rect> {
+        let pair = |edges: &[f64], middles: &[f64], middle: f64| {
+            let place = middles.iter().position(|known| *known == middle)?;
+            Some([*edges.get(place)?, *edges.get(place + 1)?])
+        };
+        let [left, right] = pair(&self.columns, &grid.x, at[0])?;
+        let [bottom, top] = pair(&self.rows, &grid.y, at[1])?;
+        Some(Rect { left, top, width: right - left, height: bottom - top })
+    }
+}
+
+/// Between neighbours, and as far beyond the first and the last as there is between them and their neighbours: every cell is whole. On a
+/// logarithmic axis by ratios, so that cells that are equally large look so.
+pub(crate) fn edges(at: &[f64], scale: AxisScale) -> Vec<f64> {
+    let (to, from): (fn(f64) -> f64, fn(f64) -> f64) = match scale {
+        AxisScale::Linear => (|value| value, |value| value),
+        AxisScale::Log => (libm::log10, |value| libm::pow(10.0, value)),
+    };
+    let at: Vec<f64> = at.iter().map(|value| to(*value)).collect();
+    let between: Vec<f64> = at.windows(2).map(|pair| pair[0].midpoint(pair[1])).collect();
+    let first = at.first().zip(between.first()).map(|(at, edge)| at - (edge - at));
+    let last = at.last().zip(between.last()).map(|(at, edge)| at + (at - edge));
+    first.into_iter().chain(between).chain(last).map(from).collect()
 }
 
 /// Where the values pass the level: a piece in each cell between four neighbours, straight between them.
@@ -183,21 +225,34 @@ mod tests {
     #[test]
     fn cells_have_the_colour_of_their_value() {
         let grid = grid(|x, _| if x > 1.5 { f64::NAN } else { x });
-        let marks = cells(&grid, |x| x, |y| y);
+        let edges = CellEdges::of(&grid, [AxisScale::Linear; 2], |x| x, |y| y);
+        let marks = cells(&grid, &edges);
         let area = |mark: &SceneMark| match mark {
             SceneMark::Areas { outlines, .. } => {
                 outlines.iter().map(|o| (o[1][0] - o[0][0]) * (o[2][1] - o[1][1])).sum::<f64>()
             }
             _ => f64::NAN,
         };
-        // All that is drawn reaches from −2 to 1.55; what is at least 0 from −0.05 or 0.05.
-        assert!((area(&marks[0]) - 3.55 * 4.0).abs() < 1e-9, "{}", area(&marks[0]));
-        let step = marks.iter().zip(steps(range(&grid).unwrap(), 0.0));
+        // Cells are whole at the ends: what has no value reaches from 1.55 to 2.05, all others begin at −2.05; what is at least 0 begins at
+        // −0.05 or 0.05.
+        assert!((area(&marks[0]) - 0.5 * 4.1).abs() < 1e-9, "{}", area(&marks[0]));
+        assert!((area(&marks[1]) - 3.6 * 4.1).abs() < 1e-9, "{}", area(&marks[1]));
+        let step = marks[1..].iter().zip(steps(range(&grid).unwrap(), 0.0));
         for (mark, (from, colour)) in step.skip(1) {
             let SceneMark::Areas { colour: drawn, .. } = mark else { panic!() };
-            assert!(*drawn == colour && (area(mark) / 4.0 - (1.55 - from)).abs() < 0.101, "{from}");
+            assert!(*drawn == colour && (area(mark) / 4.1 - (1.55 - from)).abs() < 0.101, "{from}");
             let is_blue = colour.2 > colour.0;
             assert!((from + 0.05).abs() < 0.09 || is_blue == (from < 0.0), "{from} {colour:?}");
         }
+    }
+
+    #[test]
+    fn cells_are_whole_on_either_scale() {
+        assert_eq!(edges(&[1.0, 2.0, 4.0], AxisScale::Linear), [0.5, 1.5, 3.0, 5.0]);
+        let found = edges(&[1.0, 100.0, 1e4], AxisScale::Log);
+        for (found, expected) in found.iter().zip([0.1, 10.0, 1e3, 1e5]) {
+            assert!((found / expected - 1.0).abs() < 1e-12, "{found}");
+        }
+        assert!(edges(&[], AxisScale::Linear).is_empty());
     }
 }

@@ -33,7 +33,10 @@ fn of_series(series: &Series, panel: &Panel) -> Vec<String> {
     let samples = series.source_samples();
     let mut notes = Vec::new();
     if series.gaps() > 0 {
-        notes.push(format!("{label}: {} of {samples} samples are missing.", series.gaps()));
+        notes.push(match series.shape() {
+            Shape::Map(_) => format!("{} of {samples} cells have no value and are grey.", series.gaps()),
+            _ => format!("{label}: {} of {samples} samples are missing.", series.gaps()),
+        });
     }
     if panel.y.scale == AxisScale::Log && series.not_positive() > 0 {
         notes.push(format!(
@@ -62,7 +65,7 @@ fn off_axis(place: &PanelPlace<'_>) -> Vec<String> {
     let mut notes = Vec::new();
     for series in &place.panel.series {
         let label = name(series.label(), "A series");
-        if let Some((low, high)) = span(extent(series).map(|p| p[0]))
+        if let Some((low, high)) = span(extent(series, place.panel).map(|p| p[0]))
             && leaves(x, low, high)
         {
             notes.push(format!(
@@ -71,7 +74,7 @@ fn off_axis(place: &PanelPlace<'_>) -> Vec<String> {
                 from_to(&place.panel.x.unit, low, high)
             ));
         }
-        let shown = extent(series).filter(|p| (0.0..=1.0).contains(&x.position(p[0])));
+        let shown = extent(series, place.panel).filter(|p| (0.0..=1.0).contains(&x.position(p[0])));
         let level = match series.shape() {
             Shape::Level(level) => Some(*level),
             _ => None,

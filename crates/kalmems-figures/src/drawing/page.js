@@ -349,6 +349,7 @@
     if (isSingle && (!samples.rises || end - start <= 2 * room)) {
       if (series.kind === "band") return fillBetween(context, samples, start, end, toX, toY);
       if (series.kind === "line") strokeLine(context, samples, start, end, toX, toY);
+      if (series.kind === "crosses") return strokeCrosses(context, samples, start, end, toX, toY, ratio);
       const few = end - start <= room / 7;
       if (series.kind === "points" || few) {
         const radius = ratio * (series.kind === "points" ? (end - start < 400 ? 2.4 : 1.5) : 1.8);
@@ -367,6 +368,20 @@
     context.lineWidth = ratio;
     context.setLineDash([]);
     fillExtremes(context, series, samples, start, end, toX, toY, ratio);
+  }
+
+  function strokeCrosses(context, samples, start, end, toX, toY, ratio) {
+    const arm = 4.5 * ratio;
+    context.beginPath();
+    for (let i = start; i < end; i++) {
+      if (samples.low[i] !== samples.low[i]) continue;
+      const [x, y] = [toX(samples.x[i]), toY(samples.low[i])];
+      for (const side of [-1, 1]) {
+        context.moveTo(x - arm, y - side * arm);
+        context.lineTo(x + arm, y + side * arm);
+      }
+    }
+    context.stroke();
   }
 
   function strokeLine(context, samples, start, end, toX, toY) {
@@ -541,6 +556,12 @@
     return links.get(key);
   }
 
+  /** Goes to the part of the page that a point leads to, as a link does. */
+  function follow([, , anchor]) {
+    element("a", { href: `#${anchor}` }).click();
+    document.getElementById(anchor)?.closest(".scroll")?.focus({ preventScroll: true });
+  }
+
   /** The panel in which a drag began. */
   let dragged = null;
 
@@ -705,7 +726,7 @@
         tabindex: "0",
         role: "group",
         "aria-roledescription": "plot",
-        "aria-label": `${this.y.title} over ${this.x.title}. Left and right arrow move a cursor, with shift the view; plus and minus zoom, 0 shows the beginning's view, A all.`,
+        "aria-label": `${this.y.title} over ${this.x.title}. Left and right arrow move a cursor, with shift the view; plus and minus zoom, 0 shows the beginning's view, A all.${this.series.some((s) => s.links.length) ? " Enter leads to the run at the cursor." : ""}`,
       });
       into.append(legend, this.holder);
       this.plot = new uPlot(this.options(), [[this.x.from, this.x.to], [null, null]], this.holder);
@@ -796,7 +817,42 @@
         this.holder.focus({ preventScroll: true });
       });
       this.touches(over);
+      if (this.series.some((s) => s.links.length)) this.leadOn(over);
       this.holder.addEventListener("keydown", (event) => this.pressed(event, say));
+    }
+
+    /** A click near a point that leads to another part of the page goes there; one that ends a drag does not. */
+    leadOn(over) {
+      const reach = matchMedia("(pointer: coarse)").matches ? 24 : 12;
+      let pressed = null;
+      const near = (event) => {
+        const { left, top } = over.getBoundingClientRect();
+        return this.linkAt(event.clientX - left, event.clientY - top, reach);
+      };
+      over.addEventListener("pointerdown", (event) => (pressed = [event.clientX, event.clientY]));
+      over.addEventListener("pointermove", (event) => {
+        const link = near(event);
+        over.style.cursor = link ? "pointer" : "";
+        over.title = link ? link[3] : "";
+      });
+      over.addEventListener("click", (event) => {
+        const [x, y] = pressed ?? [event.clientX, event.clientY];
+        const link = Math.hypot(event.clientX - x, event.clientY - y) < 4 && near(event);
+        if (link) follow(link);
+      });
+    }
+
+    /** What leads on from within so many pixels of a place of the plot, or of its column where no height is given. */
+    linkAt(left, top, reach) {
+      let [best, distance] = [null, reach];
+      for (const series of this.series) {
+        if (series.hidden) continue;
+        for (const link of series.links) {
+          const away = Math.hypot(this.plot.valToPos(link[0], "x") - left, top === null ? 0 : this.plot.valToPos(link[1], "y") - top);
+          if (away <= distance) [best, distance] = [link, away];
+        }
+      }
+      return best;
     }
 
     /** One finger moves along the axis, two zoom, a second tap shows the beginning's view. */
@@ -840,6 +896,10 @@
       else if (event.key === "-") this.link.zoom(this, 2, this.cursor(min, max));
       else if (event.key === "0" || event.key === "Escape") this.link.reset();
       else if (event.key === "a" || event.key === "A") this.link.show(...this.link.whole());
+      else if (event.key === "Enter" && this.cursor(min, max) !== undefined) {
+        const link = this.linkAt(this.plot.valToPos(this.at, "x"), null, 24);
+        if (link) follow(link);
+      }
       else return;
       event.preventDefault();
     }

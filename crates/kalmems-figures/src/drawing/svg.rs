@@ -1,6 +1,6 @@
 //! A drawing as SVG.
 
-use crate::scene::{Anchor, Colour, MarkGroup, Scene, SceneMark};
+use crate::scene::{Anchor, Colour, MarkGroup, Scene, SceneLink, SceneMark};
 use crate::text::escape;
 use std::fmt::Write as _;
 
@@ -9,10 +9,21 @@ const FONT_FAMILY: &str = "DejaVu Sans, Verdana, sans-serif";
 
 /// The drawing as one `svg` element. Coordinates have two decimals.
 pub(crate) fn write(scene: &Scene) -> String {
+    document(scene, &[])
+}
+
+/// The same with what leads to other parts of the page that it stands on.
+pub(crate) fn write_with_links(scene: &Scene) -> String {
+    document(scene, &scene.links)
+}
+
+fn document(scene: &Scene, links: &[SceneLink]) -> String {
+    // Of an image no part can be reached.
+    let role = if links.is_empty() { "img" } else { "group" };
     let (width, height) = (number(scene.width), number(scene.height));
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{}\" data-figure=\"{}\" \
+         viewBox=\"0 0 {width} {height}\" role=\"{role}\" aria-label=\"{}\" data-figure=\"{}\" \
          font-family=\"{FONT_FAMILY}\" style=\"font-kerning:none\">\n\
          <rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>\n",
         escape(&scene.title),
@@ -21,8 +32,25 @@ pub(crate) fn write(scene: &Scene) -> String {
     for group in &scene.groups {
         write_group(&mut out, group);
     }
+    for link in links {
+        write_link(&mut out, link);
+    }
     out.push_str("</svg>\n");
     out
+}
+
+/// A place that can be clicked. The table that it leads to is what the keyboard reaches.
+fn write_link(out: &mut String, SceneLink { area, text, anchor }: &SceneLink) {
+    let [x, y, width, height] = [area.left, area.top, area.width, area.height].map(number);
+    let text = escape(text);
+    push(
+        out,
+        format_args!(
+            "<a href=\"#{}\" tabindex=\"-1\" aria-label=\"{text}\"><title>{text}</title>\
+             <rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"#000\" fill-opacity=\"0\"/></a>\n",
+            escape(anchor),
+        ),
+    );
 }
 
 fn write_group(out: &mut String, group: &MarkGroup) {

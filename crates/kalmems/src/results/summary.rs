@@ -655,7 +655,7 @@ pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
 }
 
 /// How serious a grade is.
-fn severity_of(grade: Grade) -> NoticeSeverity {
+pub(crate) fn severity_of(grade: Grade) -> NoticeSeverity {
     match grade {
         Grade::Passes => NoticeSeverity::Ok,
         Grade::PassesWithRemarks => NoticeSeverity::Note,

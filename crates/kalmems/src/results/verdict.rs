@@ -3,10 +3,10 @@
 use super::metrics::EstimatorMetrics;
 use crate::estimate::{Lock, LockEvent, NisConsistency, TrajectoryKind, is_the_only_one};
 use crate::evaluate::{Claim, DeviceUncertainty, Grade, InnovationTest, MotionErrors, TestResult};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What a filter's mean NIS, its lock and the sign of its answer say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// The mean NIS lies in its 95 % interval.

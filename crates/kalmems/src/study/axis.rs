@@ -124,6 +124,11 @@ impl StudyAxis {
         Ok(Self { key, column: format!("{name}{ending}"), name, unit, applies_to, values })
     }
 
+    /// Whether its values are numbers, and not words.
+    pub(super) fn is_of_numbers(&self) -> bool {
+        self.listed().iter().all(|setting| setting.number.is_some())
+    }
+
     /// The settings that are listed; one, which stands for all, where they are drawn.
     pub(super) fn listed(&self) -> &[AxisValue] {
         match &self.values {
@@ -324,7 +329,7 @@ fn setting(toml: toml::Value) -> AxisValue {
 }
 
 /// With an exponent where that is shorter and there would be zeros to count.
-fn plain_number(number: f64) -> String {
+pub(super) fn plain_number(number: f64) -> String {
     let (plain, with_exponent) = (format!("{number}"), format!("{number:e}"));
     let counts = number != 0.0 && !(1e-3..1e4).contains(&number.abs());
     if counts && with_exponent.len() < plain.len() { with_exponent } else { plain }

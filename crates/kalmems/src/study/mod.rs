@@ -50,6 +50,7 @@ mod pictures;
 mod plan;
 mod results;
 mod run;
+mod runs;
 mod seed;
 mod shard;
 mod spread;

@@ -1,23 +1,25 @@
 //! The pictures of a study: a figure of the results against what varies.
 
 use super::StudyPlan;
-use super::axis::{AxisValue, AxisValues};
+use super::axis::AxisValues;
 use super::description::{Spacing, StudyPicture};
 use super::map::{self, StudyMap};
-use super::spread::{RowGroup, groups, spreads};
+use super::runs::{StudyRuns, written};
+use super::spread::{RowGroup, spreads};
 use crate::table::{TidyTable, number};
-use crate::units::{ColumnHeader, Value};
-use kalmems_figures::{self, Figure, Panel, Series, SeriesRole};
+use crate::units::ColumnHeader;
+use kalmems_core::Portable;
+use kalmems_figures::{self, AxisScale, Figure, Panel, Series, SeriesLink, SeriesRole, Shape, significant};
 use std::collections::BTreeMap;
 
 /// The most series that a picture can tell apart.
 const MOST: usize = 8;
 
 /// The pictures that the study file asks for, and what is wrong with those that are not there.
-pub(super) fn pictures(plan: &StudyPlan, table: &TidyTable) -> (Vec<Figure>, Vec<String>) {
+pub(super) fn pictures(runs: &StudyRuns) -> (Vec<Figure>, Vec<String>) {
     let (mut figures, mut notes) = (Vec::new(), Vec::new());
-    for (i, picture) in plan.description.figure.iter().enumerate() {
-        match one(plan, table, picture, i) {
+    for (i, picture) in runs.plan.description.figure.iter().enumerate() {
+        match one(runs, picture, i) {
             Ok(figure) => figures.push(figure),
             Err(why) => notes.push(format!("figure[{i}]: {why}")),
         }
@@ -25,7 +27,8 @@ pub(super) fn pictures(plan: &StudyPlan, table: &TidyTable) -> (Vec<Figure>, Vec
     (figures, notes)
 }
 
-fn one(plan: &StudyPlan, table: &TidyTable, picture: &StudyPicture, index: usize) -> Result<Figure, String> {
+fn one(runs: &StudyRuns, picture: &StudyPicture, index: usize) -> Result<Figure, String> {
+    let StudyRuns { plan, table, .. } = runs;
     let column = figure_column(table, &picture.metric)?;
     let place_of = |name: &str| plan.axes.iter().position(|axis| axis.name == name);
     let place = picture.against.as_deref().map_or(Some(0), place_of);
@@ -44,13 +47,10 @@ fn one(plan: &StudyPlan, table: &TidyTable, picture: &StudyPicture, index: usize
     }
     let over = picture.over.as_deref().and_then(place_of);
     let panels = match over {
-        Some(over) => map::panels(
-            plan,
-            table,
-            column,
-            &StudyMap { places: [place, over], value, level: picture.level },
-        )?,
-        None => vec![lines(plan, table, column, place, value)?],
+        Some(over) => {
+            map::panels(runs, column, &StudyMap { places: [place, over], value, level: picture.level })?
+        }
+        None => vec![lines(runs, column, place, value)?],
     };
     if panels.is_empty() {
         return Err(format!("no run has a number for `{}`", picture.metric));
@@ -60,26 +60,22 @@ fn one(plan: &StudyPlan, table: &TidyTable, picture: &StudyPicture, index: usize
     let words = |place: usize| plan.axes[place].name.replace('_', " ");
     let over_words = over.map_or_else(String::new, |over| format!(" and {}", words(over)));
     let title = format!("{label} against {}{over_words}", words(place));
-    let figure = Figure::new(format!("{}_{file}", index + 1), title, caption(plan, table, place, over));
+    let figure = Figure::new(format!("{}_{file}", index + 1), title, caption(runs, place, over));
     Ok(panels.into_iter().fold(figure, Figure::with))
 }
 
 /// Lines over one axis, or points where its values are drawn by chance.
-fn lines(
-    plan: &StudyPlan,
-    table: &TidyTable,
-    column: usize,
-    place: usize,
-    y: kalmems_figures::Axis,
-) -> Result<Panel, String> {
-    let series = match plan.axes[place].values {
-        AxisValues::Listed(_) => over_grid(plan, table, column, place)?,
-        AxisValues::Drawn(_) => over_draws(plan, table, column, place),
-    };
-    if series.is_empty() {
-        return Err(format!("no run has a number for `{}`", table.columns[column]));
+fn lines(runs: &StudyRuns, column: usize, place: usize, y: kalmems_figures::Axis) -> Result<Panel, String> {
+    let mut curves = StudyCurves { runs, y: &y, series: Vec::new(), crosses: Vec::new() };
+    match runs.plan.axes[place].values {
+        AxisValues::Listed(_) => curves.over_grid(column, place)?,
+        AxisValues::Drawn(_) => curves.over_draws(column, place),
     }
-    Ok(series.into_iter().fold(Panel::new(axis(plan, place), y), Panel::with))
+    let series = curves.series_and_crosses();
+    if series.is_empty() {
+        return Err(format!("no run has a number for `{}`", runs.table.columns[column]));
+    }
+    Ok(series.into_iter().fold(Panel::new(axis(runs.plan, place), y), Panel::with))
 }
 
 /// What varies, along an axis of a picture.
@@ -100,9 +96,9 @@ fn figure_column(table: &TidyTable, name: &str) -> Result<usize, String> {
     Err(format!("{fault}; the runs need not be made again for a figure"))
 }
 
-fn caption(plan: &StudyPlan, table: &TidyTable, place: usize, over: Option<usize>) -> String {
-    let repeats = plan.description.repeats;
-    let mut caption = if matches!(plan.axes[place].values, AxisValues::Drawn(_)) {
+fn caption(runs: &StudyRuns, place: usize, over: Option<usize>) -> String {
+    let repeats = runs.plan.description.repeats;
+    let mut caption = if matches!(runs.plan.axes[place].values, AxisValues::Drawn(_)) {
         "One point for each run.".to_owned()
     } else if repeats > 1 && over.is_some() {
         format!("Colours: medians of {repeats} runs with noise of their own.")
@@ -113,83 +109,154 @@ fn caption(plan: &StudyPlan, table: &TidyTable, place: usize, over: Option<usize
     } else {
         "One run for each point.".to_owned()
     };
-    if let Some(column) = table.column("error") {
-        let failed = table.rows.iter().filter(|line| !line.cells[column].is_empty()).count();
-        if failed > 0 {
-            caption += &format!(" {failed} runs failed and are not shown.");
-        }
+    let lost = runs.lost();
+    let (place, alone) = if over.is_some() { ("cell", "on grey") } else { ("point", "at the top") };
+    if lost > 0 {
+        caption +=
+            &format!(" Crosses: {lost} runs lost lock or failed; {alone} where no run has an estimate.");
     }
-    caption
+    caption + &format!(" A click on a {place} leads to its run.")
 }
 
-/// The median over the repeats with its band, one line for each estimator and value of the other axes.
-fn over_grid(
-    plan: &StudyPlan,
-    table: &TidyTable,
-    column: usize,
-    place: usize,
-) -> Result<Vec<Series>, String> {
-    let (groups, _) = groups(table);
-    let others: Vec<usize> = plan.grid().map(|(i, _)| i).filter(|i| *i != place).collect();
-    // By group, then by the point of the first value of this axis: x, median, lowest and highest.
-    let mut lines: BTreeMap<(usize, Vec<usize>), Vec<[f64; 4]>> = BTreeMap::new();
-    for spread in spreads(plan, table, column) {
-        let run = plan.run(spread.point * plan.description.repeats);
-        let position =
-            |i: &usize| plan.axes[*i].listed().iter().position(|s| *s == run.settings[*i]).unwrap_or(0);
-        let key = (spread.group, others.iter().map(position).collect());
-        // A word has a place instead of a number.
-        let x = run.settings[place].number.unwrap_or(position(&place) as f64);
-        lines.entry(key).or_default().push([x, spread.median, spread.lowest, spread.highest]);
-    }
-    if lines.len() > MOST {
-        return Err(format!(
-            "{} lines are more than the {MOST} that a picture can tell apart; the figures are in results.csv",
-            lines.len()
-        ));
-    }
-    let mut series = Vec::new();
-    for ((group, positions), mut points) in lines {
-        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let mut label = name(&groups, &groups[group]);
-        for (other, position) in others.iter().zip(positions) {
-            let axis = &plan.axes[*other];
-            label += &format!(", {} {}", axis.name.replace('_', " "), value(&axis.listed()[position]));
-        }
-        series.push(Series::line(label, SeriesRole::Other, points.iter().map(|p| (p[0], p[1]))));
-        if plan.description.repeats > 1 {
-            series.push(Series::band("", SeriesRole::Other, points.iter().map(|p| (p[0], p[2], p[3]))));
-        }
-    }
-    Ok(series)
+/// How far above the values crosses without one lie, in parts of the values' span.
+const ABOVE: f64 = 0.1;
+
+/// What the crosses of a picture stand for.
+pub(super) const LOST: &str = "lost lock or failed";
+
+/// The lines or points of a picture, and where runs have no estimate.
+struct StudyCurves<'a> {
+    runs: &'a StudyRuns<'a>,
+    y: &'a kalmems_figures::Axis,
+    series: Vec<Series>,
+    /// Where each lies, without a value of its own where there is none, and where it leads to.
+    crosses: Vec<(f64, Option<f64>, Option<SeriesLink>)>,
 }
 
-/// As written, with the unit as the axes have it.
-fn value(setting: &AxisValue) -> String {
-    let text = setting.text();
-    match Value::parse(&text) {
-        Ok(value) => {
-            format!("{} {}", value.parts().0, kalmems_figures::unit_sign(value.parts().1)).trim().to_owned()
+impl StudyCurves<'_> {
+    /// The median over the repeats with its band, one line for each estimator and value of the other axes.
+    fn over_grid(&mut self, column: usize, place: usize) -> Result<(), String> {
+        let StudyRuns { plan, table, groups, of_rows, .. } = self.runs;
+        let others: Vec<usize> = plan.grid().map(|(i, _)| i).filter(|i| *i != place).collect();
+        // By group, then by the values of the other axes: point, x, median, lowest and highest.
+        let mut lines: BTreeMap<(usize, Vec<usize>), Vec<(u64, [f64; 4])>> = BTreeMap::new();
+        let mut known = BTreeMap::new();
+        for spread in spreads(plan, table, (of_rows, column)) {
+            known.insert((spread.point, spread.group), [spread.median, spread.lowest, spread.highest]);
         }
-        Err(_) => text,
+        for point in 0..plan.points() {
+            let run = plan.run(point * plan.description.repeats);
+            let position =
+                |i: &usize| plan.axes[*i].listed().iter().position(|s| *s == run.settings[*i]).unwrap_or(0);
+            // A word has a place instead of a number.
+            let x = run.settings[place].number.unwrap_or(position(&place) as f64);
+            for group in 0..groups.len() {
+                let median = known.get(&(point, group)).map(|[median, ..]| *median);
+                if self.runs.lost_at(point, group) > 0 {
+                    self.cross((point, group), x, median);
+                }
+                if let Some([median, lowest, highest]) = known.get(&(point, group)) {
+                    let key = (group, others.iter().map(position).collect());
+                    lines.entry(key).or_default().push((point, [x, *median, *lowest, *highest]));
+                }
+            }
+        }
+        if lines.len() > MOST {
+            return Err(format!(
+                "{} lines are more than the {MOST} that a picture can tell apart; the figures are in results.csv",
+                lines.len()
+            ));
+        }
+        for ((group, positions), mut points) in lines {
+            points.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+            let mut label = name(groups, &groups[group]);
+            for (other, position) in others.iter().zip(positions) {
+                let axis = &plan.axes[*other];
+                label += &format!(", {} {}", axis.name.replace('_', " "), written(&axis.listed()[position]));
+            }
+            let links = points.iter().filter_map(|(point, [x, median, ..])| {
+                self.runs.link_to_point((*point, group), [*x, *median], &self.value(*median))
+            });
+            let links = links.collect();
+            let line = Series::line(label, SeriesRole::Other, points.iter().map(|(_, p)| (p[0], p[1])));
+            self.series.push(line.leading_to(links));
+            if plan.description.repeats > 1 {
+                let band = points.iter().map(|(_, p)| (p[0], p[2], p[3]));
+                self.series.push(Series::band("", SeriesRole::Other, band));
+            }
+        }
+        Ok(())
+    }
+
+    /// A point for each run.
+    fn over_draws(&mut self, column: usize, place: usize) {
+        let StudyRuns { plan, table, groups, of_rows, .. } = self.runs;
+        let mut points: BTreeMap<usize, Vec<(u64, f64, f64)>> = BTreeMap::new();
+        for (line, group) in table.rows.iter().zip(of_rows) {
+            let Some(x) = plan.run(line.run).settings[place].number else { continue };
+            let y = number(&line.cells[column]);
+            if group.map_or(true, |group| self.runs.is_lost(line.run, group)) {
+                let link = self.runs.link(line.run, [x, y.unwrap_or(f64::NAN)], LOST);
+                self.crosses.push((x, y, link));
+            }
+            if let (Some(group), Some(y)) = (*group, y) {
+                points.entry(group).or_default().push((line.run, x, y));
+            }
+        }
+        for (group, mut points) in points {
+            points.sort_by(|a, b| a.1.total_cmp(&b.1));
+            let links =
+                points.iter().filter_map(|(run, x, y)| self.runs.link(*run, [*x, *y], &self.value(*y)));
+            let links = links.collect();
+            let label = name(groups, &groups[group]);
+            let series = Series::points(label, SeriesRole::Other, points.iter().map(|(_, x, y)| (*x, *y)));
+            self.series.push(series.leading_to(links));
+        }
+    }
+
+    fn cross(&mut self, point: (u64, usize), x: f64, median: Option<f64>) {
+        let value = median.map_or_else(|| "no estimate".to_owned(), |median| self.value(median));
+        let link = self.runs.link_to_point(point, [x, median.unwrap_or(f64::NAN)], &value);
+        self.crosses.push((x, median, link));
+    }
+
+    fn value(&self, value: f64) -> String {
+        value_in_words(self.y, value)
+    }
+
+    /// The crosses lie above all lines and points; those without a value above all values.
+    fn series_and_crosses(self) -> Vec<Series> {
+        let Self { mut series, crosses, y, .. } = self;
+        if series.is_empty() || crosses.is_empty() {
+            return series;
+        }
+        let values = series.iter().flat_map(|one| match one.shape() {
+            Shape::Line(lines) => lines.concat(),
+            Shape::Points(points) => points.clone(),
+            Shape::Band(bands) => bands.iter().flatten().flat_map(|p| [[p[0], p[1]], [p[0], p[2]]]).collect(),
+            Shape::Level(_) | Shape::Map(_) => Vec::new(),
+        });
+        let values = values.map(|p| p[1]).filter(|value| *value > 0.0 || y.scale == AxisScale::Linear);
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
+        // Above all values, so that it is not taken for one of them.
+        let top = match y.scale {
+            AxisScale::Linear => high + ABOVE * (high - low),
+            AxisScale::Log => high * (ABOVE * (high / low).portable_ln()).portable_exp(),
+        };
+        let links = crosses.iter().filter_map(|(x, y, link)| {
+            link.clone().map(|link| SeriesLink { at: [*x, y.unwrap_or(top)], ..link })
+        });
+        let points = crosses.iter().map(|(x, y, _)| (*x, y.unwrap_or(top)));
+        series.push(Series::points(LOST, SeriesRole::Failure, points).leading_to(links.collect()));
+        series
     }
 }
 
-/// A point for each run.
-fn over_draws(plan: &StudyPlan, table: &TidyTable, column: usize, place: usize) -> Vec<Series> {
-    let (groups, of_rows) = groups(table);
-    let mut points: BTreeMap<usize, Vec<(f64, f64)>> = BTreeMap::new();
-    for (line, group) in table.rows.iter().zip(of_rows) {
-        let x = plan.run(line.run).settings[place].number;
-        if let (Some(group), Some(x), Some(y)) = (group, x, number(&line.cells[column])) {
-            points.entry(group).or_default().push((x, y));
-        }
-    }
-    let series = points.into_iter().map(|(group, mut points)| {
-        points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Series::points(name(&groups, &groups[group]), SeriesRole::Other, points)
-    });
-    series.collect()
+/// A value of a picture with its name and unit, for the reader who points at it.
+pub(super) fn value_in_words(axis: &kalmems_figures::Axis, value: f64) -> String {
+    let unit = kalmems_figures::unit_sign(&axis.unit);
+    format!("{} {} {unit}", axis.label, significant(value)).trim_end().to_owned()
 }
 
 /// The estimator's name, with recording and segment where there are several, and its key where others share the name.

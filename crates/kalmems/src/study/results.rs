@@ -3,6 +3,7 @@
 use super::calibration::{self, StudyCalibrationSummary};
 use super::journal::{FinishedRuns, JournalHeader};
 use super::pictures::pictures;
+use super::runs::StudyRuns;
 use super::table::table;
 use super::{Shard, StudyError, StudyPlan, spread};
 use crate::journal::{self, JournalError};
@@ -29,6 +30,8 @@ pub struct Summary {
     pub rows: usize,
     /// Runs that failed, by what they say; the first of each, and how many.
     pub failures: BTreeMap<String, Failures>,
+    /// Runs in which a filter lost lock or failed, or that failed as a whole.
+    pub without_estimate: u64,
     /// What is wrong with pictures that are not there.
     pub notes: Vec<String>,
     /// Of a calibration, what its runs say of the verdict and of the claims.
@@ -55,15 +58,28 @@ impl Summary {
             let text = format!("{} runs failed, the first is run {}: {why}", failures.runs, failures.first);
             Notice::new(NoticeSeverity::Warning, text)
         });
+        let Self { without_estimate, runs, .. } = self;
+        let lost = (*without_estimate > self.failed()).then(|| {
+            let text = format!(
+                "{without_estimate} of {runs} runs have no estimate: a filter lost lock, or the run failed. The figures mark them"
+            );
+            Notice::new(NoticeSeverity::Warning, text)
+        });
         failures
+            .chain(lost)
             .chain(self.notes.iter().map(|note| Notice::new(NoticeSeverity::Note, note.clone())))
             .collect()
     }
 
     /// How many runs there were.
     fn in_short(&self) -> String {
-        let Self { runs, points, rows, .. } = self;
-        format!("{runs} runs of {points} points, {rows} rows, {} failed", self.failed())
+        let Self { runs, points, rows, without_estimate, .. } = self;
+        let lost = if *without_estimate > self.failed() {
+            format!(", {without_estimate} without an estimate")
+        } else {
+            String::new()
+        };
+        format!("{runs} runs of {points} points, {rows} rows, {} failed{lost}", self.failed())
     }
 
     /// How many runs failed.
@@ -113,7 +129,8 @@ impl StudyPlan {
         if !drawn.is_empty() {
             output.write("summary.csv", |w| spread::write_csv(self, &table, &drawn, w))?;
         }
-        let (mut figures, notes) = pictures(self, &table);
+        let runs_of_page = StudyRuns::of(self, &table);
+        let (mut figures, notes) = pictures(&runs_of_page);
         let calibration = self.calibration.as_ref().map(|_| self.calibrated(&runs));
         if let Some(summary) = &calibration {
             figures.extend(calibration::figures(summary));
@@ -144,11 +161,12 @@ impl StudyPlan {
             runs: self.runs(),
             rows: table.rows.len(),
             failures,
+            without_estimate: runs_of_page.lost() as u64,
             notes,
             calibration,
             figures,
         };
-        let page = self.page(&summary, &header).to_html()?;
+        let page = self.page(&summary, &header, runs_of_page.section()).to_html()?;
         output.write("report.html", |w| w.write_all(page.as_bytes()))?;
         output.write_run(&input_id, || {
             Ok(StudyRecord {
@@ -173,7 +191,7 @@ impl StudyPlan {
         }))
     }
 
-    fn page(&self, summary: &Summary, header: &JournalHeader) -> Page {
+    fn page(&self, summary: &Summary, header: &JournalHeader, runs: PageSection) -> Page {
         let mut result = PageSection::new("Verdict").part(PagePart::Verdict);
         for notice in summary.notices() {
             result = result.notice(notice.severity, notice.text);
@@ -190,7 +208,11 @@ impl StudyPlan {
         .preformatted("The study", &self.source.text)
         .preformatted("The experiment", &self.experiment.text);
         let subtitle = self.description.description.clone().unwrap_or_default();
-        Page::new(self.name(), subtitle).with(result).with(pictures).with(how)
+        Page::new(self.name(), subtitle)
+            .with(result)
+            .with(pictures)
+            .with(runs.part(PagePart::Evidence))
+            .with(how)
     }
 }
 

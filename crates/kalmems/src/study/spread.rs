@@ -51,12 +51,15 @@ pub(super) fn groups(table: &TidyTable) -> (Vec<RowGroup>, Vec<Option<usize>>) {
 }
 
 /// Median and range of a column, for each point and group that have it.
-pub(super) fn spreads(plan: &StudyPlan, table: &TidyTable, column: usize) -> Vec<EstimatorSpread> {
-    let (_, of_rows) = groups(table);
+pub(super) fn spreads(
+    plan: &StudyPlan,
+    table: &TidyTable,
+    (of_rows, column): (&[Option<usize>], usize),
+) -> Vec<EstimatorSpread> {
     let mut values: BTreeMap<(u64, usize), Vec<f64>> = BTreeMap::new();
     for (line, group) in table.rows.iter().zip(of_rows) {
         let value = line.cells.get(column).and_then(|cell| number(cell));
-        if let (Some(group), Some(value)) = (group, value) {
+        if let (Some(group), Some(value)) = (*group, value) {
             values.entry((line.run / plan.description.repeats, group)).or_default().push(value);
         }
     }
@@ -84,14 +87,14 @@ pub(super) fn write_csv(
     columns: &[usize],
     w: &mut dyn Write,
 ) -> io::Result<()> {
-    let (groups, _) = groups(table);
+    let (groups, of_rows) = groups(table);
     let mut csv = csv::Writer::from_writer(w);
     let grid: Vec<_> = plan.grid().collect();
     let axes = grid.iter().map(|(_, axis)| axis.column.as_str());
     let names = ["recording", "segment", "estimator", "figure", "repeats", "median", "lowest", "highest"];
     csv.write_record(["point"].into_iter().chain(axes).chain(names))?;
     for column in columns {
-        for spread in spreads(plan, table, *column) {
+        for spread in spreads(plan, table, (&of_rows, *column)) {
             let run = plan.run(spread.point * plan.description.repeats);
             let group = &groups[spread.group];
             let mut cells = vec![spread.point.to_string()];

@@ -456,3 +456,35 @@ fn a_recording_can_be_studied() {
         Err(StudyError::Journal(JournalError::Other { .. }))
     ));
 }
+
+/// Of three settling times one leaves nothing to judge: its runs fail.
+#[test]
+fn figures_mark_runs_without_an_estimate_and_lead_to_their_settings() {
+    let vary = "[[vary]]\nkey = \"estimate.skip\"\nvalues = [\"0.5 ms\", \"1.9 ms\", \"0.6 ms\"]\n\
+                [[vary]]\nkey = \"estimate.process_noise.angular_acceleration\"\nname = \"density\"\n\
+                values = [\"1e6 rad^2/s^3\", \"1e7 rad^2/s^3\"]\n";
+    let figure = "[[figure]]\nmetric = \"errors.angle.rmse_deg\"\nagainst = \"skip\"\n";
+    let folder = Folder::with(&format!(
+        "name = \"lost\"\nexperiment = \"experiment.toml\"\n{vary}{figure}{figure}over = \"density\"\n"
+    ));
+    let journal = folder.run("out", "1/1", 2, &Silent).unwrap();
+    let summary = write(&folder.plan().unwrap(), &[journal], &folder.path("out")).unwrap();
+    assert_eq!((summary.failed(), summary.without_estimate), (2, 2));
+    let written = files(&folder.path("out"));
+    let text = |name: &str| String::from_utf8(written[name].clone()).unwrap();
+    let page = text("report.html");
+    // Each run is a row with its settings; every point and cell leads to one, those without a value to the first that failed.
+    for run in 0..6 {
+        assert!(page.contains(&format!("<tr id=\"run-{run}\"")), "{run}");
+        let led_to = page.matches(&format!("<a href=\"#run-{run}\"")).count();
+        assert_eq!(led_to, 2, "once from the lines or their crosses, once from the map: {run}");
+    }
+    let failed =
+        "aria-label=\"skip 1.9 ms, density 1e6 rad²/s³: no estimate; 1 of 1 without an estimate (run 2)\"";
+    assert_eq!(page.matches(failed).count(), 2, "{page}");
+    for figure in ["figures/1_errors_angle_rmse_deg.svg", "figures/2_errors_angle_rmse_deg.svg"] {
+        let svg = text(figure);
+        assert!(svg.contains("data-label=\"lost lock or failed\"") && !svg.contains("<a "), "{figure}");
+    }
+    assert!(text("figures/2_errors_angle_rmse_deg.svg").contains("2 of 6 cells have no value and are grey."));
+}
