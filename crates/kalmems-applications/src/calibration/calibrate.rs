@@ -19,7 +19,7 @@ use crate::fit::FitError;
 use crate::metrology::Combined;
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
-use crate::recording::Purpose;
+use crate::recording::{OF_RECORD, Purpose};
 use kalmems_core::Portable;
 use realfft::num_complex::Complex64;
 use statrs::distribution::ContinuousCDF;
@@ -447,7 +447,8 @@ fn moved_pairs(
         });
         records.collect()
     };
-    first.moved.iter().map(|(source, _)| (source.clone(), of(source))).collect()
+    let common = first.moved.iter().filter(|(source, _)| !source.starts_with(OF_RECORD));
+    common.map(|(source, _)| (source.clone(), of(source))).collect()
 }
 
 /// By what part the scale factor moves with one standard deviation of each of the uncertain numbers of the device behind an estimated
@@ -480,7 +481,7 @@ fn moved_by_device(
     Ok(contributions)
 }
 
-/// Phasors of rates, in rad/s.
+/// Phasors of rates, in rad/s. What moves the motion of this record alone is noise of its phasor.
 fn pair(tone: &VibrationTone, known: &ReferenceRecord, shown: &VibrationTone) -> RatePair {
     let of_angle = Complex64::i() * (TAU * tone.frequency_hz);
     let mut pair = RatePair {
@@ -497,6 +498,15 @@ fn pair(tone: &VibrationTone, known: &ReferenceRecord, shown: &VibrationTone) ->
         };
         pair.reference[axis] = found.phasor * factor;
         pair.reference_deviation[axis] = found.deviation * factor.norm();
+    }
+    for (_, moved) in known.moved.iter().filter(|(source, _)| source.starts_with(OF_RECORD)) {
+        for (axis, found) in moved.components(tone.frequency_hz).into_iter().enumerate() {
+            let Some(found) = found else { continue };
+            let factor = if known.shows[axis] == ReferenceQuantity::Angle { of_angle.norm() } else { 1.0 };
+            // One of two components, each of which it moves by as much.
+            let part = found.phasor.norm() * factor * std::f64::consts::FRAC_1_SQRT_2;
+            pair.reference_deviation[axis] = pair.reference_deviation[axis].portable_hypot(part);
+        }
     }
     pair
 }

@@ -101,7 +101,8 @@ impl Trajectory {
         if learnt.mean.len() != varied.len() {
             *learnt = DirectionInformation::of(varied.len());
         }
-        self.considered = varied
+        let before = self.considered.len();
+        let contributions = varied
             .iter()
             .map(|(name, other)| {
                 let difference = |(own, other): (&StateSeries, &StateSeries)| {
@@ -114,17 +115,23 @@ impl Trajectory {
                 Contribution { name: Arc::clone(name), states, told: [0.0, 1.0] }
             })
             .collect();
+        self.widen(contributions);
+        self.expect(varied, learnt, from_s);
+        let directions = varied.len();
+        for (place, one) in self.considered[before..].iter_mut().enumerate() {
+            one.told = [learnt.mean[place], learnt.covariance[place * (directions + 1)].max(0.0).sqrt()];
+        }
+    }
+
+    /// Takes independent errors into account that the filter does not know of: they are in the standard deviations of the states from then on.
+    pub fn widen(&mut self, contributions: Vec<Contribution>) {
         for (place, state) in self.states.iter_mut().enumerate() {
             for (k, sd) in state.sd.iter_mut().enumerate() {
-                let moved = self.considered.iter().filter_map(|one| one.states.get(place)?.get(k));
+                let moved = contributions.iter().filter_map(|one| one.states.get(place)?.get(k));
                 *sd = (*sd * *sd + moved.map(|moved| moved * moved).sum::<f64>()).sqrt();
             }
         }
-        self.expect(varied, learnt, from_s);
-        let directions = varied.len();
-        for (place, one) in self.considered.iter_mut().enumerate() {
-            one.told = [learnt.mean[place], learnt.covariance[place * (directions + 1)].max(0.0).sqrt()];
-        }
+        self.considered.extend(contributions);
     }
 
     /// By how much one standard deviation in each direction of the device's uncertainty moves the phase in rad, at a sample of which this is the time

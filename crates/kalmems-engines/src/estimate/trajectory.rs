@@ -57,8 +57,8 @@ pub struct Trajectory {
     pub parameters: Vec<TrackedPrior>,
     /// How the errors of these parameters hang together at the end, pair by pair.
     pub parameter_correlations: Vec<ParameterCorrelation>,
-    /// What is uncertain of the device and no state of this filter: it is in the standard deviations of the states, and the innovations
-    /// are those of the device as it is stated, with its uncertainty.
+    /// What is uncertain of the device, or of what its record is cleaned with, and no state of this filter: it is in the standard deviations of
+    /// the states, and the innovations are those of the device as it is stated, with its uncertainty.
     pub considered: Vec<Contribution>,
     /// Whether the filter followed the motion.
     pub lock: Lock,

@@ -5,6 +5,9 @@ use crate::units::ColumnHeader;
 /// What stands between a state and what moves it.
 const BY: &str = "_by_";
 
+/// How the name begins of what moves the motion of one record alone: such errors of several records are independent of one another.
+pub const OF_RECORD: &str = "record.";
+
 /// The column of a state of this unit that is moved by one standard deviation of something: `rate_by_electrodes.1A.gap_rad_per_s`.
 pub fn contribution_column(state: &str, unit: &str, by: &str) -> String {
     format!("{state}{BY}{}_{unit}", by.replace(' ', "_"))

@@ -56,7 +56,7 @@ mod time;
 mod window;
 
 pub use computed_rows::RecordingFromRows;
-pub use contribution::{contribution_column, moved_by};
+pub use contribution::{OF_RECORD, contribution_column, moved_by};
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Purpose, Severity};
 pub use origin::TimeOrigin;

@@ -52,6 +52,12 @@ impl Sine {
         Self { residual_rms: (sum / count.max(1) as f64).sqrt(), ..self }
     }
 
+    /// The standard deviation of each of its two components, of the amplitude and of the phase times the amplitude, behind white noise in so many
+    /// samples: σ·√(2/N).
+    pub fn component_sd(&self, samples: usize) -> f64 {
+        self.residual_rms * (2.0 / samples.max(1) as f64).sqrt()
+    }
+
     /// Whether the sine explains the signal: less than 2 % of its amplitude is left.
     pub fn is_steady(&self) -> bool {
         self.residual_rms < 0.02 * self.amplitude

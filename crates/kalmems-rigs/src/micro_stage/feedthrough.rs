@@ -46,6 +46,12 @@ impl BiasOffRecord {
         time_s.iter().zip(signal).map(|(t, y)| y - turned.at(*t)).collect()
     }
 
+    /// The standard deviation in V of each component of what is taken away from a signal under this drive.
+    pub fn sine_sd(&self, electrode: usize, drive: &Sine) -> Option<f64> {
+        let alone = self.signals.get(electrode)?;
+        Some(alone.component_sd(self.samples) * drive.amplitude / self.drive.amplitude)
+    }
+
     /// The same as g and g′ of y = g·V + g′·V̇, in V/V and s.
     pub fn gain_and_slope(&self, electrode: usize) -> Option<[f64; 2]> {
         let alone = self.signals.get(electrode)?;

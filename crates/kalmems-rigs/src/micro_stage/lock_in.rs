@@ -77,6 +77,7 @@ mod tests {
                 name: "",
                 current,
                 noise_variance: 1e-11,
+                feedthrough_sd: 0.0,
                 signal,
             });
             let found = swing(motion_hz, &time_s, channels).unwrap();

@@ -9,6 +9,7 @@ pub mod device;
 mod drive_sine;
 mod expanded;
 mod feedthrough;
+mod feedthrough_error;
 mod filters;
 mod hardware;
 pub mod identification;
@@ -262,13 +263,14 @@ impl Estimator for StageEstimator<'_> {
                 records.map(|records| off_of(records, &segment.segment.label, &place, &sine)).transpose()?;
         }
         let sines = followed.sine.over(segment.fresh.end, time_s.len());
-        let mut cleaned = Vec::new();
+        let (mut cleaned, mut feedthrough_sd) = (Vec::new(), Vec::new());
         for (electrode, column) in signals {
             let values = segment.recording.column_of(column, &kind::VOLTAGE)?.of(segment.segment);
             if segment.begins && !values.iter().any(|y| y.is_finite()) {
                 return Err(EstimateError::NoSignal { place, column: (*column).to_owned() });
             }
             cleaned.push(self.cleaned(*electrode, (time_s, values), &sines, &place)?);
+            feedthrough_sd.push(self.feedthrough_sd(*electrode, &sine));
         }
         let samples = StageSamples {
             place: &place,
@@ -279,6 +281,7 @@ impl Estimator for StageEstimator<'_> {
             drive_hz: followed.first_hz,
             electrodes: &signals.iter().map(|(electrode, _)| *electrode).collect::<Vec<_>>(),
             signals: cleaned,
+            feedthrough_sd,
         };
         let trajectories = segment::estimate(&self.settings, &samples, &mut self.past, self.progress)?;
         let motion = MotionRate { frequency_hz: followed.first_hz, is_driven: true };
@@ -372,6 +375,15 @@ impl StageEstimator<'_> {
             not_steady(leaves_at(&followed.sine.sine(), &time_s[from..], &volts[from..]).unwrap_or(block_s))
         })?;
         Ok(followed)
+    }
+
+    /// How well each component of what is taken off the signal of an electrode is known, in V, by the record with the bias off.
+    fn feedthrough_sd(&self, electrode: usize, drive: &Sine) -> f64 {
+        let known = self.off.as_ref().and_then(|(off, order)| {
+            let at = order.iter().position(|known| *known == electrode)?;
+            off.sine_sd(at, drive)
+        });
+        known.unwrap_or(0.0)
     }
 
     /// The signal of an electrode without what the drive makes of it, whose sines these rows have.

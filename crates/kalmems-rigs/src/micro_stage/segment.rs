@@ -1,6 +1,7 @@
 //! The estimates of one record.
 
 use super::course::{StageChannel, StageCourse, StageObserver};
+use super::feedthrough_error::FeedthroughError;
 use super::filters::StageFilterSettings;
 use super::identification::motion_by;
 use super::lock_in::swing;
@@ -42,6 +43,8 @@ pub struct StageSamples<'a> {
     pub electrodes: &'a [usize],
     /// The signals of these in V, without what the drive alone makes of them.
     pub signals: Vec<Vec<f64>>,
+    /// The standard deviation in V of each component of the sines that were taken off them; 0 of what is stated.
+    pub feedthrough_sd: Vec<f64>,
 }
 
 /// The states, as trajectories name them.
@@ -63,6 +66,7 @@ pub fn estimate(
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
         let channels = channels(settings, filter, samples)?;
+        let feedthrough = FeedthroughError::of(&channels, samples);
         let mut trajectories =
             StageFilterTask { settings, filter, samples, begun_s, channels, progress }.run(past)?;
         for (answer, trajectory) in trajectories.iter_mut().enumerate() {
@@ -72,6 +76,8 @@ pub fn estimate(
                 trajectory.mark_model_alone();
             } else {
                 correct(trajectory, settings.hardware.correction);
+                let [scale, _] = settings.hardware.correction;
+                feedthrough.iter().for_each(|error| error.widen(trajectory, samples, scale));
             }
         }
         all.append(&mut trajectories);
@@ -288,6 +294,7 @@ fn channels<'a>(
             current: described.current,
             // The settings were refused where it is not known.
             noise_variance: described.noise_variance.unwrap_or(1.0),
+            feedthrough_sd: place.map_or(0.0, |place| samples.feedthrough_sd[place]),
             signal,
         })
     };

@@ -340,6 +340,23 @@ fn keys_that_equations_do_not_have_are_reported_by_expand() {
     insta::assert_snapshot!(told);
 }
 
+/// A state starts with what the device's table states of its number; the table of the equations states nothing, and the filter says it.
+#[test]
+fn the_uncertainty_of_a_state_goes_with_its_filter_where_the_device_states_it() {
+    let path = example("shared_scanner/stiffness_state.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let stated = text
+        .replace("stiffness = \"1.1033e-4 N m\"", "stiffness = \"1.1033e-4 N m ± 0.5 %\"")
+        .replace("stiffness = { start_sd = \"1 %\", drift = \"1e-7 1/s\" }", "stiffness = {}");
+    assert!(stated.contains("± 0.5 %") && stated.contains("stiffness = {}"));
+    let expanded = expand(published(), &published().parse(&stated, &path).unwrap()).unwrap();
+    let own = published().parse(&expanded.text, &path).unwrap();
+    let filters = own.estimate.iter().flat_map(|estimate| &estimate.filters);
+    let states: Vec<_> = filters.flat_map(|filter| filter.states.values()).collect();
+    let [state] = states[..] else { panic!("{}", expanded.text) };
+    assert_eq!(state.start_sd.as_ref().unwrap().value().parts(), ("0.5", "%"));
+}
+
 /// The stage's filters name its electrodes, and the equations their signals.
 #[test]
 fn a_filter_of_one_electrode_is_one_of_its_signal_behind_an_expansion() {

@@ -306,7 +306,7 @@ fn spoilt(of: Of, seed: u64) -> Vec<Compared> {
 /// Every device and impairment, twenty seeds each or as many as `KALMEMS_SEEDS` says, of all devices or of those whose name has
 /// `KALMEMS_DEVICE` in it, and of all impairments or of those with `KALMEMS_IMPAIRMENT` in their words. An answer that passes is as good as without the impairment.
 #[test]
-#[ignore = "slow: an hour on two processors"]
+#[ignore = "slow: ten minutes on two processors in a release build"]
 fn slow_impairments_of_every_device() {
     let count = std::env::var("KALMEMS_SEEDS").ok().and_then(|count| count.parse::<u64>().ok());
     let seeds = 601..=600 + count.unwrap_or(20);

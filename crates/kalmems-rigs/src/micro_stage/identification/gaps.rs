@@ -3,6 +3,7 @@
 use super::crests::{ByCrests, Crests, by_crests, crests};
 use super::fit_error;
 use super::in_situ::InSituKnowledge;
+use super::unfitted::{RecordErrors, with_unfitted_errors};
 use super::waveform::{
     ELECTRODES, ElectrodeUnknowns, UNKNOWNS, WaveRecord, Waveforms, indeterminate, motion_by, unknown,
 };
@@ -129,7 +130,12 @@ pub fn identify(
     if has_vibrometer {
         require_layout(hardware, on, &training, &records)?;
     }
-    let task = GapFitTask { hardware, on, records: &records, by_harmonics };
+    let errors = training
+        .iter()
+        .enumerate()
+        .map(|(place, record)| RecordErrors { off: offs.get(place), rate: record.rate });
+    let errors: Vec<RecordErrors> = errors.collect();
+    let task = GapFitTask { hardware, on, records: &records, errors: &errors, by_harmonics };
     let mut found = match (has_vibrometer, trusted) {
         (true, _) => task.with_vibrometer()?,
         (false, Some(trusted)) => task.trusting(experiment, trusted)?,
@@ -145,11 +151,6 @@ pub fn identify(
             by.feedthrough = Some([mean(0), mean(1)]);
         }
     }
-    if let Some(delay) = &mut found.delay {
-        let samples: Vec<usize> = offs.iter().map(|(off, _)| off.samples).collect();
-        delay.deviation =
-            delay.deviation.portable_hypot(unfitted_delay(delay.deviation, &training, &samples));
-    }
     found.labels = training.iter().map(|record| record.label.clone()).collect();
     if has_vibrometer {
         found.rates = training.iter().filter_map(|record| record.rate).collect();
@@ -157,24 +158,6 @@ pub fn identify(
     }
     found.records = records;
     Ok(found)
-}
-
-/// What the fit of the signals does not have of the delay's standard error, in s: the sines that are taken off as feedthrough shift the phase
-/// of the fundamental by the noise of the bias-off record, which is as large as that of the record itself if it is as long; and the phase of the
-/// vibrometer has its own noise. Gaps and gains come from the harmonics, which the first leaves alone.
-fn unfitted_delay(fitted: f64, training: &[&StageRecord], offs: &[usize]) -> f64 {
-    let count = training.len().max(1) as f64;
-    let of_offs: f64 = training
-        .iter()
-        .zip(offs)
-        .map(|(record, samples)| record.time_s.len() as f64 / (*samples).max(1) as f64)
-        .sum();
-    let of_rates = training.iter().filter_map(|record| {
-        let rate = record.rate.as_ref()?;
-        let phase = rate.residual_rms / rate.amplitude * (2.0 / record.time_s.len() as f64).sqrt();
-        Some((phase / (TAU * rate.frequency_hz)).powi(2))
-    });
-    (fitted * fitted * of_offs / count + of_rates.sum::<f64>() / (count * count)).sqrt()
 }
 
 /// The records that serve the identification.
@@ -310,6 +293,8 @@ struct GapFitTask<'a> {
     hardware: &'a StageHardware,
     on: &'a StageRecords,
     records: &'a [WaveRecord],
+    /// Of each record.
+    errors: &'a [RecordErrors<'a>],
     by_harmonics: bool,
 }
 
@@ -347,7 +332,8 @@ impl GapFitTask<'_> {
             unknowns: ElectrodeUnknowns::Both,
             feedthrough: self.by_harmonics,
         };
-        let fit = waveforms.fit().map_err(|why| self.fit_error(why))?;
+        let mut fit = waveforms.fit().map_err(|why| self.fit_error(why))?;
+        with_unfitted_errors(&mut fit, &waveforms, &self.on.electrodes, self.errors);
         let scale = fit.residual_deviation();
         let mut electrodes = Vec::new();
         for (place, electrode) in self.on.electrodes.iter().enumerate().take(ELECTRODES) {

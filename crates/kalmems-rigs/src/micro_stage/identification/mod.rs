@@ -15,6 +15,7 @@ mod messages;
 mod noise;
 mod rate_line;
 mod sweep;
+mod unfitted;
 mod waveform;
 
 pub use crests::{ByCrests, Crests, by_crests, crests, expected};

@@ -55,6 +55,7 @@ pub fn correction(
             drive_hz: record.drive.frequency_hz,
             electrodes: &on.electrodes,
             signals: found.signals_without_drive(record, &on.electrodes),
+            feedthrough_sd: vec![0.0; on.electrodes.len()],
         };
         let mut past = Past::from(record.time_s.first().copied().unwrap_or(0.0));
         let trajectories =

@@ -172,12 +172,48 @@ impl Waveforms<'_> {
     /// Every finite sample of every signal: its electrode, what is expected of it, and what it is.
     fn each_sample(&self, p: &[f64; UNKNOWNS], each: &mut impl FnMut(usize, &ExpectedSample, f64)) {
         for record in self.records {
-            for (electrode, signal) in record.signals.iter().enumerate().take(self.plates.len()) {
-                for (time_s, y) in record.time_s.iter().zip(signal).filter(|(_, y)| y.is_finite()) {
-                    each(electrode, &self.at(p, record, electrode, *time_s), *y);
-                }
+            self.each_sample_of(p, record, &mut |electrode, _, expected, y| each(electrode, expected, y));
+        }
+    }
+
+    /// The same of one record, with the time in s.
+    fn each_sample_of(
+        &self,
+        p: &[f64; UNKNOWNS],
+        record: &WaveRecord,
+        each: &mut impl FnMut(usize, f64, &ExpectedSample, f64),
+    ) {
+        for (electrode, signal) in record.signals.iter().enumerate().take(self.plates.len()) {
+            for (time_s, y) in record.time_s.iter().zip(signal).filter(|(_, y)| y.is_finite()) {
+                each(electrode, *time_s, &self.at(p, record, electrode, *time_s), *y);
             }
         }
+    }
+
+    /// Of every sample of a record its electrode, its time in s, and its derivatives by the unknowns, in standard deviations of the noise.
+    pub fn each_gradient(
+        &self,
+        p: &[f64; UNKNOWNS],
+        record: &WaveRecord,
+        each: &mut impl FnMut(usize, f64, &[f64; UNKNOWNS]),
+    ) {
+        self.each_sample_of(p, record, &mut |electrode, time_s, expected, _| {
+            each(electrode, time_s, &self.gradient(electrode, expected));
+        });
+    }
+
+    fn gradient(&self, electrode: usize, expected: &ExpectedSample) -> [f64; UNKNOWNS] {
+        let weight = 1.0 / self.noise[electrode];
+        let mut gradient = [0.0; UNKNOWNS];
+        gradient[unknown::SCALE] = expected.by_scale * weight;
+        gradient[unknown::DELAY] = expected.by_time * weight;
+        gradient[unknown::gap(electrode)] = expected.by_gap * weight;
+        gradient[unknown::gain(electrode)] = expected.by_gain * weight;
+        gradient[unknown::offset(electrode)] = weight;
+        for (index, drive) in unknown::feedthrough(electrode).into_iter().zip(expected.by_feedthrough) {
+            gradient[index] = drive * weight;
+        }
+        gradient
     }
 }
 
@@ -188,17 +224,8 @@ impl Regression<UNKNOWNS> for Waveforms<'_> {
 
     fn linearize(&self, p: &[f64; UNKNOWNS], each: &mut impl FnMut(f64, &[f64; UNKNOWNS])) {
         self.each_sample(p, &mut |electrode, expected, y| {
-            let weight = 1.0 / self.noise[electrode];
-            let mut gradient = [0.0; UNKNOWNS];
-            gradient[unknown::SCALE] = expected.by_scale * weight;
-            gradient[unknown::DELAY] = expected.by_time * weight;
-            gradient[unknown::gap(electrode)] = expected.by_gap * weight;
-            gradient[unknown::gain(electrode)] = expected.by_gain * weight;
-            gradient[unknown::offset(electrode)] = weight;
-            for (index, drive) in unknown::feedthrough(electrode).into_iter().zip(expected.by_feedthrough) {
-                gradient[index] = drive * weight;
-            }
-            each((expected.volts - y) * weight, &gradient);
+            let residual = (expected.volts - y) / self.noise[electrode];
+            each(residual, &self.gradient(electrode, expected));
         });
     }
 }

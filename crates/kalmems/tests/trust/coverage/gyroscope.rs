@@ -16,6 +16,7 @@ use kalmems::workflow;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
+use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
@@ -78,8 +79,8 @@ fn calibrated(folder: &Path, told: &Told) -> Vec<(String, Identified)> {
 
 /// Told gaps up to 3 % and gains up to 10 % wrong, as at another temperature, beside a vibrometer; and told gains to 0.05 %, and gaps 0.3 % wrong,
 /// without one.
-fn scale_factors(runs: u64, rows: &mut Rows) {
-    rows.of_recordings(0..runs, |seed, folder, rows| {
+fn scale_factors(seeds: Range<u64>, rows: &mut Rows) {
+    rows.of_recordings(seeds, |seed, folder, rows| {
         let mut chance = Chance::new(25_000 + seed);
         write(&mut chance, (&DRIVES, 2400), 4e-6, folder);
         gyroscope(&mut chance, folder);
@@ -108,7 +109,7 @@ fn scale_factors(runs: u64, rows: &mut Rows) {
 #[ignore = "long: `.ci/run --all` runs it"]
 fn long_a_few_scale_factors() {
     let mut rows = Rows::default();
-    scale_factors(2, &mut rows);
+    scale_factors(0..2, &mut rows);
     rows.judge();
 }
 
@@ -116,6 +117,6 @@ fn long_a_few_scale_factors() {
 #[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
 fn slow_scale_factors() {
     let mut rows = Rows::default();
-    scale_factors(100, &mut rows);
+    scale_factors(100..300, &mut rows);
     rows.judge();
 }
