@@ -97,3 +97,17 @@ impl ColouredNoiseCause {
         format!("coloured noise of {sd:.3e} {unit} with a correlation time of {time_s:.3e} s")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_that_hardly_changes_over_the_recording_is_not_told() {
+        // 10 000 samples of 1 µs.
+        let found = ColouredNoiseCause { sd: 1e-3, time_s: 4e-5, unit: "V", told_s: [5e-7, 1e-3] };
+        assert!(found.is_told() && found.times([10.0, 16.0]).is_told());
+        let [sd, time] = found.sizes();
+        assert!(!found.resized([sd, time + 10.0]).is_told() && !found.times([1.0, 1e-3]).is_told());
+    }
+}

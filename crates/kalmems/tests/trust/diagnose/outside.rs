@@ -22,7 +22,7 @@ const UNKNOWN: [Unknown; 6] = [
 const SEEDS: [u64; 2] = [301, 302];
 
 #[test]
-#[ignore = "five minutes on two processors in a release build"]
+#[ignore = "a quarter of an hour on two processors, beside other work, in a release build"]
 fn slow_faults_that_are_not_known_get_no_wrong_name() {
     // The stage has several signals, and the axes of a scanner with two cost ten times as much as one.
     let devices = DEVICES.iter().filter(|device| !["micro-stage", "two axes"].contains(&device.name));
