@@ -68,9 +68,15 @@ impl Innovations {
     }
 }
 
-/// Parameters that make innovations the likeliest.
+impl AsRef<Self> for Innovations {
+    fn as_ref(&self) -> &Self {
+        self
+    }
+}
+
+/// Parameters that make innovations the likeliest, with the run of the filter that has them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct MostLikely<const P: usize> {
+pub struct MostLikely<const P: usize, R = Innovations> {
     /// The parameters.
     pub at: [f64; P],
     /// Their standard errors by the information that the innovations hold; infinite of what they do not determine.
@@ -79,6 +85,8 @@ pub struct MostLikely<const P: usize> {
     pub correlation: [[f64; P]; P],
     /// Σ ln p of the innovations there.
     pub log_likelihood: f64,
+    /// What `filter` gave there.
+    pub run: R,
 }
 
 /// What is predicted to be gained below which the maximum is reached, in units of ln p: a tenth of a standard error.
@@ -99,17 +107,17 @@ const ATTEMPTS: usize = 6;
 ///
 /// `filter` runs the filter with some parameters, and gives `None` where it cannot: as many innovations at each call. `None`
 /// where it cannot at the start.
-pub fn most_likely<const P: usize>(
+pub fn most_likely<const P: usize, R: AsRef<Innovations>>(
     start: [f64; P],
     mut steps: [f64; P],
-    filter: &mut dyn FnMut(&[f64; P]) -> Option<Innovations>,
-) -> Option<MostLikely<P>> {
-    let (mut at, mut own) = (start, filter(&start)?);
-    let mut likelihood = own.log_likelihood();
+    filter: &mut dyn FnMut(&[f64; P]) -> Option<R>,
+) -> Option<MostLikely<P, R>> {
+    let (mut at, mut run) = (start, filter(&start)?);
+    let mut likelihood = run.as_ref().log_likelihood();
     let (mut damping, mut sd, mut correlation) = (0.0, [f64::INFINITY; P], [[0.0; P]; P]);
     for _ in 0..ITERATIONS {
-        let slopes = slopes(&at, &own, &steps, filter);
-        let mut triangle = triangle(&own, &slopes);
+        let slopes = slopes(&at, run.as_ref(), &steps, filter);
+        let mut triangle = triangle(run.as_ref(), &slopes);
         let norms = triangle.column_norms();
         hold_what_has_no_effect(&mut triangle, &norms);
         (sd, correlation) = errors(&triangle, &norms);
@@ -121,14 +129,14 @@ pub fn most_likely<const P: usize>(
             let by = damped(&triangle, &norms, damping).solve();
             let predicted: f64 = -0.5 * by.iter().zip(triangle.gradient()).map(|(d, g)| d * g).sum::<f64>();
             if predicted < NEAR {
-                return Some(MostLikely { at, sd, correlation, log_likelihood: likelihood });
+                return Some(MostLikely { at, sd, correlation, log_likelihood: likelihood, run });
             }
             let mut next = at;
             next.iter_mut().zip(by).for_each(|(x, d)| *x += d);
             if let Some(there) = filter(&next) {
-                let found = there.log_likelihood();
+                let found = there.as_ref().log_likelihood();
                 if found > likelihood {
-                    (at, own, likelihood, gained) = (next, there, found, true);
+                    (at, run, likelihood, gained) = (next, there, found, true);
                     damping *= 0.1;
                     break;
                 }
@@ -139,25 +147,26 @@ pub fn most_likely<const P: usize>(
             break;
         }
     }
-    Some(MostLikely { at, sd, correlation, log_likelihood: likelihood })
+    Some(MostLikely { at, sd, correlation, log_likelihood: likelihood, run })
 }
 
 /// ν' and S' by each parameter; nothing of one by which the filter cannot be run.
-fn slopes<const P: usize>(
+fn slopes<const P: usize, R: AsRef<Innovations>>(
     at: &[f64; P],
     own: &Innovations,
     steps: &[f64; P],
-    filter: &mut dyn FnMut(&[f64; P]) -> Option<Innovations>,
+    filter: &mut dyn FnMut(&[f64; P]) -> Option<R>,
 ) -> [Innovations; P] {
     std::array::from_fn(|i| {
         let mut beside = |step: f64| {
             let mut there = *at;
             there[i] += step;
-            filter(&there).map(|innovations| (innovations, step))
+            filter(&there).map(|run| (run, step))
         };
         let Some((there, step)) = beside(steps[i]).or_else(|| beside(-steps[i])) else {
             return Innovations::default();
         };
+        let there = there.as_ref();
         let slope = |there: &[f64], own: &[f64]| there.iter().zip(own).map(|(b, a)| (b - a) / step).collect();
         Innovations {
             value: slope(&there.value, &own.value),
@@ -288,7 +297,7 @@ mod tests {
         };
         let found = most_likely([0.0, 0.0], [0.1, 0.1], &mut filter).unwrap();
         assert!(found.sd.iter().all(|sd| *sd > 1e3), "{found:?}");
-        assert!(most_likely([0.0], [0.1], &mut |_| None).is_none());
+        assert!(most_likely([0.0], [0.1], &mut |_| None::<Innovations>).is_none());
     }
 
     #[test]

@@ -47,6 +47,7 @@ mod restart;
 pub(crate) mod scale;
 mod segment;
 mod signal_check;
+mod sine_fits;
 mod stamps;
 mod stretches;
 mod stuck;
@@ -68,12 +69,14 @@ pub use stretches::{Stretch, StretchSize, Stretches};
 pub use stuck::STUCK_RUN;
 pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 
+use crate::signal::Sine;
 use crate::units::{ColumnHeader, Kind, Unit};
 pub use kalmems_config::layout::{ColumnReading, DeclaredColumn, RecordingLayout, Restarts, TimeSource};
 pub use kalmems_formats::{Array, ArrayType, Arrays, Hints, Instant, TimeUnit, panic_is_caught};
 use request::ReadRequest;
 use serde::Serialize;
-use std::ops::ControlFlow;
+use sine_fits::SineFits;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
 
 /// Whether a file has more rows than `most`, without reading them; see [`kalmems_formats::has_more_rows`].
@@ -113,9 +116,32 @@ pub struct RecordingColumn {
     pub header: ColumnHeader,
     /// Its values in SI, one per row; NaN where the file has no finite number.
     pub values: Vec<f64>,
+    fits: SineFits,
 }
 
 impl RecordingColumn {
+    /// A column with these values in SI.
+    pub(crate) fn new(header: ColumnHeader, values: Vec<f64>) -> Self {
+        Self { header, values, fits: SineFits::default() }
+    }
+
+    /// So many sines that `fit` finds in these rows of the recording, nothing where there are none. They are found once for all copies of the
+    /// column; `fit` gives `None` where it is stopped.
+    pub fn sines(
+        &self,
+        rows: Range<usize>,
+        count: usize,
+        fit: impl FnOnce() -> Option<Vec<Sine>>,
+    ) -> Vec<Sine> {
+        self.fits.get(rows, count, fit)
+    }
+
+    /// The values, to be changed: what was fitted to them holds no longer.
+    fn values_mut(&mut self) -> &mut Vec<f64> {
+        self.fits = SineFits::default();
+        &mut self.values
+    }
+
     /// The values of a segment.
     pub fn of(&self, segment: &Segment) -> &[f64] {
         self.values.get(segment.rows.clone()).unwrap_or_default()

@@ -532,9 +532,7 @@ impl Pass {
         let columns = self.plan.targets.iter();
         Some(SampledRecording {
             source: source.clone(),
-            columns: columns
-                .map(|t| RecordingColumn { header: t.header.clone(), values: copy(&t.values) })
-                .collect(),
+            columns: columns.map(|t| RecordingColumn::new(t.header.clone(), copy(&t.values))).collect(),
             segments: vec![Segment {
                 label: self.labels.get(draft.record).cloned().unwrap_or_default(),
                 rows: 0..rows.len(),
@@ -585,7 +583,7 @@ impl Pass {
         let columns = self.plan.targets.into_iter();
         SampledRecording {
             source,
-            columns: columns.map(|t| RecordingColumn { header: t.header, values: t.values }).collect(),
+            columns: columns.map(|t| RecordingColumn::new(t.header, t.values)).collect(),
             diagnosis,
             segments,
             rows,

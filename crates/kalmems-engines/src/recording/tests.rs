@@ -265,6 +265,24 @@ fn the_source_is_hashed_as_it_is_read() {
 }
 
 #[test]
+fn the_sines_of_a_column_are_kept_as_long_as_its_numbers() {
+    let recording = read(b"a_V,b_V\n1,5\n2,6\n3,7\n", &layout("", "", &[])).unwrap();
+    let found = |recording: &SampledRecording, column: &str, amplitude: f64| {
+        let sine = Sine { offset: 0.0, amplitude, frequency_hz: 1.0, phase_rad: 0.0, residual_rms: 0.0 };
+        let column = recording.column(column).unwrap();
+        column.sines(0..3, 1, || Some(vec![sine])).first().map(|sine| sine.amplitude)
+    };
+    assert_eq!([found(&recording, "a_V", 1.0), found(&recording, "b_V", 2.0)], [Some(1.0), Some(2.0)]);
+    // Copies have them, and those of the columns that are not changed.
+    let changed = recording.what_if("a_V", |_, values| values[0] = 0.0);
+    assert_eq!([found(&changed, "a_V", 3.0), found(&changed, "b_V", 3.0)], [Some(3.0), Some(2.0)]);
+    assert_eq!(found(&recording.clone(), "a_V", 4.0), Some(1.0));
+    let exchanged = recording.exchanged("a_V", "b_V");
+    assert_eq!([found(&exchanged, "a_V", 5.0), found(&exchanged, "b_V", 5.0)], [Some(5.0); 2]);
+    assert_eq!(found(&recording.first_rows(2), "a_V", 6.0), Some(6.0));
+}
+
+#[test]
 fn reading_reports_progress_and_can_be_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("long.csv");

@@ -11,7 +11,7 @@ impl SampledRecording {
         let mut other = self.clone();
         if let Some(column) = other.columns.iter_mut().find(|own| own.header.column == column) {
             for segment in &other.segments {
-                if let Some(values) = column.values.get_mut(segment.rows.clone()) {
+                if let Some(values) = column.values_mut().get_mut(segment.rows.clone()) {
                     change(&segment.time.to_vec(), values);
                 }
             }
@@ -28,7 +28,7 @@ impl SampledRecording {
             let numbers = |place: usize| self.columns.get(place).map(|column| column.values.clone());
             for (to, from) in [(one, other), (other, one)] {
                 if let (Some(column), Some(values)) = (exchanged.columns.get_mut(to), numbers(from)) {
-                    column.values = values;
+                    *column.values_mut() = values;
                 }
             }
         }
@@ -39,9 +39,9 @@ impl SampledRecording {
     #[must_use]
     pub fn first_rows(&self, rows: usize) -> Self {
         let rows = rows.min(self.rows);
-        let cut = |column: &RecordingColumn| RecordingColumn {
-            header: column.header.clone(),
-            values: column.values.get(..rows).unwrap_or_default().to_vec(),
+        let cut = |column: &RecordingColumn| {
+            let values = column.values.get(..rows).unwrap_or_default().to_vec();
+            RecordingColumn::new(column.header.clone(), values)
         };
         let within = self.segments.iter().filter(|segment| segment.rows.start < rows);
         Self {
@@ -59,7 +59,7 @@ impl SampledRecording {
     /// Puts the rows of a later stretch of the same segment behind.
     pub(crate) fn extend(&mut self, later: &Self) {
         for (column, more) in self.columns.iter_mut().zip(&later.columns) {
-            column.values.extend_from_slice(&more.values);
+            column.values_mut().extend_from_slice(&more.values);
         }
         let (Some(segment), Some(more)) = (self.segments.first_mut(), later.segments.first()) else { return };
         match (&mut segment.time.times, &more.time.times) {
@@ -93,7 +93,8 @@ impl SampledRecording {
             }
         }
         for column in &mut self.columns {
-            column.values.drain(..gone.min(column.values.len()));
+            let values = column.values_mut();
+            values.drain(..gone.min(values.len()));
         }
         segment.rows = 0..rows - gone;
         self.rows = rows - gone;

@@ -11,7 +11,7 @@ use super::table::refused;
 use crate::Estimator;
 use crate::config::{ConfigFault, Experiment, Key, Method};
 use crate::crossings::RowsNeeded;
-use crate::estimate::driven::{BLOCK, HYBRID_STEPS, SegmentDrive};
+use crate::estimate::driven::{BLOCK, DrivePast, HYBRID_STEPS, SegmentDrive};
 use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
     RowsAround, SampleSelection, SegmentEstimate, SegmentPart, Sensor, SignalSegment, StartedCourse,
@@ -51,13 +51,13 @@ impl<'a> SampledInputs<'a, '_> {
     fn of(
         &mut self,
         (index, column): (usize, &str),
-        values: &'a [f64],
         foresees: bool,
+        drive: impl FnOnce(&mut DrivePast, &Interruption) -> SegmentDrive<'a>,
     ) -> Result<SegmentDrive<'a>, EstimateError> {
         let kept = self.past.input(index);
         kept.foresees |= foresees;
         let stop = Interruption::by(self.progress);
-        let drive = SegmentDrive::of(&self.segment.time_s, values, self.samples, kept, &stop);
+        let drive = drive(kept, &stop);
         if stop.is_requested() {
             return Err(EstimateError::Interrupted);
         }
@@ -76,7 +76,11 @@ impl<'a> SampledInputs<'a, '_> {
         for (index, (column, named)) in columns.inputs.iter().zip(own.device.inputs()).enumerate() {
             let values = self.segment.recording.column_of(column, names::kind_of(named))?;
             let foresees = own.between[index].needs_sine() || own.device.rated_inputs().contains(&index);
-            all.push(self.of((index, column), values.of(self.segment.segment), foresees)?);
+            let (SignalSegment { time_s, segment, .. }, samples) = (self.segment, self.samples);
+            let of = (values, *segment);
+            all.push(self.of((index, column), foresees, |kept, stop| {
+                SegmentDrive::of_column(of, time_s, samples, kept, stop)
+            })?);
         }
         Ok(all)
     }
@@ -90,7 +94,10 @@ impl<'a> SampledInputs<'a, '_> {
     ) -> Result<(), EstimateError> {
         for (rates, of) in rates.iter().zip(device.rated_inputs()) {
             let column = format!("the rate of {}", columns.inputs[*of]);
-            inputs.push(self.of((inputs.len(), &column), rates, false)?);
+            let (time_s, samples) = (&self.segment.time_s, self.samples);
+            inputs.push(self.of((inputs.len(), &column), false, |kept, stop| {
+                SegmentDrive::of(time_s, rates, samples, kept, stop)
+            })?);
         }
         Ok(())
     }

@@ -14,6 +14,8 @@ pub(super) struct ColouredNoiseCause {
     /// Its correlation time in s.
     pub(super) time_s: f64,
     unit: &'static str,
+    /// The correlation times that the recording can tell, in s.
+    told_s: [f64; 2],
 }
 
 /// Innovations that are looked at, at least.
@@ -22,7 +24,8 @@ const LEAST: usize = 256;
 /// Standard errors by which the autocorrelation at the first lag has to be positive.
 const SEEN: f64 = 5.0;
 
-/// The correlation times of noise that is searched: from a part of an interval to a part of the recording.
+/// The correlation times that a recording can tell from none, and from an offset that is not the same throughout: from a part of an interval to a
+/// part of the recording.
 const SHORTEST: f64 = 0.5;
 const LONGEST: f64 = 0.1;
 
@@ -53,12 +56,15 @@ impl ColouredNoiseCause {
         let fallen = (2..values.len() / 4).find(|lag| covariance(*lag) < (-1.0_f64).portable_exp() * first);
         let lags = fallen.unwrap_or(values.len() / 4) - 1;
         let time_s = (lags as f64).max(1.0) * interval_s;
-        let cause = Self { sd: first.sqrt(), time_s, unit: trial.signal_unit };
-        cause.is_possible(interval_s, lasts_s).then_some(cause)
+        let told_s = [SHORTEST * interval_s, LONGEST * lasts_s];
+        let cause = Self { sd: first.sqrt(), time_s, unit: trial.signal_unit, told_s };
+        cause.is_told().then_some(cause)
     }
 
-    fn is_possible(&self, interval_s: f64, lasts_s: f64) -> bool {
-        self.sd > 0.0 && (SHORTEST * interval_s..LONGEST * lasts_s).contains(&self.time_s)
+    /// Whether the recording can tell noise with this correlation time.
+    pub(super) fn is_told(&self) -> bool {
+        let [shortest_s, longest_s] = self.told_s;
+        self.sd > 0.0 && (shortest_s..longest_s).contains(&self.time_s)
     }
 
     /// The logarithms of both numbers, which are searched.
@@ -67,12 +73,12 @@ impl ColouredNoiseCause {
     }
 
     pub(super) fn resized(&self, [sd, time_s]: [f64; 2]) -> Self {
-        Self { sd: Scalar::exp(sd), time_s: Scalar::exp(time_s), unit: self.unit }
+        Self { sd: Scalar::exp(sd), time_s: Scalar::exp(time_s), ..*self }
     }
 
     /// The same with so many times its standard deviation and its correlation time.
     pub(super) fn times(&self, [sd, time_s]: [f64; 2]) -> Self {
-        Self { sd: sd * self.sd, time_s: time_s * self.time_s, unit: self.unit }
+        Self { sd: sd * self.sd, time_s: time_s * self.time_s, ..*self }
     }
 
     /// The filter's state for it.
@@ -87,7 +93,21 @@ impl ColouredNoiseCause {
 
     /// In a few words.
     pub(super) fn name(&self) -> String {
-        let Self { sd, time_s, unit } = self;
+        let Self { sd, time_s, unit, .. } = self;
         format!("coloured noise of {sd:.3e} {unit} with a correlation time of {time_s:.3e} s")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_that_hardly_changes_over_the_recording_is_not_told() {
+        // 10 000 samples of 1 µs.
+        let found = ColouredNoiseCause { sd: 1e-3, time_s: 4e-5, unit: "V", told_s: [5e-7, 1e-3] };
+        assert!(found.is_told() && found.times([10.0, 16.0]).is_told());
+        let [sd, time] = found.sizes();
+        assert!(!found.resized([sd, time + 10.0]).is_told() && !found.times([1.0, 1e-3]).is_told());
     }
 }

@@ -31,6 +31,7 @@ mod identified_experiment;
 mod input_fault;
 mod invisible_parameters;
 mod likeliest;
+mod line_search;
 mod noise;
 mod number_test;
 mod paste;

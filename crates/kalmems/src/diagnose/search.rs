@@ -5,10 +5,9 @@ use super::cause::Cause;
 use super::coloured_noise::ColouredNoiseCause;
 use super::suspect::Suspect;
 use super::trial::{DiagnosisTrial, TrialBlocks};
-use crate::evaluate::{InnovationTest, TestPlace};
 use crate::fit::{Innovations, MostLikely, most_likely};
 use kalmems_core::Portable;
-use kalmems_core::Scalar;
+use std::borrow::Cow;
 
 /// What is searched among, and what a cause has to be better than.
 pub(super) struct CauseSearch<'a> {
@@ -46,13 +45,6 @@ const LEAST_PROMISE: f64 = 2.0;
 
 /// The share of the largest promise below which a number is not followed up: what gains so little at first cannot gain most.
 const SMALL_PROMISE: f64 = 0.02;
-
-/// Steps of a search for a line, for each frequency that the recording can tell from the next; and how many there are at most.
-const FINE: f64 = 8.0;
-const MOST_STEPS: f64 = 400.0;
-
-/// Steps by which the frequency of a line is tuned, in parts of what the recording can tell from the next.
-const TUNING: [f64; 4] = [0.3, 0.1, 0.03, 0.01];
 
 /// Where a search for coloured noise begins, by what the innovations show of it: factors of its standard deviation and its correlation time.
 const STARTS: [[f64; 2]; 4] = [[1.0, 1.0], [2.0, 2.0], [4.0, 4.0], [4.0, 16.0]];
@@ -94,26 +86,40 @@ impl CauseSearch<'_> {
 
     /// A single number that may be wrong.
     pub(super) fn number(&self, place: usize) -> Option<FittedCause> {
-        let own = self.base.log_likelihood(TrialBlocks::Fitted);
-        let mut best = (0.0, own);
+        self.beside(&[], place, self.base)
+    }
+
+    /// A number beside others, with all their sizes fitted: from the size, among those that are tried first, that makes the fitted blocks the
+    /// likeliest, or from none. `alone` is the run with the others alone.
+    fn beside(&self, others: &[(usize, f64)], place: usize, alone: &DiagnosisTrial) -> Option<FittedCause> {
+        let with = |size: f64| Cause::Numbers([others, &[(place, size)]].concat());
+        let own = alone.log_likelihood(TrialBlocks::Fitted);
+        // A run that stands in for another one is none with these sizes.
+        let mut best = (0.0, own, Some(Cow::Borrowed(alone)).filter(|alone| alone.is_its_own()));
         // Of a filter that follows the motion the likelihood falls on the side where it is not: so far from there on in vain.
         let mut in_vain = [0_usize; 2];
         for size in &self.suspects.get(place)?.sizes {
             let side = usize::from(*size < 0.0);
-            if self.base.follows() && in_vain[side] >= ENOUGH_IN_VAIN {
+            if alone.follows() && in_vain[side] >= ENOUGH_IN_VAIN {
                 continue;
             }
             in_vain[side] += 1;
-            let Some(trial) = self.run_unjudged(&Cause::Numbers(vec![(place, *size)])) else { continue };
+            let Some(trial) = self.run_unjudged(&with(*size)) else { continue };
             let found = trial.log_likelihood(TrialBlocks::Fitted);
             if found > own {
                 in_vain[side] = 0;
             }
             if found > best.1 {
-                best = (*size, found);
+                best = (*size, found, Some(Cow::Owned(trial)));
             }
         }
-        self.refined(&Cause::Numbers(vec![(place, best.0)]))
+        let (size, _, trial) = best;
+        self.refined(&with(size), trial.as_deref())
+    }
+
+    /// The run with a cause that changes nothing, where it is known.
+    pub(super) fn of_nothing(&self) -> Option<&DiagnosisTrial> {
+        Some(self.base).filter(|base| base.is_its_own())
     }
 
     /// Pairs with a number that explains most by itself: the partners by which the likelihood rises most at first, followed up.
@@ -126,16 +132,8 @@ impl CauseSearch<'_> {
             .filter_map(|second| Some((self.promise(&[(place, size)], second, &alone)?, second)))
             .collect();
         seconds.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let followed = seconds.into_iter().take(SECONDS).filter_map(|(_, second)| {
-            let sizes = self.suspects[second].sizes.iter().copied().chain([0.0]);
-            let tried = sizes.filter_map(|other| {
-                let cause = Cause::Numbers(vec![(place, size), (second, other)]);
-                Some((self.run_unjudged(&cause)?.log_likelihood(TrialBlocks::Fitted), cause))
-            });
-            let (_, cause) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
-            self.refined(&cause)
-        });
-        followed.collect()
+        let followed = seconds.into_iter().take(SECONDS);
+        followed.filter_map(|(_, second)| self.beside(&[(place, size)], second, &alone)).collect()
     }
 
     /// What a number promises to gain beside others, by the slope of the innovations: g²/2I; `None` of one that changes nothing.
@@ -151,107 +149,20 @@ impl CauseSearch<'_> {
         (score.information > 0.0).then(|| 0.5 * score.gradient * score.gradient / score.information)
     }
 
-    /// A line at each frequency at which the tests of the innovations find one, or too much power: where the innovations have most.
-    pub(super) fn lines(&self) -> Vec<FittedCause> {
-        let resolution_hz = 1.0 / self.duration_s();
-        let mut frequencies: Vec<f64> = Vec::new();
-        for found in self.base.failing() {
-            let around = |hz: f64, by: f64| {
-                [(hz - by * resolution_hz).max(0.25 * resolution_hz), hz + by * resolution_hz]
-            };
-            let range = match (found.test, &found.place) {
-                (InnovationTest::Line, Some(TestPlace::Frequency { hz })) => around(*hz, 1.5),
-                (InnovationTest::Harmonics, Some(TestPlace::Harmonic { number, of_hz })) => {
-                    around(*number as f64 * of_hz, 0.5)
-                }
-                (InnovationTest::Bands, Some(TestPlace::Band { from_hz, to_hz })) => {
-                    [around(*from_hz, 1.0)[0], around(*to_hz, 1.0)[1]]
-                }
-                _ => continue,
-            };
-            let frequency_hz = self.strongest(range, resolution_hz);
-            if frequencies.iter().all(|known| (known - frequency_hz).abs() > resolution_hz) {
-                frequencies.push(frequency_hz);
-            }
-        }
-        frequencies.into_iter().filter_map(|hz| self.tuned(hz, resolution_hz)).collect()
-    }
-
-    /// A line near a frequency, where it makes the fitted blocks the likeliest: what follows of it in the innovations is not all at its own
-    /// frequency.
-    fn tuned(&self, frequency_hz: f64, resolution_hz: f64) -> Option<FittedCause> {
-        let fitted = |frequency_hz: f64| {
-            let (signal, harmonic) = (self.bench.signal.clone(), self.harmonic(frequency_hz, resolution_hz));
-            let cause = Cause::Line { signal, frequency_hz, amplitude: [0.0; 2], harmonic };
-            let cause = cause.resized(&self.fit(&cause, TrialBlocks::Fitted)?.0);
-            let trial = self.run_unjudged(&cause)?;
-            Some((trial.log_likelihood(TrialBlocks::Fitted), frequency_hz, cause))
-        };
-        let mut best = fitted(frequency_hz)?;
-        for part in TUNING {
-            for side in [-part, part] {
-                for _ in 0..TUNING.len() {
-                    match fitted(best.1 + side * resolution_hz) {
-                        Some(found) if found.0 > best.0 => best = found,
-                        _ => break,
-                    }
-                }
-            }
-        }
-        self.refined(&best.2)
-    }
-
-    /// Which harmonic of the motion a frequency is, by the motion's frequency in the test of harmonics.
-    fn harmonic(&self, frequency_hz: f64, resolution_hz: f64) -> Option<usize> {
-        let of_hz = self.base.tests.iter().find_map(|test| match &test.place {
-            Some(TestPlace::Harmonic { of_hz, .. }) => Some(*of_hz),
-            _ => None,
-        })?;
-        let number = (frequency_hz / of_hz).round();
-        let is_near = (frequency_hz - number * of_hz).abs() < 0.5 * resolution_hz;
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 1 to below 1000
-        (is_near && (1.0..1e3).contains(&number)).then_some(number as usize)
-    }
-
-    /// The frequency in a range at which the innovations of the first signal, over their standard deviations, have most.
-    fn strongest(&self, [from_hz, to_hz]: [f64; 2], resolution_hz: f64) -> f64 {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of steps, bounded
-        let steps = (FINE * (to_hz - from_hz) / resolution_hz).clamp(1.0, MOST_STEPS).ceil() as u32;
-        let at = |step: u32| from_hz + (to_hz - from_hz) * f64::from(step) / f64::from(steps);
-        let power = |hz: f64| {
-            let (mut cosine, mut sine) = (0.0, 0.0);
-            for (k, (value, variance)) in
-                self.base.innovations.value.iter().zip(&self.base.innovations.variance).enumerate()
-            {
-                let z = value / variance.sqrt();
-                if self.base.is_of_first[k] && z.is_finite() {
-                    let phase = std::f64::consts::TAU * hz * self.base.time_s[k];
-                    cosine += z * Scalar::cos(phase);
-                    sine += z * Scalar::sin(phase);
-                }
-            }
-            cosine * cosine + sine * sine
-        };
-        let all = (0..=steps).map(|step| (power(at(step)), at(step)));
-        all.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(from_hz, |(_, hz)| hz)
-    }
-
-    /// From the first innovation to the last, in s.
-    fn duration_s(&self) -> f64 {
-        let [first, last] =
-            [self.base.time_s.first(), self.base.time_s.last()].map(|t| t.copied().unwrap_or(0.0));
-        (last - first).abs().max(f64::MIN_POSITIVE)
-    }
-
     /// Noise that a sample shares with those before it, where the innovations show some.
     pub(super) fn coloured_noise(&self) -> Option<FittedCause> {
         let shown = ColouredNoiseCause::of(self.base)?;
         // The filter has followed a part of it.
         let starts = STARTS.iter().map(|factors| Cause::ColouredNoise(shown.times(*factors)));
         let tried = starts
-            .filter_map(|cause| Some((self.run_unjudged(&cause)?.log_likelihood(TrialBlocks::Fitted), cause)))
+            .filter_map(|cause| {
+                let trial = self.run_unjudged(&cause)?;
+                Some((trial.log_likelihood(TrialBlocks::Fitted), cause, trial))
+            })
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
-        self.refined(&tried.1)
+        let found = self.refined(&tried.1, Some(&tried.2))?;
+        // An offset that steps or drifts is fitted best by noise that hardly changes over the recording.
+        matches!(&found.cause, Cause::ColouredNoise(noise) if noise.is_told()).then_some(found)
     }
 
     /// Samples that are none of the noise, where there are some and not too many.
@@ -296,11 +207,14 @@ impl CauseSearch<'_> {
         -(2.0 * largest).portable_ln()
     }
 
-    /// The sizes of a cause that fit best, from these on.
-    fn refined(&self, cause: &Cause) -> Option<FittedCause> {
-        let found = self.fit(cause, TrialBlocks::Fitted)?;
-        let cause = cause.resized(&found.0);
-        let trial = self.run_unjudged(&cause)?;
+    /// The sizes of a cause that fit best, from these on, whose run may be known.
+    fn refined(&self, cause: &Cause, known: Option<&DiagnosisTrial>) -> Option<FittedCause> {
+        let (found, trial) = self.most_likely_from(cause, known, TrialBlocks::Fitted)?;
+        self.fitted(cause.resized(&found.at), &trial)
+    }
+
+    /// A cause that was fitted, with the run that has it.
+    pub(super) fn fitted(&self, cause: Cause, trial: &DiagnosisTrial) -> Option<FittedCause> {
         let held_out =
             trial.log_likelihood(TrialBlocks::HeldOut) - self.base.log_likelihood(TrialBlocks::HeldOut);
         held_out.is_finite().then_some(FittedCause { cause, held_out })
@@ -316,12 +230,27 @@ impl CauseSearch<'_> {
 
     /// The same with the correlations of their errors.
     pub(super) fn most_likely(&self, cause: &Cause, blocks: TrialBlocks) -> Option<MostLikelySizes> {
+        self.most_likely_from(cause, None, blocks).map(|(found, _)| found)
+    }
+
+    /// The same with the run there, where the run with the cause as it is may be known.
+    pub(super) fn most_likely_from(
+        &self,
+        cause: &Cause,
+        known: Option<&DiagnosisTrial>,
+        blocks: TrialBlocks,
+    ) -> Option<(MostLikelySizes, DiagnosisTrial)> {
         let steps: Vec<f64> = match cause {
             Cause::Numbers(numbers) => numbers.iter().map(|(place, _)| self.step(*place)).collect(),
             Cause::ColouredNoise(_) => vec![COLOURED_STEP; 2],
-            Cause::Line { .. } | Cause::Outliers { .. } => vec![0.1 * self.base.innovation_sd(); 2],
+            Cause::Line { .. } | Cause::Outliers { .. } => vec![self.amplitude_step(); 2],
         };
-        most_likely_sizes(&cause.sizes(), &steps, &mut |at| self.innovations(cause, at, blocks))
+        let start = cause.sizes();
+        let (found, run) = most_likely_sizes(&start, &steps, &mut |at| {
+            let known = known.filter(|_| at == start).cloned();
+            known.or_else(|| self.trial(cause, at)).map(|trial| TrialPart::of(trial, blocks))
+        })?;
+        Some((found, run.trial))
     }
 
     /// The innovations of some blocks with a cause of these sizes; `None` of one far beyond what is tried, and where the filter cannot be run.
@@ -331,6 +260,11 @@ impl CauseSearch<'_> {
         sizes: &[f64],
         blocks: TrialBlocks,
     ) -> Option<Innovations> {
+        self.trial(cause, sizes).map(|trial| trial.part(blocks))
+    }
+
+    /// The run with a cause of these sizes, likewise.
+    fn trial(&self, cause: &Cause, sizes: &[f64]) -> Option<DiagnosisTrial> {
         if let Cause::Numbers(numbers) = cause {
             let beyond = numbers.iter().zip(sizes).any(|((place, _), size)| {
                 let largest = self.suspects[*place].sizes.iter().fold(0.0_f64, |l, s| l.max(s.abs()));
@@ -340,13 +274,35 @@ impl CauseSearch<'_> {
                 return None;
             }
         }
-        let trial = self.run_unjudged(&cause.resized(sizes))?;
-        Some(trial.part(blocks))
+        self.run_unjudged(&cause.resized(sizes))
+    }
+
+    /// A first step of the amplitudes of a line.
+    pub(super) fn amplitude_step(&self) -> f64 {
+        0.1 * self.base.innovation_sd()
     }
 
     /// A first step of a number: half of the smallest size that is tried.
     pub(super) fn step(&self, place: usize) -> f64 {
         self.suspects.get(place).map_or(f64::INFINITY, Suspect::step)
+    }
+}
+
+/// A run, of which some of the blocks are fitted.
+pub(super) struct TrialPart {
+    pub(super) trial: DiagnosisTrial,
+    innovations: Innovations,
+}
+
+impl TrialPart {
+    pub(super) fn of(trial: DiagnosisTrial, blocks: TrialBlocks) -> Self {
+        Self { innovations: trial.part(blocks), trial }
+    }
+}
+
+impl AsRef<Innovations> for TrialPart {
+    fn as_ref(&self) -> &Innovations {
+        &self.innovations
     }
 }
 
@@ -362,27 +318,28 @@ pub(super) struct MostLikelySizes {
 /// The most sizes that are fitted together.
 pub(super) const MOST_SIZES: usize = 8;
 
-/// As [`most_likely`], of as many sizes as there are, which are not more than [`MOST_SIZES`].
-pub(super) fn most_likely_sizes(
+/// As [`most_likely`], of as many sizes as there are, which are not more than [`MOST_SIZES`]; with the run there.
+pub(super) fn most_likely_sizes<R: AsRef<Innovations>>(
     start: &[f64],
     steps: &[f64],
-    filter: &mut dyn FnMut(&[f64]) -> Option<Innovations>,
-) -> Option<MostLikelySizes> {
+    filter: &mut dyn FnMut(&[f64]) -> Option<R>,
+) -> Option<(MostLikelySizes, R)> {
     macro_rules! by_count {
         ($($count:literal)+) => {
             match start.len() {
                 $($count => {
-                    let found: MostLikely<$count> = most_likely(
+                    let found: MostLikely<$count, R> = most_likely(
                         start.try_into().ok()?,
                         steps.try_into().ok()?,
                         &mut |at: &[f64; $count]| filter(at),
                     )?;
-                    Some(MostLikelySizes {
+                    let sizes = MostLikelySizes {
                         at: found.at.to_vec(),
                         sd: found.sd.to_vec(),
                         correlation: found.correlation.iter().map(|row| row.to_vec()).collect(),
                         log_likelihood: found.log_likelihood,
-                    })
+                    };
+                    Some((sizes, found.run))
                 })+
                 _ => None,
             }

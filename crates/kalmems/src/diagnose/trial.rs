@@ -98,6 +98,12 @@ impl DiagnosisTrial {
         let signals = std::iter::once((&trajectory.innovation, &trajectory.innovation_sd))
             .chain(trajectory.further.iter().map(|signal| (&signal.innovation, &signal.sd)));
         let believed = trajectory.gate_nis.unwrap_or(f64::INFINITY).sqrt();
+        let count = scored.len() * (1 + trajectory.further.len());
+        self.innovations.value.reserve(count);
+        self.innovations.variance.reserve(count);
+        self.is_fitted.reserve(count);
+        self.time_s.reserve(count);
+        self.is_of_first.reserve(count);
         for (place, (innovation, sd)) in signals.enumerate() {
             let mut rejected = trajectory.rejected.iter().filter(|one| one.signal == place).peekable();
             for k in scored.clone() {

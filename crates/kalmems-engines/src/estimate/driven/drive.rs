@@ -2,6 +2,7 @@
 
 use crate::estimate::SampleSelection;
 use crate::progress::Interruption;
+use crate::recording::{RecordingColumn, Segment};
 use crate::signal::{
     SLOPE_REACH, Sine, cubic_between, fit_sine, fit_sine_near, fit_sine_until, sample_slopes,
 };
@@ -14,6 +15,8 @@ use std::ops::Range;
 pub struct SegmentDrive<'a> {
     time_s: &'a [f64],
     volts: &'a [f64],
+    /// Where it is a column of a recording.
+    column: Option<ColumnRows<'a>>,
     /// The sine that it follows, where it follows one: over all that is there, or over the first part.
     sine: Option<Sine>,
     /// The sine that its first rows follow.
@@ -23,6 +26,20 @@ pub struct SegmentDrive<'a> {
     /// What the drive will do, by the rows from which on.
     coming: Vec<(usize, Option<Sine>)>,
     unknown: Option<(f64, usize)>,
+}
+
+/// Rows of a recording's column from one on.
+#[derive(Clone, Copy, Debug)]
+struct ColumnRows<'a> {
+    column: &'a RecordingColumn,
+    first: usize,
+}
+
+impl ColumnRows<'_> {
+    /// So many sines in these of the rows, which the column keeps.
+    fn sines(&self, rows: &Range<usize>, count: usize, fit: impl FnOnce() -> Option<Vec<Sine>>) -> Vec<Sine> {
+        self.column.sines(self.first + rows.start..self.first + rows.end, count, fit)
+    }
 }
 
 /// Rows that a sine is fitted to which stands in for missing ones: a missing drive comes from what the block of rows before
@@ -195,12 +212,41 @@ impl<'a> SegmentDrive<'a> {
         past: &mut DrivePast,
         stop: &Interruption,
     ) -> Self {
+        Self::of_rows((time_s, volts, None), samples, past, stop)
+    }
+
+    /// The same of a segment's rows of a column, whose sines are fitted once for all who ask for them.
+    pub fn of_column(
+        (column, segment): (&'a RecordingColumn, &Segment),
+        time_s: &'a [f64],
+        samples: &SampleSelection,
+        past: &mut DrivePast,
+        stop: &Interruption,
+    ) -> Self {
+        let rows = ColumnRows { column, first: segment.rows.start };
+        Self::of_rows((time_s, column.of(segment), Some(rows)), samples, past, stop)
+    }
+
+    fn of_rows(
+        (time_s, volts, column): (&'a [f64], &'a [f64], Option<ColumnRows<'a>>),
+        samples: &SampleSelection,
+        past: &mut DrivePast,
+        stop: &Interruption,
+    ) -> Self {
         let (fresh, interval_s) = (&samples.fresh, samples.interval_s);
         let before = past.rows;
         if before == 0 {
             let fit = |rows: Range<usize>| {
-                fit_sine_until(&time_s[rows.clone()], &volts[rows], interval_s, stop)
-                    .filter(Sine::is_steady)
+                let fitted = || fit_sine_until(&time_s[rows.clone()], &volts[rows.clone()], interval_s, stop);
+                let unless_stopped = || {
+                    let sine = fitted();
+                    (!stop.is_requested()).then(|| sine.into_iter().collect())
+                };
+                let sine = match column {
+                    Some(column) => column.sines(&rows, 1, unless_stopped).first().copied(),
+                    None => fitted(),
+                };
+                sine.filter(Sine::is_steady)
                     // What is left of a constant when its mean is taken off is rounding, and no drive.
                     .filter(|sine| sine.amplitude > 1e-12 * sine.offset.abs())
             };
@@ -234,7 +280,7 @@ impl<'a> SegmentDrive<'a> {
         }
         let coming = past.coming.iter().map(|(row, sine)| (row.saturating_sub(first), *sine)).collect();
         let (sine, first_sine) = (past.sine, past.first_sine);
-        let mut drive = Self { time_s, volts, sine, first_sine, stand_ins, coming, unknown: None };
+        let mut drive = Self { time_s, volts, column, sine, first_sine, stand_ins, coming, unknown: None };
         let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.substitute(*k).is_none());
         if let Some(first) = unknown.next() {
             let count = missing(&first) + unknown.map(|k| missing(&k)).sum::<usize>();
@@ -251,6 +297,19 @@ impl<'a> SegmentDrive<'a> {
     /// Its samples in V.
     pub fn volts(&self) -> &'a [f64] {
         self.volts
+    }
+
+    /// So many sines that `fit` finds in these of its rows, nothing where there are none; the recording that it is a column of keeps them.
+    pub fn fitted_sines(
+        &self,
+        rows: &Range<usize>,
+        count: usize,
+        fit: impl FnOnce() -> Vec<Sine>,
+    ) -> Vec<Sine> {
+        match &self.column {
+            Some(column) => column.sines(rows, count, || Some(fit())),
+            None => fit(),
+        }
     }
 
     /// The sine that the drive follows, where it follows one.

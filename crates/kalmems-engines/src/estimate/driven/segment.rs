@@ -45,10 +45,10 @@ impl<'a> DrivenSegment<'a> {
         past: &mut Past,
         progress: &dyn Progress,
     ) -> Result<Self, EstimateError> {
-        let drive = segment.recording.column_of(drive_column, &kind::VOLTAGE)?.of(segment.segment);
+        let column = (segment.recording.column_of(drive_column, &kind::VOLTAGE)?, segment.segment);
         let samples = segment.samples();
         let stop = Interruption::by(progress);
-        let drive = SegmentDrive::of(&segment.time_s, drive, &samples, &mut past.drive, &stop);
+        let drive = SegmentDrive::of_column(column, &segment.time_s, &samples, &mut past.drive, &stop);
         if stop.is_requested() {
             return Err(EstimateError::Interrupted);
         }

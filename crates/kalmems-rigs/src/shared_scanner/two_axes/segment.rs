@@ -4,7 +4,7 @@ use super::filters::{STATES, TwoAxisFilterSettings, TwoAxisStart};
 use super::lock_in::{LineError, separating_s, swings};
 use super::plant::{both, both_models, both_with};
 use super::settings::TwoAxisSettings;
-use super::tones::DriveTones;
+use super::tones::{DriveTones, TwoSines};
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenCourse, DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
@@ -27,8 +27,11 @@ pub fn first_tones(
     place: &str,
 ) -> Result<DriveTones, EstimateError> {
     let of = |rows: Range<usize>| {
-        let (time_s, volts) = (data.time_s.get(rows.clone())?, data.drive.volts().get(rows)?);
-        DriveTones::of(time_s, volts, data.interval_s, resonances_hz(settings))
+        let (time_s, volts) = (data.time_s.get(rows.clone())?, data.drive.volts().get(rows.clone())?);
+        let fit =
+            || TwoSines::of(time_s, volts, data.interval_s).map_or_else(Vec::new, |found| found.0.into());
+        let sines = data.drive.fitted_sines(&rows, 2, fit);
+        DriveTones::among(&TwoSines(sines.try_into().ok()?), resonances_hz(settings))
     };
     let found = || {
         let end = data.time_s.partition_point(|time_s| *time_s < data.scored_from(settings.skip_s));

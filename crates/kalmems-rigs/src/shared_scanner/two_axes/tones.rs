@@ -40,17 +40,12 @@ impl DriveTones {
     ///
     /// `None` where two sines leave more than 2 % of the smaller one's amplitude: such a drive is another one.
     pub fn of(time_s: &[f64], volts: &[f64], interval_s: f64, resonances_hz: [f64; 2]) -> Option<Self> {
-        let without = |sine: &Sine| -> Vec<f64> {
-            time_s.iter().zip(volts).map(|(t, v)| v - (sine.at(*t) - sine.offset)).collect()
-        };
-        let mut first = fit_sine(time_s, volts, interval_s)?;
-        let mut second = fit_sine(time_s, &without(&first), interval_s)?;
-        for _ in 0..TURNS {
-            first = fit_sine(time_s, &without(&second), interval_s)?;
-            second = fit_sine(time_s, &without(&first), interval_s)?;
-        }
-        let last = fit_sine_at(time_s, &without(&first), second.frequency_hz)?;
-        let alone = |sine: Sine| Sine { offset: 0.0, residual_rms: last.residual_rms, ..sine };
+        Self::among(&TwoSines::of(time_s, volts, interval_s)?, resonances_hz)
+    }
+
+    /// The same by both sines as they were fitted.
+    pub(super) fn among(TwoSines([first, second, last]): &TwoSines, resonances_hz: [f64; 2]) -> Option<Self> {
+        let alone = |sine: &Sine| Sine { offset: 0.0, residual_rms: last.residual_rms, ..*sine };
         let mut tones = [alone(first), alone(second)];
         // ln(f/2f_res): a sine is near to a resonance in proportion, not in Hz.
         let away =
@@ -65,6 +60,27 @@ impl DriveTones {
             residual_rms: last.residual_rms,
             is_steady: true,
         })
+    }
+}
+
+/// Two sines fitted in turns, and the second once more at its frequency, with what both leave.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TwoSines(pub(super) [Sine; 3]);
+
+impl TwoSines {
+    /// `None` where a fit does not settle.
+    pub(super) fn of(time_s: &[f64], volts: &[f64], interval_s: f64) -> Option<Self> {
+        let without = |sine: &Sine| -> Vec<f64> {
+            time_s.iter().zip(volts).map(|(t, v)| v - (sine.at(*t) - sine.offset)).collect()
+        };
+        let mut first = fit_sine(time_s, volts, interval_s)?;
+        let mut second = fit_sine(time_s, &without(&first), interval_s)?;
+        for _ in 0..TURNS {
+            first = fit_sine(time_s, &without(&second), interval_s)?;
+            second = fit_sine(time_s, &without(&first), interval_s)?;
+        }
+        let last = fit_sine_at(time_s, &without(&first), second.frequency_hz)?;
+        Some(Self([first, second, last]))
     }
 }
 

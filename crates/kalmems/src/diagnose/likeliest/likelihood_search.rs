@@ -182,7 +182,7 @@ impl LikelihoodSearch<'_> {
         }
         let of_free: Vec<f64> = places.iter().map(|place| start[*place]).collect();
         let steps: Vec<f64> = places.iter().map(|place| search.step(*place)).collect();
-        let found = most_likely_sizes(&of_free, &steps, &mut |own| innovations(&whole(own)))?;
+        let (found, _) = most_likely_sizes(&of_free, &steps, &mut |own| innovations(&whole(own)))?;
         let mut sd = vec![0.0; start.len()];
         let mut correlation = vec![vec![0.0; start.len()]; start.len()];
         for (i, place) in places.iter().enumerate() {
