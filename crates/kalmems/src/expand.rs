@@ -138,11 +138,10 @@ fn state_uncertainties(
                 continue;
             }
             if let Some(sd) = parameter.stated_sd(experiment)? {
-                let sd = if parameter.is_factor() {
-                    format!("{} %", 100.0 * sd)
-                } else {
-                    format!("{} {}", sd, parameter.unit)
-                };
+                let (sd, unit) = if parameter.is_factor() { (100.0 * sd, "%") } else { (sd, parameter.unit) };
+                // As many digits as an uncertainty may have, without those of a division.
+                let shown = format!("{sd:.6e}").parse().unwrap_or(sd);
+                let sd = format!("{shown} {unit}");
                 state.insert("start_sd".to_owned(), Value::String(sd));
             }
         }

@@ -43,7 +43,7 @@ fn each_filter_that_fails_has_one_paragraph_and_the_report_has_all() {
         );
     }
     // The worst of the four: the largest error relative to the claim.
-    let worst = "bias-on, test1: EKF, trusting the drive: failed: the errors of the rate against the reference are 60.2 times";
+    let worst = "bias-on, test1: EKF, trusting the drive: failed: the errors of the rate against the reference are 54.2 times";
     assert!(failures[2].contains(worst), "{failures:#?}");
     // With units that fit.
     assert!(

@@ -17,7 +17,7 @@ pub struct StageChannel<'a> {
     pub current: PlateCurrent<f64>,
     /// The variance of a sample in V².
     pub noise_variance: f64,
-    /// The standard deviation in V of each component of the sine that was taken off it.
+    /// The standard deviation of each component of the sine that was taken off it, in V for each volt of the drive.
     pub feedthrough_sd: f64,
     /// The signal in V without what the drive alone makes of it; not a number where it is missing.
     pub signal: &'a [f64],

@@ -46,10 +46,9 @@ impl BiasOffRecord {
         time_s.iter().zip(signal).map(|(t, y)| y - turned.at(*t)).collect()
     }
 
-    /// The standard deviation in V of each component of what is taken away from a signal under this drive.
-    pub fn sine_sd(&self, electrode: usize, drive: &Sine) -> Option<f64> {
-        let alone = self.signals.get(electrode)?;
-        Some(alone.component_sd(self.samples) * drive.amplitude / self.drive.amplitude)
+    /// The standard deviation of each component of what is taken away from a signal, in V for each volt of the drive.
+    pub fn sd_per_volt(&self, electrode: usize) -> Option<f64> {
+        Some(self.signals.get(electrode)?.component_sd(self.samples) / self.drive.amplitude)
     }
 
     /// The same as g and g′ of y = g·V + g′·V̇, in V/V and s.

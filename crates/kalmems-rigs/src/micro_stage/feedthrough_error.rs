@@ -2,10 +2,11 @@
 
 use super::course::StageChannel;
 use super::segment::StageSamples;
-use crate::estimate::{Contribution, Trajectory};
+use crate::estimate::{Contribution, StateSeries, Trajectory};
 use crate::recording::OF_RECORD;
 use kalmems_core::Portable;
 use std::f64::consts::TAU;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// An error of the rate with the drive's frequency, which all samples of a record have in common.
@@ -14,8 +15,8 @@ use std::sync::Arc;
 /// variance R of a sample, so that independent errors with the standard deviations s of each component make one of the rate with
 /// ρ = √Σ(w·s/c)², and one of the angle with ρ/ω. That is to first order in the angle, where c = η·C′(0).
 pub struct FeedthroughError {
-    /// ρ in rad/s, of each of its two components.
-    rate: f64,
+    /// ρ in rad/s for each volt of the drive, of each of its two components.
+    rate_per_volt: f64,
 }
 
 impl FeedthroughError {
@@ -28,31 +29,35 @@ impl FeedthroughError {
         let all: f64 = known.clone().map(|(_, information, _)| information).sum();
         let square: f64 =
             known.map(|(per_rate, information, sd)| (information / all * sd / per_rate).powi(2)).sum();
-        (square > 0.0 && square.is_finite() && samples.drive_hz > 0.0).then(|| Self { rate: square.sqrt() })
+        (square > 0.0 && square.is_finite() && samples.drive_hz > 0.0)
+            .then(|| Self { rate_per_volt: square.sqrt() })
     }
 
     /// Puts it into the claims of an answer, whose rate was divided by this scale.
     pub fn widen(&self, trajectory: &mut Trajectory, samples: &StageSamples, scale: f64) {
-        let Some(first_s) = trajectory.time_s.first().filter(|_| trajectory.claims()) else { return };
-        let first = samples.time_s.partition_point(|time_s| time_s < first_s);
+        if !trajectory.claims() {
+            return;
+        }
         let mut moved = [[Vec::new(), Vec::new()], [Vec::new(), Vec::new()]];
-        let rows = samples.sines.iter().flat_map(|(rows, sine)| rows.clone().map(move |row| (row, sine)));
-        let of_answer = rows.skip_while(|(row, _)| *row < first).take(trajectory.time_s.len());
-        for (row, sine) in of_answer {
-            let turn = TAU * sine.frequency_hz;
-            let (sine, cosine) = (turn * samples.time_s[row] + sine.phase_rad).portable_sin_cos();
+        for time_s in &trajectory.time_s {
+            let begun =
+                |rows: &Range<usize>| samples.time_s.get(rows.start).is_some_and(|from_s| from_s <= time_s);
+            let sine = samples.sines.iter().rev().find(|(rows, _)| begun(rows)).or(samples.sines.first());
+            let Some((_, sine)) = sine else { return };
+            let (turn, error) = (TAU * sine.frequency_hz, self.rate_per_volt * sine.amplitude);
+            let (sine, cosine) = (turn * time_s + sine.phase_rad).portable_sin_cos();
             for ([angle, rate], [of_angle, of_rate]) in
                 moved.iter_mut().zip([[sine, cosine], [-cosine, sine]])
             {
-                angle.push(self.rate / turn * of_angle);
-                rate.push(self.rate / scale * of_rate);
+                angle.push(error / turn * of_angle);
+                rate.push(error / scale * of_rate);
             }
         }
         let name: Arc<str> = format!("{OF_RECORD}feedthrough").into();
         let nothing = vec![0.0; trajectory.time_s.len()];
         let contribution = |[angle, rate]: [Vec<f64>; 2]| {
             let mut parts = [("angle", angle), ("rate", rate)];
-            let of_state = |state: &crate::estimate::StateSeries| {
+            let of_state = |state: &StateSeries| {
                 let known = parts.iter_mut().find(|(name, _)| *name == state.name);
                 known.map_or_else(|| nothing.clone(), |(_, part)| std::mem::take(part))
             };

@@ -270,7 +270,7 @@ impl Estimator for StageEstimator<'_> {
                 return Err(EstimateError::NoSignal { place, column: (*column).to_owned() });
             }
             cleaned.push(self.cleaned(*electrode, (time_s, values), &sines, &place)?);
-            feedthrough_sd.push(self.feedthrough_sd(*electrode, &sine));
+            feedthrough_sd.push(self.feedthrough_sd(*electrode));
         }
         let samples = StageSamples {
             place: &place,
@@ -377,12 +377,12 @@ impl StageEstimator<'_> {
         Ok(followed)
     }
 
-    /// How well each component of what is taken off the signal of an electrode is known, in V, by the record with the bias off.
-    fn feedthrough_sd(&self, electrode: usize, drive: &Sine) -> f64 {
-        let known = self.off.as_ref().and_then(|(off, order)| {
-            let at = order.iter().position(|known| *known == electrode)?;
-            off.sine_sd(at, drive)
-        });
+    /// How well each component of what is taken off the signal of an electrode is known by the record with the bias off, in V for each volt of the drive.
+    fn feedthrough_sd(&self, electrode: usize) -> f64 {
+        let known = self
+            .off
+            .as_ref()
+            .and_then(|(off, order)| off.sd_per_volt(order.iter().position(|known| *known == electrode)?));
         known.unwrap_or(0.0)
     }
 

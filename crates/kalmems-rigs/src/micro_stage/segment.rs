@@ -43,7 +43,7 @@ pub struct StageSamples<'a> {
     pub electrodes: &'a [usize],
     /// The signals of these in V, without what the drive alone makes of them.
     pub signals: Vec<Vec<f64>>,
-    /// The standard deviation in V of each component of the sines that were taken off them; 0 of what is stated.
+    /// The standard deviation of each component of the sines that were taken off them, in V for each volt of the drive; 0 of what is stated.
     pub feedthrough_sd: Vec<f64>,
 }
 

@@ -56,7 +56,7 @@ fn right_hand_sides(
     let sine_sd = |place: usize| {
         let (off, order) = errors.off?;
         let at = order.iter().position(|electrode| *electrode == electrodes[place])?;
-        Some(off.sine_sd(at, &record.drive)? / waveforms.noise[place])
+        Some(off.sd_per_volt(at)? * record.drive.amplitude / waveforms.noise[place])
     };
     let sine_sds: Vec<f64> = (0..waveforms.plates.len()).map(|place| sine_sd(place).unwrap_or(0.0)).collect();
     // A motion that is so much larger, in parts, and so much later, in s, by the noise of the vibrometer.
