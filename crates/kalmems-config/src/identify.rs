@@ -3,6 +3,7 @@
 use super::values::Values;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// How the recordings for an identification were taken. Which settings there are, the rig knows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -31,6 +32,24 @@ pub struct Identify {
     /// What of each electrode is taken from the device table where no vibrometer says how far the stage moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trusted: Option<TrustedNumber>,
+    /// Capacitances at known distances, by field simulations or measurements, which a piston mirror's series in the inverse distance is fitted to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub capacitance_table: Option<CapacitanceTable>,
+}
+
+/// A file with a row for each distance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CapacitanceTable {
+    /// The file, seen from the experiment file.
+    #[schemars(example = &"capacitances.csv")]
+    pub file: PathBuf,
+    /// The column of the distance, whose name ends with its unit.
+    #[schemars(example = &"distance_mm")]
+    pub distance: String,
+    /// The column of the capacitance, whose name ends with its unit.
+    #[schemars(example = &"C_fF")]
+    pub capacitance: String,
 }
 
 fn likeliest() -> serde_json::Value {

@@ -63,7 +63,7 @@ pub use filter::{FilterName, FilterStart, FilterTable, Method, TrackedNumber, Tr
 pub use format::{DecimalMark, FileFormat, FileKind, Separator};
 pub use gaps::{CYCLES, Gaps, LongestGap, MOST_CYCLES};
 pub use hybrid::{CrossingApplication, CrossingTiming, CrossingUse, Variant};
-pub use identify::{FeedthroughBy, Identify, TrustedNumber};
+pub use identify::{CapacitanceTable, FeedthroughBy, Identify, TrustedNumber};
 pub use inputs::{
     ChannelAdc, ConstantInput, InputSource, InputSources, InputStep, InputTone, RingDownInput,
     SimulatedChannel, SineInput, SquareInput, StepsInput, SweepInput, TonesInput,

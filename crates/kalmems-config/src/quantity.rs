@@ -36,12 +36,14 @@ impl<K: KindOf, S: SignOf> Quantity<K, S> {
         Self::parse(&format!("{number:e} {unit}"))
     }
 
-    /// The same with a standard uncertainty in the same unit, where that is above 0.
-    pub fn of_uncertain(number: f64, sd: f64, unit: &str) -> Result<Self, String> {
+    /// The same with a standard uncertainty in the same unit, where that is above 0: in three digits, or in all of them, for numbers of which only
+    /// a combination is known well.
+    pub fn of_uncertain(number: f64, sd: f64, unit: &str, is_exact: bool) -> Result<Self, String> {
         if sd == 0.0 {
             return Self::of(number, unit);
         }
-        Self::parse(&format!("{number:e} {unit} ± {sd:.2e} {unit}"))
+        let sd = if is_exact { format!("{sd:e}") } else { format!("{sd:.2e}") };
+        Self::parse(&format!("{number:e} {unit} ± {sd} {unit}"))
     }
 
     /// From text such as `2.5 kHz`; what is wrong comes back in words.

@@ -150,10 +150,16 @@ impl Experiment {
             correlation.iter().map(|row| row.iter().map(|value| round(*value, decimals)).collect()).collect()
         };
         let is_near = |(value, rounded): (&f64, &f64)| (value - rounded).abs() <= 0.01 * (1.0 - value.abs());
+        // How well a number is known beside those before it is what many numbers that hang together closely lose first.
+        let exact = cholesky(correlation);
         let is_kept = |decimals: &i32| {
             let rounded = rounded(*decimals);
             let near = correlation.iter().flatten().zip(rounded.iter().flatten()).all(is_near);
-            near && cholesky(&rounded).is_some()
+            let kept = |(place, row): (usize, &Vec<f64>)| {
+                let own = exact.as_ref().map_or(row[place], |exact| exact[place][place]);
+                (row[place] - own).abs() <= 0.01 * own
+            };
+            near && cholesky(&rounded).is_some_and(|root| root.iter().enumerate().all(kept))
         };
         let decimals = (FEWEST_DECIMALS..MOST_DECIMALS).find(is_kept);
         self.device.correlation.state(names, correlation, decimals.unwrap_or(MOST_DECIMALS));

@@ -10,6 +10,7 @@ pub mod micro_stage;
 pub mod piston_mirror;
 pub mod shared_scanner;
 mod spikes;
+mod table_file;
 pub mod threshold_scanner;
 pub mod workflow;
 

@@ -1,8 +1,8 @@
 //! An experiment with its device written out as equations, to be changed by the reader.
 
 use crate::config::{ConfigError, ConfigFault, Experiment, Key, RecordingRole};
-use crate::estimate::DeviceParameter;
 use crate::rigs::{Expansion, Workbench};
+use crate::stated_start::write_start_sds;
 use std::collections::BTreeSet;
 use toml::{Table, Value};
 
@@ -61,7 +61,8 @@ pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded
         ));
     }
     references(&mut document, &expansion, &mut notes);
-    state_uncertainties(&mut document, rig.parameters(experiment), experiment)?;
+    // The table of the equations states no uncertainty that a state could start with.
+    write_start_sds(&mut document, experiment, rig.parameters(experiment))?;
     estimate(&mut document, &expansion, &mut notes);
     let (mut document, left_out) = keep_filters_that_run(workbench, experiment, &document, &expansion);
     notes.extend(left_out);
@@ -119,34 +120,6 @@ fn references(document: &mut Table, expansion: &Expansion, notes: &mut Vec<Strin
             "References of `{name}` were left out: the equations have no state and no quantity of that name."
         ));
     }
-}
-
-/// Writes how far a parameter that is a state may be off, where a filter takes that from the device's table: that of the equations has none.
-fn state_uncertainties(
-    document: &mut Table,
-    parameters: &[DeviceParameter],
-    experiment: &Experiment,
-) -> Result<(), ConfigError> {
-    let filters =
-        document.get_mut("estimate").and_then(|estimate| estimate.get_mut("filter")?.as_array_mut());
-    for filter in filters.into_iter().flatten() {
-        let Some(Value::Table(states)) = filter.get_mut("states") else { continue };
-        for (name, state) in states.iter_mut() {
-            let parameter = parameters.iter().find(|parameter| parameter.name == name);
-            let Some((parameter, state)) = parameter.zip(state.as_table_mut()) else { continue };
-            if state.contains_key("start_sd") {
-                continue;
-            }
-            if let Some(sd) = parameter.stated_sd(experiment)? {
-                let (sd, unit) = if parameter.is_factor() { (100.0 * sd, "%") } else { (sd, parameter.unit) };
-                // As many digits as an uncertainty may have, without those of a division.
-                let shown = format!("{sd:.6e}").parse().unwrap_or(sd);
-                let sd = format!("{shown} {unit}");
-                state.insert("start_sd".to_owned(), Value::String(sd));
-            }
-        }
-    }
-    Ok(())
 }
 
 fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>) {

@@ -8,11 +8,19 @@ use crate::fit::DerivedNumber;
 /// Numbers of the device's table that were identified, and how their errors hang together.
 #[derive(Clone, Debug, Default)]
 pub struct Entries {
+    /// Whether standard errors are written with all digits.
+    is_exact: bool,
     names: Vec<String>,
     correlation: Vec<Vec<f64>>,
 }
 
 impl Entries {
+    /// None yet, of numbers whose errors cancel in what is made of them, as those of the coefficients of a series: with three digits of each standard
+    /// error nothing would be left of that.
+    pub fn with_all_digits() -> Self {
+        Self { is_exact: true, ..Self::default() }
+    }
+
     /// Puts a number with its standard error into its place; its name is its key below the device's table. A number that the recordings do
     /// not determine, whose error is not finite, leaves what stands there.
     pub fn set<K: KindOf, S: SignOf>(
@@ -26,7 +34,7 @@ impl Entries {
             return Ok(());
         }
         let key = || Key::from("device").child(experiment.device_name()).child(name);
-        *place = Quantity::of_uncertain(found.value, found.deviation, unit)
+        *place = Quantity::of_uncertain(found.value, found.deviation, unit, self.is_exact)
             .map_err(|why| experiment.error(key(), ConfigFault::Value { why }))?;
         if found.deviation > 0.0 && !self.names.iter().any(|own| own == name) {
             self.correlation.iter_mut().for_each(|row| row.push(0.0));

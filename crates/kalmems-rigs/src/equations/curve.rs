@@ -1,7 +1,7 @@
 //! Curves through points, written out or in a file.
 
 use crate::config::{ConfigError, ConfigFault, Experiment, Key, inline_schema};
-use crate::recording::{Hints, RecordingLayout, SampledRecording, TimeSource};
+use crate::table_file::read_table;
 use kalmems_equations::{CurveExtension, CurvePoints};
 use schemars::{JsonSchema, json_schema};
 use serde::de::{Error, SeqAccess, Visitor};
@@ -87,19 +87,7 @@ impl CurveTable {
             );
             return Err(refuse(why));
         };
-        let layout = RecordingLayout {
-            // A curve has no time; its rows are counted.
-            clock: TimeSource::Rate { rate_hz: 1.0, start_s: 0.0 },
-            segment_column: None,
-            columns: Some(vec![x.clone(), y.clone()]),
-            declared: Vec::new(),
-            hints: Hints::default(),
-            nominal_rate_hz: None,
-            origin: None,
-            restarts: None,
-        };
-        let recording = SampledRecording::read(&experiment.resolve(file), &layout)
-            .map_err(|why| refuse(why.to_string()))?;
+        let recording = read_table(experiment, file, &[x, y]).map_err(|why| refuse(why.to_string()))?;
         let read = |name: &str| -> Result<(Vec<f64>, String), ConfigError> {
             let column = recording.column(name).map_err(|why| refuse(why.to_string()))?;
             let unit = column.header.unit.unwrap_or(crate::units::Unit::ONE);

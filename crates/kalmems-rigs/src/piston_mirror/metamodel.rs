@@ -2,6 +2,7 @@
 
 use super::plates::{COEFFICIENTS, Plates};
 use crate::fit::{FitError, FitSettings, Regression, fit};
+use kalmems_core::Covariance;
 
 /// A series in powers of the inverse distance, and how far it may be trusted.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +17,10 @@ pub struct Metamodel {
     pub worst_m: f64,
     /// The nearest and the farthest distance of the table, in m.
     pub range_m: [f64; 2],
+    /// The fit of one degree more, where there is one, with the covariance of the errors of its coefficients, in F². The smallest degree that
+    /// predicts as well as any leaves out a part of the series that is as large as its noise; with one degree more the noise is what is left, and
+    /// the covariance that of all errors.
+    pub above: (Plates, Covariance<f64, COEFFICIENTS>),
     /// The errors of each degree that was tried, from 1 on.
     pub degrees: Vec<DegreeError>,
 }
@@ -123,27 +128,29 @@ pub fn fit_table(
                 .enumerate()
                 .partition(|(k, _)| k % FOLDS == fold && *k != 0 && *k != rows.len() - 1);
             let kept: Vec<(f64, f64)> = kept.into_iter().map(|(_, row)| *row).collect();
-            let plates = fitted(&kept)?;
+            let (plates, _) = fitted(&kept)?;
             squares += left_out.iter().map(|(_, row)| error_m(&plates, row).powi(2)).sum::<f64>();
         }
-        let plates = fitted(&rows)?;
+        let (plates, covariance) = fitted(&rows)?;
         let worst_m = rows.iter().map(|row| error_m(&plates, row).abs()).fold(0.0, f64::max);
         let cross_validated_m = (squares / (rows.len() - 2) as f64).sqrt();
-        tried.push((plates, DegreeError { degree, cross_validated_m, worst_m }));
+        tried.push((plates, covariance, DegreeError { degree, cross_validated_m, worst_m }));
     }
-    let least = tried.iter().map(|(_, error)| error.cross_validated_m).fold(f64::INFINITY, f64::min);
-    let degrees = tried.iter().map(|(_, error)| *error).collect();
-    let chosen = tried.iter().position(|(_, error)| error.cross_validated_m <= AS_GOOD * least);
+    let least = tried.iter().map(|(.., error)| error.cross_validated_m).fold(f64::INFINITY, f64::min);
+    let degrees = tried.iter().map(|(.., error)| *error).collect();
+    let chosen = tried.iter().position(|(.., error)| error.cross_validated_m <= AS_GOOD * least);
     // The least is one of them, unless none is a number.
     let index = chosen.ok_or(MetamodelError::TooFew { found: rows.len() })?;
-    let (plates, chosen) = tried[index];
-    let (beside, _) = tried[if index == 0 { 1 } else { index - 1 }];
+    let (plates, _, chosen) = tried[index];
+    let (above, covariance, _) = tried[(index + 1).min(tried.len() - 1)];
+    let (beside, ..) = tried[if index == 0 { 1 } else { index - 1 }];
     Ok(Metamodel {
         plates,
         beside,
         degree: chosen.degree,
         worst_m: chosen.worst_m,
         range_m: [rows[0].0, rows[rows.len() - 1].0],
+        above: (above, covariance),
         degrees,
     })
 }
@@ -167,12 +174,16 @@ fn error_m(plates: &Plates, &(distance, capacitance): &(f64, f64)) -> f64 {
     (plates.capacitance(distance) - capacitance) / plates.slope(distance).abs()
 }
 
-fn of_degree(rows: &[(f64, f64)], reference_m: f64, degree: usize) -> Result<Plates, FitError> {
+fn of_degree(
+    rows: &[(f64, f64)],
+    reference_m: f64,
+    degree: usize,
+) -> Result<(Plates, Covariance<f64, COEFFICIENTS>), FitError> {
     let table = SeriesResiduals { rows, reference_m };
     let free = std::array::from_fn(|k| k <= degree);
     let settings = FitSettings { free, ..FitSettings::from_start([0.0; COEFFICIENTS]) };
     let found = fit(&table, &settings)?;
-    Ok(Plates { reference_distance: reference_m, coefficients: found.parameters })
+    Ok((Plates { reference_distance: reference_m, coefficients: found.parameters }, found.covariance))
 }
 
 /// The rows less the series, as distances by the slope of a parallel plate.

@@ -10,6 +10,7 @@ mod data;
 pub mod device;
 mod driven;
 mod expanded;
+mod identification;
 mod mechanics;
 mod metamodel;
 mod observability;
@@ -32,6 +33,7 @@ use crate::estimate::{
     DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
 };
 use crate::evaluate::ValueState;
+use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::piston_mirror::device::PistonMirror;
 use crate::progress::Progress;
@@ -120,6 +122,10 @@ impl Rig for PistonMirrorRig {
 
     fn densities(&self, experiment: &Experiment) -> Vec<StateDensity> {
         settings::densities(experiment)
+    }
+
+    fn identify(&self, experiment: &Experiment, _: &dyn Progress) -> Result<Identification, IdentifyError> {
+        identification::identify(experiment)
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {

@@ -1,8 +1,11 @@
 //! What the piston mirror's sensor can tell: the series for its capacitance, and the bound.
 
+use kalmems::progress::Silent;
+use kalmems::rigs::piston_mirror::device::PistonMirror;
 use kalmems::rigs::piston_mirror::{
     COEFFICIENTS, MetamodelError, PistonSegment, Plates, batch_fit, fit_table, motion_bound,
 };
+use kalmems::rigs::published;
 use kalmems::simulate::WhiteNoise;
 use kalmems_models::capacitance::CoaxialDisks;
 use std::f64::consts::TAU;
@@ -158,4 +161,67 @@ fn the_batch_fit_attains_the_bound() {
     println!("batch fit over the bound: {ratios:?}");
     let all = (squares.iter().sum::<f64>() / 5.0).sqrt();
     assert!(all < 1.15 && ratios.iter().all(|ratio| (0.7..1.3).contains(ratio)), "{ratios:?}");
+}
+
+/// A table that is measured, with noise of 2 aF: `identify` writes a series with its uncertainty, and the claimed uncertainty of a capacitance in
+/// between is that of its error over 60 tables.
+#[test]
+fn identify_fits_the_series_to_a_table_with_an_uncertainty_that_holds() {
+    let (distances, capacitances) = disks(81);
+    let example =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror/experiment.toml");
+    let text = std::fs::read_to_string(example).unwrap();
+    let text = format!(
+        "{text}\n[identify]\ncapacitance_table = {{ file = \"table.csv\", distance = \"distance_mm\", capacitance = \"C_fF\" }}\n"
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = published().parse(&text, &folder.path().join("experiment.toml")).unwrap();
+    let rig = published().rig(&experiment).unwrap();
+    let (mut squares, at) = (0.0, 0.83e-3_f64);
+    for seed in 0..60 {
+        let mut noise = WhiteNoise::new(seed, 0);
+        let rows = distances.iter().zip(&capacitances).map(|(distance, capacitance)| {
+            format!("{:.6},{:.9}\n", 1e3 * distance, 1e15 * (capacitance + 2e-18 * noise.sample()))
+        });
+        std::fs::write(
+            folder.path().join("table.csv"),
+            format!("distance_mm,C_fF\n{}", rows.collect::<String>()),
+        )
+        .unwrap();
+        let found = rig.identify(&experiment, &Silent).unwrap();
+        let written = found.experiment.to_toml().unwrap();
+        let again = published().parse(&written, &folder.path().join("identified.toml")).unwrap();
+        let device = again.device::<PistonMirror>().unwrap();
+        let series = &device.capacitance;
+        let reference = series.reference_distance.si();
+        let powers: Vec<f64> =
+            (0_i32..).zip(&series.coefficients).map(|(k, _)| (reference / at).powi(k)).collect();
+        let value: f64 = powers.iter().zip(&series.coefficients).map(|(power, c)| power * c.si()).sum();
+        // The sum over the directions of the written uncertainty, correlations included.
+        let directions = again.directions().unwrap();
+        let variance: f64 = directions
+            .iter()
+            .map(|direction| {
+                let moved = direction.steps.iter().map(|(number, step)| {
+                    let place = number
+                        .name
+                        .rsplit_once('[')
+                        .unwrap()
+                        .1
+                        .trim_end_matches(']')
+                        .parse::<usize>()
+                        .unwrap();
+                    powers[place] * step
+                });
+                moved.sum::<f64>().powi(2)
+            })
+            .sum();
+        squares += (value - of_radius(radius(), at)).powi(2) / variance;
+        assert!((series.nearest.as_ref().unwrap().si() - 0.5e-3).abs() < 1e-9, "{written}");
+        assert!(found.notes.iter().any(|note| note.contains("nm")) && found.figures.len() == 1);
+    }
+    // χ² with 60 degrees of freedom, 99.9 % on either side; the cross-validated degree leaves a little of the series itself.
+    let mean = squares / 60.0;
+    println!("mean square {mean:.2}");
+    assert!((0.51..1.71).contains(&mean), "{mean}");
 }
