@@ -204,6 +204,15 @@ impl<'a> TrialBench<'a> {
         }
     }
 
+    /// The rows behind the settling time of the recording that has most of them.
+    pub(super) fn longest(&self) -> usize {
+        let behind = |(_, recording): &(usize, SampledRecording)| {
+            let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
+            recording.rows().saturating_sub(self.skipped_rows(interval_s.unwrap_or(f64::INFINITY)))
+        };
+        self.recordings.iter().map(behind).max().unwrap_or(0)
+    }
+
     /// The rows of the settling time.
     fn skipped_rows(&self, interval_s: f64) -> usize {
         let skip_s = self.experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si());

@@ -2,7 +2,7 @@
 
 use super::prior::FactorPrior;
 use crate::config::Key;
-use crate::diagnose::bench::TrialBench;
+use crate::diagnose::bench::{TestedRows, TrialBench};
 use crate::diagnose::cause::Cause;
 use crate::diagnose::change::TrialChange;
 use crate::diagnose::search::{CauseSearch, MostLikelySizes, most_likely_sizes};
@@ -35,6 +35,9 @@ const OTHER_SIGN: f64 = 5.0;
 /// What another start has to be likelier in ln p than what was found, and how often a search begins again from one.
 const OTHER_MAXIMUM: f64 = 5.0;
 const MOST_JUMPS: usize = 3;
+
+/// The parts of a recording at its beginning from which a search grows to all of it.
+const BEGINNINGS: [usize; 4] = [16, 8, 4, 2];
 
 /// The standard deviation, relative to a number, with which a filter has it as a state to find where a search begins.
 const AS_STATE: &str = "10 %";
@@ -101,6 +104,12 @@ impl LikelihoodSearch<'_> {
         // Where a search ends beside the largest likelihood, the innovations show it.
         let passes =
             |found: &MostLikelySizes| self.run(suspects, &found.at).is_none_or(|trial| trial.passes());
+        if !passes(&best)
+            && let Some(grown) = self.grown(suspects)
+            && grown.log_likelihood > best.log_likelihood
+        {
+            best = grown;
+        }
         for _ in 0..MOST_JUMPS {
             if passes(&best) {
                 break;
@@ -109,6 +118,37 @@ impl LikelihoodSearch<'_> {
             best = farther;
         }
         Some(best)
+    }
+
+    /// The likeliest sizes of the beginnings of the recordings, one after the other, each from those of the shorter one, and then of all of
+    /// them.
+    ///
+    /// With a frequency that is wrong a filter falls out of step with the motion in the course of a recording, and its likelihood has a maximum
+    /// wherever it falls into step again. Over a beginning it keeps in step, and what that determines keeps it in step over a longer one. What
+    /// a beginning does not determine stays as it was. The free decays of a seismometer without its magnet are found by it alone
+    /// (`free_decays_of_a_seismometer_give_what_least_squares_gives`).
+    fn grown(&self, suspects: &[Suspect]) -> Option<MostLikelySizes> {
+        let mut at = vec![0.0; suspects.len()];
+        let rows = self.bench.longest();
+        for part in BEGINNINGS {
+            let bench = self.bench.shortened(TestedRows(rows / part));
+            let Some(base) = bench.run_unjudged(&[]) else { continue };
+            let short = LikelihoodSearch { bench: &bench, base: &base, ..*self };
+            let mut free = vec![true; suspects.len()];
+            let Some(mut found) = short.refit_blocks(suspects, &at, &free, TrialBlocks::All) else {
+                continue;
+            };
+            let determined: Vec<bool> = found.sd.iter().map(|sd| *sd < DETERMINED).collect();
+            if determined.contains(&false) {
+                free = determined;
+                let Some(again) = short.refit_blocks(suspects, &at, &free, TrialBlocks::All) else {
+                    continue;
+                };
+                found = again;
+            }
+            at = found.at;
+        }
+        self.most_likely_from(suspects, &at)
     }
 
     /// The likeliest sizes from a start that differs from those that were found by one of a number's own sizes, where that start is likelier.
