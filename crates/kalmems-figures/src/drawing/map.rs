@@ -165,15 +165,13 @@ impl CellEdges {
 /// Between neighbours, and as far beyond the first and the last as there is between them and their neighbours: every cell is whole. On a
 /// logarithmic axis by ratios, so that cells that are equally large look so.
 pub(crate) fn edges(at: &[f64], scale: AxisScale) -> Vec<f64> {
-    let (to, from): (fn(f64) -> f64, fn(f64) -> f64) = match scale {
-        AxisScale::Linear => (|value| value, |value| value),
-        AxisScale::Log => (libm::log10, |value| libm::pow(10.0, value)),
-    };
-    let at: Vec<f64> = at.iter().map(|value| to(*value)).collect();
+    let is_log = scale == AxisScale::Log;
+    let at: Vec<f64> = at.iter().map(|value| if is_log { libm::log10(*value) } else { *value }).collect();
     let between: Vec<f64> = at.windows(2).map(|pair| pair[0].midpoint(pair[1])).collect();
     let first = at.first().zip(between.first()).map(|(at, edge)| at - (edge - at));
     let last = at.last().zip(between.last()).map(|(at, edge)| at + (at - edge));
-    first.into_iter().chain(between).chain(last).map(from).collect()
+    let all = first.into_iter().chain(between).chain(last);
+    all.map(|edge| if is_log { libm::pow(10.0, edge) } else { edge }).collect()
 }
 
 /// Where the values pass the level: a piece in each cell between four neighbours, straight between them.
