@@ -77,7 +77,9 @@ pub fn estimate(
             } else {
                 correct(trajectory, settings.hardware.correction);
                 let [scale, _] = settings.hardware.correction;
-                feedthrough.iter().for_each(|error| error.widen(trajectory, samples, scale));
+                if let Some(error) = &feedthrough {
+                    error.widen(trajectory, samples, scale);
+                }
             }
         }
         all.append(&mut trajectories);

@@ -124,6 +124,9 @@ const ABOVE: f64 = 0.1;
 /// What the crosses of a picture stand for.
 pub(super) const LOST: &str = "lost lock or failed";
 
+/// A point of the grid, with x, median, lowest and highest of its runs.
+type GridPoint = (u64, [f64; 4]);
+
 /// The lines or points of a picture, and where runs have no estimate.
 struct StudyCurves<'a> {
     runs: &'a StudyRuns<'a>,
@@ -139,7 +142,7 @@ impl StudyCurves<'_> {
         let StudyRuns { plan, table, groups, of_rows, .. } = self.runs;
         let others: Vec<usize> = plan.grid().map(|(i, _)| i).filter(|i| *i != place).collect();
         // By group, then by the values of the other axes: point, x, median, lowest and highest.
-        let mut lines: BTreeMap<(usize, Vec<usize>), Vec<(u64, [f64; 4])>> = BTreeMap::new();
+        let mut lines: BTreeMap<(usize, Vec<usize>), Vec<GridPoint>> = BTreeMap::new();
         let mut known = BTreeMap::new();
         for spread in spreads(plan, table, (of_rows, column)) {
             known.insert((spread.point, spread.group), [spread.median, spread.lowest, spread.highest]);
@@ -195,7 +198,7 @@ impl StudyCurves<'_> {
         for (line, group) in table.rows.iter().zip(of_rows) {
             let Some(x) = plan.run(line.run).settings[place].number else { continue };
             let y = number(&line.cells[column]);
-            if group.map_or(true, |group| self.runs.is_lost(line.run, group)) {
+            if group.is_none_or(|group| self.runs.is_lost(line.run, group)) {
                 let link = self.runs.link(line.run, [x, y.unwrap_or(f64::NAN)], LOST);
                 self.crosses.push((x, y, link));
             }
