@@ -60,7 +60,7 @@ fn write(
         value: plates.coefficients[k],
         deviation: covariance.standard_deviation(k),
     };
-    let degree = (found.degree + 1).min(COEFFICIENTS - 1);
+    let degree = written_degree(found);
     let series = &mut device.capacitance;
     let zero = Quantity::of(0.0, "F").map_err(|why| wrong("coefficients", why))?;
     series.coefficients = vec![zero; degree + 1];
@@ -82,6 +82,11 @@ fn write(
     Ok(())
 }
 
+/// One degree more than the one that predicts as well as any, where there is one.
+fn written_degree(found: &Metamodel) -> usize {
+    (found.degree + 1).min(COEFFICIENTS - 1)
+}
+
 fn notes(found: &Metamodel, file: &str) -> Vec<String> {
     let nanometres = |metres: f64| format!("{:.3} nm", 1e9 * metres);
     let [nearest, farthest] = found.range_m.map(|end| 1e3 * end);
@@ -90,9 +95,10 @@ fn notes(found: &Metamodel, file: &str) -> Vec<String> {
     vec![
         format!(
             "{file}: a series of degree {} in the inverse distance predicts the table from {nearest:.4} to {farthest:.4} mm as well as any; its \
-             largest error is that of a distance of {}. One degree more is written, so that the noise of the table is all that is uncertain of it",
+             largest error is that of a distance of {}. Written is degree {}, so that the noise of the table is all that is uncertain of it",
             found.degree,
             nanometres(found.worst_m),
+            written_degree(found),
         ),
         format!(
             "{file}: root mean square error at distances that the fit had not seen, by degree: {}",

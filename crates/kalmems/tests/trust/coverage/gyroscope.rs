@@ -117,6 +117,6 @@ fn long_a_few_scale_factors() {
 #[ignore = "slow: cargo test --release --workspace -- --ignored slow_"]
 fn slow_scale_factors() {
     let mut rows = Rows::default();
-    scale_factors(100..300, &mut rows);
+    scale_factors(0..300, &mut rows);
     rows.judge();
 }
