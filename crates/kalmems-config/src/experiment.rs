@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 /// A device and its recordings, as one TOML file describes them.
 ///
 /// Two experiments are equal if they say the same, whatever file they came from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("anyOf" = [{ "required": ["recording"] }, { "required": ["simulate"] }]))]
 pub struct Experiment {
@@ -59,6 +59,26 @@ pub struct Experiment {
     /// What was uncertain of the device from which this one differs in one direction, and is exact here.
     #[serde(skip)]
     pub(super) was_uncertain: Vec<UncertainNumber>,
+}
+
+/// Not derived: that would be compiled, with all tables, in every crate that clones an experiment.
+impl Clone for Experiment {
+    fn clone(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            description: self.description.clone(),
+            device: self.device.clone(),
+            recordings: self.recordings.clone(),
+            estimate: self.estimate.clone(),
+            identify: self.identify.clone(),
+            simulate: self.simulate.clone(),
+            stream: self.stream.clone(),
+            source: self.source.clone(),
+            arrays: self.arrays.clone(),
+            variations: self.variations.clone(),
+            was_uncertain: self.was_uncertain.clone(),
+        }
+    }
 }
 
 impl Experiment {

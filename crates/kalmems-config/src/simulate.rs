@@ -6,16 +6,18 @@ use super::format::FileFormat;
 use super::inputs::{InputSources, SimulatedChannel};
 use super::kinds::{Acceleration, Angle, Frequency, Length, Ratio, Time, Voltage, VoltageVariance};
 use super::quantity::Quantity;
+use super::reader::read_below;
 use super::regulated::{RegulatedDrive, TemperatureRamp};
 use super::sign::{NotNegative, Positive};
+use super::source::Source;
 use super::values::Values;
-use super::{ColumnChoice, ConfigFault, Key};
+use super::{ColumnChoice, ConfigError, ConfigFault, Key};
 use crate::layout::RecordingLayout;
 use schemars::JsonSchema;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A recording that is computed instead of taken. Which states there are, the rig knows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -397,6 +399,11 @@ pub struct AccelerationDrive {
 const MOST_SAMPLES: f64 = 1e9;
 
 impl Simulate {
+    /// The table `[simulate]` of a text with nothing else in it; the path is what errors name.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        read_below(&Source::of(text, path)?, &Key::from("simulate"))
+    }
+
     /// Integration steps per sample.
     pub fn steps_per_sample(&self) -> u64 {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked

@@ -1,7 +1,7 @@
 //! The spectrum of an interferogram with samples at equal path differences.
 
 use super::Apodisation;
-use realfft::RealFftPlanner;
+use crate::signal::fourier_transform;
 use realfft::num_complex::Complex64;
 
 /// A spectrum at equal steps of the wavenumber, from 0 on.
@@ -120,17 +120,14 @@ pub(super) fn weighted_transform(
         return Err(TransformError::TooFewPoints { used: used.len(), points });
     }
     let mean = used.iter().sum::<f64>() / used.len() as f64;
-    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(points);
-    let mut input = fft.make_input_vec();
+    let mut input = vec![0.0; points];
     for offset in 0..=after {
         input[offset] = (interferogram[zero_path + offset] - mean) * weight(offset as f64);
     }
     for offset in 1..=before {
         input[points - offset] = (interferogram[zero_path - offset] - mean) * weight(-(offset as f64));
     }
-    let mut values = fft.make_output_vec();
-    // The lengths are the planner's own.
-    let _ = fft.process(&mut input, &mut values);
+    let mut values = fourier_transform(&mut input);
     for value in &mut values {
         *value *= step_m;
     }

@@ -1,8 +1,8 @@
 //! The noise of a device that does not move.
 
 use super::{Whiteness, fit_affine};
+use crate::signal::fourier_transform;
 use kalmems_core::Portable;
-use realfft::RealFftPlanner;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// What a record without motion says of the noise.
@@ -196,12 +196,8 @@ struct StretchPeriodograms {
 
 impl StretchPeriodograms {
     fn add(&mut self, centred: &[f64], square: f64, degrees_of_freedom: f64) {
-        let fft = RealFftPlanner::<f64>::new().plan_fft_forward(centred.len());
         let mut input: Vec<f64> = centred.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect();
-        let mut spectrum = fft.make_output_vec();
-        if fft.process(&mut input, &mut spectrum).is_err() {
-            return;
-        }
+        let spectrum = fourier_transform(&mut input);
         self.length = centred.len();
         self.count += 1;
         self.power.resize(spectrum.len(), 0.0);

@@ -6,8 +6,8 @@
 //! F. J. Harris, "On the use of windows for harmonic analysis with the discrete Fourier transform",
 //! Proc. IEEE 66 (1978) 51.
 
+use crate::signal::fourier_transform;
 use kalmems_core::Portable;
-use realfft::RealFftPlanner;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
@@ -133,12 +133,9 @@ pub fn magnitudes(values: &[f64]) -> Option<(Vec<f64>, f64)> {
     let weights: Vec<f64> = (0..values.len()).map(window).collect();
     // With the mean under the window no offset is left that could leak into the first bins.
     let mean = values.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>() / weights.iter().sum::<f64>();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(values.len());
     let mut windowed: Vec<f64> = values.iter().zip(&weights).map(|(v, w)| (v - mean) * w).collect();
-    let mut bins = transform.make_output_vec();
-    // The lengths fit, as the plan has made them.
-    transform.process(&mut windowed, &mut bins).ok()?;
-    Some((bins.iter().map(|bin| bin.norm()).collect(), 2.0 / (values.len() as f64 * lobe(0.0))))
+    let magnitudes = fourier_transform(&mut windowed).iter().map(|line| line.norm()).collect();
+    Some((magnitudes, 2.0 / (values.len() as f64 * lobe(0.0))))
 }
 
 fn median(bins: &[f64]) -> Option<f64> {

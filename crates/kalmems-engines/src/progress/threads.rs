@@ -1,10 +1,11 @@
 //! Points of a computation over threads, or in turn where there are none.
 
 use super::Progress;
+use std::collections::VecDeque;
 use std::num::NonZero;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
 /// How often an interruption is looked for.
@@ -67,18 +68,47 @@ fn side_by_side<T: Send, E>(
     point: impl Fn(usize, &dyn Progress) -> Option<T> + Sync,
     mut take: impl FnMut(usize, T) -> Result<(), E>,
 ) -> Result<bool, E> {
+    let threads = threads.clamp(1, count.max(1));
+    // The results of each thread: the one of which it has told, and the one behind it.
+    let results: Vec<Mutex<VecDeque<T>>> = (0..threads).map(|_| Mutex::default()).collect();
+    let of = |thread: usize| results[thread].lock().unwrap_or_else(PoisonError::into_inner);
+    let mut refused = None;
+    let compute = |thread: usize, index: usize, watch: &dyn Progress| {
+        let result = point(index, watch);
+        let is_there = result.is_some();
+        of(thread).extend(result);
+        is_there
+    };
+    let mut taken = |thread: usize, index: usize| {
+        let result = of(thread).pop_front();
+        refused = result.and_then(|result| take(index, result).err());
+        if refused.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let whole = on_threads(progress, threads, (count, units), &compute, &mut taken);
+    refused.map_or(Ok(whole), Err)
+}
+
+/// What [`side_by_side`] does for every kind of result, once in a program: `compute` says whether there is a result of that thread and
+/// point, and `take` takes it.
+fn on_threads(
+    progress: &dyn Progress,
+    threads: usize,
+    (count, units): (usize, u64),
+    compute: &(dyn Fn(usize, usize, &dyn Progress) -> bool + Sync),
+    take: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
+) -> bool {
     let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
     std::thread::scope(|scope| {
         // A thread waits until its result is taken: results do not pile up, and an end of the work is not overtaken by points behind it.
         let (send, receive) = mpsc::sync_channel(0);
-        for _ in 0..threads.clamp(1, count.max(1)) {
-            let (send, next, stopped, point) = (send.clone(), &next, &stopped, &point);
+        for thread in 0..threads {
+            let (send, next, stopped) = (send.clone(), &next, &stopped);
             scope.spawn(move || {
                 let watch = StopWatcher { stopped };
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let sent = (index < count && !stopped.load(Ordering::Relaxed))
-                        .then(|| send.send((index, point(index, &watch))));
+                        .then(|| send.send((thread, index, compute(thread, index, &watch))));
                     if !matches!(sent, Some(Ok(()))) {
                         break;
                     }
@@ -89,14 +119,14 @@ fn side_by_side<T: Send, E>(
         let (mut done, mut whole) = (0, true);
         loop {
             match receive.recv_timeout(LOOK) {
-                Ok((index, Some(result))) => {
-                    if let Err(e) = take(index, result) {
+                Ok((thread, index, true)) => {
+                    if take(thread, index).is_break() {
                         stopped.store(true, Ordering::Relaxed);
-                        return Err(e);
+                        return false;
                     }
                     done += 1;
                 }
-                Ok((_, None)) => whole = false,
+                Ok((_, _, false)) => whole = false,
                 Err(mpsc::RecvTimeoutError::Timeout) => {}
                 Err(mpsc::RecvTimeoutError::Disconnected) => break,
             }
@@ -104,7 +134,7 @@ fn side_by_side<T: Send, E>(
                 stopped.store(true, Ordering::Relaxed);
             }
         }
-        Ok(whole && !stopped.load(Ordering::Relaxed))
+        whole && !stopped.load(Ordering::Relaxed)
     })
 }
 

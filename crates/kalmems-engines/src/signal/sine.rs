@@ -2,10 +2,9 @@
 //!
 //! Sines and arcs are those of `kalmems_core`, since those of platforms differ in the last digit.
 
-use super::NormalEquations;
+use super::{NormalEquations, fourier_transform};
 use crate::progress::Interruption;
 use kalmems_core::{Covariance, Ldl, Mat, Portable, Scalar};
-use realfft::RealFftPlanner;
 use std::borrow::Cow;
 use std::f64::consts::TAU;
 
@@ -214,7 +213,6 @@ pub(crate) fn largest_line(y: &[f64]) -> Option<f64> {
     }
     let finite = || y.iter().copied().filter(|v| v.is_finite());
     let mean = finite().sum::<f64>() / finite().count().max(1) as f64;
-    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(n);
     let mut input: Vec<f64> = y
         .iter()
         .enumerate()
@@ -223,9 +221,7 @@ pub(crate) fn largest_line(y: &[f64]) -> Option<f64> {
             if v.is_finite() { (v - mean) * window } else { 0.0 }
         })
         .collect();
-    let mut spectrum = fft.make_output_vec();
-    fft.process(&mut input, &mut spectrum).ok()?;
-    let power: Vec<f64> = spectrum.iter().map(realfft::num_complex::Complex::norm_sqr).collect();
+    let power: Vec<f64> = fourier_transform(&mut input).iter().map(|line| line.norm_sqr()).collect();
     // The first bins hold what is left of the mean.
     let (bin, largest) = power.iter().copied().enumerate().skip(2).max_by(|a, b| a.1.total_cmp(&b.1))?;
     if largest <= 0.0 || largest.is_nan() {

@@ -1,9 +1,9 @@
 //! The spectrum of the innovations, which is flat for a filter that is right.
 
 use super::{InnovationMoments, InnovationTest, TestPlace, TestResult, WRONG};
+use crate::signal::fourier_transform_by;
 use kalmems_core::Portable;
 use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
 use std::cell::RefCell;
 
@@ -130,14 +130,8 @@ fn smooth_below(count: usize) -> usize {
 impl BlockPeriodograms {
     fn of(block: &[f64]) -> Self {
         let length = block.len();
-        let transform = PLANNER.with_borrow_mut(|planner| planner.plan_fft_forward(length));
-        let mut input = block.to_vec();
-        let mut output = vec![Complex::default(); length / 2 + 1];
-        // The lengths fit, which is all that it could refuse.
-        let sums = match transform.process(&mut input, &mut output) {
-            Ok(()) => output[1..length.div_ceil(2)].iter().map(|c| c.norm_sqr() / length as f64).collect(),
-            Err(_) => Vec::new(),
-        };
+        let lines = PLANNER.with_borrow_mut(|planner| fourier_transform_by(planner, &mut block.to_vec()));
+        let sums = lines[1..length.div_ceil(2)].iter().map(|line| line.norm_sqr() / length as f64).collect();
         Self { length, blocks: 1.0, sums }
     }
 

@@ -62,6 +62,7 @@ impl Likelihood<'_> {
     /// comes after the start is forgotten. T is a number with its derivatives where those are wanted: the equations of
     /// Riccati are solved in it too. The acceleration is a state, so that nothing needs to be known of it but its size
     /// and bandwidth; the feedback is an input.
+    #[inline]
     pub fn follow<T: Scalar<Mask = bool>>(
         &self,
         logs: &[T; COUNT],

@@ -6,7 +6,7 @@ use super::super::simulation::{AccelerometerSimulation, feedback};
 use super::likelihood::{Likelihood, forgotten_after};
 use super::search::{LikelihoodSearchError, search};
 use super::{MECHANICS, WORTH_SETTING};
-use crate::config::Experiment;
+use crate::config::{Experiment, Simulate};
 use crate::inspect::quantity;
 use crate::progress::Progress;
 use crate::simulate::Simulation;
@@ -80,8 +80,7 @@ fn deviations(
     progress: &dyn Progress,
 ) -> Result<Option<[f64; MECHANICS.len()]>, LikelihoodSearchError> {
     let mut described = experiment.clone();
-    let simulate = toml::from_str::<toml::Table>(simulate).ok().and_then(|mut all| all.remove("simulate"));
-    let Some(Ok(simulate)) = simulate.map(toml::Value::try_into) else { return Ok(None) };
+    let Ok(simulate) = Simulate::parse(simulate, experiment.path()) else { return Ok(None) };
     described.simulate = Some(simulate);
     let (Ok(simulation), Ok(hardware)) =
         (AccelerometerSimulation::of(&described), AccelerometerHardware::of(&described))
