@@ -159,13 +159,10 @@ where
     /// Where the states of the motion go, with the derivatives by the states from `first` on.
     #[inline(never)]
     fn columns<const W: usize>(&self, x: &[f64], first: usize, to: &mut [f64], jacobian: &mut [f64]) {
-        let variable = |i: usize, value: f64, slope: f64| {
-            Dual::<f64, W>::new(value, std::array::from_fn(|k| if first + k == i { slope } else { 0.0 }))
-        };
-        let states = std::array::from_fn(|i| variable(i, x[i], 1.0));
+        let states = std::array::from_fn(|i| variable::<W>(first, i, x[i], 1.0));
         let model = self.plant.dynamics.map(|parameter, nominal| {
             let (i, scale, value) = self.plant.places.varied(parameter, nominal, &x[M..]);
-            variable(M + i, value, scale)
+            variable::<W>(first, M + i, value, scale)
         });
         let moved = self.motion.process.step_of(&model, &states, self.drive);
         for (i, moved) in moved.into_iter().enumerate() {
@@ -176,6 +173,12 @@ where
             }
         }
     }
+}
+
+/// A number that goes with state `i` by this slope, where the derivatives are by the states from `first` on.
+#[inline]
+fn variable<const W: usize>(first: usize, i: usize, value: f64, slope: f64) -> Dual<f64, W> {
+    Dual::new(value, std::array::from_fn(|k| if first + k == i { slope } else { 0.0 }))
 }
 
 /// Derivatives that are computed at once: by all states of a motion with two parameters, and by twice as many.
