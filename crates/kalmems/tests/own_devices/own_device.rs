@@ -280,7 +280,8 @@ fn what_is_stated_of_a_number_is_its_prior_distribution() {
 
 /// An amplifier that inverts, told as one that does not, is found with its sign.
 #[test]
-fn a_sensitivity_with_the_wrong_sign_is_found_with_the_right_one() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_sensitivity_with_the_wrong_sign_is_found_with_the_right_one() {
     let inverted = [("sensitivity", "0.2 V/um", "-0.21 V/um")];
     let found = identified(14, &inverted, "\"sensitivity\"");
     let sensitivity = &found.parameters[0];

@@ -277,7 +277,8 @@ fn signs_of_a_scanner_are_those_of_each_device_that_is_drawn() {
 }
 
 #[test]
-fn signs_of_two_axes_are_those_of_each_device_that_is_drawn() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_signs_of_two_axes_are_those_of_each_device_that_is_drawn() {
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner/two_axes.toml");
     let mut text = fs::read_to_string(example).unwrap();
     for (long, short) in [
