@@ -300,7 +300,8 @@ fn reading_reports_progress_and_can_be_stopped() {
     .unwrap();
     assert_eq!(recording.rows(), rows);
     let length = text.len() as u64;
-    assert_eq!(reports.len(), rows / 65_536 + 1);
+    // More where the machine is so busy that blocks are waited for.
+    assert!(reports.len() > rows / 65_536, "{reports:?}");
     assert!(reports.is_sorted() && reports.iter().all(|r| r.1 == length));
     assert_eq!(reports.last(), Some(&(length, length)));
 

@@ -30,6 +30,7 @@ pub(crate) use pooled::PooledMetrics;
 #[cfg(feature = "report")]
 pub use report::*;
 pub(crate) use streamed::StreamTracks;
+#[cfg(feature = "report")]
 pub(crate) use summary::severity_of;
 pub use summary::{
     Notice, budget_table, is_unexplained, notices, notices_in_short, parameters_table, summary_table,
