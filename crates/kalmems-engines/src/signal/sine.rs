@@ -5,6 +5,7 @@
 use super::{NormalEquations, fourier_transform};
 use crate::progress::Interruption;
 use kalmems_core::{Covariance, Ldl, Mat, Portable, Scalar};
+use realfft::num_complex::Complex64;
 use std::borrow::Cow;
 use std::f64::consts::TAU;
 
@@ -221,7 +222,7 @@ pub(crate) fn largest_line(y: &[f64]) -> Option<f64> {
             if v.is_finite() { (v - mean) * window } else { 0.0 }
         })
         .collect();
-    let power: Vec<f64> = fourier_transform(&mut input).iter().map(|line| line.norm_sqr()).collect();
+    let power: Vec<f64> = fourier_transform(&mut input).iter().map(Complex64::norm_sqr).collect();
     // The first bins hold what is left of the mean.
     let (bin, largest) = power.iter().copied().enumerate().skip(2).max_by(|a, b| a.1.total_cmp(&b.1))?;
     if largest <= 0.0 || largest.is_nan() {
