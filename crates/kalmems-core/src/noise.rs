@@ -1,6 +1,6 @@
 //! Noise: a continuous density and a covariance are different quantities, and different types.
 
-use crate::notation::{Zeros, dot, lower, matrix};
+use crate::notation::{Zeros, dot, lower, matrix, vector};
 use crate::{Mat, Scalar};
 
 /// A covariance matrix.
@@ -31,7 +31,7 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
     /// Uncorrelated components with these standard deviations.
     #[inline(always)]
     pub fn from_standard_deviations(deviations: [T; N]) -> Self {
-        Self::from_variances(deviations.map(Scalar::sq))
+        Self::from_variances(vector!(|i| deviations[i].sq()))
     }
 
     /// One entry.

@@ -20,6 +20,7 @@ pub struct SigmaPoints<T> {
 
 impl<T: Scalar> SigmaPoints<T> {
     /// α = 1, β = 2, κ = 1: points beyond one standard deviation, all weights positive.
+    #[inline(always)]
     pub fn standard() -> Self {
         Self { alpha: T::of(1.0), beta: T::of(2.0), kappa: T::of(1.0) }
     }
