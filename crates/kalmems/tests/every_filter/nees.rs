@@ -57,9 +57,10 @@ fn nees_exceeds_its_quantile_as_often_as_it_should() {
     assert!(counts.iter().all(|count| (low..=high).contains(count)), "{counts:?} not in {low}..={high}");
 }
 
+/// That the test above does not pass by its seeds.
 #[test]
-#[ignore = "40 times the runs: shows that the test above does not pass by its seeds"]
-fn nees_exceedances_over_many_seeds() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_nees_exceedances_over_many_seeds() {
     let (low, high) = binomial_interval(200, 0.05, 1e-3);
     let blocks: Vec<_> = (0..40).map(|block| exceedances(1_000_000 + RUNS * block)).collect();
     println!("{blocks:?}");

@@ -184,7 +184,8 @@ fn readout(comb: GaussianComb<f64>) -> DemodulatedComb<f64> {
 /// The scanner left to itself under a bias of 60 V, whose electrodes pull and are seen at once: without the bias's
 /// stiffness the mechanical one would come out 0.5 % too high.
 #[test]
-fn a_ring_down_with_electrodes_that_pull_and_are_seen() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_ring_down_with_electrodes_that_pull_and_are_seen() {
     const COUNT: usize = 1500;
     const INTERVAL_S: f64 = 2e-6;
     const STEPS: usize = 4;

@@ -118,7 +118,8 @@ fn the_noise_of_a_readout_is_found_from_its_recording() {
 
 /// A noise of a readout that is not stated is found from the recording, as one that is left to it; without a recording it is missing.
 #[test]
-fn a_noise_that_is_not_stated_is_found() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_noise_that_is_not_stated_is_found() {
     // The micro-stage needs no noise of an electrode that is not recorded, and `identify` finds it without a drive.
     for row in ROWS.iter().filter(|row| row.device != "micro_stage") {
         let unstated = |table: &mut toml::Value| {

@@ -179,7 +179,8 @@ fn identified(runs: u64, count: u32, seed: u64, rows: &mut Rows) -> Vec<f64> {
 }
 
 #[test]
-fn a_few_accelerometers() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_few_accelerometers() {
     let (mut rows, mut harm) = (Rows::default(), Harm::default());
     for count in [0, 3, 16] {
         let ratios = identified(2, count, 77, &mut rows);

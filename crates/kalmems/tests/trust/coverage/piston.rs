@@ -222,7 +222,8 @@ scale_sd = {scale_sd:e}
 }
 
 #[test]
-fn a_few_piston_mirrors() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_few_piston_mirrors() {
     let (mut rows, mut harm) = (Rows::default(), Harm::default());
     harm.take("piston", identified("piston", 1, 20_000, 1.0, &mut rows));
     harm.take("piston, offset", offsets(2, &mut rows));

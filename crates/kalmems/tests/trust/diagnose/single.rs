@@ -230,7 +230,8 @@ fn long_a_stiffness_is_named_with_the_inertia_that_cannot_be_told_from_it_and_of
 }
 
 #[test]
-fn a_harmonic_of_the_motion_in_the_signal_is_named() {
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_harmonic_of_the_motion_in_the_signal_is_named() {
     let right = Fault { device: SHARED, does: Does::Has("simulate.seed", ""), is_named: "", sizes: [1.0; 2] };
     let mut faulty = right.of_size(31.0, 31);
     let motion_hz = faulty.motion_hz();
