@@ -256,7 +256,8 @@ fn correction(
     let Some(experiment) = &file.experiment else { return Ok(None) };
     let experiment = workbench.load(&file.resolve(experiment))?;
     let Some(LengthScale { key, length }) = workbench.rig(&experiment)?.length_scale(&experiment)? else {
-        let why = "no length of its device scales what it measures; a line recalibrates the distances of a piston mirror"
+        let why = "its device states no length in which it measures distances, which is what a known line corrects; \
+                   leave `experiment` out"
             .to_owned();
         return Err(file.error("experiment", ConfigFault::Value { why }).into());
     };

@@ -4,20 +4,14 @@
 //! signal in standard deviations of its noise. The constants are derived in f64 from what the experiment says, as the
 //! estimate derives them, and none is far from one, which suits f32; where one is exactly one, it costs nothing.
 
-mod c;
 mod error;
-mod rust;
 mod samples;
-mod scanner;
-mod threshold;
 mod write;
 
 pub use error::ExportError;
-pub use scanner::{Integration, ScannerFilter};
-pub use threshold::{CrossingSettings, ThresholdFilter};
+pub use samples::{ExpectedAnswer, ExportSamples};
 pub use write::{Exported, c_name, export, heading, place_of_filter, write_export};
 
-use std::fmt::Display;
 use std::num::NonZeroU32;
 
 /// The language of the source.
@@ -60,38 +54,36 @@ pub enum SourceDigits {
     Double,
 }
 
-/// A filter that can be exported.
+/// A filter that can be exported; what its source looks like is its rig's.
+pub trait ExportableFilter {
+    /// The source for what is asked.
+    fn source(&self, task: &ExportTask<'_>) -> Result<FilterSource, ExportError>;
+}
+
+/// What a source is written for.
+#[derive(Clone, Copy, Debug)]
+pub struct ExportTask<'a> {
+    /// The language.
+    pub target: SourceLanguage,
+    /// The filter's name.
+    pub filter: &'a str,
+    /// What names of files, types and functions begin with, a name that C takes.
+    pub prefix: &'a str,
+    /// The lines at the head of each file.
+    pub heading: &'a [String],
+    /// The sampling interval in s.
+    pub interval_s: f64,
+    /// Every how many samples the filter is corrected.
+    pub update_every: NonZeroU32,
+    /// The samples that are written beside it.
+    pub samples: &'a ExportSamples,
+}
+
+/// The source of a filter.
 #[derive(Clone, Debug)]
-pub enum ExportableFilter {
-    /// That of a shared-electrode scanner.
-    Scanner(ScannerFilter),
-    /// That of a threshold-sensing scanner.
-    Threshold(ThresholdFilter),
-}
-
-/// A number as both languages read it, the shortest that gives the same bits.
-fn number(value: f64) -> String {
-    format!("{value:?}")
-}
-
-/// What a filter of angle and rate in Rust tells.
-const ANSWERS: &str = "    /// Angle and rate, in their units.
-    #[inline(always)]
-    pub fn mean(&self) -> [T; 2] {
-        *self.filter.mean()
-    }
-
-    /// Their covariance, in their units.
-    #[inline(always)]
-    pub fn covariance(&self) -> Covariance<T, 2> {
-        self.filter.covariance()
-    }
-";
-
-/// A text with each `@name@` replaced.
-fn fill(text: &str, values: &[(&str, &dyn Display)]) -> String {
-    let one = |text: String, (name, value): &(&str, &dyn Display)| {
-        text.replace(&format!("@{name}@"), &value.to_string())
-    };
-    values.iter().fold(text.to_owned(), one)
+pub struct FilterSource {
+    /// Names and contents of its files.
+    pub files: Vec<(String, String)>,
+    /// What the library's filter makes of the samples, where the source can be tried with it.
+    pub expected: Option<ExpectedAnswer>,
 }

@@ -1,7 +1,9 @@
 //! From an experiment to the files of an export.
 
-use super::samples::{ExpectedAnswer, ExportSamples};
-use super::{ExportError, ExportRequest, ExportableFilter, SourceDigits, SourceLanguage, c, rust};
+use super::samples::ExportSamples;
+use super::{
+    ExportError, ExportRequest, ExportTask, ExportableFilter, FilterSource, SourceDigits, SourceLanguage,
+};
 use crate::config::{ConfigError, ConfigFault, Experiment, Update};
 use crate::recording::{ReadError, RecordingLayout, SampledRecording};
 use crate::signal::cubic_between;
@@ -51,13 +53,12 @@ pub fn place_of_filter(experiment: &Experiment, request: &ExportRequest) -> Resu
 /// sampling interval and the samples come from there where the request does not say them.
 pub fn export(
     (experiment, request): (&Experiment, &ExportRequest),
-    (filter, name): (&ExportableFilter, String),
+    (filter, name): (&dyn ExportableFilter, String),
     columns: &[String; 2],
     recording: impl FnOnce() -> Result<Option<(PathBuf, RecordingLayout)>, ConfigError>,
 ) -> Result<Exported, ExportError> {
     let refuse = |why: &str| Err(ExportError::Filter { filter: name.clone(), why: why.to_owned() });
     let (interval_s, mut samples) = sampled(experiment, request, columns, recording)?;
-    let every = request.update_every.get();
     if !request.adjustable.is_empty() {
         return refuse(
             "its parameters are constants of the source; leave `--adjustable` out, or expand the experiment to equations",
@@ -69,37 +70,17 @@ pub fn export(
         );
     }
     let heading = heading(experiment, request, &name, interval_s);
-    let mut files = match (filter, request.target) {
-        (ExportableFilter::Scanner(filter), SourceLanguage::Rust) => {
-            let body = filter.scaled(interval_s).to_rust(filter.integration, every);
-            let what = "The filter of a shared-electrode scanner, for a microcontroller.";
-            vec![("filter.rs".to_owned(), rust::module(what, &heading, &body))]
-        }
-        (ExportableFilter::Scanner(filter), SourceLanguage::C) => {
-            let scaled = filter.scaled(interval_s);
-            let name = c_name(&experiment.name.to_string());
-            samples.expected = Some(ExpectedAnswer {
-                angle: filter.angles(&samples, interval_s, request.update_every),
-                use_of_tables: c::use_of_samples(&name, filter.integration),
-            });
-            let files = c::scanner((&scaled, filter.integration), (interval_s, every), &name, &heading);
-            c_files(&name, files)
-        }
-        (ExportableFilter::Threshold(_), _) if every > 1 => {
-            return refuse("its detector needs every sample; leave `--update-every` out");
-        }
-        (ExportableFilter::Threshold(filter), SourceLanguage::Rust) => {
-            let what = "The filter of a threshold-sensing scanner and its detector, for a microcontroller.";
-            vec![(
-                "filter.rs".to_owned(),
-                rust::module(what, &heading, &filter.scaled(interval_s).to_rust()?),
-            )]
-        }
-        (ExportableFilter::Threshold(filter), SourceLanguage::C) => {
-            let name = c_name(&experiment.name.to_string());
-            c_files(&name, c::threshold(&filter.scaled(interval_s), interval_s, &name, &heading)?)
-        }
+    let task = ExportTask {
+        target: request.target,
+        filter: &name,
+        prefix: &c_name(&experiment.name.to_string()),
+        heading: &heading,
+        interval_s,
+        update_every: request.update_every,
+        samples: &samples,
     };
+    let FilterSource { mut files, expected } = filter.source(&task)?;
+    samples.expected = expected;
     if request.samples > 0 {
         let name = match request.target {
             SourceLanguage::Rust => "samples.rs",
@@ -225,10 +206,6 @@ fn digest(experiment: &Experiment) -> String {
         let _ = write!(text, "{byte:02x}");
     }
     text
-}
-
-fn c_files(name: &str, (header, source): (String, String)) -> Vec<(String, String)> {
-    vec![(format!("{name}.h"), header), (format!("{name}.c"), source)]
 }
 
 /// A name that C takes.

@@ -265,7 +265,7 @@ pub trait Rig: Send + Sync {
         &self,
         experiment: &Experiment,
         place: usize,
-    ) -> Result<(ExportableFilter, [String; 2]), ExportError> {
+    ) -> Result<(Box<dyn ExportableFilter>, [String; 2]), ExportError> {
         let _ = (experiment, place);
         Err(ExportError::Device { device: self.name() })
     }
@@ -285,7 +285,7 @@ pub trait Rig: Send + Sync {
             let file = experiment.resolve(&experiment.recording(index)?.file);
             Ok(Some((file, self.layout(experiment, index)?)))
         };
-        export::export((experiment, request), (&filter, name), &columns, first_recording)
+        export::export((experiment, request), (&*filter, name), &columns, first_recording)
     }
 }
 

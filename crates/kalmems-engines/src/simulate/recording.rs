@@ -117,7 +117,7 @@ pub enum SimulateError {
         /// What it left.
         why: String,
     },
-    /// The mass of an accelerometer has gone to a plate, and stays there.
+    /// A mass has gone to a plate, and stays there.
     #[error(
         "{why}: more than spring and loop hold; take a smaller acceleration, a stiffer spring, or a feedback with more \
          gain or bias"

@@ -54,7 +54,7 @@ pub fn drive_of(
             return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }).into());
         }
         DriveSource::Acceleration(_) => {
-            let why = "only an accelerometer is driven by an acceleration; use a voltage, such as `[simulate.drive.sine]`";
+            let why = "this device is not driven by an acceleration; use a voltage, such as `[simulate.drive.sine]`";
             let key = Key::from("simulate").child("drive").child("acceleration");
             return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }).into());
         }
@@ -65,8 +65,7 @@ pub fn drive_of(
                 .into());
         }
         DriveSource::Regulated(_) => {
-            let why = "only the shared-electrode scanner of one axis is regulated; use another drive, such as \
-                       `[simulate.drive.sine]`";
+            let why = "this device is not regulated; use another drive, such as `[simulate.drive.sine]`";
             return Err(experiment
                 .error("simulate.drive.regulated", ConfigFault::Value { why: why.to_owned() })
                 .into());

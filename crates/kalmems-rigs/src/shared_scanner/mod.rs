@@ -206,9 +206,9 @@ impl Rig for SharedScannerRig {
         &self,
         experiment: &Experiment,
         place: usize,
-    ) -> Result<(ExportableFilter, [String; 2]), ExportError> {
+    ) -> Result<(Box<dyn ExportableFilter>, [String; 2]), ExportError> {
         let index = self.wanted(experiment)?.first().copied().unwrap_or(0);
-        Ok((export::exported(experiment, place)?, columns(experiment, index)?.map(str::to_owned)))
+        Ok((Box::new(export::exported(experiment, place)?), columns(experiment, index)?.map(str::to_owned)))
     }
 }
 

@@ -215,11 +215,8 @@ impl fmt::Display for DeviceNames {
         section(f, title, &rows(&self.states))?;
         section(f, "Process noise, for `[estimate.process_noise]`", &rows(&self.process_noise))?;
         if !self.methods.is_empty() {
-            let unless = if *device == "micro_stage" { "is \"from_recording\"" } else { "is not stated" };
-            writeln!(
-                f,
-                "\nA noise of the readout that {unless} is found from the recording (`kalmems help noise`)."
-            )?;
+            let what = "A noise of the readout that is \"from_recording\" is found from the recording";
+            writeln!(f, "\n{what} (`kalmems help noise`).")?;
         }
         let parameters = self.parameters.iter().map(|one| {
             let what = match (one.unit, one.key) {

@@ -1,8 +1,8 @@
 //! The filter of a threshold-sensing scanner and its detector in C99.
 
-use super::super::ExportError;
-use super::super::threshold::ScaledThreshold;
-use super::{PRELUDE, comment, constants, float};
+use super::scaled::ScaledThreshold;
+use crate::export::ExportError;
+use crate::source_code::c::{self, PRELUDE, comment, constants, float};
 use kalmems_core::detect::angle_at;
 use kalmems_models::capacitance::CurveShape;
 
@@ -12,7 +12,7 @@ pub fn files(
     interval_s: f64,
     name: &str,
     heading: &[String],
-) -> Result<(String, String), ExportError> {
+) -> Result<Vec<(String, String)>, ExportError> {
     let (upper, comment) = (name.to_uppercase(), comment(heading));
     let (half, (fit_width, fit)) = (scaled.kernel.1, scaled.fit);
     let ((slope_weights, kernel), (fit_weights, cubic)) = (scaled.slope()?, scaled.cubic()?);
@@ -82,7 +82,8 @@ pub fn files(
     ]
     .iter()
     .fold(body, |text, (place, value)| text.replace(&format!("@{place}@"), value));
-    Ok((fill(HEADER), fill(&format!("/*\n@comment@ */\n#include \"@name@.h\"\n{body}"))))
+    let source = fill(&format!("/*\n@comment@ */\n#include \"@name@.h\"\n{body}"));
+    Ok(c::files(name, [fill(HEADER), source]))
 }
 
 /// Numbers as the inside of an array.

@@ -1,13 +1,18 @@
-//! Which filter can be exported, and what of it.
+//! Which filter can be exported, and its source.
+
+mod c;
+mod scaled;
 
 use super::course::LEAST_VARIANCE;
 use super::settings::ThresholdScannerSettings;
 use crate::config::{CrossingApplication, CrossingTiming, Experiment, Method, Variant};
 use crate::crossings::Acceptance;
-use crate::export::{CrossingSettings, ExportError, ExportableFilter, ThresholdFilter};
+use crate::export::{ExportError, ExportTask, ExportableFilter, FilterSource, SourceLanguage};
+use crate::source_code::rust_module;
+use scaled::{CrossingSettings, ThresholdFilter};
 
 /// The filter at this place of the file.
-pub fn exported(experiment: &Experiment, place: usize) -> Result<ExportableFilter, ExportError> {
+pub fn exported(experiment: &Experiment, place: usize) -> Result<ThresholdFilter, ExportError> {
     let settings = ThresholdScannerSettings::of(experiment)?;
     let (hardware, filter) = (&settings.hardware, &settings.filters[place]);
     let refuse =
@@ -42,7 +47,7 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<ExportableFilte
             "it starts from the signal; give `start` as values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`",
         );
     }
-    Ok(ExportableFilter::Threshold(ThresholdFilter {
+    Ok(ThresholdFilter {
         resonator: hardware.mirror.resonator,
         readout: hardware.readout,
         noise_variance: hardware.noise_variance,
@@ -58,5 +63,25 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<ExportableFilte
             least_variance: LEAST_VARIANCE,
             gate_nis: threshold.gate_nis.unwrap_or(f64::INFINITY),
         },
-    }))
+    })
+}
+
+impl ExportableFilter for ThresholdFilter {
+    fn source(&self, task: &ExportTask<'_>) -> Result<FilterSource, ExportError> {
+        let &ExportTask { prefix, heading, interval_s, .. } = task;
+        if task.update_every.get() > 1 {
+            let why = "its detector needs every sample; leave `--update-every` out".to_owned();
+            return Err(ExportError::Filter { filter: task.filter.to_owned(), why });
+        }
+        let scaled = self.scaled(interval_s);
+        let files = match task.target {
+            SourceLanguage::Rust => {
+                let what =
+                    "The filter of a threshold-sensing scanner and its detector, for a microcontroller.";
+                vec![("filter.rs".to_owned(), rust_module(what, heading, &scaled.to_rust()?))]
+            }
+            SourceLanguage::C => c::files(&scaled, interval_s, prefix, heading)?,
+        };
+        Ok(FilterSource { files, expected: None })
+    }
 }

@@ -1,25 +1,24 @@
-//! Filters in C99.
-
-mod scanner;
-mod threshold;
-
-pub use scanner::{files as scanner, use_of_samples};
-pub use threshold::files as threshold;
+//! The same in C99.
 
 /// A number in f32 as C reads it.
 #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
-fn float(value: f64) -> String {
+pub fn float(value: f64) -> String {
     format!("{:?}F", value as f32)
 }
 
 /// The lines of a heading, in a comment.
-fn comment(heading: &[String]) -> String {
+pub fn comment(heading: &[String]) -> String {
     let lines = heading.iter().map(|line| format!(" * {}\n", line.replace("*/", "* /")));
     lines.collect()
 }
 
+/// Header and source by the names that they have; `prefix` is a C name.
+pub fn files(prefix: &str, [header, source]: [String; 2]) -> Vec<(String, String)> {
+    vec![(format!("{prefix}.h"), header), (format!("{prefix}.c"), source)]
+}
+
 /// What a program needs to give samples and to read states, the units of angle, rate and signal and the interval.
-fn constants(upper: &str, values: [f64; 4]) -> String {
+pub fn constants(upper: &str, values: [f64; 4]) -> String {
     let known = [
         ("ANGLE_UNIT_RAD", "The unit of the angle in rad."),
         ("RATE_UNIT_RAD_PER_S", "The unit of the rate in rad/s."),
@@ -32,8 +31,8 @@ fn constants(upper: &str, values: [f64; 4]) -> String {
     lines.collect()
 }
 
-/// What both begin with.
-const PRELUDE: &str = r#"
+/// What each begins with.
+pub const PRELUDE: &str = r#"
 #include <stdint.h>
 
 #ifdef __FAST_MATH__

@@ -1,7 +1,7 @@
 //! The filter of a shared-electrode scanner in units of its own.
 
-use super::samples::ExportSamples;
-use super::{ANSWERS, fill, number};
+use crate::export::ExportSamples;
+use crate::source_code::{ANSWERS, fill, number};
 use kalmems_core::update::Decimation;
 use kalmems_core::{Covariance, Ekf, Euler, Filter, Nodes, NoiseDensity, Process, Rk4};
 use kalmems_models::dynamics::ParametricScanner;
@@ -96,12 +96,7 @@ impl ScannerFilter {
 impl ScannerFilter {
     /// The angle in rad after each sample by the library's filter, corrected by one sample in `update_every`; not a number where it
     /// refuses a sample.
-    pub(super) fn angles(
-        &self,
-        samples: &ExportSamples,
-        interval_s: f64,
-        update_every: NonZeroU32,
-    ) -> Vec<f64> {
+    pub fn angles(&self, samples: &ExportSamples, interval_s: f64, update_every: NonZeroU32) -> Vec<f64> {
         let density = NoiseDensity::none().on::<1>(self.acceleration_density);
         let runge_kutta = Rk4::new(self.scanner, interval_s, &density, (&[0.0; 2], &0.0));
         let euler = Euler::new(self.scanner, interval_s, *runge_kutta.noise().covariance());

@@ -1,6 +1,7 @@
 //! The filter of a threshold-sensing scanner in units of its own.
 
-use super::{ANSWERS, ExportError, fill, number};
+use crate::export::ExportError;
+use crate::source_code::{ANSWERS, fill, number};
 use kalmems_core::Mat;
 use kalmems_core::detect::{CubicDesign, SlopeDesign};
 use kalmems_models::capacitance::CurveShape;

@@ -1,7 +1,7 @@
 //! The filter of a shared-electrode scanner in C99.
 
-use super::super::scanner::{Integration, ScaledScannerFilter};
-use super::{PRELUDE, comment, constants, float};
+use super::scaled::{Integration, ScaledScannerFilter};
+use crate::source_code::c::{self, PRELUDE, comment, constants, float};
 
 /// How a program takes the tables of samples, and how it sees that it takes them rightly.
 pub fn use_of_samples(name: &str, integration: Integration) -> Vec<String> {
@@ -28,7 +28,7 @@ pub fn files(
     (interval_s, update_every): (f64, u32),
     name: &str,
     heading: &[String],
-) -> (String, String) {
+) -> Vec<(String, String)> {
     let (upper, comment) = (name.to_uppercase(), comment(heading));
     let (parameters, arguments, what) = match integration {
         Integration::Euler => ("float drive_v", "drive_v", "at the start of the interval"),
@@ -96,7 +96,7 @@ int {name}_step({name}_t *filter, {parameters}, float signal_v);
         .replace("@rate@", &float(scaled.start[1]))
         .replace("@p00@", &float(scaled.start_sd[0].powi(2)))
         .replace("@p11@", &float(scaled.start_sd[1].powi(2)));
-    (header, format!("/*\n{comment} */\n#include \"{name}.h\"\n{body}"))
+    c::files(name, [header, format!("/*\n{comment} */\n#include \"{name}.h\"\n{body}")])
 }
 
 const ACCELERATION: &str = r"
