@@ -196,6 +196,43 @@ async function threadTime(page) {
   return async () => 1000 * (await remote.send("Performance.getMetrics")).metrics.find(({ name }) => name === "ThreadTime").value;
 }
 
+/** What the yardstick takes on the machine for which the limits are stated, on which the first plot takes 225 to 270 ms. */
+const YARDSTICK_MS = 160;
+
+/**
+ * How many times as long this machine takes as the one for which the limits below are stated, and at least 1: a page without any
+ * figure makes and reads numbers as text, sorts them and fills a canvas, which is what a report's page spends its time on.
+ */
+async function slowness() {
+  const turns = [];
+  for (let turn = 0; turn < 5; turn++) {
+    const context = await browser.newContext({ viewport: { width: 1200, height: 900 } });
+    const page = await context.newPage();
+    const time = await threadTime(page);
+    const before = await time();
+    await page.evaluate(() => {
+      const canvas = document.createElement("canvas");
+      const drawing = canvas.getContext("2d", { willReadFrequently: true });
+      [canvas.width, canvas.height] = [1200, 400];
+      for (let round = 0; round < 4; round++) {
+        const made = JSON.parse(JSON.stringify(Array.from({ length: 100_000 }, (_, k) => Math.sin(k * k + round))));
+        const sorted = Float64Array.from(made).sort();
+        drawing.beginPath();
+        sorted.forEach((value, k) => drawing.lineTo(k % 1200, 200 + 200 * value));
+        drawing.stroke();
+        drawing.getImageData(0, 0, 1, 1);
+      }
+    });
+    turns.push((await time()) - before);
+    await context.close();
+  }
+  turns.sort((a, b) => a - b);
+  if (process.env.VERBOSE) console.log(`yardstick: ${turns.map(Math.round).join(" ")} ms`);
+  return Math.max(1, turns[0] / YARDSTICK_MS);
+}
+
+const slower = await slowness();
+
 {
   const turns = [];
   for (let turn = 0; turn < 5; turn++) {
@@ -209,8 +246,8 @@ async function threadTime(page) {
   }
   // Other work on the same core slows a thread down as well: the shortest turn has least of that.
   turns.sort((a, b) => a - b);
-  const told = `${turns.map(Math.round).join(" ")} ms`;
-  check("the first plot of a page of 24 000 samples takes at most 300 ms", turns[0] <= 300, told);
+  const told = `${turns.map(Math.round).join(" ")} ms on a machine ${slower.toFixed(2)} times as slow`;
+  check("the first plot of a page of 24 000 samples takes at most 300 ms", turns[0] <= 300 * slower, told);
   if (process.env.VERBOSE) console.log(`first plot: ${told}`);
 }
 
@@ -344,7 +381,7 @@ const said = (page) => page.locator(".samples output").first().textContent();
   const sorted = [...turns].sort((a, b) => a - b);
   const told = `${samples} samples: median ${Math.round(sorted[sorted.length >> 1])} ms, of ${turns.map(Math.round).join(" ")}`;
   // The turn that first comes close enough for single samples reads them, which takes longer.
-  check("zooming over 3e6 samples takes at most 60 ms, by the median of all turns", samples >= 3e6 && sorted[sorted.length >> 1] <= 60, told);
+  check("zooming over 3e6 samples takes at most 60 ms, by the median of all turns", samples >= 3e6 && sorted[sorted.length >> 1] <= 60 * slower, told);
   if (process.env.VERBOSE) console.log(`zoom over ${told}`);
   await page.context().close();
 }
