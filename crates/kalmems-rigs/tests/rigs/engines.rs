@@ -4,10 +4,13 @@ use kalmems_rigs::published;
 use std::fs;
 use std::path::Path;
 
-/// All of the code below a folder, without comments, lower case, with a space for what joins words in names.
+/// All of the code below a folder, without tests and comments, lower case, with a space for what joins words in names.
 fn code_below(folder: &Path, found: &mut Vec<(String, String)>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
+        if path.file_stem().is_some_and(|name| name == "tests") {
+            continue;
+        }
         if path.is_dir() {
             code_below(&path, found);
         } else if path.extension().is_some_and(|ending| ending == "rs") {
