@@ -266,8 +266,9 @@ pub fn same_bits_in_a_stream(
     (events, summary)
 }
 
-/// The last time of the samples that a state says need not be sent again, in s.
-fn acknowledged_in(state: &Path) -> f64 {
+/// The last time of the samples that a state says need not be sent again, in s: a run may be killed after its state is written
+/// and before that is said, so that where a run goes on stands here and not in what was said.
+pub fn acknowledged_in(state: &Path) -> f64 {
     let state: serde_json::Value = serde_json::from_slice(&std::fs::read(state).unwrap()).unwrap();
     f64::from_bits(state["acknowledged"].as_u64().unwrap())
 }
@@ -290,7 +291,6 @@ pub fn goes_on_after_a_kill(
     let killing = Killing::at(Pieces::of(bytes.to_vec(), bytes.len() as u64 / 300), place);
     let first = killed(experiment, killing, &state);
     assert!(first.ended.as_ref().unwrap_err().to_string().contains("the run was killed"));
-    // The run may be killed after the state is written and before that is said: what was given until the state stands there.
     let said_s = first.acknowledged_s.expect("nothing was acknowledged");
     let acknowledged_s = acknowledged_in(&state);
     assert!(acknowledged_after_s < said_s && said_s <= acknowledged_s, "{said_s} {acknowledged_s}");

@@ -2,7 +2,7 @@
 
 use super::example;
 use crate::parts::{
-    Killing, Pieces, Streamed, goes_on_after_a_kill, killed, same_bits_in_a_stream, streamed,
+    Killing, Pieces, Streamed, acknowledged_in, goes_on_after_a_kill, killed, same_bits_in_a_stream, streamed,
 };
 use kalmems::config::Experiment;
 use kalmems::recording::SampledRecording;
@@ -334,8 +334,7 @@ fn what_was_told_is_not_told_again_by_a_run_that_goes_on() {
     let whole = ahead(&streamed(&experiment, Pieces::of(bytes.clone(), 1000), None).events);
     let killing = Killing::at(Pieces::of(bytes.clone(), 4000), bytes.len() * 7 / 10);
     let first = killed(&experiment, killing, &state);
-    let (first, acknowledged) = (ahead(&first.events), first.acknowledged_s);
-    let acknowledged = acknowledged.expect("nothing was acknowledged");
+    let (first, acknowledged) = (ahead(&first.events), acknowledged_in(&state));
     assert!(acknowledged > 9e-3, "{acknowledged}");
     let second = ahead(&streamed(&experiment, Pieces::of(bytes, 1000), Some(&state)).events);
     // As with estimates: what was told from samples that were acknowledged is told for good, the rest is told again.
