@@ -42,10 +42,12 @@ pub struct AxisOutcome {
     pub name: &'static str,
     /// Pixels along it.
     pub pixels: u32,
-    /// Its frequency in Hz.
+    /// Its frequency while intensities were recorded, in Hz.
     pub frequency_hz: f64,
-    /// Its amplitude in rad.
+    /// Its amplitude then, in rad.
     pub amplitude_rad: f64,
+    /// Its amplitudes in the first and in the last tenth of that time, in rad.
+    pub amplitudes_at_ends_rad: [f64; 2],
     /// The angle at the edge of the field of view, in rad.
     pub half_field_rad: f64,
     /// How far it was taken to be ahead of its trajectory, in rad.
@@ -113,6 +115,7 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
     let (file, column) = (&image.intensity.file, image.intensity.column.name());
     let place = || Key::from("intensity");
     let (time_s, intensity) = files.read(place(), file, &image.intensity.layout(), column, None)?;
+    let scanned_s = time_s.first().copied().unwrap_or(f64::NAN)..=time_s.last().copied().unwrap_or(f64::NAN);
     let (mut axes, mut claims) = (Vec::new(), Vec::new());
     for (name, axis) in image.axes() {
         let key = Key::from(name);
@@ -127,10 +130,11 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
             None => None,
         };
         claims.push(claimed);
-        let track = AxisTrack::new(time_s, angle).map_err(|fault| ImageError::Track {
-            place: format!("{}, column `{}`", image.resolve(&axis.file).display(), axis.column),
-            fault,
-        })?;
+        let track =
+            AxisTrack::scanned(time_s, angle, scanned_s.clone()).map_err(|fault| ImageError::Track {
+                place: format!("{}, column `{}`", image.resolve(&axis.file).display(), axis.column),
+                fault,
+            })?;
         let half_field_rad = axis.half_field.as_ref().map_or(track.largest_rad(), Quantity::si);
         axes.push(ScanAxis { track, half_field_rad, pixels: axis.pixels as usize });
     }
@@ -161,6 +165,7 @@ pub fn reconstruct(image: &Image, progress: &dyn Progress) -> Result<ImageOutcom
             pixels: axis.pixels,
             frequency_hz: track.frequency_hz(),
             amplitude_rad: track.amplitude_rad(),
+            amplitudes_at_ends_rad: track.amplitudes_at_ends_rad(),
             half_field_rad: *half_field_rad,
             phase_rad: phases[index],
             found: found[index],

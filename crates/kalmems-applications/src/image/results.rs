@@ -81,9 +81,12 @@ pub struct ImageMetrics {
     pub axes: Vec<ImageAxisMetrics>,
     /// Against the picture that it should be, where one was given.
     pub reference: Option<ReferenceMetrics>,
-    /// What was found in the files and does not keep them from being used.
+    /// What was found in the files and in the motion and does not keep them from being used.
     pub findings: Vec<String>,
 }
+
+/// The relative change of an amplitude over a scan from which on a motion is said not to have settled.
+const UNSETTLED: f64 = 0.05;
 
 /// What is said of an axis.
 #[derive(Clone, Debug, Serialize)]
@@ -92,9 +95,9 @@ pub struct ImageAxisMetrics {
     pub name: &'static str,
     /// Pixels along it.
     pub pixels: u32,
-    /// Its frequency in Hz.
+    /// Its frequency while intensities were recorded, in Hz.
     pub frequency_hz: f64,
-    /// Its amplitude in degrees.
+    /// Its amplitude then, in degrees.
     pub amplitude_deg: f64,
     /// The angle at the edge of the field of view in degrees.
     pub half_field_deg: f64,
@@ -175,7 +178,9 @@ impl ImageMetrics {
             within_pixel_rms: finite((all.scatter() / freedom).sqrt() / span),
             axes: axes.collect(),
             reference,
-            findings: outcome.findings.iter().map(|(file, finding)| format!("{file}: {finding}")).collect(),
+            findings: (outcome.findings.iter().map(|(file, finding)| format!("{file}: {finding}")))
+                .chain(outcome.axes.iter().filter_map(unsettled))
+                .collect(),
         })
     }
 
@@ -237,6 +242,20 @@ impl ImageMetrics {
         }
         text
     }
+}
+
+/// What is said of an axis whose motion has not settled.
+fn unsettled(axis: &AxisOutcome) -> Option<String> {
+    let [first, last] = axis.amplitudes_at_ends_rad;
+    ((last - first).abs() > UNSETTLED * axis.amplitude_rad).then(|| {
+        format!(
+            "{}: the motion has not settled: its amplitude goes from {:.4} to {:.4} deg between the first and the last tenth of the scan; \
+             the frequency and the amplitude that are stated are those of the sine that fits all of it best",
+            axis.name,
+            first.to_degrees(),
+            last.to_degrees()
+        )
+    })
 }
 
 fn for_the_eye(outcome: &ImageOutcome, developed: &DevelopedImage) -> Option<(Picture, usize)> {

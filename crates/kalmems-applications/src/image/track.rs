@@ -1,8 +1,8 @@
 //! The angle of one axis as an estimate gives it, at any time between its samples.
 
-use crate::signal::{GAP, cubic_between, fit_sine, usual_interval};
+use crate::signal::{GAP, cubic_between, fit_sine, fit_sine_at, usual_interval};
 use std::f64::consts::TAU;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// Samples that a run must have for a cubic.
 const SHORTEST: usize = 4;
@@ -19,6 +19,7 @@ pub struct AxisTrack {
     interval_s: f64,
     frequency_hz: f64,
     amplitude_rad: f64,
+    amplitudes_at_ends_rad: [f64; 2],
     largest_rad: f64,
 }
 
@@ -60,6 +61,16 @@ pub enum TrackAngle {
 impl AxisTrack {
     /// From times in s, increasing, and angles in rad; NaN where there is none.
     pub fn new(time_s: Vec<f64>, angle_rad: Vec<f64>) -> Result<Self, TrackError> {
+        Self::scanned(time_s, angle_rad, f64::NEG_INFINITY..=f64::INFINITY)
+    }
+
+    /// The same, whose sine is that of the motion in these times, in which intensities were recorded: before them a motion
+    /// may not have settled. Where the track has too few samples in them, it is that of all of it.
+    pub fn scanned(
+        time_s: Vec<f64>,
+        angle_rad: Vec<f64>,
+        during_s: RangeInclusive<f64>,
+    ) -> Result<Self, TrackError> {
         if time_s.len() != angle_rad.len() || !time_s.is_sorted_by(|a, b| a < b) {
             return Err(TrackError::Times);
         }
@@ -88,14 +99,34 @@ impl AxisTrack {
         if runs.is_empty() {
             return Err(TrackError::Short { longest: longest.len() });
         }
-        let sine = fit_sine(&time_s[longest.clone()], &angle_rad[longest], interval_s);
+        let (from, to) = (*during_s.start(), *during_s.end());
+        let scanned: Vec<Range<usize>> = (runs.iter())
+            .map(|run| {
+                let times = &time_s[run.clone()];
+                let until = times.partition_point(|time| *time <= to);
+                run.start + times.partition_point(|time| *time < from).min(until)..run.start + until
+            })
+            .filter(|run| run.len() >= SHORTEST)
+            .collect();
+        let fitted = scanned.into_iter().rev().max_by_key(Range::len).unwrap_or(longest);
+        let (times, angles) = (&time_s[fitted.clone()], &angle_rad[fitted]);
+        let sine = fit_sine(times, angles, interval_s);
         let sine = sine.filter(|s| s.frequency_hz > 0.0 && s.residual_rms < 0.5 * s.amplitude);
         let sine = sine.ok_or(TrackError::NoSine)?;
+        let tenth = times.len() / 10;
+        let amplitudes_at_ends_rad = [0..tenth, times.len() - tenth..times.len()].map(|end| {
+            // Less than a cycle does not tell an amplitude from an offset.
+            let cycles = end.len() as f64 * interval_s * sine.frequency_hz;
+            let end =
+                (cycles > 2.0).then(|| fit_sine_at(&times[end.clone()], &angles[end], sine.frequency_hz));
+            end.flatten().map_or(sine.amplitude, |end| end.amplitude)
+        });
         let used = runs.iter().flat_map(|run| &angle_rad[run.clone()]);
         let largest_rad = used.fold(0.0, |largest: f64, angle| largest.max(angle.abs()));
         Ok(Self {
             frequency_hz: sine.frequency_hz,
             amplitude_rad: sine.amplitude,
+            amplitudes_at_ends_rad,
             time_s,
             angle_rad,
             runs,
@@ -104,7 +135,7 @@ impl AxisTrack {
         })
     }
 
-    /// The frequency of the sine that its longest run follows best, in Hz.
+    /// The frequency of the sine that its longest run while it is scanned follows best, in Hz.
     pub const fn frequency_hz(&self) -> f64 {
         self.frequency_hz
     }
@@ -112,6 +143,12 @@ impl AxisTrack {
     /// The amplitude of that sine in rad.
     pub const fn amplitude_rad(&self) -> f64 {
         self.amplitude_rad
+    }
+
+    /// The amplitudes in rad of the same frequency in the first and in the last tenth of that run: they differ where the motion has
+    /// not settled.
+    pub const fn amplitudes_at_ends_rad(&self) -> [f64; 2] {
+        self.amplitudes_at_ends_rad
     }
 
     /// The largest magnitude of the angle in rad.
@@ -228,6 +265,33 @@ mod tests {
         // Going back gives the same.
         let mut fresh = track.walk();
         assert_eq!(walk.at(0.123), fresh.at(0.123));
+    }
+
+    #[test]
+    fn a_motion_that_settles_before_the_scan_has_the_sine_of_the_scan() {
+        let time: Vec<f64> = (0..3200).map(|k| f64::from(k) / RATE).collect();
+        // Amplitude and frequency come to those of the drive with a time constant of 8 s.
+        let settling = |t: f64| (-t / 8.0).exp();
+        let angle: Vec<f64> =
+            time.iter().map(|t| 0.2 * (1.0 - settling(*t)) * (TAU * t + settling(*t)).sin()).collect();
+        let whole = AxisTrack::new(time.clone(), angle.clone()).unwrap();
+        let settled = AxisTrack::scanned(time.clone(), angle.clone(), 60.0..=99.0).unwrap();
+        assert!((whole.frequency_hz() - 1.0).abs() > 1e-4, "{}", whole.frequency_hz());
+        assert!((settled.frequency_hz() - 1.0).abs() < 2e-6, "{}", settled.frequency_hz());
+        assert!((settled.amplitude_rad() - 0.2).abs() < 5e-5, "{}", settled.amplitude_rad());
+        let change = |track: &AxisTrack| {
+            let [first, last] = track.amplitudes_at_ends_rad();
+            last / first - 1.0
+        };
+        assert!(
+            change(&whole) > 0.5 && change(&settled).abs() < 1e-3,
+            "{} {}",
+            change(&whole),
+            change(&settled)
+        );
+        // A scan at another time than the trajectory is for its samples to find.
+        let beyond = AxisTrack::scanned(time, angle, 200.0..=300.0).unwrap();
+        assert_eq!(beyond.frequency_hz().to_bits(), whole.frequency_hz().to_bits());
     }
 
     #[test]

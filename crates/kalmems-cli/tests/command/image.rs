@@ -167,8 +167,21 @@ fn an_image_along_an_estimate_is_that_along_the_truth() {
     let [right, wrong, alone] =
         ["estimated/trajectory_ekf.csv", "told/trajectory_ekf.csv", "told/trajectory_model.csv"]
             .map(|trajectory| image(trajectory, &reference)["reference"]["psnr_db"].as_f64().unwrap());
-    // How far the places of samples are off, in pixels, beside what the image says of them.
     let own = image("estimated/trajectory_ekf.csv", &[]);
+    // Both axes move at half of their drives' frequencies, 15 675 and 6540 Hz. The motion before the scan, in which the phase of y
+    // turns by 40°, is no part of the sine: 6544.8 Hz. During the scan both phases still turn by some degrees; lines through the phases of the
+    // true motion, from four cycles at a time by another program, have these slopes.
+    let frequency = |axis: usize| own["axes"][axis]["frequency_hz"].as_f64().unwrap();
+    println!("frequencies: {} and {} Hz", frequency(0), frequency(1));
+    assert!((frequency(0) - 15_675.25).abs() < 0.05 && (frequency(1) - 6_540.47).abs() < 0.05);
+    let findings: Vec<&str> =
+        own["findings"].as_array().unwrap().iter().filter_map(|text| text.as_str()).collect();
+    let unsettled = findings.iter().filter(|text| text.contains("the motion has not settled"));
+    assert!(
+        unsettled.clone().count() == 1 && unsettled.clone().all(|text| text.starts_with("y: ")),
+        "{findings:?}"
+    );
+    // How far the places of samples are off, in pixels, beside what the image says of them.
     for (place, axis, half_field) in [(0, "angle_x_rad", 0.18), (1, "angle_y_rad", 0.125)] {
         let [found, truth] =
             ["estimated/trajectory_ekf.csv", "simulated/reference.csv"].map(|file| column(&path(file), axis));

@@ -215,6 +215,13 @@ fn the_demodulator_as_two_states_takes_its_lag_out() {
     assert!(staged.peak_phase_rmse_deg.unwrap() < 0.08, "{:?}", staged.peak_phase_rmse_deg);
     assert!(affine.angle.rmse_deg > 1.0, "{:?}", affine.angle);
     assert_eq!(estimated.trajectories[0].states.len(), 4);
+    // Poles that a filter does without are said, once, with its name.
+    let left_out = estimated.remarks.iter().filter(|remark| remark.contains("poles"));
+    let left_out: Vec<&String> = left_out.collect();
+    assert!(
+        left_out.len() == 1 && left_out[0].contains("`affine`") && !left_out[0].contains("`staged`"),
+        "{left_out:?}"
+    );
     // What the second stage is estimated to be is what was recorded, less its noise.
     let stage = &estimated.trajectories[0].state("stage_2").unwrap().mean;
     let off = |k: usize| (stage[k] - simulated.signal[k]).powi(2);
