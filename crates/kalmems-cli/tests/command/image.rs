@@ -181,6 +181,8 @@ fn an_image_along_an_estimate_is_that_along_the_truth() {
         unsettled.clone().count() == 1 && unsettled.clone().all(|text| text.starts_with("y: ")),
         "{findings:?}"
     );
+    let page = std::fs::read_to_string(path("image/report.html")).unwrap();
+    assert!(page.contains("<summary>1 note</summary>") && page.contains(unsettled.clone().next().unwrap()));
     // How far the places of samples are off, in pixels, beside what the image says of them.
     for (place, axis, half_field) in [(0, "angle_x_rad", 0.18), (1, "angle_y_rad", 0.125)] {
         let [found, truth] =
