@@ -85,9 +85,6 @@ pub struct ImageMetrics {
     pub findings: Vec<String>,
 }
 
-/// The relative change of an amplitude over a scan from which on a motion is said not to have settled.
-const UNSETTLED: f64 = 0.05;
-
 /// What is said of an axis.
 #[derive(Clone, Debug, Serialize)]
 pub struct ImageAxisMetrics {
@@ -243,6 +240,9 @@ impl ImageMetrics {
         text
     }
 }
+
+/// The relative change of an amplitude over a scan from which on a motion is said not to have settled.
+const UNSETTLED: f64 = 0.05;
 
 /// What is said of an axis whose motion has not settled.
 fn unsettled(axis: &AxisOutcome) -> Option<String> {

@@ -1,11 +1,13 @@
 //! The angle of one axis as an estimate gives it, at any time between its samples.
 
-use crate::signal::{GAP, cubic_between, fit_sine, fit_sine_at, usual_interval};
+use crate::signal::{GAP, Sine, cubic_between, fit_sine, fit_sine_at, usual_interval};
 use std::f64::consts::TAU;
 use std::ops::{Range, RangeInclusive};
 
 /// Samples that a run must have for a cubic.
 const SHORTEST: usize = 4;
+/// Cycles that a part of a run must have for a sine of its own.
+const FEWEST_CYCLES: f64 = 2.0;
 
 /// An axis' angle over time, in runs without gaps.
 ///
@@ -65,7 +67,7 @@ impl AxisTrack {
     }
 
     /// The same, whose sine is that of the motion in these times, in which intensities were recorded: before them a motion
-    /// may not have settled. Where the track has too few samples in them, it is that of all of it.
+    /// may not have settled. Where the track has no two cycles in them, it is that of its longest run.
     pub fn scanned(
         time_s: Vec<f64>,
         angle_rad: Vec<f64>,
@@ -99,28 +101,31 @@ impl AxisTrack {
         if runs.is_empty() {
             return Err(TrackError::Short { longest: longest.len() });
         }
-        let (from, to) = (*during_s.start(), *during_s.end());
-        let scanned: Vec<Range<usize>> = (runs.iter())
-            .map(|run| {
-                let times = &time_s[run.clone()];
-                let until = times.partition_point(|time| *time <= to);
-                run.start + times.partition_point(|time| *time < from).min(until)..run.start + until
-            })
-            .filter(|run| run.len() >= SHORTEST)
-            .collect();
-        let fitted = scanned.into_iter().rev().max_by_key(Range::len).unwrap_or(longest);
-        let (times, angles) = (&time_s[fitted.clone()], &angle_rad[fitted]);
-        let sine = fit_sine(times, angles, interval_s);
-        let sine = sine.filter(|s| s.frequency_hz > 0.0 && s.residual_rms < 0.5 * s.amplitude);
-        let sine = sine.ok_or(TrackError::NoSine)?;
-        let tenth = times.len() / 10;
-        let amplitudes_at_ends_rad = [0..tenth, times.len() - tenth..times.len()].map(|end| {
-            // Less than a cycle does not tell an amplitude from an offset.
-            let cycles = end.len() as f64 * interval_s * sine.frequency_hz;
-            let end =
-                (cycles > 2.0).then(|| fit_sine_at(&times[end.clone()], &angles[end], sine.frequency_hz));
-            end.flatten().map_or(sine.amplitude, |end| end.amplitude)
+        let sine_of = |run: &Range<usize>| {
+            let sine = fit_sine(&time_s[run.clone()], &angle_rad[run.clone()], interval_s);
+            sine.filter(|s| s.frequency_hz > 0.0 && s.residual_rms < 0.5 * s.amplitude)
+        };
+        // Fewer cycles hardly tell a sine from its offset.
+        let has_cycles = |run: &Range<usize>, sine: &Sine| {
+            run.len() as f64 * interval_s * sine.frequency_hz > FEWEST_CYCLES
+        };
+        let scanned = runs.iter().rev().map(|run| {
+            let times = &time_s[run.clone()];
+            let until = times.partition_point(|time| time <= during_s.end());
+            run.start + times.partition_point(|time| time < during_s.start()).min(until)..run.start + until
         });
+        let scanned = scanned.max_by_key(Range::len).filter(|run| run.len() >= SHORTEST);
+        let scanned = scanned.and_then(|run| Some((sine_of(&run)?, run)));
+        let scanned = scanned.filter(|(sine, run)| has_cycles(run, sine));
+        let fitted = scanned.or_else(|| Some((sine_of(&longest)?, longest)));
+        let (sine, fitted) = fitted.ok_or(TrackError::NoSine)?;
+        let tenth = fitted.len() / 10;
+        let amplitudes_at_ends_rad = [fitted.start..fitted.start + tenth, fitted.end - tenth..fitted.end]
+            .map(|end| {
+                let end = has_cycles(&end, &sine)
+                    .then(|| fit_sine_at(&time_s[end.clone()], &angle_rad[end], sine.frequency_hz));
+                end.flatten().map_or(sine.amplitude, |end| end.amplitude)
+            });
         let used = runs.iter().flat_map(|run| &angle_rad[run.clone()]);
         let largest_rad = used.fold(0.0, |largest: f64, angle| largest.max(angle.abs()));
         Ok(Self {
@@ -146,7 +151,7 @@ impl AxisTrack {
     }
 
     /// The amplitudes in rad of the same frequency in the first and in the last tenth of that run: they differ where the motion has
-    /// not settled.
+    /// not settled. Where a tenth has no two cycles, that of all of it.
     pub const fn amplitudes_at_ends_rad(&self) -> [f64; 2] {
         self.amplitudes_at_ends_rad
     }
@@ -289,9 +294,11 @@ mod tests {
             change(&whole),
             change(&settled)
         );
-        // A scan at another time than the trajectory is for its samples to find.
-        let beyond = AxisTrack::scanned(time, angle, 200.0..=300.0).unwrap();
-        assert_eq!(beyond.frequency_hz().to_bits(), whole.frequency_hz().to_bits());
+        // A scan at another time than the trajectory, or of half a cycle, has no sine of its own.
+        for during_s in [200.0..=300.0, 60.0..=60.5] {
+            let without = AxisTrack::scanned(time.clone(), angle.clone(), during_s).unwrap();
+            assert_eq!(without.frequency_hz().to_bits(), whole.frequency_hz().to_bits());
+        }
     }
 
     #[test]
