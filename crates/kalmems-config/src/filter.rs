@@ -92,6 +92,12 @@ pub struct FilterTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"2 kHz")]
     pub observer_bandwidth: Option<Quantity<Frequency, Positive>>,
+    /// How many steps the filter takes from each sample to the next, from 1 to 1024. If left out they are planned on the first 4096 samples
+    /// of each segment, so that what they are off by stays below a fiftieth of the claimed standard deviation. Not for a device whose step is
+    /// exact, and not for `euler_ekf`.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "few_steps")]
+    #[schemars(range(min = 1, max = 1024), example = &2)]
+    pub steps: Option<u16>,
     /// Whether there is a smoothed trajectory as well, in which each sample has seen the whole recording; false if
     /// left out.
     #[serde(default, skip_serializing_if = "is_false")]
@@ -495,6 +501,15 @@ pub(super) fn above_zero<'de, D: Deserializer<'de>>(deserializer: D) -> Result<O
 
 fn above_two<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     number_where(deserializer, |number| number > 2.0, "above 2; write one, such as `4`")
+}
+
+fn few_steps<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u16>, D::Error> {
+    let steps = u16::deserialize(deserializer)?;
+    if (1..=1024).contains(&steps) {
+        Ok(Some(steps))
+    } else {
+        Err(D::Error::custom("it is a whole number from 1 to 1024; write one, such as `2`"))
+    }
 }
 
 fn not_negative<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {

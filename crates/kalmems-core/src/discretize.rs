@@ -60,6 +60,67 @@ pub fn discretize<T: Scalar<Mask = bool>, const N: usize>(
     }
 }
 
+/// e^Z, φ₁(Z), φ₂(Z) and φ₃(Z) of a matrix Z, with φₖ(Z) = ∫₀¹ e^{(1−s)·Z}·s^{k−1}/(k−1)! ds, so that φₖ = 1/k! + Z·φₖ₊₁.
+#[derive(Clone, Copy, Debug)]
+pub struct PhiFunctions<T, const N: usize> {
+    /// e^Z.
+    pub exponential: Mat<T, N, N>,
+    /// φ₁(Z).
+    pub first: Mat<T, N, N>,
+    /// φ₂(Z).
+    pub second: Mat<T, N, N>,
+    /// φ₃(Z).
+    pub third: Mat<T, N, N>,
+}
+
+impl<T: Scalar, const N: usize> PhiFunctions<T, N> {
+    /// Those of 2·Z: 2ᵏ·φₖ(2·Z) = e^Z·φₖ(Z) + Σ φⱼ(Z)/(k−j)! over j from 1 to k.
+    #[must_use]
+    pub fn doubled(&self) -> Self {
+        let Self { exponential, first, second, third } = self;
+        let quarter = T::of(0.25);
+        let of = |phi: &Mat<T, N, N>| exponential.times(phi);
+        Self {
+            exponential: exponential.times(exponential),
+            first: of(first).plus(first).scaled(T::of(0.5)),
+            second: of(second).plus(first).plus(second).scaled(quarter),
+            third: of(third).plus(&first.scaled(T::of(0.5))).plus(second).plus(third).scaled(quarter.half()),
+        }
+    }
+}
+
+/// The φ-functions of A·`interval`, balanced and doubled as in [`discretize`].
+pub fn phi_functions<T: Scalar<Mask = bool>, const N: usize>(
+    a: &Mat<T, N, N>,
+    interval: T,
+) -> PhiFunctions<T, N> {
+    let scale = balance(a);
+    let a = matrix!(|i, j| a.0[i][j] * scale[j] / scale[i]);
+    let (h, doublings) = short_interval(&a, interval);
+    let z = a.scaled(h);
+    // φ₃ = 1/6·(1 + z/4·(1 + z/5·(1 + …))); the others follow from it.
+    let mut inner = Mat::identity();
+    let mut k = T::of((TERMS + 2) as f64);
+    for _ in 4..=TERMS + 2 {
+        inner = Mat::identity().plus(&z.times(&inner).scaled(k.recip()));
+        k = k - T::of(1.0);
+    }
+    let third = inner.scaled(T::of(1.0 / 6.0));
+    let second = Mat::identity().scaled(T::of(0.5)).plus(&z.times(&third));
+    let first = Mat::identity().plus(&z.times(&second));
+    let mut phi = PhiFunctions { exponential: Mat::identity().plus(&z.times(&first)), first, second, third };
+    for _ in 0..doublings {
+        phi = phi.doubled();
+    }
+    let unscaled = |m: &Mat<T, N, N>| matrix!(|i, j| m.0[i][j] * scale[i] / scale[j]);
+    PhiFunctions {
+        exponential: unscaled(&phi.exponential),
+        first: unscaled(&phi.first),
+        second: unscaled(&phi.second),
+        third: unscaled(&phi.third),
+    }
+}
+
 /// e^A, by the same series and doublings as [`discretize`].
 pub fn matrix_exponential<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) -> Mat<T, N, N> {
     discretize(a, &NoiseDensity::none(), T::of(1.0)).transition

@@ -82,8 +82,8 @@ pub use noise::{Covariance, NoiseDensity};
 pub use observability::{Observability, StateDirection};
 pub use parameters::{ParameterName, Parameters};
 pub use process::{
-    ContinuousDiscrete, ContinuousLinear, Dynamics, Euler, Exponential, IntervalError, LinearProcess, Nodes,
-    NumericProcess, Process, ProcessNoise, Propagation, Rk4, derivatives, jacobian,
+    ContinuousDiscrete, ContinuousLinear, Dynamics, EtdWeights, Etdrk4, Euler, Exponential, IntervalError,
+    LinearProcess, Nodes, NumericProcess, Process, ProcessNoise, Propagation, Rk4, derivatives, jacobian,
 };
 pub use scalar::{Mask, Over, Scalar};
 pub use scaled::{NotAScale, Scaled, ScaledProcess, Scales};

@@ -194,6 +194,11 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Dynamics<T, N> for Scaled<D, 
     }
 
     #[inline(always)]
+    fn bends(i: usize) -> bool {
+        D::bends(i)
+    }
+
+    #[inline(always)]
     fn natural_scales(&self) -> [T; N] {
         self.scales.scale_state(&self.model.natural_scales())
     }

@@ -9,7 +9,7 @@ use kalmems_core::{
     AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Filter, FilterError, Mat,
     Measurement, Nodes, NoiseDensity, NumericMeasurement, NumericProcess, Process, ProcessNoise, Rk4,
 };
-use kalmems_equations::{Description, Device, Motion, ProgramNumbers, ReadoutProgram};
+use kalmems_equations::{Description, Device, Motion, ProgramNumbers, ReadoutProgram, StepTables};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{DriveGain, ParametricScanner, TorsionalResonator};
 use kalmems_models::readout::DemodulatedComb;
@@ -136,6 +136,7 @@ struct Modelled<const N: usize> {
     motion: Motion,
     readout: ReadoutProgram,
     works: RefCell<[ProgramNumbers; 2]>,
+    tables: StepTables,
     noise: ProcessNoise<f64, N>,
 }
 
@@ -151,7 +152,8 @@ impl<const N: usize> Modelled<N> {
                 *entry = other.noise_added().covariance().get(i, j) * units[i] * units[j];
             }
         }
-        Self { motion, readout, works, noise: Covariance::from_lower(noise).into() }
+        let tables = motion.runge_kutta(INTERVAL);
+        Self { motion, readout, works, tables, noise: Covariance::from_lower(noise).into() }
     }
 }
 
@@ -166,7 +168,7 @@ impl<const N: usize> NumericProcess<f64, N> for Modelled<N> {
         let (mut to, mut jacobian) = ([0.0; N], Mat::zero());
         let nodes = Nodes { start: &[u.start][..], middle: &[u.middle][..], end: &[u.end][..] };
         let [work, _] = &mut *self.works.borrow_mut();
-        self.motion.linearized_step(work, x, &nodes, INTERVAL, &mut to, jacobian.0.as_flattened_mut());
+        self.motion.linearized_step(work, x, &nodes, &self.tables, &mut to, jacobian.0.as_flattened_mut());
         (to, jacobian)
     }
 
@@ -290,7 +292,8 @@ fn load() {
             let (x, mut to, mut jacobian) = (vec![1e-7; n], vec![0.0; n], vec![0.0; n * n]);
             let inputs = vec![0.0; device.inputs().len()];
             let nodes = Nodes::held(&inputs[..]);
-            assert!(motion.linearized_step(&mut work, &x, &nodes, 1e-6, &mut to, &mut jacobian));
+            let tables = motion.runge_kutta(1e-6);
+            assert!(motion.linearized_step(&mut work, &x, &nodes, &tables, &mut to, &mut jacobian));
             black_box(readout.linearize(&mut seen, &to, &inputs, &mut jacobian[..n]));
             start.elapsed().as_secs_f64() * 1e3
         };

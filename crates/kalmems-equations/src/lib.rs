@@ -36,7 +36,11 @@
 //! let mut work = motion.work(&device.values());
 //! let (mut next, mut jacobian) = ([0.0; 2], [0.0; 4]);
 //! let volts = Nodes::held(&[60.0][..]);
-//! assert!(motion.linearized_step(&mut work, &[0.1, 0.0], &volts, 1e-6, &mut next, &mut jacobian));
+//! let mut tables = motion.tables();
+//! // What is linear at rest is followed exactly.
+//! assert!(motion.linearize(&mut work, &[0.0; 2], &[0.0], &mut next, &mut jacobian));
+//! motion.set_tables(&mut tables, &jacobian, 1e-6);
+//! assert!(motion.linearized_step(&mut work, &[0.1, 0.0], &volts, &tables, &mut next, &mut jacobian));
 //! assert!(next[0] < 0.1 && next[1] < 0.0);
 //! # Ok::<(), kalmems_equations::EquationError>(())
 //! ```
@@ -58,6 +62,7 @@ mod program;
 mod quantity;
 mod readout;
 mod rest_state;
+mod symmetry;
 mod syntax;
 mod table_end;
 mod typeset;
@@ -71,7 +76,7 @@ pub use emit::{
 pub use energy::{EnergyCheck, StatePower};
 pub use error::{EquationError, EquationFault, EquationNotice};
 pub use modes::{Mode, modes, shape};
-pub use motion::{MOST_STATES, Motion};
+pub use motion::{MOST_STATES, Motion, StepTables};
 pub use program::ProgramNumbers;
 pub use readout::{Reading, ReadoutProgram};
 pub use table_end::LeftTable;

@@ -7,7 +7,8 @@ use crate::{Covariance, Mask, Scalar};
 /// P = L·Lᵀ with L lower triangular and zero columns where P is singular to rounding.
 ///
 /// A pivot within 8·N·ε of its diagonal entry is what rounding leaves of a zero and counts as zero: that
-/// state is exactly known from those before it. A pivot further below zero than that, or a correlation beyond
+/// state is exactly known from those before it. So does a negative one within √ε of it, which is what rounding
+/// leaves after very many steps without noise. A pivot further below zero than that, or a correlation beyond
 /// one with a zero pivot, belongs to no covariance and clears `sound`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Semidefinite<T: Scalar, const N: usize> {
@@ -30,6 +31,7 @@ impl<T: Scalar, const N: usize> Semidefinite<T, N> {
     pub fn of(covariance: &Covariance<T, N>) -> Self {
         let (zero, one) = (T::of(0.0), T::of(1.0));
         let tolerance = epsilon::<T>() * T::of(8.0 * N as f64);
+        let accumulated = epsilon::<T>().sqrt();
         let mut l = Mat::<T, N, N>::zero();
         let mut sound = covariance.is_finite();
         for j in 0..N {
@@ -37,7 +39,7 @@ impl<T: Scalar, const N: usize> Semidefinite<T, N> {
             let pivot = whole - sum!(j, |k| l.0[j][k].sq());
             let rounding = whole.abs() * tolerance;
             let usable = pivot.gt(rounding);
-            sound = sound.and(pivot.lt(-rounding).not());
+            sound = sound.and(pivot.lt(-(whole.abs() * accumulated)).not());
             let root = T::select(usable, pivot, zero).sqrt();
             let recip = T::select(usable, root, one).recip();
             l.0[j][j] = root;

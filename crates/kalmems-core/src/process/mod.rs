@@ -1,6 +1,7 @@
 //! How the state moves: in continuous time, and over one interval.
 
 mod continuous;
+mod etdrk4;
 mod exponential;
 mod linear;
 mod noise;
@@ -8,6 +9,7 @@ mod numeric;
 mod stepper;
 
 pub use continuous::{ContinuousDiscrete, ContinuousLinear, IntervalError, Propagation};
+pub use etdrk4::{EtdWeights, Etdrk4};
 pub use exponential::Exponential;
 pub use linear::LinearProcess;
 pub use noise::ProcessNoise;
@@ -39,6 +41,15 @@ pub trait Dynamics<T: Scalar, const N: usize> {
 
     /// f(x, u), in the states' units per second.
     fn derivative<S: Over<T>>(&self, x: &[S; N], u: &Self::Input) -> [S; N];
+
+    /// Whether component `i` of f is more than a linear function of the state whose slopes are the same at every state, input and
+    /// parameter; where not, as of an angle whose rate is a state, a step need not look for what its linear part leaves of it. Must not
+    /// depend on anything but its argument.
+    #[inline(always)]
+    fn bends(i: usize) -> bool {
+        let _ = i;
+        true
+    }
 
     /// The size that each state has in this device, in the state's unit; one unless the model knows better.
     ///

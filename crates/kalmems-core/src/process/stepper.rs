@@ -103,6 +103,9 @@ impl<T: Scalar, D: ParametricDynamics<T, N>, const N: usize> ParametricProcess<T
 /// instead of inlining it.
 pub(super) trait RightHandSide<S, I, const N: usize> {
     fn at(&self, x: &[S; N], u: &I) -> [S; N];
+
+    /// See [`Dynamics::bends`].
+    fn bends(i: usize) -> bool;
 }
 
 /// Dynamics as they are.
@@ -122,10 +125,15 @@ impl<T: Scalar, S: Over<T>, D: Dynamics<T, N>, const N: usize> RightHandSide<S, 
     fn at(&self, x: &[S; N], u: &D::Input) -> [S; N] {
         self.0.derivative(x, u)
     }
+
+    #[inline(always)]
+    fn bends(i: usize) -> bool {
+        D::bends(i)
+    }
 }
 
 /// Dynamics with other parameters.
-struct VariedDynamics<'a, T: Scalar, S: Scalar, D: Parameters<T>>(&'a D::Of<S>);
+pub(super) struct VariedDynamics<'a, T: Scalar, S: Scalar, D: Parameters<T>>(pub(super) &'a D::Of<S>);
 
 impl<T: Scalar, S: Over<T>, D: ParametricDynamics<T, N>, const N: usize> RightHandSide<S, D::Input, N>
     for VariedDynamics<'_, T, S, D>
@@ -133,6 +141,11 @@ impl<T: Scalar, S: Over<T>, D: ParametricDynamics<T, N>, const N: usize> RightHa
     #[inline(always)]
     fn at(&self, x: &[S; N], u: &D::Input) -> [S; N] {
         D::derivative_of(self.0, x, u)
+    }
+
+    #[inline(always)]
+    fn bends(i: usize) -> bool {
+        D::bends(i)
     }
 }
 

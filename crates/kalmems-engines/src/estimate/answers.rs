@@ -5,6 +5,7 @@ use super::engine::FilterRun;
 use super::gate::{Decisions, SampleGate};
 use super::past::FilterPast;
 use super::smoothing::{FilteredPart, Lagged, PendingPart, Smoother};
+use super::step_watch::plan_steps;
 use super::{
     Course, EstimateError, FilterBasics, MeanAndCovariance, ReadoutState, SignalSegment, StateName, Tracked,
     Trajectory, WithReadout,
@@ -52,6 +53,15 @@ pub(super) trait AnswerRun: Send {
         progress: &dyn Progress,
     ) -> Option<Vec<Trajectory>>;
 
+    /// Plans how many steps it takes from one sample to the next of this course, of which these samples are the first.
+    fn plan_steps(&self, course: &mut dyn Course, samples: &SampleSelection) -> usize;
+
+    /// Takes so many from here on, or more where their error is too large and that is wanted.
+    fn take_steps(&mut self, steps: usize, adapts: bool);
+
+    /// Steps from sample to sample.
+    fn steps(&self) -> usize;
+
     /// What the filter knows.
     fn known(&self) -> MeanAndCovariance;
 
@@ -66,6 +76,7 @@ pub(super) trait AnswerRun: Send {
 struct SizedAnswerRun<const N: usize> {
     followed: FilterRun<N>,
     smoothers: Vec<(&'static str, Smoother<N>)>,
+    is_unscented: bool,
 }
 
 impl<const N: usize> AnswerRun for SizedAnswerRun<N> {
@@ -96,6 +107,22 @@ impl<const N: usize> AnswerRun for SizedAnswerRun<N> {
         Some(trajectories)
     }
 
+    fn plan_steps(&self, course: &mut dyn Course, samples: &SampleSelection) -> usize {
+        let start = || {
+            let filter = self.followed.present().clone();
+            Some(Box::new(filter.watching_steps(self.is_unscented)) as _)
+        };
+        plan_steps(&start, course, samples)
+    }
+
+    fn take_steps(&mut self, steps: usize, adapts: bool) {
+        self.followed.take_steps(steps, adapts);
+    }
+
+    fn steps(&self) -> usize {
+        self.followed.steps()
+    }
+
     fn known(&self) -> MeanAndCovariance {
         self.followed.known()
     }
@@ -114,6 +141,9 @@ pub(super) struct FilterRunStart<'a> {
     left: Option<&'a MeanAndCovariance>,
     watch: SampleGate,
     loss: &'a [f64],
+    /// Whether the error of its steps is followed.
+    watches_steps: bool,
+    is_unscented: bool,
     smooth: bool,
     lag: Option<usize>,
 }
@@ -128,9 +158,15 @@ impl FilterRunStart<'_> {
             Some(left) => FilterRun::resumed(filter, self.watch, left, self.loss)?,
             None => FilterRun::new(filter, self.watch),
         };
+        let is_unscented = self.is_unscented;
+        let followed = if self.watches_steps { followed.watching_steps(is_unscented) } else { followed };
         let whole = self.smooth.then(|| ("smoothed", Smoother::Whole(PendingPart::new())));
         let lagged = self.lag.map(|lag| ("lagged", Smoother::Lagged(Lagged::new(lag))));
-        Ok(Box::new(SizedAnswerRun { followed, smoothers: whole.into_iter().chain(lagged).collect() }))
+        Ok(Box::new(SizedAnswerRun {
+            followed,
+            smoothers: whole.into_iter().chain(lagged).collect(),
+            is_unscented,
+        }))
     }
 }
 
@@ -188,11 +224,19 @@ fn follow_all(
             left: past.left(),
             watch,
             loss: past.loss(),
+            // A search for what is wrong runs a filter many times, and asks for its innovations alone.
+            watches_steps: !filter.stays_lost && filter.method.claims(),
+            is_unscented: filter.method.is_unscented(),
             smooth: filter.smooth,
             lag,
         });
         begun.map_err(|why| EstimateError::Resumed { why: why.to_string() })?
     };
+    if !past.is_planned {
+        let steps = filter.steps.or(past.steps).unwrap_or_else(|| run.plan_steps(course, samples));
+        run.take_steps(steps, filter.steps.is_none());
+        past.is_planned = true;
+    }
     let decided = past.decided.clone();
     let trajectories = run.take(filter, (course, samples), decided.as_ref(), states, progress);
     past.leave(run);

@@ -333,6 +333,15 @@ macro_rules! for_each_size {
                 }
             }
 
+            /// The same, with the error of its steps followed.
+            pub(super) fn watching_steps(self, watch: SampleGate) -> Box<dyn Filtering> {
+                match self {
+                    $(Self::$variant(filter) => {
+                        Box::new(LinkedFilter::<$states>::new(filter, watch).watching_steps(false))
+                    })*
+                }
+            }
+
             /// Takes it on its way.
             pub(super) fn run(self, begun: FilterRunStart) -> Result<Box<dyn AnswerRun>, FilterError> {
                 match self {

@@ -3,6 +3,7 @@
 use super::any_filter::AnyFilter;
 use super::engine::Filtering;
 use super::gate::SampleGate;
+use super::step_watch::plan_steps;
 use super::transition::{Sensor, Transition};
 use super::{
     Course, DerivedQuantities, EstimateError, FilterBasics, FilterPast, MeanAndCovariance, SampleCounts,
@@ -22,10 +23,26 @@ pub const MOST_MODELS: usize = 27;
 pub fn answers_of_bank(
     (filter, past): (&FilterBasics, &mut FilterPast),
     start: impl Fn(usize) -> Result<MeanAndCovariance, EstimateError>,
-    (courses, samples): (Vec<Box<dyn Course + '_>>, &SampleSelection),
+    (mut courses, samples): (Vec<Box<dyn Course + '_>>, &SampleSelection),
     states: &[StateName],
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
+    // What steps the first model needs, the others need as well.
+    if filter.steps.is_none()
+        && past.steps.is_none()
+        && let Some(first) = courses.first_mut()
+    {
+        let watch = past.watch(filter, (first.time_s(), samples));
+        let known = start(0)?;
+        let one = || filter.begin(Some(known.clone()), || Ok(MeanAndCovariance::default())).ok();
+        let one = || one().map(|filter| filter.watching_steps(watch.clone()));
+        past.steps = Some(plan_steps(&one, &mut **first, samples));
+    }
+    if let Some(steps) = filter.steps.or(past.steps) {
+        courses.iter_mut().for_each(|course| {
+            course.divide(steps);
+        });
+    }
     let models = if let Some(models) = past.bank.take() {
         models
     } else {

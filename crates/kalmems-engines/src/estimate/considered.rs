@@ -105,13 +105,16 @@ impl Trajectory {
         let contributions = varied
             .iter()
             .map(|(name, other)| {
-                let difference = |(own, other): (&StateSeries, &StateSeries)| {
+                // Both on one branch, where the signals do not tell which it is.
+                let alignment = self.alignment(other);
+                let difference = |(place, (own, other)): (usize, (&StateSeries, &StateSeries))| {
                     // A phase is known but for whole turns.
                     let turns = |apart: f64| if own.name == PHASE { (apart / TAU).round() } else { 0.0 };
-                    let apart = own.mean.iter().zip(&other.mean).map(|(own, other)| other - own);
+                    let aligned = |other: &f64| alignment.of((place, own.name), *other);
+                    let apart = own.mean.iter().zip(&other.mean).map(|(own, other)| aligned(other) - own);
                     apart.map(|apart| apart - TAU * turns(apart)).collect::<Vec<f64>>()
                 };
-                let states = self.states.iter().zip(&other.states).map(difference).collect();
+                let states = self.states.iter().zip(&other.states).enumerate().map(difference).collect();
                 Contribution { name: Arc::clone(name), states, told: [0.0, 1.0] }
             })
             .collect();

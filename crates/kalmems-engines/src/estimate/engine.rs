@@ -7,6 +7,7 @@ use super::linked::LinkedFilter;
 use super::loss_watch::{LossWatch, Reacquisition};
 use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::signal_watch::WatchedSample;
+use super::step_watch::{StepCounts, StepError, followed_steps};
 use super::transition::{Sensor, Transition};
 use super::{
     AnyKnownStateStep, FilterFailure, FurtherSignal, KnownStateStep, Lock, MeanAndCovariance, Restart,
@@ -45,6 +46,14 @@ macro_rules! held_course {
 
         fn conclude(&self, trajectory: &mut Trajectory) {
             self.course.conclude(trajectory);
+        }
+
+        fn divide(&mut self, steps: usize) -> bool {
+            self.course.divide(steps)
+        }
+
+        fn begin_again(&mut self) {
+            self.course.begin_again();
         }
     };
 }
@@ -104,6 +113,16 @@ pub trait Course {
         let _ = trajectory;
     }
 
+    /// Takes so many steps from each sample to the next from here on; `false` of a course that does not, as its steps are exact or those of
+    /// a published method.
+    fn divide(&mut self, steps: usize) -> bool {
+        let _ = steps;
+        false
+    }
+
+    /// Forgets what it has summed up on its way, to be gone from the beginning.
+    fn begin_again(&mut self) {}
+
     /// Predicts from sample `to − 1` to sample `to`, and counts what was not there.
     fn advance(
         &mut self,
@@ -161,6 +180,15 @@ pub trait Filtering {
 
     /// How it takes its samples, of a filter that may reject some.
     fn watch(&mut self) -> Option<&mut SampleGate> {
+        None
+    }
+
+    /// Takes note, at a sample that it was corrected by, of how far its steps have led it astray; of a filter that follows that.
+    fn take_step_error(&mut self) {}
+
+    /// The error of its steps since this was asked last, in standard deviations that it claims; `None` where that is not followed, or the
+    /// steps are exact.
+    fn step_error(&mut self) -> Option<f64> {
         None
     }
 
@@ -305,7 +333,7 @@ impl Trajectory {
     ) {
         for (i, state) in self.states.iter_mut().take(mean.len()).enumerate() {
             state.mean[k] = mean[i];
-            state.sd[k] = covariance(i, i).sqrt();
+            state.sd[k] = (covariance(i, i) + (ARITHMETIC * mean[i]).powi(2)).sqrt();
         }
         let Some(derived) = derived else { return };
         let states = mean.len().min(self.states.len());
@@ -317,6 +345,9 @@ impl Trajectory {
         });
     }
 }
+
+/// What a mean is known to at best, relative to itself: the rounding of a long way, 2⁻⁴⁰. Without process noise a covariance falls below it.
+const ARITHMETIC: f64 = 1.0 / (1_u64 << 40) as f64;
 
 /// Samples between two looks at the progress.
 const CHUNK: usize = 65_536;
@@ -356,11 +387,15 @@ impl Trajectory {
             restarts: Vec::new(),
             lost_s: Vec::new(),
             further: Vec::new(),
+            steps: StepCounts::default(),
+            step_errors: Vec::new(),
             error_spans: Vec::new(),
             whitens: true,
             parameters: Vec::new(),
             parameter_correlations: Vec::new(),
             considered: Vec::new(),
+            hidden_signs: Vec::new(),
+            own_states: states.len(),
             mirrored: false,
             failure: None,
             seconds_per_step: f64::NAN,
@@ -380,6 +415,8 @@ impl Trajectory {
         self.gate_turns.extend_from_slice(&later.gate_turns);
         self.restarts.append(&mut later.restarts);
         self.lost_s.append(&mut later.lost_s);
+        self.step_errors.append(&mut later.step_errors);
+        self.steps.append(&later.steps);
         self.each_series(&mut later, Vec::append);
     }
 
@@ -403,6 +440,9 @@ impl Trajectory {
         front.gate_turns.extend(self.gate_turns.drain(..of_front));
         let of_front = self.restarts.partition_point(|restart| restart.time_s <= last_s);
         front.restarts.extend(self.restarts.drain(..of_front));
+        let of_front = self.step_errors.partition_point(|one| one.until_s <= last_s);
+        front.step_errors.extend(self.step_errors.drain(..of_front));
+        self.steps.forget_until(last_s);
         let of_front = self.lost_s.partition_point(|began_s| *began_s <= last_s);
         front.lost_s.extend(self.lost_s.drain(..of_front));
         front
@@ -424,12 +464,15 @@ impl Trajectory {
             gate_turns: Vec::new(),
             restarts: Vec::new(),
             lost_s: Vec::new(),
+            step_errors: Vec::new(),
+            steps: self.steps.clone(),
             lock: self.lock.clone(),
             further: self.further.iter().map(FurtherSignal::hollow).collect(),
             error_spans: self.error_spans.clone(),
             parameters: self.parameters.clone(),
             parameter_correlations: self.parameter_correlations.clone(),
             considered: Vec::new(),
+            hidden_signs: self.hidden_signs.clone(),
             time_s: Vec::new(),
             ..*self
         }
@@ -459,6 +502,9 @@ pub struct FilterRun<const N: usize> {
     failure: Option<FilterFailure>,
     errors: ErrorMemory<N>,
     loss: LossWatch<N>,
+    /// Steps from sample to sample, and whether they become more where their error is too large.
+    steps: usize,
+    adapts_steps: bool,
 }
 
 impl<const N: usize> FilterRun<N> {
@@ -467,7 +513,16 @@ impl<const N: usize> FilterRun<N> {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
         let filter = LinkedFilter::new(filter, watch);
         let (errors, loss) = (ErrorMemory::new(), LossWatch::new());
-        Self { entry: filter.clone(), filter, begun: false, failure: None, errors, loss }
+        Self {
+            entry: filter.clone(),
+            filter,
+            begun: false,
+            failure: None,
+            errors,
+            loss,
+            steps: 1,
+            adapts_steps: false,
+        }
     }
 
     /// From a sample on at which a filter was left with this mean and covariance, and with these numbers of its watch for a lost signal.
@@ -482,6 +537,13 @@ impl<const N: usize> FilterRun<N> {
         followed.begun = true;
         followed.loss = LossWatch::resumed(loss);
         Ok(followed)
+    }
+
+    /// The same, with the error of its steps followed.
+    #[must_use]
+    pub(super) fn watching_steps(self, is_unscented: bool) -> Self {
+        let entry = self.entry.watching_steps(is_unscented);
+        Self { filter: self.filter.watching_steps(is_unscented), entry, ..self }
     }
 
     /// What the filter knows.
@@ -502,6 +564,21 @@ impl<const N: usize> FilterRun<N> {
     /// Follows what another run of the filter rejected, or decides by itself.
     pub(super) fn follow_decisions(&mut self, decided: Option<&Decisions>) {
         self.filter.follow(decided);
+    }
+
+    /// Takes so many steps from sample to sample from here on, or more where their error is too large and that is wanted.
+    pub(super) fn take_steps(&mut self, steps: usize, adapts: bool) {
+        (self.steps, self.adapts_steps) = (steps, adapts);
+    }
+
+    /// Steps from sample to sample.
+    pub(super) const fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// The filter where it is now.
+    pub(super) fn present(&self) -> &LinkedFilter<N> {
+        &self.filter
     }
 
     /// The filter at the first row of the part that was taken last.
@@ -528,10 +605,14 @@ impl<const N: usize> FilterRun<N> {
             (course.time_s(), course.signal(), fresh),
             &DerivedQuantities::after(derived.as_ref(), states),
         );
+        trajectory.own_states = states.len();
         let n = fresh.len();
         let further = course.further_signals().into_iter();
         let blank = |of| FurtherSignal { of, innovation: vec![f64::NAN; n], sd: vec![f64::NAN; n] };
         trajectory.further = further.map(blank).collect();
+        course.divide(self.steps);
+        let first_s = trajectory.time_s.first().copied().unwrap_or(f64::NAN);
+        trajectory.steps.change(first_s, self.steps);
         progress.begin(names.1, n as u64);
         let (started, mut pace) = (Instant::now(), Pace::default());
         trajectory.failure = self.failure;
@@ -612,6 +693,18 @@ impl<const N: usize> FilterRun<N> {
             (signal.innovation[k], signal.sd[k]) = (*residual, *sd);
         }
         trajectory.enter_rejections(k, filter.watched());
+        filter.take_step_error();
+        if let Some((samples, error)) = filter.due_step_error() {
+            trajectory.step_errors.push(StepError { until_s: trajectory.time_s[k], samples, error });
+            let first = (k + 1).saturating_sub(samples);
+            let steps = followed_steps(self.steps, error, &trajectory.nis[first..=k]);
+            if self.adapts_steps && steps != self.steps && course.divide(steps) {
+                self.steps = steps;
+                if let Some(next_s) = trajectory.time_s.get(k + 1) {
+                    trajectory.steps.change(*next_s, steps);
+                }
+            }
+        }
         let now = filter.gaussian();
         trajectory.keep(derived, k, &now.mean, &|i, j| now.covariance.get(i, j));
         if let Some(again) = again {

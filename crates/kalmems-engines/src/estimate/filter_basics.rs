@@ -36,6 +36,8 @@ pub struct FilterBasics {
     pub taking: GateMode,
     /// Whether it stays as it is where it has lost the signal.
     pub stays_lost: bool,
+    /// How many steps it takes from one sample to the next, where that is stated.
+    pub steps: Option<usize>,
     /// What is between sensor and recording as states, behind all others.
     pub readout: Vec<ReadoutState>,
 }
@@ -75,6 +77,7 @@ impl FilterBasics {
             lag_s: filter.smooth_lag.as_ref().map(Quantity::si),
             taking: taking(experiment, filter),
             stays_lost: filter.stays_lost,
+            steps: filter.steps.map(usize::from),
             readout: ReadoutState::of(experiment, at, filter)?,
         })
     }

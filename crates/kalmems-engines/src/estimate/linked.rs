@@ -4,6 +4,7 @@ use super::any_filter::StateFilter;
 use super::engine::Filtering;
 use super::gate::{Decisions, SampleGate};
 use super::phase_prediction::{PhasePredictor, SizedStatePropagation, StatePropagation};
+use super::step_watch::{STEP_ERROR_SAMPLES, StepWatch};
 use super::transition::{Sensor, Transition};
 use kalmems_core::{FilterError, Gaussian, Innovation, StateTransition};
 
@@ -14,11 +15,19 @@ pub(super) struct LinkedFilter<const N: usize> {
     mean: [f64; N],
     link: Option<StateTransition<f64, N>>,
     watch: SampleGate,
+    /// How far its steps lead it astray, where that is followed.
+    steps: Option<StepWatch<N>>,
 }
 
 impl<const N: usize> Clone for LinkedFilter<N> {
     fn clone(&self) -> Self {
-        Self { filter: self.filter.copied(), mean: self.mean, link: self.link, watch: self.watch.clone() }
+        Self {
+            filter: self.filter.copied(),
+            mean: self.mean,
+            link: self.link,
+            watch: self.watch.clone(),
+            steps: self.steps,
+        }
     }
 }
 
@@ -31,7 +40,26 @@ impl<const N: usize> From<&LinkedFilter<N>> for Gaussian<f64, N> {
 impl<const N: usize> LinkedFilter<N> {
     /// Without a prediction yet, and how it takes its samples.
     pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
-        Self { mean: filter.known().mean, filter, link: None, watch }
+        Self { mean: filter.known().mean, filter, link: None, watch, steps: None }
+    }
+
+    /// The same, with the error of its steps followed, be it of sigma points or not.
+    #[must_use]
+    pub(super) fn watching_steps(self, is_unscented: bool) -> Self {
+        Self { steps: Some(StepWatch::new(is_unscented)), ..self }
+    }
+
+    /// The same, without.
+    #[must_use]
+    pub(super) fn without_step_watch(self) -> Self {
+        Self { steps: None, ..self }
+    }
+
+    /// The error of its steps, and of how many samples, where these have become as many as are told at once.
+    pub(super) fn due_step_error(&mut self) -> Option<(usize, f64)> {
+        let steps = self.steps.as_mut()?;
+        let samples = steps.samples();
+        if samples < STEP_ERROR_SAMPLES { None } else { steps.error().map(|error| (samples, error)) }
     }
 
     /// Comes to a sample of this time in s.
@@ -65,6 +93,17 @@ impl<const N: usize> LinkedFilter<N> {
     }
 }
 
+impl<const N: usize> LinkedFilter<N> {
+    /// Takes the mean that a correction has led to.
+    fn corrected(&mut self, sensor: &dyn Sensor, innovation: &Result<Innovation<f64, 1>, FilterError>) {
+        let mean = self.filter.mean();
+        if let (Some(steps), Ok(innovation)) = (&mut self.steps, innovation) {
+            steps.correct(sensor, (&self.mean, &mean), innovation.residual[0]);
+        }
+        self.mean = mean;
+    }
+}
+
 impl<const N: usize> Filtering for LinkedFilter<N> {
     fn mean(&self) -> &[f64] {
         &self.mean
@@ -76,7 +115,11 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
 
     fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError> {
         let link = self.filter.step(transition)?;
-        self.mean = self.filter.mean();
+        let mean = self.filter.mean();
+        if let Some(steps) = &mut self.steps {
+            steps.step(transition, (&self.mean, &mean), &link.transition);
+        }
+        self.mean = mean;
         self.link = Some(match &self.link {
             None => link,
             // x″ = F₂·(F₁·x + w₁) + w₂.
@@ -97,7 +140,7 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
         largest_nis: f64,
     ) -> Result<Innovation<f64, 1>, FilterError> {
         let innovation = self.filter.correct(sensor, y, variance, largest_nis);
-        self.mean = self.filter.mean();
+        self.corrected(sensor, &innovation);
         innovation
     }
 
@@ -108,13 +151,23 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
         y: f64,
         variance: f64,
     ) -> Result<Innovation<f64, 1>, FilterError> {
-        let Self { filter, watch, mean, .. } = self;
+        let Self { filter, watch, .. } = self;
         let correct = |sensor: &dyn Sensor, y: f64, variance: f64, largest: f64| {
             filter.correct(sensor, y, variance, largest)
         };
         let innovation = watch.take(signal, (sensor, y, variance), correct);
-        *mean = filter.mean();
+        self.corrected(sensor, &innovation);
         innovation
+    }
+
+    fn take_step_error(&mut self) {
+        if let Some(steps) = &mut self.steps {
+            steps.take(&self.filter.known().covariance);
+        }
+    }
+
+    fn step_error(&mut self) -> Option<f64> {
+        self.steps.as_mut().and_then(StepWatch::error)
     }
 
     fn watch(&mut self) -> Option<&mut SampleGate> {

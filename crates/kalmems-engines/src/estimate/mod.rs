@@ -16,6 +16,7 @@ mod error_memory;
 mod filter_basics;
 mod from_signal;
 mod gate;
+mod hidden_sign;
 mod known_state;
 mod linked;
 mod lock;
@@ -29,6 +30,7 @@ mod readout_states;
 mod segments;
 mod signal_watch;
 mod smoothing;
+mod step_watch;
 mod stretches;
 mod tracked;
 mod trajectory;
@@ -57,6 +59,7 @@ pub use gate::{
     Decisions, EVENTS, FALSE_REJECTIONS, GateMode, GateTurn, NEVER, Rejection, SampleGate, UpdateLaw,
     largest_nis,
 };
+pub use hidden_sign::{BranchAlignment, are_opposite};
 pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, MotionRate, judge_lock};
@@ -71,6 +74,7 @@ pub use phase_prediction::{
 };
 pub use readout_states::{ReadoutState, WithReadout};
 pub use segments::{AngleAxis, PassedMark, RecordedPassing, SegmentEstimate, SignalSegment};
+pub use step_watch::{StepCounts, StepError};
 pub use stretches::{SkippedStretch, StretchJudge, StretchSummary};
 pub(crate) use tracked::is_at;
 pub use tracked::{DeviceParameter, Tracked};

@@ -97,6 +97,9 @@ struct FilterState {
     /// What it knew of the loss of its signal.
     #[serde(default)]
     loss: Vec<NumberBits>,
+    /// How many steps it took from one sample to the next.
+    #[serde(default)]
+    steps: Option<usize>,
     /// Whether each axis of each answer is mirrored.
     mirrored: Vec<Vec<Option<bool>>>,
     /// The times of the zero phases that were told last, in s.
@@ -135,6 +138,7 @@ impl Past {
                 numbers: bits(&filter.numbers),
                 watched: bits(&filter.watched),
                 loss: bits(&filter.loss),
+                steps: filter.steps,
                 mirrored,
                 told,
             }
@@ -162,6 +166,7 @@ impl Past {
             numbers: numbers(&filter.numbers),
             watched: numbers(&filter.watched),
             loss: numbers(&filter.loss),
+            steps: filter.steps,
             answers: (filter.mirrored.iter())
                 .map(|mirrored| AnswerPast { mirrored: mirrored.clone(), ..AnswerPast::default() })
                 .collect(),
@@ -210,6 +215,9 @@ pub struct FilterPast {
     pub predictor: Option<PhasePredictor>,
     /// The times of the zero phases that another run told last.
     told_s: [Option<f64>; 2],
+    /// How many steps it takes from one sample to the next, once that is planned, and whether its run knows.
+    pub(super) steps: Option<usize>,
+    pub(super) is_planned: bool,
     /// What the filter knew where it was left.
     left: Option<MeanAndCovariance>,
     /// How it took its samples there, as numbers.
@@ -268,6 +276,7 @@ impl FilterPast {
         self.left = Some(run.known());
         self.watched = run.watch_numbers();
         self.loss = run.loss_numbers();
+        self.steps = Some(run.steps());
         self.run = Some(run);
     }
 

@@ -347,6 +347,12 @@ impl Transition for WithReadoutStates<'_> {
         self.spread(jacobian, own, |state| state.after(self.after_s).0, of_device);
     }
 
+    fn advance_in_halves(&self, x: &[f64], to: &mut [f64]) -> bool {
+        let own = x.len() - self.states.len();
+        self.advance_readout(own, x, to);
+        self.transition.advance_in_halves(&x[..own], &mut to[..own])
+    }
+
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
         let all = (0..=MOST_STATES).find(|n| n * n == covariance.len()).unwrap_or(0);
         let own = all - self.states.len().min(all);

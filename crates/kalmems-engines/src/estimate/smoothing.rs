@@ -4,7 +4,8 @@ use super::engine::DerivedQuantities;
 use super::gate::Decisions;
 use super::linked::LinkedFilter;
 use super::{
-    AnyKnownStateStep, Course, FilterFailure, Filtering, Restart, SampleCounts, Trajectory, TrajectoryKind,
+    AnyKnownStateStep, Course, FilterFailure, Filtering, Restart, SampleCounts, StepCounts, Trajectory,
+    TrajectoryKind,
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
@@ -114,7 +115,7 @@ impl<const N: usize> PendingPart<N> {
                 answer.append(filtered);
                 (start, answer)
             }
-            None => (part.entry.clone(), filtered),
+            None => (part.entry.clone().without_step_watch(), filtered),
         };
         let given = if part.ends { answer.time_s.len() } else { waited };
         if failure.is_some() {
@@ -123,12 +124,13 @@ impl<const N: usize> PendingPart<N> {
             let window = part.fresh.start - waited..part.fresh.end;
             let derived = course.derived();
             let breaks = SmoothingBreaks { restarts: answer.restarts.clone(), lost_s: answer.lost_s.clone() };
+            let way = FilterWay { breaks, steps: answer.steps.clone() };
             let each = |k: usize, smoothed: &Smoothed<f64, N>| {
                 if k < given {
                     keep(&mut answer, derived.as_ref(), k, smoothed);
                 }
             };
-            if let Err(stopped) = whole(&start, (course, progress), (&window, breaks), each) {
+            if let Err(stopped) = whole(&start, (course, progress), (&window, way), each) {
                 answer.failure = Some(failed(&answer, stopped)?);
             }
         }
@@ -136,7 +138,7 @@ impl<const N: usize> PendingPart<N> {
             return Some(answer);
         }
         let known = answer.take_front(given);
-        self.waiting = Some((part.entry.clone(), answer));
+        self.waiting = Some((part.entry.clone().without_step_watch(), answer));
         Some(known)
     }
 }
@@ -145,7 +147,7 @@ impl<const N: usize> PendingPart<N> {
 fn whole<const N: usize>(
     start: &LinkedFilter<N>,
     (course, progress): (&mut dyn Course, &dyn Progress),
-    (window, breaks): (&Range<usize>, SmoothingBreaks),
+    (window, way): (&Range<usize>, FilterWay),
     mut keep: impl FnMut(usize, &Smoothed<f64, N>),
 ) -> Result<(), SmoothingStop> {
     let block = window.len().isqrt() + 1;
@@ -155,7 +157,7 @@ fn whole<const N: usize>(
         keep(k, smoothed);
         Ok(())
     };
-    let mut repeated = SmoothedCourse::new(course, window.clone(), breaks, progress);
+    let mut repeated = SmoothedCourse::new(course, window.clone(), way, progress);
     smooth_interval(start, &mut repeated, &mut checkpoints, &mut steps, each).map_err(|e| match e {
         SmoothingError::Course { sample, cause } => (sample, cause),
         SmoothingError::Step { sample, cause } => (sample, Some(cause)),
@@ -219,13 +221,14 @@ impl<const N: usize> Lagged<N> {
     ) -> Result<(), SmoothingStop> {
         // A loss is known a cycle later: what the lag has given by then would depend on how long the parts are.
         let breaks = SmoothingBreaks { restarts: answer.restarts.clone(), lost_s: Vec::new() };
+        let way = FilterWay { breaks, steps: part.filtered.steps.clone() };
         let derived = course.derived();
         let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| keep(answer, derived.as_ref(), k, smoothed);
         let begun = self.filter.is_some();
-        let filter = self.filter.get_or_insert_with(|| part.entry.clone());
+        let filter = self.filter.get_or_insert_with(|| part.entry.clone().without_step_watch());
         filter.follow(part.decided);
         let n = part.fresh.len();
-        let mut repeated = SmoothedCourse::new(course, part.fresh.clone(), breaks, progress);
+        let mut repeated = SmoothedCourse::new(course, part.fresh.clone(), way, progress);
         for k in 0..n {
             let place = waited + k;
             let at = |why| (place, why);
@@ -324,6 +327,12 @@ struct SmoothingBreaks {
     lost_s: Vec<f64>,
 }
 
+/// How the filter went: what its smoother has to do likewise.
+struct FilterWay {
+    breaks: SmoothingBreaks,
+    steps: StepCounts,
+}
+
 /// Some samples of a course as the smoothers of the core take them.
 struct SmoothedCourse<'a> {
     course: &'a mut dyn Course,
@@ -332,19 +341,21 @@ struct SmoothedCourse<'a> {
     pace: Pace,
     /// Steps that were taken.
     counts: SampleCounts,
-    steps: usize,
-    breaks: SmoothingBreaks,
+    taken: usize,
+    way: FilterWay,
+    /// Steps from sample to sample that the course takes.
+    divided: usize,
 }
 
 impl<'a> SmoothedCourse<'a> {
     fn new(
         course: &'a mut dyn Course,
         window: Range<usize>,
-        breaks: SmoothingBreaks,
+        way: FilterWay,
         progress: &'a dyn Progress,
     ) -> Self {
         let (pace, counts) = (Pace::default(), SampleCounts::default());
-        Self { course, window, progress, pace, counts, steps: 0, breaks }
+        Self { course, window, progress, pace, counts, taken: 0, way, divided: 0 }
     }
 }
 
@@ -361,19 +372,24 @@ impl<const N: usize> smooth::SmoothingCourse<f64, LinkedFilter<N>, N> for Smooth
         filter: &mut LinkedFilter<N>,
         sample: usize,
     ) -> Result<StateTransition<f64, N>, Self::Error> {
-        self.steps += 1;
-        let steps = self.steps.saturating_add(self.counts.bridged);
-        if self.pace.stops(steps, self.progress, self.window.len() as u64) {
+        self.taken += 1;
+        let taken = self.taken.saturating_add(self.counts.bridged);
+        if self.pace.stops(taken, self.progress, self.window.len() as u64) {
             return Err(None);
         }
         filter.forget();
         let row = self.window.start + sample;
+        let time_s = self.course.time_s().get(row).copied().unwrap_or(f64::NAN);
+        let steps = self.way.steps.at(time_s);
+        if steps != self.divided {
+            self.course.divide(steps);
+            self.divided = steps;
+        }
         self.course.advance(filter, row, &mut self.counts)?;
-        let SmoothingBreaks { restarts, lost_s } = &self.breaks;
+        let SmoothingBreaks { restarts, lost_s } = &self.way.breaks;
         if restarts.is_empty() && lost_s.is_empty() {
             return filter.link().ok_or(Some(FilterError::NonFiniteState));
         }
-        let time_s = self.course.time_s().get(row).copied().unwrap_or(f64::NAN);
         // Nothing of what was before the start goes through it, and nothing of what comes behind it.
         let here = restarts.iter().find(|restart| restart.time_s == time_s);
         here.map_or(Ok(()), |restart| filter.take_over(&AnyKnownStateStep::from(&restart.known)))?;

@@ -1,6 +1,6 @@
 //! What a filter says over time.
 
-use super::{Contribution, ErrorSpan, GateTurn, Lock, MeanAndCovariance, Rejection};
+use super::{Contribution, ErrorSpan, GateTurn, Lock, MeanAndCovariance, Rejection, StepCounts, StepError};
 use crate::units::Kind;
 use kalmems_core::FilterError;
 use serde::Serialize;
@@ -49,6 +49,10 @@ pub struct Trajectory {
     /// The innovations of further signals, where the filter takes several one after the other: each is predicted by the past and the
     /// signals before it.
     pub further: Vec<FurtherSignal>,
+    /// How many steps lead from each sample to the next.
+    pub steps: StepCounts,
+    /// How far the steps between samples lead the filter astray, part by part of the way; none of one whose steps are exact.
+    pub step_errors: Vec<StepError>,
     /// How long its errors last, by the filter's own account, part by part of the way; none of what makes no claim.
     pub error_spans: Vec<ErrorSpan>,
     /// Whether the innovations of this filter, if it is right, are white; those of one whose gain is not the optimal one are not.
@@ -62,6 +66,10 @@ pub struct Trajectory {
     pub considered: Vec<Contribution>,
     /// Whether the filter followed the motion.
     pub lock: Lock,
+    /// Signs that the signals do not tell, where nothing else states them: of each the states, by their places, that change it together.
+    pub hidden_signs: Vec<Vec<usize>>,
+    /// How many of the states are the filter's own; what follows from them stands behind.
+    pub own_states: usize,
     /// Whether the answer was mirrored, θ → −θ, to have the sign that the experiment states.
     pub mirrored: bool,
     /// Where the filter stopped, if it did; from there on there are no numbers.
@@ -168,6 +176,9 @@ pub struct SampleCounts {
     /// Samples at which the drive bends too sharply for what it adds to the signal to be known: not corrected either.
     #[serde(skip_serializing_if = "is_zero")]
     pub drive_bends: usize,
+    /// Samples to which 64 steps through a kink of the equations, such as a contact, were still too few.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub unresolved_kinks: usize,
     /// Samples of the beginning that told where the filter starts: not corrected by once more.
     #[serde(skip_serializing_if = "is_zero")]
     pub for_start: usize,
@@ -192,6 +203,7 @@ impl SampleCounts {
         self.bridged += later.bridged;
         self.drive_from_sine += later.drive_from_sine;
         self.drive_bends += later.drive_bends;
+        self.unresolved_kinks += later.unresolved_kinks;
         self.for_start += later.for_start;
         self.lost += later.lost;
         self.crossings += later.crossings;

@@ -18,6 +18,13 @@ pub trait Transition {
     /// f(x), and ∂f/∂x.
     fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]);
 
+    /// f(x) by two steps of half the length, written to `to`: what tells how far one is off. `false` where the step is exact, or a published
+    /// method's own, and nothing is written.
+    fn advance_in_halves(&self, x: &[f64], to: &mut [f64]) -> bool {
+        let _ = (x, to);
+        false
+    }
+
     /// The lower triangle of the covariance of w, and of a root W of it, Q = W·Wᵀ.
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]);
 

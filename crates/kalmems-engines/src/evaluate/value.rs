@@ -79,9 +79,19 @@ pub fn evaluate_values(
         if trajectory.time_s.is_empty() {
             return None;
         }
-        let state = trajectory.state(reference.state.name)?;
-        let rate = reference.state.rate.and_then(|rate| trajectory.state(rate));
-        Some((state.name, errors(trajectory, (state, rate), reference, (from_s, stop))?))
+        let of = |trajectory: &Trajectory| {
+            let state = trajectory.state(reference.state.name)?;
+            let rate = reference.state.rate.and_then(|rate| trajectory.state(rate));
+            Some((state.name, errors(trajectory, (state, rate), reference, (from_s, stop))?))
+        };
+        let own = of(trajectory)?;
+        let place = trajectory.states.iter().position(|state| state.name == reference.state.name)?;
+        if !trajectory.hides_sign(place) {
+            return Some(own);
+        }
+        // Nothing has stated the sign: the reference does.
+        let mirrored = of(&trajectory.mirrored_in(place))?;
+        Some(if mirrored.1.rmse < own.1.rmse { mirrored } else { own })
     };
     references.iter().filter_map(one).collect()
 }

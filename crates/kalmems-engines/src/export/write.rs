@@ -6,7 +6,7 @@ use super::{
 };
 use crate::config::{ConfigError, ConfigFault, Experiment, Update};
 use crate::recording::{ReadError, RecordingLayout, SampledRecording};
-use crate::signal::cubic_between;
+use crate::signal::quintic_middle;
 use crate::units::kind;
 use kalmems_store::Output;
 use serde::Serialize;
@@ -188,7 +188,7 @@ fn sampled(
     }
     let middle = |to: usize| match to {
         0 => drive[0],
-        _ => cubic_between(&time_s, |i| drive[i], to, time_s[to - 1].midpoint(time_s[to])),
+        _ => quintic_middle(&time_s, |i| drive[i], to),
     };
     let samples = ExportSamples {
         drive: drive[..asked].to_vec(),

@@ -7,7 +7,7 @@ use crate::config::{
 };
 use crate::estimate::driven::{
     BLOCK, ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, ParameterPlaces, ParametricReadout,
-    PlainModel, Plant, WithParameters, side_by_side,
+    PlainModel, Plant, SegmentDrive, WithParameters, side_by_side,
 };
 use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, DeviceParameter, EstimateError, FilterBasics, FilterPast,
@@ -80,8 +80,6 @@ const RECORDED: [SimulatedColumn; 2] = [
     SimulatedColumn { meaning: CHANNELS[0], column: "drive_V" },
     SimulatedColumn { meaning: CHANNELS[1], column: "signal_V" },
 ];
-/// Rows before the new ones that the drive is interpolated through.
-const INTERPOLATED: usize = 4;
 /// Cycles of the free motion that show how the device is driven, at least.
 const STARTING_CYCLES: f64 = 40.0;
 
@@ -289,10 +287,11 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
         let again = self.settings.filters.iter().map(|filter| filter.rows_to_start_again::<D>(motion));
         let again = again.fold(0, usize::max);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        let (before, after) = SegmentDrive::ROWS_AROUND;
         RowsAround {
             head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
-            before: INTERPOLATED + again,
-            after: 1,
+            before: before + again,
+            after,
             smooths,
         }
     }

@@ -8,7 +8,34 @@ pub fn cubic_between(time_s: &[f64], sample: impl Fn(usize) -> f64, to: usize, a
     polynomial_between(4, time_s, sample, to, at_s)
 }
 
-/// The same through up to `points` samples, an even number: with six, a sine of 32 samples per cycle is off by less than
+/// The polynomial of fifth order through up to six samples around the interval that ends at sample `to`, at a time in it: what the drive of a
+/// device is between its samples.
+///
+/// At 26 samples per cycle the error in the middle of an interval is 10⁻⁶ of the amplitude; that of the cubic, 8·10⁻⁵, would be several times
+/// what a filter of a sharp resonance claims.
+pub fn quintic_between(time_s: &[f64], sample: impl Fn(usize) -> f64, to: usize, at_s: f64) -> f64 {
+    polynomial_between(6, time_s, sample, to, at_s)
+}
+
+/// How far an interval may be from the one that ends at the sample, relative to it, for samples to be taken as evenly spaced.
+const EVEN: f64 = 1e-6;
+
+/// The same in the middle of the interval, quickly where the samples are evenly spaced.
+#[inline]
+pub fn quintic_middle(time_s: &[f64], sample: impl Fn(usize) -> f64, to: usize) -> f64 {
+    let at_s = || time_s[to - 1].midpoint(time_s[to]);
+    let around = to.checked_sub(3).and_then(|first| time_s.get(first..to + 3));
+    let Some(around) = around else { return quintic_between(time_s, sample, to, at_s()) };
+    let interval = time_s[to] - time_s[to - 1];
+    let bound = EVEN * interval;
+    if around.windows(2).any(|pair| (pair[1] - pair[0] - interval).abs() > bound) {
+        return quintic_between(time_s, sample, to, at_s());
+    }
+    let pair = |away: usize| sample(to - 1 - away) + sample(to + away);
+    (3.0 * pair(2) - 25.0 * pair(1) + 150.0 * pair(0)) * (1.0 / 256.0)
+}
+
+/// Lagrange's polynomial through up to `points` samples, an even number: with six, a sine of 32 samples per cycle is off by less than
 /// 3 · 10⁻⁷ of the amplitude.
 #[inline]
 pub fn polynomial_between(

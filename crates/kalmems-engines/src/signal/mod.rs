@@ -17,7 +17,7 @@ mod white_noise;
 pub use allan::{AllanDeviation, Deviation, octaves};
 pub use band_limited::band_limited;
 pub use confidence::Confident;
-pub use cubic::{cubic_between, hermite, polynomial_between};
+pub use cubic::{cubic_between, hermite, polynomial_between, quintic_between, quintic_middle};
 pub(crate) use cycles::fit_cycles_until;
 pub use cycles::{Cycle, fit_cycles};
 pub use extremes::{Extreme, extremes_of_angle, extremes_of_rate};

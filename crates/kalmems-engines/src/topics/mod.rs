@@ -47,6 +47,7 @@ topics! {
     "overconfident", "overconfident.md", "what to do about `doubtful` and `failed`";
     "lock", "verdict.md", "what to do about `no estimate`";
     "loss", "signals.md", "a signal that is lost and found again";
+    "step", "steps.md", "what the integration step and the sampling rate cost";
     "hidden", "diagnosis.md", "which errors of the device the signal does not show";
     "uncertainty", "uncertainty.md", "uncertain numbers of the device, and what they contribute";
     "outliers", "signals.md", "samples that a filter rejects";

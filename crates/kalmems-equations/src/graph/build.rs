@@ -93,6 +93,7 @@ impl Graph {
                 None => merged.push((factor, power)),
             }
         }
+        self.gather_half_powers(&mut merged);
         merged.retain(|(_, power)| *power != 0);
         if merged.iter().any(|(_, power)| power.abs() > LARGEST_POWER) {
             return self.stop(GraphLimit::Power);
@@ -108,6 +109,22 @@ impl Graph {
             _ => self.add(Node::Product(merged.into())),
         };
         self.scaled(coefficient, product)
+    }
+
+    /// a·√a as √a³, so that the derivative 3/2·√a of a half power has no √a below a fraction bar, which would be no number at 0.
+    fn gather_half_powers(&self, factors: &mut [(NodeId, i32)]) {
+        for root in 0..factors.len() {
+            let Some((node, power)) = factors.get(root).copied() else { continue };
+            let Node::Call(Function::Sqrt, at) = self.node(node) else { continue };
+            if power % 2 == 0 {
+                continue;
+            }
+            let Some(whole) = factors.iter_mut().find(|(factor, _)| factor == at) else { continue };
+            let taken = std::mem::take(&mut whole.1);
+            if let Some((_, power)) = factors.get_mut(root) {
+                *power = power.saturating_add(taken.saturating_mul(2));
+            }
+        }
     }
 
     pub(crate) fn call(&mut self, function: Function, at: NodeId) -> NodeId {

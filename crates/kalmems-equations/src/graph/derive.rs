@@ -44,7 +44,14 @@ impl Graph {
                     return Self::ZERO;
                 }
                 let outer = self.slope(function, id, at);
-                self.product(&[(outer, 1), (inner, 1)])
+                let slope = self.product(&[(outer, 1), (inner, 1)]);
+                let rests = |id: &NodeId| matches!(self.node(*id), Node::Choice { .. });
+                if function != Function::Sqrt || !self.below(&[at]).iter().any(rests) {
+                    return slope;
+                }
+                // On the flat side of a `max` a root of 0 stays 0, where its slope would be 0 over 0.
+                let moves = self.product(&[(inner, 2)]);
+                self.choice(Self::ZERO, moves, slope, Self::ZERO)
             }
             Node::Choice { smaller, larger, then, otherwise } => {
                 let (then, otherwise) =
@@ -79,16 +86,21 @@ impl Graph {
     fn derivative_of_product(&mut self, factors: &[(NodeId, i32)], by: Variable) -> NodeId {
         let mut parts = Vec::new();
         for (index, (factor, power)) in factors.iter().enumerate() {
-            let inner = self.known_derivative(*factor, by);
+            // (√a)ⁿ′ = n/2·(√a)ⁿ⁻²·a′, so that nothing is divided by a root of 0.
+            let (of, less, half) = match self.node(*factor) {
+                Node::Call(Function::Sqrt, at) if *power > 1 => (*at, 2, 0.5),
+                _ => (*factor, 1, 1.0),
+            };
+            let inner = self.known_derivative(of, by);
             if inner == Self::ZERO {
                 continue;
             }
             let mut of: Vec<_> = factors.to_vec();
             if let Some(lowered) = of.get_mut(index) {
-                lowered.1 -= 1;
+                lowered.1 -= less;
             }
             of.push((inner, 1));
-            parts.push((self.product(&of), f64::from(*power)));
+            parts.push((self.product(&of), half * f64::from(*power)));
         }
         self.sum(0.0, &parts)
     }

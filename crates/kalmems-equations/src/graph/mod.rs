@@ -250,6 +250,21 @@ impl Graph {
         seen.map(NodeId).collect()
     }
 
+    /// Whether an expression depends on a variable of this kind.
+    pub(crate) fn depends(&self, root: NodeId, of_kind: impl Fn(Variable) -> bool) -> bool {
+        self.below(&[root]).iter().filter_map(|id| self.as_variable(*id)).any(of_kind)
+    }
+
+    /// Whether an expression is not smooth everywhere in the states: a choice stands in it, or a root of what is no constant.
+    pub(crate) fn has_kink(&self, root: NodeId) -> bool {
+        let moves = |variable| matches!(variable, Variable::State(_));
+        self.below(&[root]).into_iter().any(|id| match self.node(id) {
+            Node::Choice { .. } => self.depends(id, moves),
+            Node::Call(Function::Sqrt, at) => self.depends(*at, moves),
+            _ => false,
+        })
+    }
+
     /// As [`below`](Self::below), with a bound on how often that is done; nothing beyond it.
     fn visited(&mut self, root: NodeId) -> Vec<NodeId> {
         self.visits += self.nodes.len();

@@ -1,6 +1,9 @@
-//! How a device moves: rates, their derivatives, and steps by Runge and Kutta's method.
+//! How a device moves: rates, their derivatives, and steps.
 
 mod step;
+mod tables;
+
+pub use tables::StepTables;
 
 use crate::description::TextPlace;
 use crate::device::Device;
@@ -33,6 +36,12 @@ pub struct Motion {
     rates: Vec<u16>,
     slopes: Vec<u16>,
     by_parameter: Vec<u16>,
+    /// The rows of the rates that are not linear in the states with constant slopes, or that inputs enter.
+    bent: Vec<usize>,
+    is_linear: bool,
+    /// The states that no equation moves.
+    held: Vec<usize>,
+    has_kinks: bool,
 }
 
 /// The numbers of states for which a step is compiled.
@@ -59,6 +68,7 @@ impl Device {
         let mut roots = self.rates.clone();
         roots.push(Graph::ZERO);
         let mut places = Vec::new();
+        let held = (0..states).filter(|state| self.rates.get(*state) == Some(&Graph::ZERO)).collect();
         for (row, rate) in self.rates.iter().enumerate() {
             for (column, variable) in variables(states, free).enumerate() {
                 let slope = graph.derivative(*rate, variable);
@@ -68,6 +78,21 @@ impl Device {
                 }
             }
         }
+        let is_free = |variable: Variable| match variable {
+            Variable::State(_) | Variable::Input(_) => true,
+            Variable::Parameter(index) => free.contains(&index),
+        };
+        let varies = |row: usize| {
+            let mut slopes = places.iter().zip(roots.iter().skip(states + 1));
+            slopes.any(|((of, _), slope)| *of == row && graph.depends(*slope, is_free))
+        };
+        let varying: Vec<bool> = (0..states).map(varies).collect();
+        let is_linear = !varying.contains(&true);
+        let is_input = |variable| matches!(variable, Variable::Input(_));
+        let rows = self.rates.iter().zip(varying).enumerate();
+        let bent = rows.filter(|(_, (rate, varies))| *varies || graph.depends(**rate, is_input));
+        let bent = bent.map(|(row, _)| row).collect();
+        let has_kinks = self.rates.iter().any(|rate| graph.has_kink(*rate));
         let program = self.program(&mut graph, &roots, free, "derivative")?;
         let (own, rest) = program.outputs().split_at(states);
         let (zero, registers) = rest.split_first().unwrap_or((&0, &[]));
@@ -101,6 +126,10 @@ impl Device {
             rates,
             slopes,
             by_parameter,
+            bent,
+            is_linear,
+            held,
+            has_kinks,
         })
     }
 
@@ -197,17 +226,32 @@ impl Motion {
         finite && are_finite(jacobian)
     }
 
-    /// x after one step of Runge and Kutta's method of fourth order over `interval` seconds, with the inputs at its start,
-    /// middle and end. False where it is not finite.
+    /// The states that no equation moves, such as a resonance that is one.
+    pub fn held(&self) -> &[usize] {
+        &self.held
+    }
+
+    /// Whether a rate is not smooth everywhere: an `if`, `max`, `min`, `abs` or a root that meets 0 stands in it.
+    pub fn has_kinks(&self) -> bool {
+        self.has_kinks
+    }
+
+    /// Whether its rates are linear in the states with constant slopes, so that its steps are exact under inputs that are parabolas
+    /// within them.
+    pub fn is_linear(&self) -> bool {
+        self.is_linear
+    }
+
+    /// x after one step over the interval of these tables, with the inputs at its start, middle and end. False where it is not finite.
     pub fn step(
         &self,
         work: &mut ProgramNumbers,
         x: &[f64],
         inputs: &Nodes<&[f64]>,
-        interval: f64,
+        tables: &StepTables,
         to: &mut [f64],
     ) -> bool {
-        self.over(work, x, (inputs, interval), to, &mut [])
+        self.over(work, x, (inputs, tables), to, &mut [])
     }
 
     /// As [`step`](Self::step), and ∂x′/∂x row by row.
@@ -216,11 +260,11 @@ impl Motion {
         work: &mut ProgramNumbers,
         x: &[f64],
         inputs: &Nodes<&[f64]>,
-        interval: f64,
+        tables: &StepTables,
         to: &mut [f64],
         jacobian: &mut [f64],
     ) -> bool {
-        self.over(work, x, (inputs, interval), to, jacobian)
+        self.over(work, x, (inputs, tables), to, jacobian)
     }
 
     /// Takes the parameters that are states.

@@ -1,8 +1,9 @@
-//! A step by Runge and Kutta's method, with its Jacobian.
+//! A step by exponential time differencing, with its Jacobian.
 
 // Index loops over sizes that are known are the notation of the equations, and what unrolls; they must not become calls.
 #![allow(clippy::inline_always, clippy::needless_range_loop)]
 
+use super::tables::{StepMatrices, StepTables};
 use super::{MOST_STATES, Motion, are_finite, padded};
 use crate::program::{Program, ProgramNumbers};
 use kalmems_core::Nodes;
@@ -13,7 +14,7 @@ impl Motion {
         &self,
         work: &mut ProgramNumbers,
         x: &[f64],
-        over: (&Nodes<&[f64]>, f64),
+        over: (&Nodes<&[f64]>, &StepTables),
         to: &mut [f64],
         jacobian: &mut [f64],
     ) -> bool {
@@ -33,48 +34,65 @@ impl Motion {
         by_size!(1 2 3 4 5 6 8 12 16)
     }
 
-    /// The step and its Jacobian for N states, of which the last may not be there, and at most F parameters that the
-    /// rates depend on.
+    /// The step of [`Etdrk4`](kalmems_core::Etdrk4) and its Jacobian for N states, of which the last may not be there, and at most F
+    /// parameters that the rates depend on.
     ///
-    /// Each column s = ∂x/∂x₀ or ∂x/∂p goes with x through the stages by ṡ = ∂f/∂x·s + ∂f/∂p, by itself.
+    /// Rows of the rates that the linear part describes whole have no bend, so that all that is nonlinear costs by the rows that are.
     #[inline(never)]
     fn chain<const N: usize, const F: usize, const LINEAR: bool>(
         &self,
         work: &mut ProgramNumbers,
         x: &[f64],
-        (inputs, interval): (&Nodes<&[f64]>, f64),
+        (inputs, tables): (&Nodes<&[f64]>, &StepTables),
         to: &mut [f64],
         jacobian: &mut [f64],
     ) -> bool {
+        let Some(matrices) = tables.of::<N>() else { return false };
+        let bent = &*tables.bent;
         self.begin(work, x);
         let at = padded::<N>(x, self.states);
-        let half = 0.5 * interval;
-        let (mut of_states, mut of_parameters) =
-            (RateDerivatives::<N, N>::NONE, RateDerivatives::<N, F>::NONE);
-        // The columns of a stage are computed while the next one waits for its exponentials.
-        let mut take = |linear: StageJacobians<N, F>, onwards: f64, weight: f64| {
-            if LINEAR {
-                of_states.take(&linear.slopes, &linear.slopes, onwards, weight);
-                of_parameters.take(&linear.slopes, &linear.by_parameter, onwards, weight);
-            }
-        };
-        Program::set_inputs(work, inputs.start);
-        let (k1, linear) = self.stage::<N, F, LINEAR>(work, &at, true);
-        take(linear, 0.0, 1.0);
-        Program::set_inputs(work, inputs.middle);
-        let (k2, linear) = self.stage::<N, F, LINEAR>(work, &moved(&at, &k1, half), true);
-        take(linear, half, 2.0);
-        let (k3, linear) = self.stage::<N, F, LINEAR>(work, &moved(&at, &k2, half), false);
-        take(linear, half, 2.0);
-        Program::set_inputs(work, inputs.end);
-        let (k4, linear) = self.stage::<N, F, LINEAR>(work, &moved(&at, &k3, interval), true);
-        take(linear, interval, 1.0);
+        let (mut of_states, mut of_parameters) = (Slopes::<N, N>::NONE, Slopes::<N, F>::NONE);
 
-        let sixth = interval * (1.0 / 6.0);
+        Program::set_inputs(work, inputs.start);
+        let (rate, linear) = self.stage::<N, F, LINEAR>(work, &at, true);
+        if LINEAR {
+            of_states.begin(&matrices, bent, &linear.slopes, Some(matrices.straight_to_middle()));
+            of_parameters.begin(&matrices, bent, &linear.by_parameter, None);
+        }
+        let first = times(matrices.to_middle(), &rate);
+
+        Program::set_inputs(work, inputs.middle);
+        let (there, linear) = self.stage::<N, F, LINEAR>(work, &sum(&at, &first), true);
+        let bend_a = bend(&matrices, bent, (&there, &rate), &first);
+        let second = sum(&first, &times_bent(matrices.bend_to_middle(), bent, &bend_a));
+        if LINEAR {
+            of_states.middle(&matrices, bent, &linear.slopes, &linear.slopes);
+            of_parameters.middle(&matrices, bent, &linear.slopes, &linear.by_parameter);
+        }
+
+        let (there, linear) = self.stage::<N, F, LINEAR>(work, &sum(&at, &second), false);
+        let bend_b = bend(&matrices, bent, (&there, &rate), &second);
+        let straight = times(matrices.to_end(), &rate);
+        let third = sum(&straight, &times_bent(matrices.bend_to_end(), bent, &bend_b));
+        if LINEAR {
+            of_states.second_middle(&matrices, bent, &linear.slopes, &linear.slopes);
+            of_parameters.second_middle(&matrices, bent, &linear.slopes, &linear.by_parameter);
+        }
+
+        Program::set_inputs(work, inputs.end);
+        let (there, linear) = self.stage::<N, F, LINEAR>(work, &sum(&at, &third), true);
+        let bend_c = bend(&matrices, bent, (&there, &rate), &third);
+        let middles = times_bent(matrices.bend_of_middles(), bent, &sum(&bend_a, &bend_b));
+        let end = times_bent(matrices.bend_of_end(), bent, &bend_c);
+        if LINEAR {
+            of_states.end(&matrices, bent, &linear.slopes, &linear.slopes);
+            of_parameters.end(&matrices, bent, &linear.slopes, &linear.by_parameter);
+        }
+
         let states = self.states.min(N);
         for (i, next) in to.iter_mut().enumerate() {
             *next = if i < states {
-                at[i] + (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) * sixth
+                at[i] + (straight[i] + (middles[i] + end[i]))
             } else {
                 x.get(i).copied().unwrap_or_default()
             };
@@ -90,19 +108,19 @@ impl Motion {
                 *entry = 1.0;
             }
             if i < states {
-                for (entry, sum) in row.iter_mut().zip(&of_states.sum[i]).take(states) {
-                    *entry += sum * sixth;
+                for (entry, moved) in row.iter_mut().zip(&of_states.straight[i]).take(states) {
+                    *entry += moved;
                 }
-                for (column, sum) in self.active.iter().zip(&of_parameters.sum[i]) {
+                for (column, moved) in self.active.iter().zip(&of_parameters.straight[i]) {
                     if let Some(entry) = row.get_mut(*column) {
-                        *entry = sum * sixth;
+                        *entry = *moved;
                     }
                 }
             }
         }
         are_finite(to)
-            & are_finite(of_states.sum.as_flattened())
-            & are_finite(of_parameters.sum.as_flattened())
+            & are_finite(of_states.straight.as_flattened())
+            & are_finite(of_parameters.straight.as_flattened())
     }
 
     /// f, and ∂f/∂x and ∂f/∂p where they are wanted.
@@ -114,15 +132,17 @@ impl Motion {
         new_inputs: bool,
     ) -> ([f64; N], StageJacobians<N, F>) {
         self.program.stage(work, x, new_inputs);
-        let rates = self.rates.first_chunk::<N>();
-        let rates = rates.map_or([0.0; N], |registers| registers.map(|register| work.get(register)));
+        let mut rates = [0.0; N];
+        for (rate, register) in rates.iter_mut().zip(&self.rates) {
+            *rate = work.get(*register);
+        }
         let mut linear = StageJacobians::NONE;
         if LINEAR {
-            for (row, registers) in linear.slopes.iter_mut().zip(self.slopes.as_chunks::<N>().0) {
-                *row = registers.map(|register| work.get(register));
+            for (slope, register) in linear.slopes.as_flattened_mut().iter_mut().zip(&self.slopes) {
+                *slope = work.get(*register);
             }
-            let by_parameter = linear.by_parameter.as_flattened_mut();
-            for (slope, register) in by_parameter.iter_mut().zip(&self.by_parameter) {
+            for (slope, register) in linear.by_parameter.as_flattened_mut().iter_mut().zip(&self.by_parameter)
+            {
                 *slope = work.get(*register);
             }
         }
@@ -141,44 +161,194 @@ impl<const N: usize, const F: usize> StageJacobians<N, F> {
     const NONE: Self = Self { slopes: [[0.0; N]; N], by_parameter: [[0.0; F]; N] };
 }
 
-/// x + h·k.
 #[inline(always)]
-fn moved<const N: usize>(x: &[f64; N], k: &[f64; N], h: f64) -> [f64; N] {
-    std::array::from_fn(|i| x[i] + k[i] * h)
+fn sum<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
+    let mut sum = [0.0; N];
+    for i in 0..N {
+        sum[i] = a[i] + b[i];
+    }
+    sum
 }
 
-/// K₁ + 2·K₂ + 2·K₃ + K₄ with Kᵢ = Bᵢ + cᵢ·h·Aᵢ·Kᵢ₋₁: the derivatives of the four rates.
-///
-/// Aᵢ is ∂f/∂x at the stage and Bᵢ what the rate depends on directly: Aᵢ itself for derivatives by the state before the
-/// step, since A·(1 + c·h·K) = A + c·h·A·K, and ∂f/∂p for those by parameters.
-struct RateDerivatives<const N: usize, const M: usize> {
-    last: [[f64; M]; N],
-    sum: [[f64; M]; N],
+#[inline(always)]
+fn times<const N: usize>(matrix: &[[f64; N]; N], v: &[f64; N]) -> [f64; N] {
+    let mut product = [0.0; N];
+    for i in 0..N {
+        let mut sum = matrix[i][0] * v[0];
+        for j in 1..N {
+            sum += matrix[i][j] * v[j];
+        }
+        product[i] = sum;
+    }
+    product
 }
 
-impl<const N: usize, const M: usize> RateDerivatives<N, M> {
-    const NONE: Self = Self { last: [[0.0; M]; N], sum: [[0.0; M]; N] };
+/// A matrix times a vector that is zero but in these rows.
+#[inline(always)]
+fn times_bent<const N: usize>(matrix: &[[f64; N]; N], bent: &[usize], v: &[f64; N]) -> [f64; N] {
+    let mut product = [0.0; N];
+    for &r in bent.iter().filter(|r| **r < N) {
+        for i in 0..N {
+            product[i] += matrix[i][r] * v[r];
+        }
+    }
+    product
+}
 
-    /// The next stage: with A, B, c·h, which is 0 for the first one, and its weight.
+/// f(x + m) − f(x) − A·m in the rows that A does not describe whole.
+#[inline(always)]
+fn bend<const N: usize>(
+    matrices: &StepMatrices<'_, N>,
+    bent: &[usize],
+    (there, here): (&[f64; N], &[f64; N]),
+    by: &[f64; N],
+) -> [f64; N] {
+    let mut bend = [0.0; N];
+    for &r in bent.iter().filter(|r| **r < N) {
+        let row = &matrices.linear()[r];
+        let mut described = row[0] * by[0];
+        for j in 1..N {
+            described += row[j] * by[j];
+        }
+        bend[r] = there[r] - here[r] - described;
+    }
+    bend
+}
+
+/// The derivatives of a step's stages by the states before it, or by parameters.
+struct Slopes<const N: usize, const M: usize> {
+    /// ∂f/∂ of the first stage, directly.
+    direct: [[f64; M]; N],
+    /// Those of the way to the stage that was taken last.
+    way: [[f64; M]; N],
+    /// Those of the straight way to the end, and in the end of all of the way.
+    straight: [[f64; M]; N],
+    /// Those of the bends in the middles.
+    bends: [[f64; M]; N],
+}
+
+impl<const N: usize, const M: usize> Slopes<N, M> {
+    const NONE: Self =
+        Self { direct: [[0.0; M]; N], way: [[0.0; M]; N], straight: [[0.0; M]; N], bends: [[0.0; M]; N] };
+
+    /// The first stage: by states, what the linear part does is known before; by parameters there is no linear part.
     #[inline(always)]
-    fn take(&mut self, a: &[[f64; N]; N], b: &[[f64; M]; N], onwards: f64, weight: f64) {
-        let mut next = *b;
-        if onwards != 0.0 {
+    fn begin(
+        &mut self,
+        matrices: &StepMatrices<'_, N>,
+        bent: &[usize],
+        direct: &[[f64; M]; N],
+        of_states: Option<&[[f64; N]; N]>,
+    ) {
+        self.direct = *direct;
+        if of_states.is_some() {
             for i in 0..N {
-                for column in 0..M {
-                    let mut product = a[i][0] * self.last[0][column];
-                    for j in 1..N {
-                        product += a[i][j] * self.last[j][column];
-                    }
-                    next[i][column] += product * onwards;
+                for j in 0..N.min(M) {
+                    self.way[i][j] = matrices.straight_to_middle()[i][j];
+                    self.straight[i][j] = matrices.straight_to_end()[i][j];
                 }
             }
-        }
-        for i in 0..N {
-            for column in 0..M {
-                self.sum[i][column] += weight * next[i][column];
+            for &r in bent.iter().filter(|r| **r < N) {
+                let mut more = [0.0; M];
+                for j in 0..N.min(M) {
+                    more[j] = direct[r][j] - matrices.linear()[r][j];
+                }
+                add(&mut self.way, matrices.to_middle(), r, &more);
+                add(&mut self.straight, matrices.to_end(), r, &more);
+            }
+        } else {
+            for r in 0..N {
+                add(&mut self.way, matrices.to_middle(), r, &direct[r]);
+                add(&mut self.straight, matrices.to_end(), r, &direct[r]);
             }
         }
-        self.last = next;
+    }
+
+    /// ∂(f(x + m) − f(x) − A·m) of a bent row: what it changes directly, and by the way m to where it is taken.
+    #[inline(always)]
+    fn bend(
+        &self,
+        matrices: &StepMatrices<'_, N>,
+        r: usize,
+        slopes: &[[f64; N]; N],
+        direct: &[[f64; M]; N],
+    ) -> [f64; M] {
+        let mut bend = [0.0; M];
+        for column in 0..M {
+            bend[column] = direct[r][column] - self.direct[r][column];
+        }
+        for j in 0..N {
+            let beyond = slopes[r][j] - matrices.linear()[r][j];
+            for column in 0..M {
+                bend[column] += beyond * self.way[j][column];
+            }
+        }
+        bend
+    }
+
+    #[inline(always)]
+    fn middle(
+        &mut self,
+        matrices: &StepMatrices<'_, N>,
+        bent: &[usize],
+        slopes: &[[f64; N]; N],
+        direct: &[[f64; M]; N],
+    ) {
+        let mut way = self.way;
+        for &r in bent.iter().filter(|r| **r < N) {
+            let bend = self.bend(matrices, r, slopes, direct);
+            add(&mut way, matrices.bend_to_middle(), r, &bend);
+            self.bends[r] = bend;
+        }
+        self.way = way;
+    }
+
+    #[inline(always)]
+    fn second_middle(
+        &mut self,
+        matrices: &StepMatrices<'_, N>,
+        bent: &[usize],
+        slopes: &[[f64; N]; N],
+        direct: &[[f64; M]; N],
+    ) {
+        let mut way = self.straight;
+        for &r in bent.iter().filter(|r| **r < N) {
+            let bend = self.bend(matrices, r, slopes, direct);
+            add(&mut way, matrices.bend_to_end(), r, &bend);
+            for column in 0..M {
+                self.bends[r][column] += bend[column];
+            }
+        }
+        self.way = way;
+    }
+
+    #[inline(always)]
+    fn end(
+        &mut self,
+        matrices: &StepMatrices<'_, N>,
+        bent: &[usize],
+        slopes: &[[f64; N]; N],
+        direct: &[[f64; M]; N],
+    ) {
+        for &r in bent.iter().filter(|r| **r < N) {
+            let bend = self.bend(matrices, r, slopes, direct);
+            add(&mut self.straight, matrices.bend_of_middles(), r, &self.bends[r]);
+            add(&mut self.straight, matrices.bend_of_end(), r, &bend);
+        }
+    }
+}
+
+/// Adds to `to` a column of a matrix times a row.
+#[inline(always)]
+fn add<const N: usize, const M: usize>(
+    to: &mut [[f64; M]; N],
+    matrix: &[[f64; N]; N],
+    column: usize,
+    row: &[f64; M],
+) {
+    for i in 0..N {
+        for j in 0..M {
+            to[i][j] += matrix[i][column] * row[j];
+        }
     }
 }

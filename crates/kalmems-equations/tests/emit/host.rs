@@ -46,7 +46,8 @@ pub fn moved(
         }
         StepMethod::RungeKutta => {
             let nodes = Nodes { start: &inputs[0][..], middle: &inputs[1][..], end: &inputs[2][..] };
-            assert!(motion.linearized_step(work, x, &nodes, interval, &mut next, &mut jacobian));
+            let tables = motion.runge_kutta(interval);
+            assert!(motion.linearized_step(work, x, &nodes, &tables, &mut next, &mut jacobian));
         }
     }
     (next, jacobian)

@@ -149,7 +149,7 @@ fn curves_have_two_derivatives_and_an_end() {
     assert!((jacobian[2] / ((4.0 * 0.33 * 0.33 - 2.0) * bell * 1e-6) - 1.0).abs() < 1e-2);
     assert!(!motion.linearize(&mut work, &[1.01e-3, 0.0], &[], &mut rates, &mut jacobian));
     let (mut next, nodes) = ([0.0; 2], Nodes::held(&[][..]));
-    assert!(!motion.step(&mut work, &[1.01e-3, 0.0], &nodes, 1e-3, &mut next));
+    assert!(!motion.step(&mut work, &[1.01e-3, 0.0], &nodes, &motion.runge_kutta(1e-3), &mut next));
 }
 
 /// Padé's approximation of a delay has the gain 1, and the phase that its doc says.
@@ -166,14 +166,34 @@ fn a_delay_is_late_by_its_time() {
         let (motion, readout) = (device.motion(&[]).unwrap(), device.readout(0, &[]).unwrap());
         let (mut work, mut seen) = (motion.work(&[]), readout.work(&[]));
         let mut x = vec![0.0; 1 + order];
-        let (mut next, mut error) = (x.clone(), 0.0_f64);
+        let (mut next, mut error, tables) = (x.clone(), 0.0_f64, motion.runge_kutta(1e-3));
         for k in 0..20_000 {
-            assert!(motion.step(&mut work, &x, &Nodes::held(&[][..]), 1e-3, &mut next));
+            assert!(motion.step(&mut work, &x, &Nodes::held(&[][..]), &tables, &mut next));
             x.clone_from(&next);
             if k > 8000 {
                 error = error.max((readout.read(&mut seen, &x, &[]) - (x[0] - 0.3).cos()).abs());
             }
         }
         assert!(error < 1.05 * worst && error > 0.8 * worst, "order {order}: {error:e} against {worst:e}");
+    }
+}
+
+#[test]
+fn half_powers_and_roots_have_a_slope_where_they_meet_zero() {
+    let text = "[states]\nx = '1'\ny = '1'\n[derivative]\nx = '-1[1/s]*max(x - 1, 0)^1.5'\ny = '1[1/s]*sqrt(max(x, 0)) - 1[1/s]*abs(y)^2.5'\n[measure]\nz = 'x in 1'\n";
+    let device = device(text);
+    let motion = device.motion(&[]).unwrap();
+    let mut work = motion.work(&[]);
+    let (mut rates, mut slopes) = ([0.0; 2], [0.0; 4]);
+    for (x, y, expected) in [
+        (0.5, 0.0, [0.0, 0.0, 0.5 / 0.5_f64.sqrt(), 0.0]),
+        (-1.0, 0.0, [0.0, 0.0, 0.0, 0.0]),
+        (1.0, 0.0, [0.0, 0.0, 0.5, 0.0]),
+        (5.0, -4.0, [-3.0, 0.0, 0.5 / 5.0_f64.sqrt(), 2.5 * 8.0]),
+    ] {
+        assert!(motion.linearize(&mut work, &[x, y], &[], &mut rates, &mut slopes), "{x} {y}: {slopes:?}");
+        for (slope, expected) in slopes.iter().zip(expected) {
+            assert!((slope - expected).abs() < 1e-14, "{x} {y}: {slopes:?}");
+        }
     }
 }

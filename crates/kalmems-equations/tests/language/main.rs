@@ -7,4 +7,5 @@ mod energy;
 mod laws;
 mod mistakes;
 mod published;
+mod symmetry;
 mod typeset;

@@ -4,9 +4,10 @@
 use crate::common;
 use crate::common::{Chance, device, example};
 use kalmems_core::{
-    Dual, Dynamics, Measurement, Nodes, NoiseDensity, Parameters, ParametricDynamics, Process, Rk4,
+    Dual, Dynamics, Etdrk4, Mat, Measurement, Nodes, NoiseDensity, Parameters, ParametricDynamics, Process,
+    Rk4,
 };
-use kalmems_equations::{Device, NoiseKind};
+use kalmems_equations::{Device, Motion, NoiseKind, ProgramNumbers, StepTables};
 use kalmems_models::capacitance::{
     CombCurve, CurveShape, DifferentialPlates, DistanceSeries, GaussianComb, TiltingPlate,
 };
@@ -291,11 +292,12 @@ fn the_piston_mirror_is_its_law() {
     let exact = DriftingPhasor::new(5e-5, &NoiseDensity::none());
     let motion = device.motion(&[]).unwrap();
     let mut work = motion.work(&device.values());
+    let tables = motion.runge_kutta(5e-5);
     for _ in 0..500 {
         let x = point(&mut chance);
         let (mut next, mut jacobian) = ([0.0; 5], [0.0; 25]);
         let held = Nodes::held(&[][..]);
-        assert!(motion.linearized_step(&mut work, &x, &held, 5e-5, &mut next, &mut jacobian));
+        assert!(motion.linearized_step(&mut work, &x, &held, &tables, &mut next, &mut jacobian));
         let (expected, by_model) = exact.linearize(&x, &0.0);
         hold("step", &next, &expected, &expected);
         hold("jacobian", &jacobian, by_model.0.as_flattened(), by_model.0.as_flattened());
@@ -307,45 +309,77 @@ fn the_piston_mirror_is_its_law() {
     hold("noise", &[density], &[0.151e-18 * 0.151e-18], &[0.0]);
 }
 
-/// A step and its Jacobian against the core's integrator with dual numbers, with a parameter as a state as well.
+/// A step and its Jacobian against the core's integrators with dual numbers, with a parameter as a state as well.
 #[test]
 fn steps_are_those_of_the_core() {
     let device = example("shared_scanner");
-    let process = Rk4::new(scanner(), 1e-6, &NoiseDensity::none(), (&[0.0, 0.0], &0.0));
     let (plain, free) =
         (device.motion(&[]).unwrap(), device.motion(&[device.parameter("k").unwrap()]).unwrap());
     let (mut work, mut work_free) = (plain.work(&device.values()), free.work(&device.values()));
-    let mut chance = Chance::new(8);
-    for _ in 0..1000 {
-        let x = [chance.between(-0.3, 0.3), chance.between(-3e4, 3e4)];
-        let [a, b, c] = [0; 3].map(|_| chance.between(-180.0, 180.0));
-        let inputs = Nodes { start: &[a][..], middle: &[b][..], end: &[c][..] };
-        let native = Nodes { start: a, middle: b, end: c };
-        let (mut next, mut jacobian) = ([0.0; 2], [0.0; 4]);
-        assert!(plain.linearized_step(&mut work, &x, &inputs, 1e-6, &mut next, &mut jacobian));
-        let (expected, by_model) = process.linearize(&x, &native);
-        let terms = [x[0].abs() + 1e-6 * x[1].abs(), x[1].abs()];
-        hold("step", &next, &expected, &terms);
-        let scale: Vec<f64> = by_model.0.as_flattened().to_vec();
-        hold("jacobian", &jacobian, by_model.0.as_flattened(), &scale);
-        let mut alone = [0.0; 2];
-        assert!(plain.step(&mut work, &x, &inputs, 1e-6, &mut alone));
-        assert_eq!(alone, next);
+    let rest = (&[0.0, 0.0], &0.0);
+    let no_noise = NoiseDensity::none();
+    // Without a linear part, in a step of the recording; and with that of the mirror at rest, in one eight times as long.
+    let runge_kutta = Rk4::new(scanner(), 1e-6, &no_noise, rest);
+    let by_runge_kutta = |x: &[f64; 2], u: &Nodes<f64>| runge_kutta.linearize(x, u);
+    hold_steps((&plain, &mut work), &plain.runge_kutta(1e-6), by_runge_kutta, 1e-6);
+    let exponential = Etdrk4::new(scanner(), 8e-6, &no_noise, rest);
+    let mut tables = plain.tables();
+    let (mut rates, mut linear) = ([0.0; 2], [0.0; 4]);
+    assert!(plain.linearize(&mut work, &[0.0; 2], &[0.0], &mut rates, &mut linear));
+    plain.set_tables(&mut tables, &linear, 8e-6);
+    hold_steps((&plain, &mut work), &tables, |x, u| exponential.linearize(x, u), 8e-6);
 
-        // With the stiffness as a state: the same step, and the derivative by it against a difference.
-        let at = |k: f64, work: &mut _| {
-            let (mut next, mut jacobian) = ([0.0; 3], [0.0; 9]);
-            assert!(free.linearized_step(work, &[x[0], x[1], k], &inputs, 1e-6, &mut next, &mut jacobian));
-            (next, jacobian)
-        };
-        let (middle, jacobian) = at(1.10e-4, &mut work_free);
-        hold("step with a parameter", &middle[..2], &expected, &terms);
-        assert_eq!((middle[2], &jacobian[6..]), (1.10e-4, &[0.0, 0.0, 1.0][..]));
-        let varied = common::varied(&scanner(), "resonator.stiffness");
+    // With the stiffness as a state: the same step, and the derivative by it against the core's.
+    let tables = free.runge_kutta(1e-6);
+    let varied = common::varied(&scanner(), "resonator.stiffness");
+    let mut chance = Chance::new(9);
+    for _ in 0..1000 {
+        let (x, inputs) = drawn(&mut chance);
+        let of = inputs.map(|input| [input]);
+        let nodes = Nodes { start: &of[0][..], middle: &of[1][..], end: &of[2][..] };
+        let native = Nodes { start: inputs[0], middle: inputs[1], end: inputs[2] };
+        let (mut next, mut jacobian) = ([0.0; 3], [0.0; 9]);
+        let at = [x[0], x[1], 1.10e-4];
+        assert!(free.linearized_step(&mut work_free, &at, &nodes, &tables, &mut next, &mut jacobian));
+        let terms = [x[0].abs() + 1e-6 * x[1].abs(), x[1].abs()];
+        hold("step with a parameter", &next[..2], &runge_kutta.step(&x, &native), &terms);
+        assert_eq!((next[2], &jacobian[6..]), (1.10e-4, &[0.0, 0.0, 1.0][..]));
         let by_k = common::rk4_by_parameter::<ParametricScanner<f64>, 2>(&varied, &x, &native, 1e-6);
         for (row, expected) in by_k.iter().enumerate() {
             hold("by the stiffness", &[jacobian[row * 3 + 2]], &[*expected], &[*expected]);
         }
+    }
+}
+
+/// A state of the scanner, and a drive at the start, the middle and the end of a step.
+fn drawn(chance: &mut Chance) -> ([f64; 2], [f64; 3]) {
+    let x = [chance.between(-0.3, 0.3), chance.between(-3e4, 3e4)];
+    (x, [0; 3].map(|_| chance.between(-180.0, 180.0)))
+}
+
+/// Holds the steps of a motion of two states against others over the same interval in s.
+fn hold_steps(
+    (motion, work): (&Motion, &mut ProgramNumbers),
+    tables: &StepTables,
+    expected: impl Fn(&[f64; 2], &Nodes<f64>) -> ([f64; 2], Mat<f64, 2, 2>),
+    interval: f64,
+) {
+    let mut chance = Chance::new(8);
+    for _ in 0..1000 {
+        let (x, inputs) = drawn(&mut chance);
+        let of = inputs.map(|input| [input]);
+        let nodes = Nodes { start: &of[0][..], middle: &of[1][..], end: &of[2][..] };
+        let native = Nodes { start: inputs[0], middle: inputs[1], end: inputs[2] };
+        let (mut next, mut jacobian, mut alone) = ([0.0; 2], [0.0; 4], [0.0; 2]);
+        assert!(motion.linearized_step(work, &x, &nodes, tables, &mut next, &mut jacobian));
+        let (expected, by_model) = expected(&x, &native);
+        // The rate changes by its own size over a quarter of a radian of the motion.
+        let rate = x[1].abs() + 1e5 * x[0].abs();
+        hold("step", &next, &expected, &[x[0].abs() + interval * rate, rate]);
+        let scale: Vec<f64> = by_model.0.as_flattened().to_vec();
+        hold("jacobian", &jacobian, by_model.0.as_flattened(), &scale);
+        assert!(motion.step(work, &x, &nodes, tables, &mut alone));
+        assert_eq!(alone, next);
     }
 }
 
@@ -379,7 +413,7 @@ fn a_flag_marks_arguments_outside_of_the_domain() {
         &mut work,
         &[-1.0],
         &Nodes::held(&[][..]),
-        1e-3,
+        &motion.runge_kutta(1e-3),
         &mut next,
         &mut jacobian
     ));

@@ -120,6 +120,10 @@ impl<P: Scalar<Mask = bool>> Accelerometer<P> {
 impl<T: Scalar> Dynamics<T, 2> for Accelerometer<T> {
     type Input = [T; 2];
 
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
+
     fn derivative<S: Over<T>>(&self, x: &[S; 2], input: &[T; 2]) -> [S; 2] {
         [x[1], self.response(x[0], x[1], S::lift(input[0]), input[1])]
     }
@@ -145,6 +149,10 @@ pub struct CarrierDriven<P> {
 #[model(parametric)]
 impl<T: Scalar> Dynamics<T, 2> for CarrierDriven<T> {
     type Input = [T; 3];
+
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
 
     fn derivative<S: Over<T>>(&self, x: &[S; 2], input: &[T; 3]) -> [S; 2] {
         let at_once = Accelerometer { bias: self.device.bias - input[2], ..self.device };
@@ -177,6 +185,10 @@ impl<P: Scalar> SensedAcceleration<P> {
 #[model(parametric)]
 impl<T: Scalar> Dynamics<T, 4> for SensedAcceleration<T> {
     type Input = T;
+
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
 
     fn derivative<S: Over<T>>(&self, x: &[S; 4], feedback: &T) -> [S; 4] {
         let [slope, curvature] = self.prior.derivative(x[2], x[3]);

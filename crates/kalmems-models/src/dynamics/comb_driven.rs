@@ -37,6 +37,10 @@ pub struct CombDrivenMirror<P> {
 impl<T: Scalar> Dynamics<T, 2> for CombDrivenMirror<T> {
     type Input = T;
 
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
+
     fn derivative<S: Over<T>>(&self, x: &[S; 2], voltage: &T) -> [S; 2] {
         let pull = self.comb.form(x[0]) * -(self.drive_gain * voltage.sq());
         [x[1], self.resonator.acceleration(x[0], x[1], pull)]

@@ -33,6 +33,10 @@ pub struct DriveGain<P> {
 impl<T: Scalar> Dynamics<T, 2> for DriveGain<T> {
     type Input = T;
 
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
+
     fn derivative<S: Over<T>>(&self, x: &[S; 2], voltage: &T) -> [S; 2] {
         [x[1], self.scanner.acceleration(x[0], x[1], *voltage * self.drive_gain)]
     }

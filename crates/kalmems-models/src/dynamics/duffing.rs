@@ -53,6 +53,10 @@ impl<P: Scalar> Duffing<P> {
 impl<T: Scalar> Dynamics<T, 2> for Duffing<T> {
     type Input = T;
 
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
+
     fn derivative<S: Over<T>>(&self, x: &[S; 2], input: &T) -> [S; 2] {
         [x[1], self.acceleration(x[0], x[1], *input)]
     }

@@ -54,6 +54,10 @@ impl<P: Scalar<Mask = bool>> MirrorResonator<P> {
 impl<T: Scalar> Dynamics<T, 2> for MirrorResonator<T> {
     type Input = T;
 
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
+
     fn derivative<S: Over<T>>(&self, x: &[S; 2], acceleration: &T) -> [S; 2] {
         [x[1], self.acceleration(x[0], x[1], S::lift(*acceleration))]
     }

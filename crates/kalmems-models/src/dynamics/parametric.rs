@@ -52,6 +52,10 @@ impl<P: Scalar> ParametricScanner<P> {
 impl<T: Scalar> Dynamics<T, 2> for ParametricScanner<T> {
     type Input = T;
 
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
+
     fn derivative<S: Over<T>>(&self, x: &[S; 2], voltage: &T) -> [S; 2] {
         [x[1], self.acceleration(x[0], x[1], *voltage)]
     }

@@ -60,6 +60,10 @@ impl<P: Scalar<Mask = bool>> PiezoStage<P> {
 impl<T: Scalar> Dynamics<T, 2> for PiezoStage<T> {
     type Input = T;
 
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
+
     fn derivative<S: Over<T>>(&self, x: &[S; 2], voltage: &T) -> [S; 2] {
         [x[1], self.resonator.acceleration(x[0], x[1], S::lift(*voltage * self.drive_gain))]
     }

@@ -68,6 +68,10 @@ impl<P: Scalar> TwoAxisScanner<P> {
 impl<T: Scalar> Dynamics<T, 4> for TwoAxisScanner<T> {
     type Input = T;
 
+    fn bends(i: usize) -> bool {
+        i % 2 != 0
+    }
+
     fn derivative<S: Over<T>>(&self, x: &[S; 4], voltage: &T) -> [S; 4] {
         let [of_x, of_y] = self.accelerations(x, *voltage);
         [x[1], of_x, x[3], of_y]
@@ -109,6 +113,10 @@ pub struct TwoAxisDriveGain<P> {
 #[model(parametric)]
 impl<T: Scalar> Dynamics<T, 4> for TwoAxisDriveGain<T> {
     type Input = T;
+
+    fn bends(i: usize) -> bool {
+        i % 2 != 0
+    }
 
     fn derivative<S: Over<T>>(&self, x: &[S; 4], voltage: &T) -> [S; 4] {
         let [of_x, of_y] = self.scanner.accelerations(x, *voltage * self.drive_gain);

@@ -61,6 +61,10 @@ impl<P: Scalar> LowPassedComb<P> {
 impl<T: Scalar> Dynamics<T, 4> for LowPassedComb<T> {
     type Input = T;
 
+    fn bends(i: usize) -> bool {
+        i != 0
+    }
+
     fn derivative<S: Over<T>>(&self, x: &[S; 4], voltage: &T) -> [S; 4] {
         let acceleration = self.device.scanner.acceleration(x[0], x[1], *voltage * self.device.drive_gain);
         // Without a delay the acceleration has computed the comb's law at this angle already, and it is not paid

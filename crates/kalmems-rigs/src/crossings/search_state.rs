@@ -19,7 +19,7 @@ pub struct RowsNeeded {
 }
 
 /// Rows that the drive is interpolated through, and the one before them for its slope.
-const INTERPOLATED: usize = 5;
+const INTERPOLATED: usize = 6;
 
 impl RowsNeeded {
     /// For this detector, and filters that are told as these say, in a recording of this interval in s.

@@ -4,6 +4,7 @@ use super::event_sensor::{BackwardInterval, EventSensor};
 use super::event_times::{EventAcceptance, EventMeasurement, EventTimes, event_measurements};
 use super::events::FilterEventUse;
 use super::interpolation::Interpolation;
+use super::kinks::KinkSteps;
 use super::model::{EquationModel, Interval};
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
@@ -60,8 +61,11 @@ pub struct EquationCourse<'a> {
     between: &'a [Interpolation],
     /// The channels that correct the filter, by their places in the segment.
     channels: &'a [usize],
-    /// Steps from sample to sample, and each of them.
+    /// So many steps from sample to sample at least; how many, and each of them.
+    least: usize,
     parts: (usize, Interval),
+    /// What finds how many steps are needed, sample by sample, where the motion has kinks.
+    kinks: Option<KinkSteps>,
     /// Innovation and standard deviation of each channel after the first, at the last sample.
     further: Vec<[f64; 2]>,
     /// The inputs at the start, in the middle and at the end of a step; kept, so that none is allocated for each.
@@ -98,7 +102,9 @@ impl<'a> EquationCourse<'a> {
             data,
             between,
             channels,
+            least: steps,
             parts,
+            kinks: model.has_kinks().then(|| KinkSteps::new(model, data.samples.interval_s)),
             further: Vec::new(),
             nodes,
             told,
@@ -136,7 +142,7 @@ impl<'a> EquationCourse<'a> {
         let (model, interval_s) = (self.model, self.data.samples.interval_s);
         for (_, told) in here {
             let rows = (self.data.time_s, k, told.time_s);
-            self.way.to(rows, (model.pace(), interval_s), &self.data.inputs);
+            self.way.to(rows, (model, interval_s), &self.data.inputs);
             let then = EventSensor { model, event: told.event, way: &self.way };
             let variance = told.variance.unwrap_or_else(|| {
                 let [of_time, own] = told.variances;
@@ -202,6 +208,21 @@ impl Course for EquationCourse<'_> {
         trajectory.crossings_log_likelihood = self.log_likelihood;
     }
 
+    fn divide(&mut self, steps: usize) -> bool {
+        if self.kinks.is_some() {
+            return false;
+        }
+        let steps = steps.max(self.least);
+        if steps != self.parts.0 {
+            self.parts = (steps, self.model.over(self.data.samples.interval_s / steps as f64));
+        }
+        self.model.divides()
+    }
+
+    fn begin_again(&mut self) {
+        self.log_likelihood = 0.0;
+    }
+
     fn advance(
         &mut self,
         filter: &mut dyn Filtering,
@@ -215,6 +236,12 @@ impl Course for EquationCourse<'_> {
         let (steps, usual) = &self.parts;
         let of_usual = (interval / usual_s - 1.0).abs() <= SAME;
         let bridge = Bridge::over(interval, usual_s);
+        if let Some(kinks) = self.kinks.as_mut().filter(|_| of_usual) {
+            let inputs = self.data.inputs.iter().zip(self.between.iter().copied());
+            set_nodes(&mut self.nodes, inputs, |input, between| between.nodes(input, to));
+            let [start, middle, end] = &self.nodes;
+            return kinks.advance(self.model, filter, Nodes { start, middle, end }, counts);
+        }
         let (intervals, steps) = if of_usual { (1, *steps) } else { (bridge.steps, *steps * bridge.steps) };
         if !of_usual {
             counts.bridged = counts.bridged.saturating_add(bridge.missing);

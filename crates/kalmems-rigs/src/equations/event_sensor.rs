@@ -3,15 +3,15 @@
 use super::model::{EquationModel, chain};
 use crate::estimate::Sensor;
 use crate::estimate::driven::SegmentDrive;
-use crate::signal::cubic_between;
+use crate::signal::quintic_between;
 use kalmems_core::Nodes;
-use kalmems_equations::MOST_STATES;
+use kalmems_equations::{MOST_STATES, StepTables};
 
 /// The way back from a row to the time of an event: the interval in equal steps, with the inputs at the ends and in the middle of each.
 #[derive(Default)]
 pub struct BackwardInterval {
-    /// A step in s, below 0, and how many there are.
-    step_s: f64,
+    /// The tables of a step, which leads back, and how many there are.
+    tables: Option<StepTables>,
     steps: usize,
     /// The inputs, at every half of a step.
     inputs: Vec<f64>,
@@ -22,27 +22,29 @@ pub struct BackwardInterval {
 const MOST_STEPS: f64 = 65_536.0;
 
 impl BackwardInterval {
-    /// Goes from row `k` to a time in s, at this pace in steps per s, along the inputs over the rows.
+    /// Goes from row `k` to a time in s, in steps that follow the model's motion, along the inputs over the rows.
     pub fn to(
         &mut self,
         (time_s, k, then_s): (&[f64], usize, f64),
-        (pace, interval_s): (f64, f64),
+        (model, interval_s): (&EquationModel, f64),
         inputs: &[SegmentDrive<'_>],
     ) {
         let now_s = time_s[k];
-        // Inputs are a cubic from row to row, so that no step goes over several of them.
-        let pace = if inputs.is_empty() { pace } else { pace.max(interval_s.recip()) };
+        // Inputs are another polynomial from row to row, so that no step goes over several of them.
+        let pace = if inputs.is_empty() { model.pace() } else { model.pace().max(interval_s.recip()) };
         let steps = ((now_s - then_s).abs() * pace).ceil().clamp(1.0, MOST_STEPS);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
         let count = steps as usize;
-        (self.steps, self.step_s, self.count) = (count, (then_s - now_s) / steps, inputs.len());
+        let step_s = (then_s - now_s) / steps;
+        (self.steps, self.count) = (count, inputs.len());
+        self.tables = Some(model.tables_back(step_s));
         self.inputs.clear();
         let last = time_s.len().saturating_sub(1);
         for half in 0..=2 * self.steps {
-            let at_s = now_s + 0.5 * self.step_s * half as f64;
+            let at_s = now_s + 0.5 * step_s * half as f64;
             let to = time_s.partition_point(|t| *t < at_s).clamp(last.min(1), last);
             self.inputs
-                .extend(inputs.iter().map(|input| cubic_between(time_s, |i| input.sample(i).0, to, at_s)));
+                .extend(inputs.iter().map(|input| quintic_between(time_s, |i| input.sample(i).0, to, at_s)));
         }
     }
 
@@ -91,10 +93,11 @@ impl EventSensor<'_> {
         for (place, entry) in all.iter_mut().enumerate() {
             *entry = f64::from(u8::from(place % (n + 1) == 0));
         }
+        let Some(tables) = &self.way.tables else { return [f64::NAN; MOST_STATES] };
         for step in 0..self.way.steps {
             let (from, to, nodes) = (&at[..n], &mut next[..n], self.way.nodes(step));
             let one = one.get_mut(..all.len()).unwrap_or_default();
-            model.step_back(from, (&nodes, self.way.step_s), to, one);
+            model.step_back(from, (&nodes, tables), to, one);
             for (i, held) in model.apart_from(self.event).iter().enumerate() {
                 if *held {
                     to[i] = present[i];

@@ -4,7 +4,7 @@ use super::course::{EquationSegment, SegmentChannel};
 use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
 use super::interpolation::Interpolation;
-use super::model::{EquationModel, noises};
+use super::model::{EquationModel, noises, steps_over};
 use super::segment::{EquationFilterTask, at_rest, motion, rates_of_inputs};
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
@@ -71,7 +71,8 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     let model = filter.models(own).map_err(wrong)?;
     let Some(model) = model.first() else { return refuse("it has no model") };
     // What follows faster than the samples is predicted in parts of the interval between them.
-    let parts = model.over(interval_s).steps();
+    let parts =
+        steps_over(model.pace(), interval_s).filter(|_| method == StepMethod::RungeKutta).unwrap_or(1);
     let each_s = interval_s / parts as f64;
     let over = model.over(each_s);
     let mut heading = heading(experiment, request, &filter.basics.name, interval_s);
@@ -143,13 +144,13 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         adjustable: adjustable(experiment, request, own)?,
         states: (0..states).map(start).collect(),
         start_covariance: square(&covariance),
-        process_noise: square(&|i, j| over.covariance(i, j)),
+        process_noise: square(&|i, j| model.covariance(&over, (i, j))),
         free: filter
             .basics
             .parameters()
             .iter()
             .enumerate()
-            .filter_map(|(k, tracked)| free(own, tracked, over.covariance(states + k, states + k)))
+            .filter_map(|(k, tracked)| free(own, tracked, model.covariance(&over, (states + k, states + k))))
             .collect(),
         vectors: (!samples.is_empty()).then_some(TestVectors { samples, tolerance: TOLERANCE }),
         measures,

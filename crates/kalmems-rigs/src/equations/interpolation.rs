@@ -15,8 +15,10 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
-    /// Along the cubic through the four samples around.
+    /// Along the polynomial of fifth order through the six samples around.
     #[default]
+    Quintic,
+    /// Along the cubic through the four samples around.
     Cubic,
     /// Along a straight line.
     Linear,
@@ -24,10 +26,10 @@ pub enum Interpolation {
     Hold,
     /// It stays at the mean of the samples at both ends.
     Mean,
-    /// Along the sine of the block of samples before, corrected by the cubic through what the samples differ from it: for few samples
-    /// in a cycle of a steady drive. Along the cubic where the input follows no sine.
+    /// Along the sine of the block of samples before, corrected by the quintic through what the samples differ from it: for few samples
+    /// in a cycle of a steady drive. Along the quintic where the input follows no sine.
     Sine,
-    /// Along the band-limited signal through the 16 samples on either side, for few samples in a cycle of any drive. Along the cubic
+    /// Along the band-limited signal through the 16 samples on either side, for few samples in a cycle of any drive. Along the quintic
     /// where these are not at equal distances.
     BandLimited,
 }
@@ -38,7 +40,11 @@ const REACH: usize = 16;
 impl Interpolation {
     /// The rows before and behind the new ones of a part that it asks for.
     pub fn rows_around(self) -> (usize, usize) {
-        if self == Self::BandLimited { (REACH, REACH) } else { (4, 1) }
+        match self {
+            Self::BandLimited => (REACH, REACH),
+            Self::Quintic | Self::Sine => SegmentDrive::ROWS_AROUND,
+            Self::Cubic | Self::Linear | Self::Hold | Self::Mean => (4, 1),
+        }
     }
 
     /// Whether the sine of an input has to be followed block by block.
@@ -49,7 +55,8 @@ impl Interpolation {
     /// An input at the ends and in the middle of the interval that ends at sample `to`.
     pub fn nodes(self, input: &SegmentDrive<'_>, to: usize) -> Nodes<f64> {
         match self {
-            Self::Cubic => input.nodes(to),
+            Self::Quintic => input.nodes(to),
+            Self::Cubic => input.nodes_on_cubic(to),
             Self::Linear | Self::Hold | Self::Mean => {
                 let (start, end) = (input.sample(to - 1).0, input.sample(to).0);
                 self.between_ends(Nodes { start, middle: f64::NAN, end })
@@ -74,7 +81,7 @@ impl Interpolation {
             Self::Linear => Nodes { start, middle: start.midpoint(end), end },
             Self::Hold => Nodes::held(start),
             Self::Mean => Nodes::held(start.midpoint(end)),
-            Self::Cubic | Self::Sine | Self::BandLimited => nodes,
+            Self::Quintic | Self::Cubic | Self::Sine | Self::BandLimited => nodes,
         }
     }
 }
@@ -104,7 +111,7 @@ fn band_limited_middle(input: &SegmentDrive<'_>, to: usize) -> Option<f64> {
 pub enum Interpolations {
     /// The same for all.
     All(Interpolation),
-    /// One for each that is named; a cubic for the others.
+    /// One for each that is named; a quintic for the others.
     Each(Ordered<Interpolation>),
 }
 
@@ -115,7 +122,7 @@ impl Default for Interpolations {
 }
 
 impl Interpolations {
-    /// Whether nothing but the cubic is asked for.
+    /// Whether nothing but the default is asked for.
     pub fn is_left_out(&self) -> bool {
         match self {
             Self::All(all) => *all == Interpolation::default(),
@@ -189,7 +196,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     /// Largest errors of the middle of each interval, away from the ends, of this many samples per cycle.
-    fn errors(per_cycle: f64, sweep: f64) -> [(Interpolation, f64); 4] {
+    fn errors(per_cycle: f64, sweep: f64) -> [(Interpolation, f64); 5] {
         let wave = |k: f64| (TAU * k / per_cycle * (1.0 + sweep * k) + 0.3).sin();
         let time_s: Vec<f64> = (0..9000).map(|k| f64::from(k) * 1e-6).collect();
         let values: Vec<f64> = (0..9000).map(|k| wave(f64::from(k))).collect();
@@ -197,8 +204,13 @@ mod tests {
         past.foresees = true;
         let samples = SampleSelection::whole(time_s.len(), 1e-6);
         let input = SegmentDrive::of(&time_s, &values, &samples, &mut past, &Interruption::never());
-        let ways =
-            [Interpolation::Linear, Interpolation::Cubic, Interpolation::Sine, Interpolation::BandLimited];
+        let ways = [
+            Interpolation::Linear,
+            Interpolation::Cubic,
+            Interpolation::Quintic,
+            Interpolation::Sine,
+            Interpolation::BandLimited,
+        ];
         ways.map(|way| {
             let error = |to: usize| way.nodes(&input, to).middle - wave(to as f64 - 0.5);
             (way, (20..8980).map(|to| error(to).abs()).fold(0.0, f64::max))
@@ -207,17 +219,19 @@ mod tests {
 
     #[test]
     fn a_steady_sine_of_few_samples_is_followed_by_its_sine_and_any_drive_within_the_band() {
-        // The cubic's error is 3/128 of the fourth power of the phase between two samples.
-        let [(_, linear), (_, cubic), (_, sine), (_, band)] = errors(8.0, 0.0);
+        // The cubic's error is 3/128 of the fourth power of the phase between two samples, the quintic's 5/1024 of the sixth.
+        let [(_, linear), (_, cubic), (_, quintic), (_, sine), (_, band)] = errors(8.0, 0.0);
+        let of_quintic = 5.0 / 1024.0 * (TAU / 8.0).powi(6);
+        assert!((quintic / of_quintic - 1.0).abs() < 0.2, "{quintic} {of_quintic}");
         let expected = 3.0 / 128.0 * (TAU / 8.0).powi(4);
         assert!((cubic / expected - 1.0).abs() < 0.2, "{cubic} {expected}");
         assert!((linear / (TAU / 8.0).powi(2) * 8.0 - 1.0).abs() < 0.2, "{linear}");
         assert!(sine < 1e-9 && band < 1e-5, "{sine:e} {band:e}");
-        // A sweep follows no sine: the cubic stands in, and the band-limited signal is as good as before.
-        let [_, (_, cubic), (_, sine), (_, band)] = errors(8.0, 2e-5);
+        // A sweep follows no sine: the quintic stands in, and the band-limited signal is as good as before.
+        let [_, _, (_, quintic), (_, sine), (_, band)] = errors(8.0, 2e-5);
         assert!(
-            cubic > 5e-3 && (sine / cubic - 1.0).abs() < 0.1 && band < 1e-5,
-            "{cubic:e} {sine:e} {band:e}"
+            quintic > 1e-3 && (sine / quintic - 1.0).abs() < 0.1 && band < 1e-5,
+            "{quintic:e} {sine:e} {band:e}"
         );
     }
 
@@ -230,7 +244,7 @@ mod tests {
         let each = read("i = { a = 'mean', b = 'band_limited' }").unwrap();
         assert_eq!(
             ["a", "b", "c"].map(|name| each.of(name)),
-            [Interpolation::Mean, Interpolation::BandLimited, Interpolation::Cubic,]
+            [Interpolation::Mean, Interpolation::BandLimited, Interpolation::Quintic,]
         );
         let refused = read("i = 'spline'").unwrap_err().to_string();
         assert!(refused.contains("spline") && refused.contains("band_limited"), "{refused}");

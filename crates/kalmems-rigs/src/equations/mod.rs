@@ -10,6 +10,7 @@ mod export;
 mod feedback;
 mod interpolation;
 mod inversion;
+mod kinks;
 mod model;
 mod names;
 mod number;

@@ -7,14 +7,16 @@ use kalmems_core::discretize::discretize;
 use kalmems_core::{Mat, Nodes, NoiseDensity, ProcessNoise};
 use kalmems_equations::{
     Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, ProgramNumbers, Reading, ReadoutProgram,
+    StepTables,
 };
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
+use std::rc::Rc;
 
 /// How a step follows the equations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepRule {
-    /// By Runge and Kutta's method of fourth order.
-    RungeKutta,
+    /// By exponential time differencing of fourth order: exactly where the motion is linear.
+    Exponential,
     /// By Euler's method.
     Euler,
 }
@@ -116,6 +118,63 @@ impl EquationModel {
 
     /// What is made once for an interval in s.
     pub fn over(&self, interval_s: f64) -> Interval {
+        Interval { length_s: interval_s, linearised: RefCell::default() }
+    }
+
+    /// Whether the motion has kinks, such as that of a contact: how many steps follow it depends on where it is.
+    pub fn has_kinks(&self) -> bool {
+        self.rule == StepRule::Exponential && self.motion.has_kinks()
+    }
+
+    /// Whether shorter steps are closer to the motion: not where they are exact, or those of a published method.
+    pub fn divides(&self) -> bool {
+        self.rule == StepRule::Exponential && !self.motion.is_linear()
+    }
+
+    /// Where the motion is linearised for a state: at rest, with the states that no equation moves, such as a resonance, and the
+    /// parameters that are states, at their means; these are rounded, so that it is the same for many samples. A function of the state
+    /// alone.
+    fn point(&self, mean: &[f64]) -> StateNumbers {
+        let mut point = [0.0; MOST_STATES];
+        for (to, rest) in point.iter_mut().zip(&self.rest) {
+            *to = *rest;
+        }
+        let moving = self.moving();
+        let held = self.motion.held().iter().copied();
+        for place in held.filter(|place| *place < moving) {
+            if let Some((to, mean)) = point.get_mut(place).zip(mean.get(place)) {
+                *to = rounded(*mean);
+            }
+        }
+        let free = self.free.iter().zip(mean.iter().skip(moving));
+        for (to, ((value, added), deviation)) in point.iter_mut().skip(moving).zip(free) {
+            let off = deviation * added.scale;
+            // Exactly the stated value where it is not off.
+            *to = if *value == 0.0 {
+                rounded(off)
+            } else {
+                value + value * (GRID * off / value).round() / GRID
+            };
+        }
+        point
+    }
+
+    /// What an interval is linearised to for a state with this mean.
+    fn linearised(&self, interval: &Interval, mean: &[f64]) -> Rc<Linearised> {
+        let point = self.point(mean);
+        let known = interval.linearised.borrow().iter().find(|one| one.point == point).cloned();
+        known.unwrap_or_else(|| {
+            let made = Rc::new(self.linearise(point, interval.length_s));
+            let mut kept = interval.linearised.borrow_mut();
+            if kept.len() == MOST_LINEARISED {
+                kept.remove(0);
+            }
+            kept.push(made.clone());
+            made
+        })
+    }
+
+    fn linearise(&self, point: StateNumbers, interval_s: f64) -> Linearised {
         let moving = self.moving();
         let states = moving + self.free.len();
         let held = ParameterStep::of(self.free.iter().map(|(_, added)| *added), interval_s);
@@ -130,15 +189,31 @@ impl EquationModel {
         self.with_work(0, |work| {
             let inputs = [0.0; MOST_STATES];
             let inputs = inputs.get(..self.inputs).unwrap_or_default();
-            self.motion.linearize(work, &self.rest, inputs, &mut rates, &mut jacobian);
+            let at = point.get(..states).unwrap_or_default();
+            self.motion.linearize(work, at, inputs, &mut rates, &mut jacobian);
         });
         noise(&jacobian);
-        let steps = match self.rule {
-            StepRule::RungeKutta => steps_over(self.pace, interval_s).unwrap_or(MOST_STEPS),
-            // A published filter by Euler's method takes one step for a sample, however short that is.
-            StepRule::Euler => 1,
-        };
-        Interval { length_s: interval_s, steps, held, covariance, root }
+        let mut tables = self.motion.tables();
+        self.motion.set_tables(&mut tables, &jacobian, interval_s);
+        let (of_half, interval_s) = (OnceCell::new(), 0.5 * interval_s);
+        Linearised { point, tables, half: (of_half, interval_s), jacobian, held, covariance, root }
+    }
+
+    /// The tables of half of an interval.
+    fn half<'a>(&self, of: &'a Linearised) -> &'a StepTables {
+        let (tables, interval_s) = &of.half;
+        tables.get_or_init(|| {
+            let mut tables = self.motion.tables();
+            self.motion.set_tables(&mut tables, &of.jacobian, *interval_s);
+            tables
+        })
+    }
+
+    /// An entry of the covariance that the noise adds over an interval at rest.
+    pub fn covariance(&self, interval: &Interval, (i, j): (usize, usize)) -> f64 {
+        let at_rest = self.linearised(interval, self.rest.get(..self.moving()).unwrap_or_default());
+        let (i, j) = (i.max(j), i.min(j));
+        at_rest.covariance.get(i * self.rest.len() + j).copied().unwrap_or(0.0)
     }
 
     fn write_noise<const M: usize>(
@@ -178,7 +253,8 @@ impl EquationModel {
                 *turn = period * (at / period).floor();
             }
         }
-        UnderInputs { model: self, interval, inputs, turns }
+        let linearised = self.linearised(interval, mean);
+        UnderInputs { model: self, length_s: interval.length_s, linearised, inputs, turns }
     }
 
     /// A measurement under inputs.
@@ -196,20 +272,24 @@ impl EquationModel {
         self.apart.get(event).map_or(&[], Vec::as_slice)
     }
 
-    /// One step of the motion back in time, by Runge and Kutta's method whatever the rule of the filter, with its derivatives where
-    /// there is room; parameters are states by their values.
+    /// The tables of a step back in time, by Runge and Kutta's method whatever the rule of the filter.
+    pub fn tables_back(&self, step_s: f64) -> StepTables {
+        self.motion.runge_kutta(step_s)
+    }
+
+    /// One step of the motion back in time, with its derivatives where there is room; parameters are states by their values.
     pub fn step_back(
         &self,
         at: &[f64],
-        (inputs, step_s): (&Nodes<&[f64]>, f64),
+        (inputs, tables): (&Nodes<&[f64]>, &StepTables),
         to: &mut [f64],
         jacobian: &mut [f64],
     ) {
         let finite = self.with_work(0, |work| {
             if jacobian.is_empty() {
-                self.motion.step(work, at, inputs, step_s, to)
+                self.motion.step(work, at, inputs, tables, to)
             } else {
-                self.motion.linearized_step(work, at, inputs, step_s, to, jacobian)
+                self.motion.linearized_step(work, at, inputs, tables, to, jacobian)
             }
         });
         if finite != Some(true) {
@@ -289,34 +369,45 @@ fn valued(x: &[f64], moving: usize, free: &[(f64, AddedState<f64>)]) -> StateNum
     valued
 }
 
-/// What is made once for an interval.
+/// What is made once for an interval, and for each place where the motion is linearised.
 pub struct Interval {
     length_s: f64,
-    /// The steps in which the equations are followed over it.
-    steps: usize,
+    linearised: RefCell<Vec<Rc<Linearised>>>,
+}
+
+/// Places that are kept at once.
+const MOST_LINEARISED: usize = 8;
+
+/// A step over an interval for one place where the motion is linearised.
+struct Linearised {
+    /// The states there, parameters by their values.
+    point: StateNumbers,
+    tables: StepTables,
+    /// The same for half of the interval, once they are asked for, and that half in s.
+    half: (OnceCell<StepTables>, f64),
+    /// ∂f/∂x, row by row.
+    jacobian: Vec<f64>,
     held: ParameterStep,
     covariance: Vec<f64>,
     root: Vec<f64>,
 }
 
-impl Interval {
-    /// The steps in which the equations are followed over it.
-    pub fn steps(&self) -> usize {
-        self.steps
-    }
+/// Steps of a parameter's grid in its value.
+const GRID: f64 = 4096.0;
 
-    /// An entry of the covariance that the noise adds.
-    pub fn covariance(&self, i: usize, j: usize) -> f64 {
-        let states = self.covariance.len().isqrt();
-        let (i, j) = (i.max(j), i.min(j));
-        self.covariance.get(i * states + j).copied().unwrap_or(0.0)
-    }
+/// A number to twelve binary digits: what a step's linear part is off by then costs the step less than a thousandth of a claimed
+/// standard deviation, and is the same for many samples.
+fn rounded(x: f64) -> f64 {
+    const DROPPED: u32 = f64::MANTISSA_DIGITS - 12;
+    let half = 1_u64 << (DROPPED - 1);
+    f64::from_bits((x.to_bits() + half) & !((1 << DROPPED) - 1))
 }
 
 /// A step under inputs.
 pub struct UnderInputs<'a> {
     model: &'a EquationModel,
-    interval: &'a Interval,
+    length_s: f64,
+    linearised: Rc<Linearised>,
     inputs: Nodes<&'a [f64]>,
     turns: StateNumbers,
 }
@@ -325,56 +416,26 @@ impl UnderInputs<'_> {
     /// Moves the states, with the derivatives by all of them where there is room for these.
     fn moved(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
         let model = self.model;
-        let mut valued = model.valued(x);
-        let Some(at) = valued.get_mut(..x.len()) else { return };
+        let valued = model.valued(x);
+        let Some(at) = valued.get(..x.len()) else { return };
+        let (motion, tables) = (&model.motion, &self.linearised.tables);
         let finite = model.with_work(0, |work| match model.rule {
-            StepRule::RungeKutta => self.by_runge_kutta(work, at, to, jacobian),
+            StepRule::Exponential if jacobian.is_empty() => motion.step(work, at, &self.inputs, tables, to),
+            StepRule::Exponential => motion.linearized_step(work, at, &self.inputs, tables, to, jacobian),
             StepRule::Euler => self.by_euler(work, at, to, jacobian),
         });
+        self.concluded(finite, x, to);
+    }
+
+    /// Takes whole turns off, and moves the parameters; no numbers where the step is not finite.
+    fn concluded(&self, finite: Option<bool>, x: &[f64], to: &mut [f64]) {
         if finite != Some(true) {
             to.fill(f64::NAN);
         }
         for (to, turns) in to.iter_mut().zip(&self.turns) {
             *to -= turns;
         }
-        self.interval.held.advance(model.moving(), x, to);
-    }
-
-    fn by_runge_kutta(
-        &self,
-        work: &mut ProgramNumbers,
-        at: &mut [f64],
-        to: &mut [f64],
-        jacobian: &mut [f64],
-    ) -> bool {
-        let (motion, Interval { length_s, steps, .. }) = (&self.model.motion, self.interval);
-        if *steps == 1 {
-            return if jacobian.is_empty() {
-                motion.step(work, at, &self.inputs, *length_s, to)
-            } else {
-                motion.linearized_step(work, at, &self.inputs, *length_s, to, jacobian)
-            };
-        }
-        let (size, step_s) = (at.len(), length_s / *steps as f64);
-        let mut finite = true;
-        let mut first = true;
-        let mut one = [0.0; MOST_STATES * MOST_STATES];
-        let one = one.get_mut(..jacobian.len()).unwrap_or_default();
-        for step in 0..*steps {
-            let mut nodes = [[0.0; MOST_STATES]; 3];
-            let inputs = self.inputs_of_part(step, *steps, &mut nodes);
-            if jacobian.is_empty() {
-                finite &= motion.step(work, at, &inputs, step_s, to);
-            } else if first {
-                finite &= motion.linearized_step(work, at, &inputs, step_s, to, jacobian);
-                first = false;
-            } else {
-                finite &= motion.linearized_step(work, at, &inputs, step_s, to, one);
-                chain(jacobian, one, self.model.moving(), size);
-            }
-            at.copy_from_slice(to);
-        }
-        finite
+        self.linearised.held.advance(self.model.moving(), x, to);
     }
 
     /// The inputs over one of so many parts of the interval.
@@ -398,7 +459,7 @@ impl UnderInputs<'_> {
     }
 
     fn by_euler(&self, work: &mut ProgramNumbers, at: &[f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
-        let (motion, interval_s) = (&self.model.motion, self.interval.length_s);
+        let (motion, interval_s) = (&self.model.motion, self.length_s);
         let finite = if jacobian.is_empty() {
             motion.rates(work, at, self.inputs.start, to)
         } else {
@@ -445,12 +506,31 @@ impl Transition for UnderInputs<'_> {
                 *slope *= added.scale;
             }
         }
-        self.interval.held.linearize(moving, x.len(), jacobian);
+        self.linearised.held.linearize(moving, x.len(), jacobian);
+    }
+
+    fn advance_in_halves(&self, x: &[f64], to: &mut [f64]) -> bool {
+        let model = self.model;
+        if !model.divides() {
+            return false;
+        }
+        let valued = model.valued(x);
+        let Some(at) = valued.get(..x.len()) else { return false };
+        let tables = model.half(&self.linearised);
+        let mut middle = [0.0; MOST_STATES];
+        let Some(middle) = middle.get_mut(..x.len()) else { return false };
+        let finite = model.with_work(0, |work| {
+            let mut nodes = [[0.0; MOST_STATES]; 3];
+            let first = model.motion.step(work, at, &self.inputs_of_part(0, 2, &mut nodes), tables, middle);
+            first && model.motion.step(work, middle, &self.inputs_of_part(1, 2, &mut nodes), tables, to)
+        });
+        self.concluded(finite, x, to);
+        true
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
-        covariance.copy_from_slice(&self.interval.covariance);
-        root.copy_from_slice(&self.interval.root);
+        covariance.copy_from_slice(&self.linearised.covariance);
+        root.copy_from_slice(&self.linearised.root);
     }
 
     fn moving(&self, _: usize) -> usize {

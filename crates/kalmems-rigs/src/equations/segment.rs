@@ -3,7 +3,7 @@
 use super::EquationColumns;
 use super::course::{EquationCourse, EquationSegment, SegmentChannel};
 use super::event_search::EventSearches;
-use super::model::{EquationModel, noises, steps_over};
+use super::model::{EquationModel, noises};
 use super::names;
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::start::{most_rows, rows_before, start_of};
@@ -25,8 +25,9 @@ use kalmems_equations::{Device, EquationError};
 /// Cycles of the free motion that show how the device is driven, at least.
 const STARTING_CYCLES: f64 = 40.0;
 
-/// The rows before and behind the new ones that the rates of inputs and the cubic through four of them ask for.
-const ROWS_FOR_RATES: (usize, usize) = (4 + SLOPE_REACH, 2 + SLOPE_REACH);
+/// The rows before and behind the new ones that the rates of inputs and the polynomial through six of them ask for.
+const ROWS_FOR_RATES: (usize, usize) =
+    (SegmentDrive::ROWS_AROUND.0 + SLOPE_REACH, SegmentDrive::ROWS_AROUND.1 + SLOPE_REACH);
 
 /// The rates of those inputs whose rates the equations need, at each sample.
 pub fn rates_of_inputs(device: &Device, inputs: &[SegmentDrive<'_>], interval_s: f64) -> Vec<Vec<f64>> {
@@ -184,14 +185,6 @@ impl Estimator for EquationEstimator<'_> {
             };
             channels.push(SegmentChannel { name: &named.name, measure: *measure, variance, signal });
         }
-        if steps_over(settings.own.pace(), segment.interval_s).is_none() {
-            let why = format!(
-                "it has a motion that is far faster than the samples, which come every {} s: put what follows at once in the place of \
-                 a state, or sample faster; `kalmems inspect` lists its time constants",
-                super::short(segment.interval_s)
-            );
-            return Err(self.experiment.error("device.equations", ConfigFault::Value { why }).into());
-        }
         let drive = inputs.iter().find_map(|input| input.first_sine().copied());
         let motion = motion(&settings.own, drive.as_ref(), segment.interval_s);
         let mut kept = match self.searches.take() {
@@ -225,6 +218,7 @@ impl Estimator for EquationEstimator<'_> {
             let way = EquationFilterTask { own, filter, models, data: &data, progress };
             let mut found = way.follow(past)?;
             for (answer, trajectory) in found.iter_mut().enumerate() {
+                trajectory.hidden_signs.clone_from(&settings.own.hidden_signs);
                 let judge = &mut past.answer(answer).judge;
                 trajectory.lock = judge.judge(trajectory, &axes, start_s, data.samples.ends);
             }

@@ -34,6 +34,8 @@ pub struct OwnDevice {
     pub modes: Vec<Mode>,
     /// How each input goes between two samples.
     pub between: Vec<Interpolation>,
+    /// The signs of states that its measurements do not tell.
+    pub hidden_signs: Vec<Vec<usize>>,
 }
 
 impl OwnDevice {
@@ -44,7 +46,7 @@ impl OwnDevice {
         let stated = device.inputs().iter().take(device.own_inputs());
         let stated = stated.map(|input| table.interpolation.of(&input.name));
         // The rate of an input that jumps is as good or bad as its samples are dense.
-        let rates = device.rated_inputs().iter().map(|_| Interpolation::Cubic);
+        let rates = device.rated_inputs().iter().map(|_| Interpolation::default());
         let between = stated.chain(rates).collect();
         Self::with(device, values, between).map_err(|error| refused(experiment, &error))
     }
@@ -72,7 +74,8 @@ impl OwnDevice {
         let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
         motion.linearize(&mut work, &rest, &inputs, &mut rates, &mut jacobian);
         let modes = modes(&jacobian, states).unwrap_or_default();
-        Ok(Self { device, values, rest, rests, modes, between })
+        let hidden_signs = device.hidden_signs();
+        Ok(Self { device, values, rest, rests, modes, between, hidden_signs })
     }
 
     /// The frequency of its free motion in Hz: that of its slowest oscillation; of a device that does not oscillate, one by its
@@ -344,7 +347,7 @@ impl EquationFilterSettings {
         let (stated, _) = noises(&own.device, &values, f64::NAN)?;
         let density = stated.iter().zip(&self.density).map(|(stated, own)| own.unwrap_or(*stated)).collect();
         let rule =
-            if self.basics.method == Method::EulerEkf { StepRule::Euler } else { StepRule::RungeKutta };
+            if self.basics.method == Method::EulerEkf { StepRule::Euler } else { StepRule::Exponential };
         let tracked: &[Tracked] = self.basics.parameters();
         EquationModel::new(&own.device, &values, tracked, (density, rule), (&own.rest, own.pace()))
     }

@@ -379,9 +379,11 @@ impl Simulation for EquationSimulation {
         let mut truth = vec![0.0; self.truth.len()];
         let (mut nodes, mut inputs) = ([const { Vec::new() }; 3], vec![0.0; self.drives.len()]);
         let mut drives = self.drives.clone();
+        let mut tables = motion.tables();
         let mut advance = |drives: &[Drive], state: &mut Vec<f64>, from_s: f64, to_s: f64| {
             parts_of_all(drives, (from_s, to_s), &mut nodes, &mut |from_s, to_s, nodes| {
-                motion.step(&mut work, state, nodes, to_s - from_s, &mut next);
+                motion.set_runge_kutta(&mut tables, to_s - from_s);
+                motion.step(&mut work, state, nodes, &tables, &mut next);
                 std::mem::swap(state, &mut next);
             });
             if simulate.noise {

@@ -35,6 +35,10 @@ impl Plant for ExactStageStep {
     fn sensor(&self) -> impl Sensor + '_ {
         MeasurementSensor::<_, 2>(&self.0.readout)
     }
+
+    fn divides(&self) -> bool {
+        false
+    }
 }
 
 /// The stage with parameters as states.

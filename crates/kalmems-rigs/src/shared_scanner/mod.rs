@@ -25,7 +25,7 @@ pub mod two_axes;
 use super::{Estimator, NumberForm, OmittedNumber, Rig, StateDensity, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment, Method, RecordingRole};
-use crate::estimate::driven::{BLOCK, DrivenSegment};
+use crate::estimate::driven::{BLOCK, DrivenSegment, SegmentDrive};
 use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SideOutputs,
     SignalSegment, rows_for_start, rows_to_start_again,
@@ -281,15 +281,13 @@ fn sign_after_restart(part: &SegmentPart, calibrated: bool) -> Vec<String> {
 /// Cycles of the motion after the settling time in which a turning point tells its sign.
 const STARTING_CYCLES: f64 = 4.0;
 
-/// Rows before the new ones that the drive is interpolated through.
-const INTERPOLATED: usize = 4;
-
 /// What the estimators of driven scanners need around the new rows: at first what shows the sine of the drive and the motion
 /// for this long in s.
 fn around_driven(interval_s: f64, start_s: f64, smooths: bool) -> RowsAround {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
     let rows = (start_s / interval_s).ceil() as usize;
-    RowsAround { head: rows.max(BLOCK), before: INTERPOLATED, after: 1, smooths }
+    let (before, after) = SegmentDrive::ROWS_AROUND;
+    RowsAround { head: rows.max(BLOCK), before, after, smooths }
 }
 
 /// The recordings that are estimated, their channels checked.

@@ -140,6 +140,8 @@ fn judge(
         let past = past.answer(answer);
         if let Some(positive) = settings.first_peak_positive {
             past.orient(trajectory, 0, positive, data.first_drive_peak(settings.skip_s));
+        } else {
+            trajectory.hidden_signs = vec![vec![0, 1]];
         }
         if trajectory.mirrored {
             turn_phase(trajectory);

@@ -9,7 +9,7 @@ use crate::estimate::{
     Course, EVENTS, Filtering, MOST_STATES, NEVER, SampleCounts, Sensor, Trajectory, Transition,
     by_signal_taken_for,
 };
-use crate::signal::cubic_between;
+use crate::signal::quintic_between;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{FilterError, Innovation, Nodes};
 use kalmems_models::readout::Feedthrough;
@@ -141,7 +141,7 @@ impl<'a> ThresholdCourse<'a> {
             let at_s = now_s + 0.5 * step_s * halves as f64;
             let times = self.data.time_s;
             let to = times.partition_point(|t| *t < at_s).clamp(1, times.len() - 1);
-            cubic_between(times, |i| self.data.drive.sample(i).0, to, at_s)
+            quintic_between(times, |i| self.data.drive.sample(i).0, to, at_s)
         };
         let nodes = (0..steps).map(|i| Nodes {
             start: volts(2 * i),
@@ -182,6 +182,14 @@ impl Course for ThresholdCourse<'_> {
     /// Σ ln p(θ_th | what came before) over the crossings.
     fn conclude(&self, trajectory: &mut Trajectory) {
         trajectory.crossings_log_likelihood = self.log_likelihood;
+    }
+
+    fn divide(&mut self, steps: usize) -> bool {
+        self.motion.divide(steps)
+    }
+
+    fn begin_again(&mut self) {
+        self.log_likelihood = 0.0;
     }
 
     fn advance(

@@ -7,7 +7,7 @@ use crate::estimate::{
     TrajectoryKind,
 };
 use crate::evaluate::{
-    ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, Rejections, TestResult,
+    ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, Rejections, StepErrors, TestResult,
     UncertaintyBudget, ValueState,
 };
 use crate::recording::{Finding, StretchPlace, TimeOrigin};
@@ -99,6 +99,10 @@ pub struct SegmentMetrics {
     /// Whether the signal is the same for the mirrored motion.
     #[serde(skip)]
     pub sign_is_hidden: bool,
+    /// The states whose sign the signals do not tell and nothing states, the first of each that change it together: which sign an estimate has
+    /// is arbitrary, and a reference is compared with the one that is nearer to it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub arbitrary_signs: Vec<&'static str>,
     /// What a reader of the figures has to know and cannot see from them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
@@ -208,6 +212,9 @@ pub struct EstimatorMetrics {
     pub values: ErrorsByState,
     /// The mean NIS after the settling time; `None` for a model that makes no claim.
     pub consistency: Option<NisConsistency>,
+    /// What its steps from sample to sample add to its errors; none where they are exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_errors: Option<StepErrors>,
     /// Whether it followed the motion.
     pub lock: Lock,
     /// Σ ln p of the angle at the crossings of a threshold; 0 where there are none.
@@ -298,6 +305,11 @@ impl EstimatorMetrics {
             (Some(own), Some(later)) => Some(own.pooled(&later)),
             (own, later) => own.or(later),
         };
+        match (&mut self.step_errors, &later.step_errors) {
+            (Some(own), Some(later)) => own.pool(later),
+            (None, Some(_)) => self.step_errors = later.step_errors,
+            (_, None) => {}
+        }
         let room = LISTED.saturating_sub(self.lock.events.len());
         self.lock.events.extend(later.lock.events.into_iter().take(room));
         self.lock.lost = later.lock.lost;
@@ -442,10 +454,25 @@ pub(super) fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
             })
             .collect(),
         sign_is_hidden: estimate.sign_is_hidden,
+        arbitrary_signs: arbitrary_signs(&estimate.trajectories),
         remarks: estimate.remarks.clone(),
         likeliest: likeliest(&estimators),
         estimators,
     }
+}
+
+/// The first state of each group whose sign is arbitrary in one of these answers.
+fn arbitrary_signs(trajectories: &[Trajectory]) -> Vec<&'static str> {
+    let mut names = Vec::new();
+    for trajectory in trajectories.iter().filter(|trajectory| trajectory.kind != TrajectoryKind::ModelAlone) {
+        let first = |group: &Vec<usize>| trajectory.states.get(*group.first()?).map(|state| state.name);
+        for name in trajectory.hidden_signs.iter().filter_map(first) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+    }
+    names
 }
 
 fn drive(sine: Sine) -> DriveMetrics {
@@ -468,6 +495,7 @@ fn estimator(
     let Judgement { tests, parameters, rejections, budgets, .. } = judgement.cloned().unwrap_or_default();
     let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
     let lost = trajectory.lost_among(scored.clone());
+    let scored_from_s = trajectory.time_s.get(scored.start).copied();
     let mut metrics = EstimatorMetrics {
         key: trajectory.key.clone(),
         name: trajectory.name.clone(),
@@ -482,6 +510,7 @@ fn estimator(
         errors: errors.clone(),
         values: values.clone(),
         consistency: consistency(trajectory, estimate),
+        step_errors: scored_from_s.and_then(|from_s| StepErrors::of(trajectory, from_s)),
         lock: trajectory.lock.clone(),
         crossings_log_likelihood: trajectory.crossings_log_likelihood,
         counts: SampleCounts { lost, ..trajectory.counts },

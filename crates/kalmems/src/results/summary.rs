@@ -5,7 +5,7 @@ use super::{EstimatorMetrics, FilterSelection, Metrics, SegmentMetrics, Verdict}
 use crate::estimate::{LockEvent, NisConsistency, ParameterCorrelation, TrajectoryKind};
 use crate::evaluate::{
     Claim, DeviceUncertainty, ErrorDecomposition, Grade, MotionErrors, ParameterAnswer, PartErrors,
-    TestResult, nis,
+    StepErrors, TestResult, nis,
 };
 use crate::inspect::{fitting_unit, quantity};
 use crate::topics::link;
@@ -330,6 +330,7 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
             }
             notices
                 .extend(segment.likeliest.iter().map(|likeliest| note(of_the_choice(likeliest)).at(&place)));
+            notices.extend(of_the_signs(segment).map(|text| note(text).at(&place).explained_by("sign")));
             notices.extend(segment.remarks.iter().map(|remark| note(remark.clone()).at(&place)));
             for estimator in &segment.estimators {
                 let own = sentences(estimator, segment.sign_is_hidden).into_iter();
@@ -368,6 +369,26 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
     }
     notices.sort_by_key(|notice| std::cmp::Reverse(order(notice.severity)));
     notices
+}
+
+/// What is said of signs that the signals do not tell.
+fn of_the_signs(segment: &SegmentMetrics) -> Option<String> {
+    let names: Vec<String> = segment.arbitrary_signs.iter().map(|name| format!("`{name}`")).collect();
+    if names.is_empty() {
+        return None;
+    }
+    let stated = if segment.sign_is_hidden {
+        "`first_peak` in `[estimate]` states it"
+    } else {
+        "a start whose sign is known states it"
+    };
+    let compared = segment.estimators.iter().any(|one| one.errors.is_some() || !one.values.is_empty());
+    let by_reference =
+        if compared { "; the errors are those of the sign that is nearer to the reference" } else { "" };
+    Some(format!(
+        "the signal is the same for the other sign of {}: the sign of the estimate is arbitrary; {stated}{by_reference}",
+        names.join(" and of ")
+    ))
 }
 
 /// The place of a notice among others: the worst has the largest.
@@ -676,6 +697,12 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
     let mut why: Vec<Notice> = claims
         .map(|(name, claim)| Notice { size: claim.mean_square.sqrt(), ..because(of_the_claim(name, &claim)) })
         .collect();
+    // Before any number of the device is blamed.
+    why.extend(estimator.step_errors.filter(StepErrors::is_remarkable).map(|steps| {
+        let found = because(steps.to_string());
+        let severity = if steps.is_large() { found.severity } else { NoticeSeverity::Note };
+        Notice { severity, size: f64::MAX, ..found }.explained_by("step")
+    }));
     why.extend(estimator.parameters.iter().filter_map(|parameter| {
         let ParameterAnswer { name, end, end_sd, fault, .. } = parameter;
         let text = format!("`{name}`, {end:.2e} ± {end_sd:.1e} at the end, {}", (*fault)?);

@@ -99,10 +99,12 @@ impl EstimatorMetrics {
             || has_fault
             || self.rejections.faults().next().is_some()
             || self.innovations_smaller_by().is_some()
+            || self.step_errors.is_some_and(|steps| steps.is_large())
         {
             Grade::Doubtful
         } else if self.verdict == Verdict::Consistent
             && !self.rejections.is_remarkable()
+            && !self.step_errors.is_some_and(|steps| steps.is_remarkable())
             && self.lock.events.is_empty()
         {
             Grade::Passes

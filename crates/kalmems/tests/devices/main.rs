@@ -22,6 +22,7 @@ mod silverbox;
 mod spectrum;
 mod stability;
 mod stage;
+mod steps;
 mod threshold;
 mod threshold_identification;
 mod threshold_scanner;

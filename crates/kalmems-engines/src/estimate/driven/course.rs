@@ -16,8 +16,10 @@ pub struct DrivenCourse<'a, P: Plant> {
     plant: &'a P,
     data: &'a DrivenSegment<'a>,
     noise_variance: f64,
+    /// One step over the usual interval: what a prediction of zero phases goes on by.
     usual: P::Motion,
-    /// So many steps from sample to sample, and each of them, where it is not one.
+    /// So many steps from sample to sample, at least; how many, and each of them, where they are several.
+    least: usize,
     parts: Option<(usize, P::Motion)>,
     /// The rate in rad/s by which amplitude and phase are said behind the states.
     phase_rate: Option<f64>,
@@ -37,14 +39,23 @@ impl<'a, P: Plant> DrivenCourse<'a, P> {
         data: &'a DrivenSegment<'a>,
     ) -> Result<Self, AugmentationError> {
         let usual = plant.over(data.interval_s)?;
-        Ok(Self { plant, data, noise_variance, usual, parts: None, phase_rate: None, predictor: None })
+        Ok(Self {
+            plant,
+            data,
+            noise_variance,
+            usual,
+            least: 1,
+            parts: None,
+            phase_rate: None,
+            predictor: None,
+        })
     }
 
-    /// Likewise, by so many steps from sample to sample, each linearised where the one before has led: the prediction of a
+    /// Likewise, by so many steps from sample to sample at least, each linearised where the one before has led: the prediction of a
     /// hybrid filter, whose mean and covariance follow their differential equations.
-    pub fn in_steps(self, steps: usize) -> Result<Self, AugmentationError> {
-        let each = self.plant.over(self.data.interval_s / steps as f64)?;
-        Ok(Self { parts: Some((steps, each)), ..self })
+    pub fn in_steps(self, least: usize) -> Result<Self, AugmentationError> {
+        let each = self.plant.over(self.data.interval_s / least as f64)?;
+        Ok(Self { least, parts: Some((least, each)), ..self })
     }
 
     /// Likewise, where amplitude and phase are said behind the states, an angle and its rate first, by this rate of the motion
@@ -139,31 +150,45 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
         let interval = to_s - from_s;
         if (interval / self.data.interval_s - 1.0).abs() <= SAME {
             let drive = self.data.drive.nodes(to);
-            return match &self.parts {
-                None => filter.predict(&self.plant.under(&self.usual, &drive)),
-                Some((steps, each)) => (0..*steps).try_for_each(|step| {
-                    filter
-                        .predict(&self.plant.under(each, &SegmentDrive::nodes_of_part(&drive, step, *steps)))
-                }),
+            let Some((steps, each)) = &self.parts else {
+                return filter.predict(&self.plant.under(&self.usual, &drive));
             };
+            return (0..*steps).try_for_each(|step| {
+                filter.predict(&self.plant.under(each, &SegmentDrive::nodes_of_part(&drive, step, *steps)))
+            });
         }
         // A gap: steps of about the usual length, driven by the sine that the drive follows. Where it follows
         // none, the recording was refused before it came here.
         let Bridge { missing, steps } = Bridge::over(interval, self.data.interval_s);
+        let (bridged, parts) = (steps > 1, steps * self.parts.as_ref().map_or(1, |(parts, _)| *parts));
         // It could be made for the usual interval.
-        let each = self.plant.over(interval / steps as f64).map_err(|_| FilterError::NonFiniteState)?;
+        let each = self.plant.over(interval / parts as f64).map_err(|_| FilterError::NonFiniteState)?;
         match self.data.drive.substitute(to) {
-            Some(sine) if steps > 1 => {
+            Some(sine) if bridged => {
                 counts.bridged = counts.bridged.saturating_add(missing);
-                for i in 0..steps {
-                    let at = |i: usize| from_s + interval * i as f64 / steps as f64;
+                for i in 0..parts {
+                    let at = |i: usize| from_s + interval * i as f64 / parts as f64;
                     let nodes = SegmentDrive::nodes_from_sine(sine, at(i), at(i + 1));
                     filter.predict(&self.plant.under(&each, &nodes))?;
                 }
                 Ok(())
             }
-            _ => filter.predict(&self.plant.under(&each, &self.data.drive.nodes(to))),
+            _ => {
+                let drive = self.data.drive.nodes(to);
+                (0..parts).try_for_each(|step| {
+                    filter
+                        .predict(&self.plant.under(&each, &SegmentDrive::nodes_of_part(&drive, step, parts)))
+                })
+            }
         }
+    }
+
+    fn divide(&mut self, steps: usize) -> bool {
+        let steps = steps.max(self.least);
+        // It could be made for the usual interval.
+        let each = || self.plant.over(self.data.interval_s / steps as f64).ok();
+        self.parts = (steps > 1).then(each).flatten().map(|each| (steps, each));
+        self.plant.divides()
     }
 
     fn correct(

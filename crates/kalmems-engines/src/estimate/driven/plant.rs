@@ -1,9 +1,10 @@
 //! The models that the filters run on: how a driven device steps over any interval, and how it is read.
 
+use super::SegmentDrive;
 use super::parameters::{ParameterIndices, ParameterStep};
 use crate::estimate::{DeviceParameter, MeasurementSensor, ProcessTransition, Sensor, Tracked, Transition};
 use kalmems_core::augmentation::{AugmentationError, ParametricDynamics, ParametricProcess};
-use kalmems_core::{Dual, Dynamics, Euler, Measurement, Nodes, NoiseDensity, Parameters, Process, Rk4};
+use kalmems_core::{Dual, Dynamics, Etdrk4, Euler, Measurement, Nodes, NoiseDensity, Parameters, Process};
 
 /// A device as a filter sees it.
 pub trait Plant {
@@ -18,6 +19,11 @@ pub trait Plant {
 
     /// The readout.
     fn sensor(&self) -> impl Sensor + '_;
+
+    /// Whether shorter steps are closer to the motion: not where a step is exact, or that of a published method.
+    fn divides(&self) -> bool {
+        true
+    }
 }
 
 /// A model of `M` states without parameters as states.
@@ -35,14 +41,14 @@ where
     D: Dynamics<f64, M, Input = f64> + Copy,
     H: Measurement<f64, M, 1>,
 {
-    type Motion = Rk4<D, f64, M>;
+    type Motion = WholeAndHalf<D, M>;
 
-    fn over(&self, interval_s: f64) -> Result<Rk4<D, f64, M>, AugmentationError> {
-        Ok(step(self.dynamics, interval_s, &self.noise))
+    fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {
+        Ok(WholeAndHalf::new(self.dynamics, interval_s, &self.noise))
     }
 
-    fn under<'a>(&'a self, motion: &'a Rk4<D, f64, M>, drive: &'a Nodes<f64>) -> impl Transition + 'a {
-        ProcessTransition::new(motion, drive)
+    fn under<'a>(&'a self, motion: &'a Self::Motion, drive: &'a Nodes<f64>) -> impl Transition + 'a {
+        UnderDrive { motion, drive }
     }
 
     fn sensor(&self) -> impl Sensor + '_ {
@@ -50,13 +56,54 @@ where
     }
 }
 
-/// One integration step; the noise is discretised for the motion at rest and without a drive.
+/// One integration step; its linear part and the noise are those of the motion at rest and without a drive.
 pub fn step<D: Dynamics<f64, M, Input = f64>, const M: usize>(
     dynamics: D,
     interval_s: f64,
     noise: &NoiseDensity<f64, M>,
-) -> Rk4<D, f64, M> {
-    Rk4::new(dynamics, interval_s, noise, (&[0.0; M], &0.0))
+) -> Etdrk4<D, f64, M> {
+    Etdrk4::new(dynamics, interval_s, noise, (&[0.0; M], &0.0))
+}
+
+/// The step over an interval, and that over half of it.
+pub struct WholeAndHalf<D, const M: usize> {
+    whole: Etdrk4<D, f64, M>,
+    half: Etdrk4<D, f64, M>,
+}
+
+impl<D: Dynamics<f64, M, Input = f64> + Copy, const M: usize> WholeAndHalf<D, M> {
+    fn new(dynamics: D, interval_s: f64, noise: &NoiseDensity<f64, M>) -> Self {
+        let whole = step(dynamics, interval_s, noise);
+        Self { whole, half: step(dynamics, 0.5 * interval_s, &NoiseDensity::none()) }
+    }
+}
+
+/// A step of a motion alone under a drive.
+struct UnderDrive<'a, D, const M: usize> {
+    motion: &'a WholeAndHalf<D, M>,
+    drive: &'a Nodes<f64>,
+}
+
+impl<D: Dynamics<f64, M, Input = f64>, const M: usize> Transition for UnderDrive<'_, D, M> {
+    fn advance(&self, x: &[f64], to: &mut [f64]) {
+        ProcessTransition::new(&self.motion.whole, self.drive).advance(x, to);
+    }
+
+    fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+        ProcessTransition::new(&self.motion.whole, self.drive).linearize(x, to, jacobian);
+    }
+
+    fn advance_in_halves(&self, x: &[f64], to: &mut [f64]) -> bool {
+        let [first, second] = SegmentDrive::nodes_of_halves(self.drive);
+        let mut middle = [0.0; M];
+        ProcessTransition::new(&self.motion.half, &first).advance(x, &mut middle);
+        ProcessTransition::new(&self.motion.half, &second).advance(&middle, to);
+        true
+    }
+
+    fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+        ProcessTransition::new(&self.motion.whole, self.drive).noise(covariance, root);
+    }
 }
 
 /// A model by Euler's method, with the noise of one sample as that of the exact step: what some published filters run on.
@@ -71,7 +118,7 @@ where
 
     fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {
         let Self(plain) = self;
-        let noise = *plain.over(interval_s)?.noise().covariance();
+        let noise = *step(plain.dynamics, interval_s, &plain.noise).noise().covariance();
         Ok(Euler::new(plain.dynamics, interval_s, noise))
     }
 
@@ -82,6 +129,10 @@ where
 
     fn sensor(&self) -> impl Sensor + '_ {
         MeasurementSensor::<H, M>(&self.0.readout)
+    }
+
+    fn divides(&self) -> bool {
+        false
     }
 }
 
@@ -107,7 +158,7 @@ impl<D: Parameters<f64>, R, const M: usize> WithParameters<D, R, M> {
 
 /// One step of such a model: that of its motion, and of its parameters.
 pub struct MotionStep<D, const M: usize> {
-    process: Rk4<D, f64, M>,
+    process: WholeAndHalf<D, M>,
     parameters: ParameterStep,
 }
 
@@ -119,7 +170,7 @@ where
     type Motion = MotionStep<D, M>;
 
     fn over(&self, interval_s: f64) -> Result<Self::Motion, AugmentationError> {
-        let process = step(self.dynamics, interval_s, &self.noise);
+        let process = WholeAndHalf::new(self.dynamics, interval_s, &self.noise);
         Ok(MotionStep { process, parameters: self.places.over(interval_s) })
     }
 
@@ -156,6 +207,13 @@ impl<D, R, const M: usize> DrivenStep<'_, D, R, M>
 where
     D: ParametricDynamics<f64, M, Input = f64> + Copy,
 {
+    /// The model with the parameters of these states.
+    #[inline]
+    fn model(&self, x: &[f64]) -> D::Of<f64> {
+        let places = &self.plant.places;
+        self.plant.dynamics.map(|parameter, nominal| places.varied(parameter, nominal, &x[M..]).2)
+    }
+
     /// Where the states of the motion go, with the derivatives by the states from `first` on.
     #[inline(never)]
     fn columns<const W: usize>(&self, x: &[f64], first: usize, to: &mut [f64], jacobian: &mut [f64]) {
@@ -164,7 +222,7 @@ where
             let (i, scale, value) = self.plant.places.varied(parameter, nominal, &x[M..]);
             variable::<W>(first, M + i, value, scale)
         });
-        let moved = self.motion.process.step_of(&model, &states, self.drive);
+        let moved = self.motion.process.whole.step_of(&model, &states, self.drive);
         for (i, moved) in moved.into_iter().enumerate() {
             to[i] = moved.value();
             let row = &mut jacobian[i * x.len()..(i + 1) * x.len()];
@@ -173,6 +231,12 @@ where
             }
         }
     }
+}
+
+/// The states of the motion, of all.
+#[inline]
+fn of_motion<const M: usize>(x: &[f64]) -> [f64; M] {
+    std::array::from_fn(|i| x[i])
 }
 
 /// A number that goes with state `i` by this slope, where the derivatives are by the states from `first` on.
@@ -191,13 +255,19 @@ where
 {
     #[inline(never)]
     fn advance(&self, x: &[f64], to: &mut [f64]) {
-        let model = self
-            .plant
-            .dynamics
-            .map(|parameter, nominal| self.plant.places.varied(parameter, nominal, &x[M..]).2);
-        let moved = self.motion.process.step_of(&model, &std::array::from_fn(|i| x[i]), self.drive);
+        let moved = self.motion.process.whole.step_of(&self.model(x), &of_motion(x), self.drive);
         to[..M].copy_from_slice(&moved);
         self.motion.parameters.advance(M, x, to);
+    }
+
+    #[inline(never)]
+    fn advance_in_halves(&self, x: &[f64], to: &mut [f64]) -> bool {
+        let (model, half) = (self.model(x), &self.motion.process.half);
+        let [first, second] = SegmentDrive::nodes_of_halves(self.drive);
+        let middle = half.step_of(&model, &of_motion(x), &first);
+        to[..M].copy_from_slice(&half.step_of(&model, &middle, &second));
+        self.motion.parameters.advance(M, x, to);
+        true
     }
 
     fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
@@ -216,7 +286,7 @@ where
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
-        self.motion.parameters.noise((self.motion.process.noise(), M), covariance, root);
+        self.motion.parameters.noise((self.motion.process.whole.noise(), M), covariance, root);
     }
 
     fn moving(&self, _: usize) -> usize {

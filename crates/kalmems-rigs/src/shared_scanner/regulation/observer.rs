@@ -9,7 +9,9 @@ use crate::estimate::DeviceParameter;
 use crate::estimate::driven::step;
 use kalmems_core::Portable;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Filter, Nodes, Rk4};
+use kalmems_core::{
+    AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Etdrk4, Filter, Nodes,
+};
 use kalmems_models::control::{Complex, Oscillator};
 use kalmems_models::dynamics::DriveGain;
 use kalmems_models::readout::DelayedComb;
@@ -18,7 +20,7 @@ use std::f64::consts::TAU;
 /// Angle, rate and the parameters that are tracked; where there are fewer, states that stay 0.
 pub const STATES: usize = 2 + MOST;
 /// The process of the filter.
-pub type ObserverProcess = Augmented<Rk4<DriveGain<f64>, f64, 2>, f64, 2, MOST, STATES>;
+pub type ObserverProcess = Augmented<Etdrk4<DriveGain<f64>, f64, 2>, f64, 2, MOST, STATES>;
 
 /// An extended Kalman filter that takes one sample after the other, and finds its own start.
 ///

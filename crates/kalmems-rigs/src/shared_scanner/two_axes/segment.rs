@@ -63,6 +63,8 @@ pub fn estimate(
             for (axis, positive) in settings.first_peak_positive.iter().enumerate() {
                 if let Some(positive) = *positive {
                     past.orient(trajectory, 2 * axis, positive, drive.tones[axis].peak_after(start_s));
+                } else {
+                    trajectory.hidden_signs.push(vec![2 * axis, 2 * axis + 1]);
                 }
             }
             trajectory.lock = past.judge.judge(trajectory, &motions, start_s, data.samples.ends);

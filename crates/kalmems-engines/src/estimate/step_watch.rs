@@ -1,0 +1,256 @@
+//! How far the steps between samples lead a filter astray, in units of what it claims.
+
+use super::engine::{Course, Filtering};
+use super::transition::{Sensor, Transition};
+use super::{SampleCounts, SampleSelection};
+use kalmems_core::{Covariance, Mat};
+use std::ops::Range;
+
+/// The shadow of a filter: the difference between its mean and that of the same filter in steps of half the length, corrected by the
+/// same gains.
+///
+/// The difference e goes on by e′ = F·e + (f₂(x) − f₁(x)), with the step f₁ from the mean x, the same interval f₂ in two halves, and
+/// F = ∂f₁/∂x; a correction that moves the mean by Δ for an innovation ν takes Δ·(H·e)/ν off it. The error of the steps is 16/15 of it,
+/// as they are of fourth order.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StepWatch<const N: usize> {
+    difference: [f64; N],
+    /// Σ (e/sd)² of each state since it was asked last, and over how many samples.
+    squares: [f64; N],
+    samples: usize,
+    /// Whether any step since then was not exact.
+    is_needed: bool,
+    /// Whether the filter's mean goes on as the mean of sigma points, and not by the step itself.
+    is_unscented: bool,
+}
+
+/// What a step of fourth order is off by, of what it differs from two of half the length by.
+const OF_FOURTH_ORDER: f64 = 16.0 / 15.0;
+
+impl<const N: usize> StepWatch<N> {
+    pub(super) const fn new(is_unscented: bool) -> Self {
+        Self { difference: [0.0; N], squares: [0.0; N], samples: 0, is_needed: false, is_unscented }
+    }
+
+    /// A step from one mean to another, which was linearised to `slopes`.
+    pub(super) fn step(
+        &mut self,
+        transition: &dyn Transition,
+        (mean, next): (&[f64; N], &[f64; N]),
+        slopes: &Mat<f64, N, N>,
+    ) {
+        let before = self.difference;
+        if before.iter().any(|e| *e != 0.0) {
+            for (to, row) in self.difference.iter_mut().zip(&slopes.0) {
+                *to = row.iter().zip(&before).map(|(slope, e)| slope * e).sum();
+            }
+        }
+        let (mut whole, mut halves) = (*next, [0.0; N]);
+        if !transition.advance_in_halves(mean, &mut halves) {
+            return;
+        }
+        self.is_needed = true;
+        if self.is_unscented {
+            transition.advance(mean, &mut whole);
+        }
+        for ((e, halves), whole) in self.difference.iter_mut().zip(&halves).zip(&whole) {
+            *e += halves - whole;
+        }
+    }
+
+    /// A correction from one mean to another, for an innovation.
+    pub(super) fn correct(
+        &mut self,
+        sensor: &dyn Sensor,
+        (from, to): (&[f64; N], &[f64; N]),
+        innovation: f64,
+    ) {
+        // A sample that was rejected, or one that is as predicted to the last bit, tells of no gain.
+        if !self.is_needed || from == to || innovation == 0.0 {
+            return;
+        }
+        let mut slopes = [0.0; N];
+        sensor.linearize(from, &mut slopes);
+        let read: f64 = slopes.iter().zip(&self.difference).map(|(slope, e)| slope * e).sum();
+        let share = read / innovation;
+        for ((e, from), to) in self.difference.iter_mut().zip(from).zip(to) {
+            *e -= (to - from) * share;
+        }
+    }
+
+    /// Takes a sample into the figure, of which the filter claims this covariance.
+    pub(super) fn take(&mut self, covariance: &Covariance<f64, N>) {
+        if !self.is_needed {
+            return;
+        }
+        for (i, (squares, e)) in self.squares.iter_mut().zip(&self.difference).enumerate() {
+            let variance = covariance.get(i, i);
+            // What is known exactly has no error to compare with.
+            *squares += if variance > 0.0 { e * e / variance } else { 0.0 };
+        }
+        self.samples += 1;
+    }
+
+    /// The error of the steps since this was asked last: the root mean square of the worst state's, in standard deviations that the filter
+    /// claims. `None` where the steps are exact.
+    pub(super) fn error(&mut self) -> Option<f64> {
+        let worst = self.squares.iter().fold(0.0, |worst: f64, squares| {
+            // One that is not a number is the worst.
+            if *squares <= worst { worst } else { *squares }
+        });
+        let error = OF_FOURTH_ORDER * (worst / self.samples.max(1) as f64).sqrt();
+        let known = self.is_needed && self.samples > 0;
+        (self.squares, self.samples) = ([0.0; N], 0);
+        known.then_some(error)
+    }
+
+    /// How many samples the figure is of.
+    pub(super) const fn samples(&self) -> usize {
+        self.samples
+    }
+}
+
+/// The error of the steps over some samples of a filter's way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepError {
+    /// The last of the samples, by its time in s.
+    pub until_s: f64,
+    /// How many they are.
+    pub samples: usize,
+    /// The root mean square of the worst state's error, in standard deviations that the filter claims.
+    pub error: f64,
+}
+
+/// How many steps lead from each sample to the next, sample by sample.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepCounts(Vec<(f64, usize)>);
+
+impl StepCounts {
+    /// So many from the sample of this time in s on.
+    pub(super) fn change(&mut self, from_s: f64, steps: usize) {
+        if self.0.last().is_none_or(|(_, last)| *last != steps) {
+            self.0.push((from_s, steps));
+        }
+    }
+
+    /// Those to the sample of this time in s.
+    pub(super) fn at(&self, time_s: f64) -> usize {
+        let next = self.0.partition_point(|(from_s, _)| *from_s <= time_s);
+        self.0.get(next.saturating_sub(1)).map_or(1, |(_, steps)| *steps)
+    }
+
+    /// Those to the last sample.
+    pub fn last(&self) -> usize {
+        self.0.last().map_or(1, |(_, steps)| *steps)
+    }
+
+    /// Puts those of later samples behind.
+    pub(super) fn append(&mut self, later: &Self) {
+        later.0.iter().for_each(|(from_s, steps)| self.change(*from_s, *steps));
+    }
+
+    /// Forgets what is not needed for samples behind this time in s.
+    pub(super) fn forget_until(&mut self, time_s: f64) {
+        let next = self.0.partition_point(|(from_s, _)| *from_s <= time_s);
+        self.0.drain(..next.saturating_sub(1));
+    }
+}
+
+/// How many steps a filter takes from here on that took so many, of which the error over some samples was this: as many more as bring it down
+/// to what a plan leaves; as many as before where it is not large.
+///
+/// `nis` is that of the samples: what does not follow its signal is not helped.
+pub(super) fn followed_steps(steps: usize, error: f64, nis: &[f64]) -> usize {
+    let known = nis.iter().copied().filter(|nis| nis.is_finite());
+    let (count, sum) = known.fold((0.0, 0.0), |(count, sum), nis| (count + 1.0, sum + nis));
+    if sum > ASTRAY * count {
+        return steps;
+    }
+    let (mut next, mut left) = (steps, error);
+    while (error > TOO_LARGE || error.is_nan()) && !(left <= SHORT_ENOUGH) && next < MOST_STEPS {
+        (next, left) = (2 * next, left / 16.0);
+    }
+    next
+}
+
+/// Samples of one [`StepError`].
+pub(super) const STEP_ERROR_SAMPLES: usize = 256;
+
+/// Rows of a segment's beginning on which its steps are planned; the first part of a segment that comes in parts has as many.
+const PLANNED_ON: usize = super::driven::BLOCK;
+/// The error of the steps, in standard deviations that the filter claims, up to which they are short enough.
+const SHORT_ENOUGH: f64 = 0.02;
+/// The error of some samples, in standard deviations that the filter claims, above which shorter steps are taken behind them.
+const TOO_LARGE: f64 = 0.05;
+/// Steps from one sample to the next, at most.
+const MOST_STEPS: usize = 64;
+
+/// The mean NIS above which a filter does not follow its signal, and the part of it that shorter steps must take off for the step to be the
+/// cause: those of a wrong device do not help.
+const ASTRAY: f64 = 4.0;
+const OF_THE_STEP: f64 = 0.05;
+
+/// How many steps a filter on this course takes from one sample to the next: the smallest power of 2 with which its steps' error stays
+/// below [`SHORT_ENOUGH`] on the later half of the segment's beginning, or that with the smallest error. A filter that does not follow the
+/// signal, however short its steps are, takes those from which on shorter ones do not help.
+///
+/// The course begins again afterwards.
+pub(super) fn plan_steps(
+    start: &dyn Fn() -> Option<Box<dyn Filtering>>,
+    course: &mut dyn Course,
+    samples: &SampleSelection,
+) -> usize {
+    let end = samples.fresh.end.min(samples.fresh.start + PLANNED_ON);
+    let rows = samples.fresh.start..end;
+    let (mut best, mut steps) = ((1, f64::INFINITY), 1);
+    let mut last_nis = f64::INFINITY;
+    while steps <= MOST_STEPS && course.divide(steps) {
+        let Some(mut filter) = start() else { break };
+        let found = error_over(&mut *filter, course, &rows);
+        course.begin_again();
+        // Its steps are exact, if there is no error.
+        let Some((error, mean_nis)) = found else { break };
+        if mean_nis > ASTRAY && mean_nis > (1.0 - OF_THE_STEP) * last_nis {
+            break;
+        }
+        if error < best.1 {
+            best = (steps, error);
+        }
+        if best.1 <= SHORT_ENOUGH {
+            break;
+        }
+        (last_nis, steps) = (mean_nis, 2 * steps);
+    }
+    course.divide(best.0);
+    best.0
+}
+
+/// The error of the steps and the mean NIS over the later half of some rows, the error infinite where the filter stops; `None` where the
+/// steps are exact.
+fn error_over(
+    filter: &mut dyn Filtering,
+    course: &mut dyn Course,
+    rows: &Range<usize>,
+) -> Option<(f64, f64)> {
+    let mut counts = SampleCounts::default();
+    let mut nis = (0.0, 0.0);
+    let middle = rows.start.midpoint(rows.end);
+    for row in rows.clone() {
+        let moved = if row > rows.start { course.advance(filter, row, &mut counts) } else { Ok(()) };
+        let time_s = course.time_s().get(row).copied().unwrap_or(f64::NAN);
+        if let Some(gate) = filter.watch() {
+            gate.at(time_s);
+        }
+        match moved.and_then(|()| course.correct(filter, row, &mut counts)) {
+            Ok(Some(innovation)) if row > middle => nis = (nis.0 + innovation.nis, nis.1 + 1.0),
+            Ok(_) => {}
+            Err(_) => return Some((f64::INFINITY, 1.0)),
+        }
+        filter.take_step_error();
+        if row == middle {
+            filter.step_error();
+        }
+    }
+    let mean_nis = if nis.1 > 0.0 { nis.0 / nis.1 } else { 1.0 };
+    filter.step_error().map(|error| (if error.is_nan() { f64::INFINITY } else { error }, mean_nis))
+}

@@ -1,0 +1,152 @@
+//! How far the steps between samples lead a filter astray, over all that is scored of it.
+
+use crate::estimate::Trajectory;
+use serde::Serialize;
+use std::fmt;
+
+/// The error of a filter's steps: what its mean is off by because it goes from sample to sample in steps of a finite length, in standard
+/// deviations that it claims, of the state in which that is most.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct StepErrors {
+    /// Steps from each sample to the next, at the end.
+    pub steps_per_sample: usize,
+    /// The root mean square after the settling time.
+    pub error: f64,
+    /// The same of the last 4096 samples, or of as many as there are: without process noise it grows to the end.
+    pub at_the_end: f64,
+    /// Whether the number of steps follows kinks of the equations, sample by sample.
+    #[serde(skip)]
+    follows_kinks: bool,
+    #[serde(skip)]
+    squares: f64,
+    #[serde(skip)]
+    samples: f64,
+}
+
+/// Samples of the end.
+const END: usize = 4096;
+/// The error from which on it is told: a twentieth of the claimed standard deviation.
+const REMARKABLE: f64 = 0.05;
+/// The error from which on the claim is doubtful: errors with this bias are 2 % larger than claimed, and those of numbers that are determined
+/// from the innovations several times.
+const LARGE: f64 = 0.2;
+/// What a plan leaves, as in the plan of the steps.
+const SHORT_ENOUGH: f64 = 0.02;
+
+impl StepErrors {
+    /// Of a trajectory, from a time in s on; `None` where its steps are exact, or too few samples are known.
+    pub fn of(trajectory: &Trajectory, from_s: f64) -> Option<Self> {
+        let scored = trajectory.step_errors.iter().filter(|one| one.until_s >= from_s);
+        let (mut squares, mut samples) = (0.0, 0.0);
+        for one in scored.clone() {
+            squares += one.error * one.error * one.samples as f64;
+            samples += one.samples as f64;
+        }
+        let (mut last, mut of_last) = (0.0, 0);
+        for one in scored.rev().take_while(|one| one.samples > 0) {
+            last += one.error * one.error * one.samples as f64;
+            of_last += one.samples;
+            if of_last >= END {
+                break;
+            }
+        }
+        (samples > 0.0).then(|| Self {
+            steps_per_sample: trajectory.steps.last(),
+            error: (squares / samples).sqrt(),
+            at_the_end: (last / of_last as f64).sqrt(),
+            follows_kinks: trajectory.counts.unresolved_kinks > 0,
+            squares,
+            samples,
+        })
+    }
+
+    /// Takes those of a later part in.
+    pub fn pool(&mut self, later: &Self) {
+        self.squares += later.squares;
+        self.samples += later.samples;
+        self.error = (self.squares / self.samples).sqrt();
+        (self.at_the_end, self.steps_per_sample) = (later.at_the_end, later.steps_per_sample);
+        self.follows_kinks |= later.follows_kinks;
+    }
+
+    /// The larger of both.
+    fn worst(&self) -> f64 {
+        if self.at_the_end > self.error { self.at_the_end } else { self.error }
+    }
+
+    /// Whether it is worth a word.
+    pub fn is_remarkable(&self) -> bool {
+        // What is not a number is.
+        !(self.worst() <= REMARKABLE)
+    }
+
+    /// Whether the claim is doubtful for it.
+    pub fn is_large(&self) -> bool {
+        !(self.worst() <= LARGE)
+    }
+
+    /// The steps with which it would be small, where that is a number that the file may state.
+    fn enough(&self) -> Option<usize> {
+        let mut steps = self.steps_per_sample.max(1);
+        let mut error = self.worst();
+        while error > SHORT_ENOUGH && steps <= 1024 {
+            (steps, error) = (2 * steps, error / 16.0);
+        }
+        (error.is_finite() && steps <= 1024).then_some(steps)
+    }
+}
+
+impl fmt::Display for StepErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { steps_per_sample, error, at_the_end, follows_kinks, .. } = self;
+        let percent = |error: &f64| format!("{:.0} %", 100.0 * error);
+        if *follows_kinks {
+            write!(
+                f,
+                "the integration step, up to 64 from each sample to the next through kinks of the equations,"
+            )?;
+        } else {
+            write!(f, "the integration step, {steps_per_sample} from each sample to the next,")?;
+        }
+        write!(f, " adds an error of {} of the claimed standard deviation", percent(error))?;
+        if *at_the_end > 1.5 * error {
+            write!(f, ", and of {} at the end", percent(at_the_end))?;
+        }
+        match self.enough().filter(|_| !follows_kinks) {
+            Some(steps) => {
+                write!(f, ": write `steps = {steps}` in the table of the filter, or sample faster")
+            }
+            None => write!(f, ": sample faster"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::{StepError, TrajectoryKind};
+
+    fn errors(each: &[f64]) -> Option<StepErrors> {
+        let mut trajectory =
+            Trajectory::blank(("ekf", "EKF"), TrajectoryKind::Filtered, (&[], &[], &(0..0)), &[]);
+        trajectory.step_errors = (1..)
+            .zip(each)
+            .map(|(k, error)| StepError { until_s: f64::from(k), samples: 256, error: *error })
+            .collect();
+        StepErrors::of(&trajectory, 2.0)
+    }
+
+    #[test]
+    fn an_error_that_grows_to_the_end_is_judged_by_its_end() {
+        let growing: Vec<f64> = (0..100).map(|k| 0.004 * f64::from(k)).collect();
+        let found = errors(&growing).unwrap();
+        assert!(found.is_large() && found.error < 0.25 && found.at_the_end > 0.35, "{found:?}");
+        let text = found.to_string();
+        assert!(text.contains("at the end") && text.contains("`steps = 4`"), "{text}");
+        let steady = errors(&[9.0, 0.1, 0.1]).unwrap();
+        assert!(steady.is_remarkable() && !steady.is_large() && (steady.error - 0.1).abs() < 1e-15);
+        assert!(!errors(&[0.01, 0.01]).unwrap().is_remarkable());
+        assert!(errors(&[0.1, f64::NAN]).unwrap().is_large());
+        assert!(errors(&[0.1]).is_none());
+    }
+}

@@ -1,0 +1,234 @@
+//! Which signs of a device's states its measurements cannot tell.
+//!
+//! A change of sign S of some states is a symmetry where f(S·x, u) = S·f(x, u) and h(S·x, u) = h(x, u) for all states and inputs: the mirrored
+//! motion obeys the same equations and gives the same signals, so that no recording tells which of both it was. It is found from the graph, by
+//! the parity of each expression.
+
+use crate::device::Device;
+use crate::graph::{ConstantBits, Function, Graph, Node, NodeId, Variable};
+use crate::laws::{self, LawId, MOST_ARGUMENTS};
+use crate::motion::MOST_STATES;
+
+/// What becomes of an expression when the signs of some states change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Parity {
+    /// It stays.
+    Even,
+    /// Its sign changes.
+    Odd,
+    /// Something else.
+    Neither,
+}
+
+impl Parity {
+    fn times(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Neither, _) | (_, Self::Neither) => Self::Neither,
+            (a, b) if a == b => Self::Even,
+            _ => Self::Odd,
+        }
+    }
+}
+
+/// Groups of states that may change their signs together; of more, none of their unions is tried.
+const MOST_GROUPS: usize = 10;
+
+impl Device {
+    /// The smallest sets of states, by their places, whose joint change of sign leaves rates, measurements and events as they are: each of
+    /// these signs, and each product of them, is arbitrary until something else than the signals states it. That of a phase which comes round
+    /// is none of them: with the sign of its rate it is a matter of how turns are counted.
+    pub fn hidden_signs(&self) -> Vec<Vec<usize>> {
+        let groups = self.groups();
+        if groups.len() > MOST_GROUPS {
+            return Vec::new();
+        }
+        let mut found: Vec<u32> = Vec::new();
+        let mut tried: Vec<u32> = (1..1_u32 << groups.len()).collect();
+        tried.sort_by_key(|set| set.count_ones());
+        for set in tried {
+            let of_groups = groups.iter().enumerate().filter(|(place, _)| set >> place & 1 == 1);
+            let states: Vec<usize> = of_groups.flat_map(|(_, group)| group.iter().copied()).collect();
+            let comes_round = self.periods.iter().any(|(state, _)| states.contains(state));
+            if !comes_round && !is_sum(set, &found) && self.is_hidden(&states) {
+                found.push(set);
+            }
+        }
+        let states = |set: &u32| {
+            let of_groups = groups.iter().enumerate().filter(|(place, _)| set >> place & 1 == 1);
+            let mut states: Vec<usize> = of_groups.flat_map(|(_, group)| group.iter().copied()).collect();
+            states.sort_unstable();
+            states
+        };
+        found.iter().map(states).collect()
+    }
+
+    /// States that can change their signs together alone, since one stands by itself in a term of the rate of another: a rate and its angle, a
+    /// lag and what it follows.
+    fn groups(&self) -> Vec<Vec<usize>> {
+        let states = self.states.len().min(MOST_STATES);
+        let mut group: Vec<usize> = (0..states).collect();
+        for (state, rate) in self.rates.iter().enumerate().take(states) {
+            let mut linked = Vec::new();
+            self.alone_in_terms(*rate, &mut linked);
+            for other in linked.into_iter().filter(|other| *other < states) {
+                let (from, to) = (group[other], group[state]);
+                group.iter_mut().filter(|own| **own == from).for_each(|own| *own = to);
+            }
+        }
+        let members = |of: usize| (0..states).filter(|state| group[*state] == of).collect::<Vec<usize>>();
+        (0..states).map(members).filter(|members| !members.is_empty()).collect()
+    }
+
+    /// The states that are the only one in a term of a sum, times what no state enters.
+    fn alone_in_terms(&self, node: NodeId, to: &mut Vec<usize>) {
+        let mut open = vec![node];
+        while let Some(node) = open.pop() {
+            match self.graph.node(node) {
+                Node::Variable(Variable::State(state)) => to.push(*state),
+                Node::Sum { terms, .. } => open.extend(terms.iter().map(|(term, _)| *term)),
+                Node::Product(factors) => {
+                    let is_state = |variable| matches!(variable, Variable::State(_));
+                    let mut moving =
+                        factors.iter().filter(|(factor, _)| self.graph.depends(*factor, is_state));
+                    if let (Some((factor, 1)), None) = (moving.next(), moving.next()) {
+                        open.push(*factor);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Whether rates, measurements and events stay as they are when these states change their signs.
+    fn is_hidden(&self, states: &[usize]) -> bool {
+        let read = || self.readings.iter().chain(&self.crossings).copied();
+        let roots: Vec<NodeId> = self.rates.iter().copied().chain(read()).collect();
+        let mut graph = self.graph.clone();
+        let parities = Parities::of(&mut graph, &roots, states);
+        let is = |node: NodeId, wanted: Parity| node == Graph::ZERO || parities.get(node) == wanted;
+        let rates =
+            self.rates.iter().enumerate().all(|(state, rate)| {
+                is(*rate, if states.contains(&state) { Parity::Odd } else { Parity::Even })
+            });
+        rates && read().all(|node| is(node, Parity::Even))
+    }
+}
+
+/// Whether a set is the symmetric difference of some of these.
+fn is_sum(set: u32, of: &[u32]) -> bool {
+    (0..1_u32 << of.len()).any(|chosen| {
+        let parts = of.iter().enumerate().filter(|(place, _)| chosen >> place & 1 == 1);
+        parts.fold(0, |sum, (_, part)| sum ^ part) == set
+    })
+}
+
+/// The parities of the expressions of a graph.
+struct Parities(Vec<Parity>);
+
+impl Parities {
+    fn of(graph: &mut Graph, roots: &[NodeId], states: &[usize]) -> Self {
+        let below = graph.below(roots);
+        let mut parities = Self(vec![Parity::Neither; graph.len()]);
+        for id in below {
+            let node = graph.node(id).clone();
+            let parity = parities.of_node(graph, &node, states);
+            if let Some(slot) = parities.0.get_mut(id.index()) {
+                *slot = parity;
+            }
+        }
+        parities
+    }
+
+    fn get(&self, id: NodeId) -> Parity {
+        self.0.get(id.index()).copied().unwrap_or(Parity::Neither)
+    }
+
+    fn of_node(&self, graph: &mut Graph, node: &Node, states: &[usize]) -> Parity {
+        match node {
+            Node::Number(_) => Parity::Even,
+            Node::Variable(Variable::State(state)) if states.contains(state) => Parity::Odd,
+            Node::Variable(_) => Parity::Even,
+            Node::Sum { constant, terms } => {
+                let mut parts = terms.iter().map(|(term, _)| self.get(*term));
+                let first = if *constant == ConstantBits::ZERO { parts.next() } else { Some(Parity::Even) };
+                let first = first.unwrap_or(Parity::Even);
+                if parts.all(|part| part == first) { first } else { Parity::Neither }
+            }
+            Node::Product(factors) => factors.iter().fold(Parity::Even, |product, (factor, power)| {
+                let of = self.get(*factor);
+                product.times(if power % 2 == 0 && of == Parity::Odd { Parity::Even } else { of })
+            }),
+            Node::Call(function, at) => match (self.get(*at), function) {
+                (Parity::Even, _) | (Parity::Odd, Function::Cos) => Parity::Even,
+                (Parity::Odd, Function::Sin | Function::Tanh | Function::Atanh) => Parity::Odd,
+                _ => Parity::Neither,
+            },
+            Node::Choice { smaller, larger, then, otherwise } => {
+                self.of_choice(graph, [*smaller, *larger], [*then, *otherwise])
+            }
+            Node::Law { law, by, arguments } => {
+                let mut rest = arguments.iter().skip(1).map(|argument| self.get(*argument));
+                let first = arguments.first().map_or(Parity::Even, |argument| self.get(*argument));
+                match first {
+                    _ if rest.any(|parity| parity != Parity::Even) => Parity::Neither,
+                    Parity::Odd => of_law(*law, by, arguments.len()),
+                    other => other,
+                }
+            }
+            Node::Curve { at, .. } => match self.get(*at) {
+                Parity::Even => Parity::Even,
+                _ => Parity::Neither,
+            },
+        }
+    }
+
+    /// Of `then` where a < b and `otherwise` elsewhere. Where both sides of the comparison change their signs it turns round, so that each
+    /// part stands in for the other.
+    fn of_choice(&self, graph: &mut Graph, compared: [NodeId; 2], parts: [NodeId; 2]) -> Parity {
+        let [then, otherwise] = parts;
+        let of_parts = [self.get(then), self.get(otherwise)];
+        let is_odd = |id: NodeId| id == Graph::ZERO || self.get(id) == Parity::Odd;
+        if compared.iter().all(|id| self.get(*id) == Parity::Even) {
+            return if of_parts[0] == of_parts[1] { of_parts[0] } else { Parity::Neither };
+        }
+        if !compared.iter().all(|id| is_odd(*id)) {
+            return Parity::Neither;
+        }
+        let opposite = graph.scaled(-1.0, then) == otherwise;
+        match of_parts {
+            [Parity::Odd, Parity::Odd] if opposite => Parity::Even,
+            [Parity::Even, Parity::Even] if opposite => Parity::Odd,
+            [Parity::Odd, Parity::Odd] if then == otherwise => Parity::Odd,
+            [Parity::Even, Parity::Even] if then == otherwise => Parity::Even,
+            _ => Parity::Neither,
+        }
+    }
+}
+
+/// The parity of a law in its first argument, or of a derivative of it, from its values at some places.
+fn of_law(law: LawId, by: &[u8], arguments: usize) -> Parity {
+    let mut parity = None;
+    for at in [0.137, 0.291, 0.443] {
+        let mut given = [0.0; MOST_ARGUMENTS];
+        for (place, value) in given.iter_mut().enumerate().take(arguments) {
+            *value = if place == 0 { at } else { 0.9 + 0.17 * place as f64 };
+        }
+        let [value, ..] = laws::along_first(law, &given);
+        given[0] = -at;
+        let [mirrored, ..] = laws::along_first(law, &given);
+        let of = if mirrored == value {
+            Parity::Even
+        } else if mirrored == -value {
+            Parity::Odd
+        } else {
+            return Parity::Neither;
+        };
+        if parity.is_some_and(|before| before != of) || !value.is_finite() {
+            return Parity::Neither;
+        }
+        parity = Some(of);
+    }
+    let by_first = by.iter().filter(|argument| **argument == 0).count();
+    let turned = if by_first % 2 == 0 { Parity::Even } else { Parity::Odd };
+    parity.map_or(Parity::Neither, |parity| parity.times(turned))
+}

@@ -1,0 +1,37 @@
+//! Which signs the signals of a device cannot tell.
+
+use crate::common::{device, example};
+
+#[test]
+fn a_signal_that_is_even_in_an_angle_hides_its_sign() {
+    // Angle and rate together; of two axes each by itself.
+    assert_eq!(example("shared_scanner").hidden_signs(), [[0, 1]]);
+    let two_axes = example("two_axes");
+    let hidden = two_axes.hidden_signs();
+    assert_eq!(hidden.len(), 2, "{hidden:?}");
+    assert!(hidden.iter().all(|axis| axis.len() == 2) && hidden[0][0] != hidden[1][0], "{hidden:?}");
+    // A threshold, a bias of both electrodes, a gap that has two ends: each tells the sign.
+    for name in ["threshold_scanner", "micro_stage", "accelerometer", "piston_mirror"] {
+        assert!(example(name).hidden_signs().is_empty(), "{name}: {:?}", example(name).hidden_signs());
+    }
+}
+
+#[test]
+fn choices_powers_and_functions_have_the_parity_of_what_they_are_made_of() {
+    let of = |force: &str, signal: &str| {
+        device(&format!(
+            "[states]\nx = '1'\nv = '1/s'\n[inputs]\nu = '1'\n[derivative]\nx = 'v'\nv = '{force}'\n[measure]\ny = '{signal} in 1'\n"
+        ))
+        .hidden_signs()
+    };
+    let hidden: &[&[usize]] = &[&[0, 1]];
+    for force in ["-x*1[1/s^2]", "-x*abs(x)*1[1/s^2]", "-sin(x)*u^2*1[1/s^2]", "if(x < 0, 1, -1)*1[1/s^2]"] {
+        assert_eq!(of(force, "x^2"), hidden, "{force}");
+        assert_eq!(of(force, "abs(x)"), hidden, "{force}");
+        assert_eq!(of(force, "cos(x) + max(x, -x)"), hidden, "{force}");
+        assert!(of(force, "x").is_empty() && of(force, "x^2 + x").is_empty(), "{force}");
+    }
+    for force in ["(u - x)*1[1/s^2]", "(1 - exp(x))*1[1/s^2]", "max(x, 0)*1[1/s^2]"] {
+        assert!(of(force, "x^2").is_empty(), "{force}");
+    }
+}

@@ -1,0 +1,155 @@
+//! What the integration step costs a filter: planned, followed to the end, and said before a parameter is blamed.
+
+use kalmems::config::Experiment;
+use kalmems::evaluate::Grade;
+use kalmems::progress::Silent;
+use kalmems::results::{EstimatorMetrics, Metrics, notices};
+use kalmems::rigs::published;
+use kalmems::simulate::{ComputedRecording, described};
+use kalmems::workflow::estimate_computed;
+use std::path::Path;
+
+/// The frequency of the scanner's motion in kHz, half of its drive's.
+const MOTION_KHZ: f64 = 15.675;
+
+/// The pumped scanner of the example, of so many samples in a cycle, with another seed and other lines in the table of its filter.
+fn scanner(per_cycle: f64, seed: u64, lines: &str) -> String {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner/simulation.toml");
+    let text = std::fs::read_to_string(file).unwrap();
+    let text = text.split("[[estimate.filter]]").next().unwrap();
+    let rate_khz = per_cycle * MOTION_KHZ;
+    let rate = |text: &str, key: &str, value: f64| {
+        let at = text.find(&format!("{key} = \"")).unwrap();
+        let end = at + text[at..].find('\n').unwrap();
+        format!("{}{key} = \"{value:.6} kHz\"{}", &text[..at], &text[end..])
+    };
+    let text = rate(text, "sampling_rate", rate_khz);
+    // Finer than a step of the filter by far.
+    let text = rate(&text, "integration_rate", rate_khz * (1600.0 / per_cycle).round());
+    let text = text.replace("seed = 1", &format!("seed = {seed}")).replace("1e8 rad^2/s^3", "1e4 rad^2/s^3");
+    format!(
+        "{text}[[estimate.filter]]\nname = \"EKF\"\nmethod = \"ekf\"\n{lines}\nstart = {{ angle = \"1e-4 rad\", rate = \"0 rad/s\" }}\n\
+         start_sd = {{ angle = \"1e-3 rad\", rate = \"100 rad/s\" }}\n"
+    )
+}
+
+fn parse(text: &str) -> Experiment {
+    let experiment = published().parse(text, Path::new("nowhere/experiment.toml"));
+    experiment.unwrap_or_else(|error| panic!("{error}\n{text}"))
+}
+
+fn metrics(text: &str) -> Metrics {
+    let experiment = parse(text);
+    let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
+    let all = ComputedRecording::of(simulation.as_ref(), &Silent).unwrap();
+    let experiment = described(&experiment, simulation.as_ref());
+    Metrics::of(&estimate_computed(published(), &experiment, &all, &Silent).unwrap())
+}
+
+fn only(metrics: &Metrics) -> &EstimatorMetrics {
+    metrics.estimators().next().unwrap()
+}
+
+#[test]
+fn a_scanner_with_few_samples_in_a_cycle_is_estimated_as_well_as_it_claims() {
+    for (per_cycle, seed) in [(20.0, 11), (26.0, 12), (26.0, 13), (32.0, 14), (64.0, 15)] {
+        let metrics = metrics(&scanner(per_cycle, seed, ""));
+        let found = only(&metrics);
+        let (steps, claim) =
+            (found.step_errors.unwrap(), found.errors.as_ref().unwrap().angle.claim.unwrap());
+        println!("{per_cycle} a cycle: {steps:?} mean square {:.3}", claim.mean_square);
+        assert!(found.grade.unwrap() <= Grade::PassesWithRemarks, "{per_cycle}: {:?}", notices(&metrics));
+        assert!(steps.error < 0.05, "{per_cycle}: {steps:?}");
+        assert!((0.6..1.5).contains(&claim.mean_square), "{per_cycle}: {}", claim.mean_square);
+    }
+}
+
+#[test]
+fn a_step_that_is_too_long_is_named_before_any_parameter() {
+    let metrics = metrics(&scanner(12.0, 21, "steps = 1"));
+    let found = only(&metrics);
+    let steps = found.step_errors.unwrap();
+    assert!(steps.is_large() && found.grade.unwrap() >= Grade::Doubtful, "{steps:?} {:?}", found.grade);
+    let said = notices(&metrics);
+    let first = said.iter().find(|notice| !notice.filter.is_empty()).unwrap();
+    assert!(first.text.contains("the integration step") && first.text.contains("`steps = "), "{said:?}");
+    // What it proposes is enough.
+    let proposed: usize =
+        first.text.split("`steps = ").nth(1).unwrap().split('`').next().unwrap().parse().unwrap();
+    let again = self::metrics(&scanner(12.0, 21, &format!("steps = {proposed}")));
+    assert!(!only(&again).step_errors.unwrap().is_remarkable(), "{:?}", only(&again).step_errors);
+}
+
+#[test]
+fn steps_are_read_and_refused_by_their_number() {
+    for wrong in ["0", "1025", "-1", "1.5", "\"2\""] {
+        let text = scanner(64.0, 1, &format!("steps = {wrong}"));
+        let refused = published().parse(&text, Path::new("nowhere/experiment.toml")).unwrap_err().to_string();
+        assert!(refused.contains("steps"), "{wrong}: {refused}");
+    }
+}
+
+/// A lag behind a lag, without process noise: its covariance falls below any rounding.
+const TWO_LAGS: &str = r#"
+name = "two_lags"
+[device.equations]
+states = { T = "K", x = "m" }
+inputs = { drive = "V" }
+derivative = { T = "(gain*drive - T)/tau", x = "(slope*T - x)/tau_x" }
+measure = { signal = "sensitivity*x in V" }
+noise = { signal = "1e-6[V^2]" }
+parameters = { gain = "1 K/V", tau = "8 ms", tau_x = "5 ms", slope = "1 um/K", sensitivity = "1 V/um" }
+[simulate]
+duration = "1 s"
+sampling_rate = "20 kHz"
+integration_rate = "80 kHz"
+seed = 3
+start = { T = "0.05 K", x = "0 m" }
+drive = { inputs = { drive = { sine = { offset = "1 V", amplitude = "0.5 V", frequency = "30 Hz" } } } }
+[estimate]
+skip = "0 s"
+check_numbers = false
+[[estimate.filter]]
+name = "EKF"
+method = "ekf"
+smooth = true
+smooth_lag = "10 ms"
+start = { T = "0 K", x = "0 m" }
+start_sd = { T = "0.1 K", x = "0.1 um" }
+"#;
+
+#[test]
+fn a_smoother_without_process_noise_is_no_worse_than_its_filter() {
+    for seed in 3..9 {
+        let metrics = metrics(&TWO_LAGS.replace("seed = 3", &format!("seed = {seed}")));
+        let rmse: Vec<f64> = metrics.estimators().map(|one| one.values["T"].rmse).collect();
+        println!("seed {seed}: {rmse:?}");
+        assert!(metrics.estimators().all(|one| one.failure.is_none()), "{:?}", notices(&metrics));
+        // The start is hardly known: what comes later tells more of it.
+        assert_eq!(rmse.len(), 3);
+        assert!(rmse[1..].iter().all(|smoothed| *smoothed < rmse[0]), "seed {seed}: {rmse:?}");
+    }
+}
+
+#[test]
+fn an_uncertain_number_counts_alike_whether_the_sign_is_stated_or_not() {
+    let uncertain = |text: String| text.replace("\"1.10e-4 N m\"", "\"1.10e-4 N m ± 0.1 %\"");
+    let stated = uncertain(scanner(64.0, 5, ""));
+    assert!(stated.contains("± 0.1 %") && stated.contains("first_peak"), "{stated}");
+    let line = stated.lines().find(|line| line.starts_with("first_peak")).unwrap();
+    // From the signal, so that each run finds its own branch.
+    let from_signal = |text: &str| {
+        text.split("start = { angle = \"1e-4 rad\", rate = \"0 rad/s\" }\nstart_sd")
+            .next()
+            .unwrap()
+            .to_owned()
+    };
+    let budgets = [stated.clone(), stated.replace(line, "")].map(|text| {
+        let metrics = metrics(&from_signal(&text));
+        let found = only(&metrics);
+        let of_angle = found.uncertainty_budget.iter().find(|budget| budget.state == "angle").unwrap();
+        (serde_json::to_value(of_angle).unwrap(), metrics.recordings[0].segments[0].arbitrary_signs.clone())
+    });
+    assert_eq!(budgets[0].0, budgets[1].0);
+    assert_eq!((budgets[0].1.len(), &*budgets[1].1), (0, &["angle"][..]));
+}
