@@ -339,6 +339,7 @@ mod tests {
             counts: SampleCounts::default(),
             lock: Lock::default(),
             mirrored: false,
+            stops: Vec::new(),
             failure: None,
             seconds_per_step: 0.0,
             time_s,

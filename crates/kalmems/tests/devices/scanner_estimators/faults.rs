@@ -2,7 +2,7 @@
 
 use super::example;
 use kalmems::rigs::published;
-use kalmems::stream::{Connection, StreamOutputs, StreamSummary, stream};
+use kalmems::stream::{Connection, END_MARK, StreamOutputs, StreamSummary, stream};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 use std::collections::{BTreeMap, VecDeque};
@@ -70,6 +70,8 @@ struct Script {
     /// What waits to be read, and whether the connection breaks then.
     bytes: VecDeque<u8>,
     broken: bool,
+    /// Whether the end was sent.
+    ended: bool,
     lines: VecDeque<String>,
     log: Arc<Mutex<Log>>,
     expected: BTreeMap<&'static str, u64>,
@@ -104,6 +106,7 @@ impl Script {
             chance: Pcg64::new(11, 12),
             bytes: VecDeque::new(),
             broken: false,
+            ended: false,
             lines: VecDeque::new(),
             log,
             expected: BTreeMap::new(),
@@ -239,6 +242,9 @@ impl Read for Wire {
         let mut script = self.0.lock().unwrap();
         while script.bytes.len() < buffer.len() && script.sent < script.wanted && !script.broken {
             script.step();
+        }
+        if script.sent == script.wanted && !std::mem::replace(&mut script.ended, true) {
+            script.bytes.extend(END_MARK);
         }
         if script.bytes.is_empty() && std::mem::take(&mut script.broken) {
             return Err(ErrorKind::ConnectionReset.into());
