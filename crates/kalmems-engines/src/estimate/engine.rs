@@ -310,8 +310,12 @@ impl Trajectory {
     /// Takes what was entered of a sample back, at which the filter stopped.
     fn blank_sample(&mut self, k: usize) {
         let series = [&mut self.innovation, &mut self.innovation_sd, &mut self.nis, &mut self.log_likelihood];
-        series.into_iter().for_each(|series| series[k] = f64::NAN);
-        self.states.iter_mut().for_each(|state| (state.mean[k], state.sd[k]) = (f64::NAN, f64::NAN));
+        for series in series {
+            series[k] = f64::NAN;
+        }
+        for state in &mut self.states {
+            (state.mean[k], state.sd[k]) = (f64::NAN, f64::NAN);
+        }
     }
 
     /// Enters what was rejected of sample `k`: it is no innovation of the signal.

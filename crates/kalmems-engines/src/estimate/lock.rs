@@ -149,6 +149,7 @@ impl std::fmt::Display for LockEvent {
     }
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
 fn in_words<S: serde::Serializer>(why: &FilterError, to: S) -> Result<S::Ok, S::Error> {
     to.collect_str(why)
 }

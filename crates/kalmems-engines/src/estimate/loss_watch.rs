@@ -144,7 +144,7 @@ impl<const N: usize> LossWatch<N> {
     /// The filter stopped: what was known of its signal is over, but for the last state at which that was not lost.
     pub(super) fn stop(&mut self) {
         let (held, left, cycles) = (self.held, self.left, self.cycles);
-        *self = Self { held, left, cycles, ..Self::new() };
+        *self = Self { left, cycles, held, ..Self::new() };
     }
 
     /// The time in s and the state at the beginning of the last cycle in which the signal was not lost.

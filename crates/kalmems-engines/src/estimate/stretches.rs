@@ -72,16 +72,32 @@ pub struct StretchJudge {
     /// The present stretch: rows that were refused at its beginning, and the entry of these among those left out.
     tried: usize,
     present: Option<SkippedStretch>,
-    /// Whether the next beginning is a later one of the same stretch, and whether what is left of the stretch is left out.
-    begins_again: bool,
-    leaving_out: bool,
-    /// The present record: its stretches, whether some of it was estimated, and why not.
-    stretches: usize,
-    record_estimated: bool,
-    record_error: Option<EstimateError>,
+    next: NextRows,
+    record: RecordTally,
     /// What was refused first of all, and whether anything was estimated.
     first: Option<EstimateError>,
     estimated: bool,
+}
+
+/// What the rows are that come next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum NextRows {
+    /// Those of another stretch, or further ones of the present one.
+    #[default]
+    Follow,
+    /// Those of a later beginning of the present stretch.
+    BeginAgain,
+    /// Further ones of a stretch that is left out.
+    LeftOut,
+}
+
+/// The present record.
+#[derive(Debug, Default)]
+struct RecordTally {
+    stretches: usize,
+    /// Whether some of it was estimated, and why what was not.
+    estimated: bool,
+    error: Option<EstimateError>,
 }
 
 impl StretchJudge {
@@ -93,24 +109,28 @@ impl StretchJudge {
     /// Whether a part belongs to a stretch that is left out; it comes before the estimator is asked. An error is that of a
     /// record in one piece before it.
     pub fn leaves_out(&mut self, part: &SegmentPart) -> Result<bool, EstimateError> {
-        if part.begins && !std::mem::take(&mut self.begins_again) {
+        let begins_again = part.begins && self.begins_again();
+        if begins_again {
+            self.next = NextRows::Follow;
+        } else if part.begins {
             self.end_stretch();
             if part.segment.stretch.number > 1 {
                 self.summary.restarts += 1;
             } else {
                 self.end_record()?;
             }
-            self.stretches += 1;
+            self.record.stretches += 1;
         }
-        if self.leaving_out {
+        let is_left_out = self.next == NextRows::LeftOut;
+        if is_left_out {
             self.leave_out(part, part.fresh.len(), None);
         }
-        Ok(self.leaving_out)
+        Ok(is_left_out)
     }
 
     /// Whether the next beginning is a later one of the present stretch.
     pub const fn begins_again(&self) -> bool {
-        self.begins_again
+        matches!(self.next, NextRows::BeginAgain)
     }
 
     /// Takes what an estimator says of a part, of which the first one of a stretch has so many rows at least.
@@ -123,7 +143,7 @@ impl StretchJudge {
         let error = match take(part) {
             Ok(answer) => {
                 self.end_stretch();
-                (self.estimated, self.record_estimated) = (true, true);
+                (self.estimated, self.record.estimated) = (true, true);
                 return Ok(StretchAnswer::Estimated(answer));
             }
             Err(error) if error.is_of_the_samples() && (part.begins || self.is_live) => error,
@@ -134,17 +154,20 @@ impl StretchJudge {
         let head = part.fresh.start..part.fresh.start + head.min(rows);
         let beginning = SegmentPart { fresh: head, ends: false, ..part.clone() };
         let begins_later = !part.begins || beginning.fresh.len() == rows || take(&beginning).is_err();
-        // Behind a part that was refused within a stretch, its rows are over.
-        let step = if part.begins { self.step() } else { rows };
+        // How many rows a part has that is refused within a stretch follows from what has arrived.
+        let step = if part.begins { self.step() } else { self.step().min(rows) };
         // Of a record that is too short, less is no better.
-        let is_over = part.ends && (step >= rows || error.is_of_too_few());
+        let is_over = part.ends && (step >= rows || (part.begins && error.is_of_too_few()));
         let again = Some(step).filter(|_| begins_later && !is_over);
         let why = error.to_string();
         self.leave_out(part, again.unwrap_or(rows), Some(&why));
         self.tried += step;
-        self.begins_again = again.is_some();
-        self.leaving_out = again.is_none() && !part.ends;
-        self.record_error.get_or_insert(error);
+        self.next = match again {
+            Some(_) => NextRows::BeginAgain,
+            None if part.ends => NextRows::Follow,
+            None => NextRows::LeftOut,
+        };
+        self.record.error.get_or_insert(error);
         Ok(StretchAnswer::Refused { why, again })
     }
 
@@ -167,7 +190,7 @@ impl StretchJudge {
 
     /// What was left out until now is all of it.
     fn end_stretch(&mut self) {
-        (self.tried, self.leaving_out, self.begins_again) = (0, false, false);
+        (self.tried, self.next) = (0, NextRows::Follow);
         let Some(left_out) = self.present.take() else { return };
         self.summary.left_out += 1;
         if self.summary.first_left_out.len() < NAMED {
@@ -177,9 +200,8 @@ impl StretchJudge {
 
     /// The record is over; refused where it is in one piece of which nothing was estimated.
     fn end_record(&mut self) -> Result<(), EstimateError> {
-        let (stretches, estimated) =
-            (std::mem::take(&mut self.stretches), std::mem::take(&mut self.record_estimated));
-        let Some(error) = self.record_error.take().filter(|_| !estimated) else { return Ok(()) };
+        let RecordTally { stretches, estimated, error } = std::mem::take(&mut self.record);
+        let Some(error) = error.filter(|_| !estimated) else { return Ok(()) };
         if stretches == 1 && !self.is_live {
             return Err(error);
         }

@@ -4,9 +4,9 @@ use super::StreamError;
 use super::decode::StreamSample;
 use super::recent::RecentSamples;
 use crate::estimate::{PastState, Trajectory};
+use crate::journal::{checked, sealed_line};
 use crate::recording;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -90,11 +90,10 @@ impl StreamState {
             text => text.map_err(|e| wrong(e.to_string()))?,
         };
         let other = || wrong("it is no state that `kalmems stream` has written".to_owned());
-        let (json, digest) = text.trim_end().rsplit_once('\n').ok_or_else(other)?;
-        if digest != digest_of(json) {
-            return Err(wrong("it is damaged: its checksum is another one".to_owned()));
+        if !text.trim_start().starts_with('{') {
+            return Err(other());
         }
-        let state: Self = serde_json::from_str(json).map_err(|_| other())?;
+        let state: Self = checked(text.trim_end().as_bytes()).map_err(wrong)?;
         if state.origin.parse::<recording::Instant>().is_err() {
             return Err(wrong("its origin of times is none".to_owned()));
         }
@@ -107,18 +106,12 @@ impl StreamState {
     fn write(&self, path: &Path) -> std::io::Result<()> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")))?;
-        let json = serde_json::to_string(self)?;
-        writeln!(file, "{json}\n{}", digest_of(&json))?;
+        file.write_all(sealed_line(self)?.as_bytes())?;
         file.flush()?;
         file.as_file().sync_data()?;
         file.persist(path).map_err(|e| e.error)?;
         Ok(())
     }
-}
-
-/// The SHA-256 of a text, which stands in the line behind it.
-fn digest_of(text: &str) -> String {
-    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Keeps other streams from a state until it is dropped: a file beside it that is locked.
@@ -176,8 +169,16 @@ impl StateWriter {
         recent: RecentSamples,
     ) -> Result<Self, StreamError> {
         let (waiting, given_s, written) = (Vec::new(), Vec::new(), Instant::now());
-        let _lock = StateLock::of(&path)?;
-        Ok(Self { path, _lock, experiment, columns, recent, waiting, given_s, written })
+        Ok(Self {
+            _lock: StateLock::of(&path)?,
+            path,
+            experiment,
+            columns,
+            recent,
+            waiting,
+            given_s,
+            written,
+        })
     }
 
     /// The last samples as they came.
