@@ -173,7 +173,9 @@ fn judge(faults: &[(Fault, usize)], form: Form, truth: &[f64]) {
     let is = |wanted: Fault| faults.iter().filter(|(fault, _)| *fault == wanted).count() as u64;
     assert_eq!(summary.received.order.misplaced, is(Fault::Time), "{place}");
     assert!(summary.received.order.dropped >= 500 * is(Fault::Gap), "{place}");
-    assert!(events("stopped") <= is(Fault::Drive) + is(Fault::Spike), "{place}");
+    // A drive that is no drive may be what stands in for a missing one soon after.
+    let stops = if is(Fault::Drive) + is(Fault::Spike) > 0 { faults.len() as u64 } else { 0 };
+    assert!(events("stopped") <= stops, "{place}");
     assert!(events("not_estimated") <= faults.len() as u64, "{place}");
     if is(Fault::Drive) > 0 {
         assert!(events("stopped") + events("not_estimated") > 0, "{place}");
