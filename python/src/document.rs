@@ -41,7 +41,7 @@ pub fn without_lines(mut error: ConfigError, has_lines: bool) -> ConfigError {
 #[pyfunction]
 #[pyo3(signature = (document: "dict[str, Any]"))]
 pub fn to_toml(document: &Bound<'_, PyDict>) -> PyResult<String> {
-    Ok(table(document, "")?.to_string())
+    Ok(table(document, "", 0)?.to_string())
 }
 
 /// The text of an experiment as a dictionary.
@@ -67,7 +67,7 @@ pub fn replaced(py: Python<'_>, text: &str, path: PathBuf, changes: &Bound<'_, P
             remove(&mut document, &key);
             continue;
         }
-        let new = value(&new, &name)?;
+        let new = value(&new, &name, 0)?;
         put(&mut document, &key, new).map_err(|fault| at(&path, key, fault).raise(py))?;
     }
     Ok(document.to_string())
@@ -103,21 +103,32 @@ fn at(path: &Path, key: Key, fault: ConfigFault) -> ConfigError {
     ConfigError { place: Box::new(ConfigPlace { file: path.to_owned(), position: None, key }), fault }
 }
 
-fn table(document: &Bound<'_, PyDict>, place: &str) -> PyResult<Table> {
+/// Dictionaries and lists within one another at most: far more than a file has, and far fewer than a thread has room for.
+const DEEPEST: usize = 64;
+
+fn table(document: &Bound<'_, PyDict>, place: &str, depth: usize) -> PyResult<Table> {
     let mut table = Table::new();
     for (key, entry) in document {
         let name: String = key.extract()?;
         let below = if place.is_empty() { name.clone() } else { format!("{place}.{name}") };
         // What is None is left out, as an option that is not there.
         if !entry.is_none() {
-            table.insert(name, value(&entry, &below)?);
+            table.insert(name, value(&entry, &below, depth)?);
         }
     }
     Ok(table)
 }
 
 /// A value of Python's own types, or one that is such a number (NumPy's), a quantity of pint, or a path.
-fn value(entry: &Bound<'_, PyAny>, place: &str) -> PyResult<Value> {
+fn value(entry: &Bound<'_, PyAny>, place: &str, above: usize) -> PyResult<Value> {
+    let depth = above + 1;
+    if depth > DEEPEST {
+        let top = place.split(['.', '[']).next().unwrap_or_default();
+        return Err(PyValueError::new_err(format!(
+            "`{top}` has more than {DEEPEST} dictionaries and lists within one another; expected a document as a file has it: does one contain \
+             itself?"
+        )));
+    }
     if entry.is_instance_of::<PyBool>() {
         return Ok(Value::Boolean(entry.extract()?));
     }
@@ -131,7 +142,7 @@ fn value(entry: &Bound<'_, PyAny>, place: &str) -> PyResult<Value> {
         return Ok(Value::Float(entry.extract()?));
     }
     if let Ok(document) = entry.cast::<PyDict>() {
-        return Ok(Value::Table(table(document, place)?));
+        return Ok(Value::Table(table(document, place, depth)?));
     }
     let units = entry.py().import("kalmems._units")?;
     if units.call_method1("is_quantity", (entry,))?.extract()? {
@@ -145,11 +156,11 @@ fn value(entry: &Bound<'_, PyAny>, place: &str) -> PyResult<Value> {
         if let Ok(own) = item.call0()
             && !own.is(entry)
         {
-            return value(&own, place);
+            return value(&own, place, depth);
         }
     }
     if let Ok(items) = entry.try_iter() {
-        let each = items.enumerate().map(|(index, item)| value(&item?, &format!("{place}[{index}]")));
+        let each = items.enumerate().map(|(index, item)| value(&item?, &format!("{place}[{index}]"), depth));
         return Ok(Value::Array(each.collect::<PyResult<_>>()?));
     }
     let found = entry.get_type().name()?;

@@ -101,6 +101,24 @@ def test_errors_of_experiments_name_key_line_and_remedy(scanner: kalmems.Experim
     assert error.value.key == "recording"
 
 
+def test_a_dictionary_that_contains_itself_or_is_too_deep_is_an_error(scanner: kalmems.Experiment) -> None:
+    itself = scanner.to_dict()
+    itself["estimate"] = itself
+    deep: object = 1.0
+    for _ in range(10_000):
+        deep = {"a": [deep]}
+
+    class Numbers:
+        def item(self) -> object:
+            return Numbers()
+
+    for document in (itself, {"device": deep}, {"device": Numbers()}):
+        with pytest.raises(ValueError, match="within one another"):
+            kalmems.Experiment.from_dict(document)
+    with pytest.raises(ValueError, match="within one another"):
+        scanner.replace({"estimate.skip": deep})
+
+
 def test_experiments_are_values(scanner: kalmems.Experiment) -> None:
     again = kalmems.Experiment.from_dict(scanner.to_dict())
     assert again == scanner and pickle.loads(pickle.dumps(again)) == scanner

@@ -13,7 +13,8 @@ const BELOW: &str = "To begin: `kalmems new --list`, then `kalmems help start`. 
     `kalmems help topics`.\n\n\
     Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an estimate; 2 usage; 3 under \
     --strict, a filter's answer is doubtful or worse; 4 the connection that samples came over broke; 5 some recordings of a batch could \
-    not be estimated, and the results have all others; 130 interrupted.";
+    not be estimated, and the results have all others; 6 no filter had an estimate when a stream ended; 130 interrupted; 141 nobody reads \
+    a stream's output any more.";
 
 /// Motion estimation for MEMS devices with capacitive sensors.
 #[derive(Parser)]
@@ -350,8 +351,8 @@ pub struct StreamArguments {
     /// The experiment file, such as `examples/shared_scanner/stream.toml`.
     pub experiment: PathBuf,
     /// Where samples come from: `-` for standard input, `tcp://HOST:PORT` to connect to, `listen://HOST:PORT` to wait for a
-    /// connection at, or a file, a named pipe or a serial device. A connection or a serial device that breaks ends the command
-    /// with 4, unless `reconnect` in `[stream]` lets it go on.
+    /// connection at, or a file, a named pipe or a serial device. A connection or a serial device that breaks, or is closed without the
+    /// line `# end`, ends the command with 4, unless `reconnect` in `[stream]` lets it go on.
     #[arg(long, value_name = "SOURCE", default_value = "-")]
     pub from: String,
     /// The rate of a serial device in bits per second; the device is then opened as one.

@@ -8,7 +8,8 @@
 //!
 //! Exit codes: 0 success; 1 the data or the configuration is wrong, or no filter gave an estimate; 2 usage; 3 under
 //! `--strict`, an estimate failed its consistency test; 4 the connection that samples came over broke; 5 some recordings of a batch could
-//! not be estimated; 130 interrupted.
+//! not be estimated; 6 no filter had an estimate when a stream ended; 130 interrupted; 141 nobody reads a stream's
+//! lines any more.
 
 // Both panic where nobody reads: `print` and `tell!` are for that.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
@@ -134,6 +135,19 @@ pub fn tell_of_unexpected_panics_alone() {
 /// Prints a result as JSON, with a line break at its end.
 fn print_json(result: &impl serde::Serialize) -> Result<(), CommandEnding> {
     let json = serde_json::to_string_pretty(result).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
+    // They stand within its texts alone, where they have an escape of their own.
+    let escaped = |letter: char| {
+        let mut units = [0; 2];
+        letter.encode_utf16(&mut units).iter().map(|unit| format!("\\u{unit:04x}")).collect::<String>()
+    };
+    let json = json.chars().fold(String::with_capacity(json.len()), |mut all, letter| {
+        if tell::is_command(letter) {
+            all += &escaped(letter)
+        } else {
+            all.push(letter)
+        }
+        all
+    });
     print(&(json + "\n"))
 }
 
@@ -150,7 +164,7 @@ fn print_result(
 fn print(text: &str) -> Result<(), CommandEnding> {
     use std::io::{ErrorKind, Write};
     let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    match out.write_all(tell::visible(text).as_bytes()).and_then(|()| out.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
             Err(CommandEnding::Wrong(format!("cannot write to standard output: {e}")))
         }

@@ -39,7 +39,7 @@ mod text;
 
 pub use decimate::{DecimatedSignal, Thinning, decimate, decimate_band, pairs, triples};
 #[cfg(feature = "draw")]
-pub use drawing::{ReportError, SamplesWriter, escaped};
+pub use drawing::{ReportError, SamplesWriter, escaped, page_scripts};
 pub use figure::{
     Axis, AxisScale, Figure, MapGrid, Panel, SamplesPlace, Series, SeriesLink, SeriesRole, Shape,
 };

@@ -15,7 +15,7 @@ use crate::OutputError;
 use crate::exchange::{exchange, sync_folder};
 use crate::manifest::{MANIFEST, Manifest};
 use crate::sealed::{checksum, checksum_of, checksum_within};
-use crate::target_state::{FileStamp, remove_empty_folders, remove_owned};
+use crate::target_state::{FileStamp, TargetState, look, remove_empty_folders, remove_owned};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -358,9 +358,10 @@ fn settle(
         // Something was put there while it was replaced.
     }
     let kept = previous(place);
+    remove_older(&kept, displaced)?;
     let kept = match Manifest::read(&kept) {
         _ if !kept.exists() => kept,
-        // The one before gets a number, the newest the largest.
+        // One of another experiment, or one that was changed since, gets a number, the newest the largest.
         Ok(Some(_)) => {
             fs::rename(&kept, free(&kept, "-"))?;
             kept
@@ -370,6 +371,16 @@ fn settle(
     };
     fs::rename(displaced, &kept)?;
     Ok(Some(kept))
+}
+
+/// Removes an earlier result of the same work that is as it was written: of these one is kept.
+fn remove_older(kept: &Path, displaced: &Path) -> io::Result<()> {
+    let Ok(TargetState::Result { manifest, changed, seen }) = look(kept, kept, &TargetState::Nothing) else {
+        return Ok(());
+    };
+    let is_of_the_same = Manifest::read(displaced)
+        .is_ok_and(|own| own.is_some_and(|own| (&own.command, &own.of) == (&manifest.command, &manifest.of)));
+    if is_of_the_same && changed.is_empty() { remove_owned(kept, &manifest, &seen) } else { Ok(()) }
 }
 
 /// Removes what a run has begun, and nothing else.

@@ -85,19 +85,32 @@ fn the_same_result_is_replaced_and_another_of_the_same_experiment_is_kept() {
         assert_eq!(lab.run("experiment.toml", "first", false).unwrap(), EarlierResult::default());
         assert_eq!(lab.names(), RESULT);
     }
-    for (says, kept) in [("second", &["scan.previous"][..]), ("third", &["scan.previous", "scan.previous-2"])]
-    {
+    for says in ["second", "third", "fourth"] {
         let earlier = lab.run("experiment.toml", says, false).unwrap().earlier;
         assert_eq!(earlier.unwrap().file_name().unwrap(), "scan.previous");
         let metrics: BTreeSet<String> =
             lab.names().into_iter().filter(|name| name.ends_with("metrics.json")).collect();
-        let kept = std::iter::once(&"scan").chain(kept).map(|folder| format!("{folder}/metrics.json"));
-        assert_eq!(metrics, kept.collect::<BTreeSet<_>>());
+        let kept = ["scan", "scan.previous"].map(|folder| format!("{folder}/metrics.json"));
+        assert_eq!(metrics, BTreeSet::from(kept));
     }
     let files = lab.files();
-    assert_eq!(files["scan/metrics.json"], "third\n");
-    assert_eq!(files["scan.previous/metrics.json"], "second\n");
-    assert_eq!(files["scan.previous-2/metrics.json"], "first\n");
+    assert_eq!(files["scan/metrics.json"], "fourth\n");
+    assert_eq!(files["scan.previous/metrics.json"], "third\n");
+}
+
+#[test]
+fn an_earlier_result_that_was_changed_or_is_of_another_experiment_is_not_removed_for_a_later_one() {
+    let lab = Laboratory::new();
+    lab.run("experiment.toml", "first", false).unwrap();
+    lab.run("experiment.toml", "second", false).unwrap();
+    fs::write(lab.at("scan.previous/metrics.json"), "corrected by hand").unwrap();
+    lab.run("experiment.toml", "third", false).unwrap();
+    lab.run("other.toml", "fourth", true).unwrap();
+    lab.run("other.toml", "fifth", false).unwrap();
+    let files = lab.files();
+    let said = |folder: &str| files[&format!("{folder}/metrics.json")].as_str();
+    assert_eq!((said("scan"), said("scan.previous")), ("fifth\n", "fourth\n"));
+    assert_eq!((said("scan.previous-2"), said("scan.previous-3")), ("corrected by hand", "third\n"));
 }
 
 #[test]

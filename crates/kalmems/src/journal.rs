@@ -186,7 +186,7 @@ impl<W: JournalWork> Journal<W> {
     }
 
     fn write<T: Serialize>(&mut self, content: &T) -> io::Result<()> {
-        self.file.write_all(line(content)?.as_bytes())?;
+        self.file.write_all(sealed_line(content)?.as_bytes())?;
         // A piece counts as finished when its line is on the disk.
         self.file.sync_data()
     }
@@ -247,13 +247,13 @@ fn read<W: JournalWork>(path: &Path, text: &[u8]) -> Result<Content<W>, JournalE
 const CHECKSUM: &str = ",\"checksum\":\"";
 
 /// A JSON object on a line of its own, with its checksum as the last entry.
-fn line<T: Serialize>(content: &T) -> io::Result<String> {
+pub(crate) fn sealed_line<T: Serialize>(content: &T) -> io::Result<String> {
     let json = serde_json::to_string(content)?;
     let body = json.strip_suffix('}').unwrap_or(&json);
     Ok(format!("{body}{CHECKSUM}{}\"}}\n", checksum(body)))
 }
 
-fn checked<T: DeserializeOwned>(line: &[u8]) -> Result<T, String> {
+pub(crate) fn checked<T: DeserializeOwned>(line: &[u8]) -> Result<T, String> {
     let text = std::str::from_utf8(line).map_err(|_| "it is no text".to_owned())?;
     let (body, rest) = text.rsplit_once(CHECKSUM).ok_or("it has no checksum")?;
     if rest.strip_suffix("\"}") != Some(&checksum(body)) {

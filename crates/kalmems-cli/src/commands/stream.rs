@@ -13,7 +13,7 @@ use kalmems::stream::{
     stream_with_page,
 };
 use std::io::{self, BufWriter, ErrorKind, IsTerminal, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 #[cfg(all(feature = "mcap", not(target_family = "wasm")))]
@@ -30,6 +30,12 @@ mod wires;
 
 /// The exit code where the connection broke.
 const BROKEN: u8 = 4;
+
+/// The exit code where no filter had an estimate at the end: all have stopped or lost the signal, or none could begin.
+const WITHOUT_ESTIMATE: u8 = 6;
+
+/// The exit code where nobody reads any more what is written, as of a program that a closed pipe ends.
+const UNREAD: u8 = 141;
 
 /// The exit code where the user stopped it.
 const INTERRUPTED: u8 = 130;
@@ -52,16 +58,20 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
         let why = "lines and frames cannot both go to standard output; give one of them a file";
         return Err(CommandEnding::Wrong(why.to_owned()));
     }
+    refuse_same_files(arguments, lines)?;
     if lines == Some(&*own_file) {
         let failed = |e: io::Error| wrong(&format!("cannot make the folder {}: {e}", own_folder.display()));
         std::fs::create_dir_all(&own_folder).map_err(failed)?;
     }
-    let mut written = lines.map(|to| output(to, is_lines, arguments.force)).transpose()?;
+    // What a reader that goes leaves unread is no reason to end what others read, and what is kept.
+    let goes_on = [lines.is_some(), frames.is_some(), arguments.to.is_some(), arguments.state.is_some()];
+    let goes_on = goes_on.into_iter().filter(|is_there| *is_there).count() > 1 || arguments.report.is_some();
+    let mut written = lines.map(|to| output(to, is_lines, (arguments.force, goes_on))).transpose()?;
     let to = arguments.to.as_deref();
     let finish = to.map(|to| watched(to, &mut written, arguments.force)).transpose()?;
     let outputs = StreamOutputs {
         lines: written,
-        frames: frames.map(|to| output(to, is_frames, arguments.force)).transpose()?,
+        frames: frames.map(|to| output(to, is_frames, (arguments.force, goes_on))).transpose()?,
         notices: Some(Box::new(StandardError)),
     };
     let state = arguments.state.as_deref();
@@ -81,8 +91,10 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
         None => stream(workbench, &experiment, source, outputs, state, stop).map(|summary| (summary, None)),
     };
     let (summary, html) = match ended {
-        // A reader that closes the pipe has what it wanted.
-        Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => return Ok(()),
+        Err(StreamError::Output(e)) if e.kind() == ErrorKind::BrokenPipe => {
+            line(format_args!("nobody reads standard output any more: the stream was ended"));
+            return Err(CommandEnding::Told(UNREAD));
+        }
         Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
         ended => ended.map_err(|e| wrong(&e))?,
     };
@@ -97,6 +109,9 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
         let at = time_s.map_or_else(String::new, |time_s| format!(", at {time_s} s"));
         line(format_args!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from));
     }
+    if !summary.ends_with_estimate && !summary.interrupted && summary.broken.is_none() {
+        line(format_args!("error: no filter had an estimate when the stream ended"));
+    }
     if lines == Some(&*own_file) {
         tell!("estimates and events as lines in {}; `--lines -` shows them here", own_file.display());
     }
@@ -106,9 +121,10 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
     } else {
         tell!("{}", text(&summary).trim_end());
     }
-    match (summary.interrupted, summary.broken) {
+    match (summary.interrupted, &summary.broken) {
         (true, _) => Err(CommandEnding::Told(INTERRUPTED)),
         (false, Some(_)) => Err(CommandEnding::Told(BROKEN)),
+        (false, None) if !summary.ends_with_estimate => Err(CommandEnding::Told(WITHOUT_ESTIMATE)),
         (false, None) => Ok(()),
     }
 }
@@ -130,12 +146,115 @@ fn watched(_: &str, _: &mut Option<Box<dyn Write>>, _: bool) -> Result<WatchEnd,
 }
 
 /// Opens what estimates go to; what another stream wrote there is kept beside it.
-fn output(to: &Path, is_own: fn(&[u8]) -> bool, force: bool) -> Result<Box<dyn Write>, CommandEnding> {
+fn output(
+    to: &Path,
+    is_own: fn(&[u8]) -> bool,
+    (force, goes_on): (bool, bool),
+) -> Result<Box<dyn Write>, CommandEnding> {
     if to == Path::new("-") {
-        return Ok(Box::new(BufWriter::new(io::stdout())));
+        let reader = StandardOutput { goes_on, is_gone: false };
+        return Ok(Box::new(BufWriter::new(reader)));
     }
     let file = create_file(to, is_own, force).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
-    Ok(Box::new(BufWriter::new(file)))
+    Ok(Box::new(BufWriter::new(NamedOutput { name: to.display().to_string(), output: file })))
+}
+
+/// Refuses two outputs that are one file, and one that is read.
+fn refuse_same_files(arguments: &StreamArguments, lines: Option<&Path>) -> Result<(), CommandEnding> {
+    let kept = arguments.to.as_deref().and_then(|to| to.strip_prefix("mcap://")).map(Path::new);
+    let named = [
+        ("--from", Some(Path::new(&arguments.from))),
+        ("the experiment", Some(arguments.experiment.as_path())),
+        ("--lines", lines),
+        ("--frames", arguments.frames.as_deref()),
+        ("--to", kept),
+        ("--state", arguments.state.as_deref()),
+        ("--report", arguments.report.as_deref()),
+    ];
+    let mut before: Vec<(&str, PathBuf)> = Vec::new();
+    for (option, path) in named {
+        let Some(path) = path.filter(|path| *path != Path::new("-")) else { continue };
+        let place = place_of(path);
+        // What is no file, such as `/dev/null`, is not replaced.
+        if place.exists() && !place.is_file() {
+            continue;
+        }
+        if let Some((other, _)) = before.iter().find(|(_, own)| *own == place) {
+            let why = format!("{other} and {option} name one file, {}; give each its own", path.display());
+            return Err(CommandEnding::Wrong(why));
+        }
+        before.push((option, place));
+    }
+    Ok(())
+}
+
+/// Where a path leads, whether there is something or not.
+fn place_of(path: &Path) -> PathBuf {
+    if let Ok(place) = path.canonicalize() {
+        return place;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    path.file_name().map_or_else(|| path.to_owned(), |name| folder.join(name))
+}
+
+/// Standard output, whose reader may go.
+struct StandardOutput {
+    /// Whether the stream goes on without it.
+    goes_on: bool,
+    is_gone: bool,
+}
+
+impl StandardOutput {
+    fn taken<T>(&mut self, taken: io::Result<T>, instead: T) -> io::Result<T> {
+        match taken {
+            Err(e) if e.kind() == ErrorKind::BrokenPipe && self.goes_on => {
+                line(format_args!("nobody reads standard output any more; the other outputs go on"));
+                self.is_gone = true;
+                Ok(instead)
+            }
+            Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(named_error("standard output", &e)),
+            taken => taken,
+        }
+    }
+}
+
+impl Write for StandardOutput {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.is_gone {
+            return Ok(bytes.len());
+        }
+        let taken = io::stdout().write(bytes);
+        self.taken(taken, bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if self.is_gone {
+            return Ok(());
+        }
+        let taken = io::stdout().flush();
+        self.taken(taken, ())
+    }
+}
+
+/// An output whose errors say what it is.
+struct NamedOutput<W> {
+    name: String,
+    output: W,
+}
+
+impl<W: Write> Write for NamedOutput<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.output.write(bytes).map_err(|e| named_error(&self.name, &e))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.output.flush().map_err(|e| named_error(&self.name, &e))
+    }
+}
+
+fn named_error(name: &str, e: &io::Error) -> io::Error {
+    io::Error::new(e.kind(), format!("{name}: {e}"))
 }
 
 /// The summary for people.
@@ -152,17 +271,18 @@ fn text(summary: &StreamSummary) -> String {
         (order.late, "samples came late and were sorted in"),
         (order.too_late, "samples came too late"),
         (order.without_time, "samples had no time"),
-        (order.misplaced, "samples had a time far from those around them, and were left out"),
-        (received.same_time, "frames had the time of the one before, and were left out"),
+        (order.misplaced, "samples had a time that does not fit those around them, and were left out"),
+        (order.same_time, "frames had the time of the one before, and were left out"),
         (received.passed_over, "samples were acknowledged by an earlier run"),
         (received.damaged_lines, "lines were no samples"),
         (received.damaged_bytes, "bytes were outside of any frame"),
         (received.cut_off, "lines or frames had no end, which may have cut them off, and were left out"),
         (received.steps_back, "times the clock went back"),
+        (received.turned_away, "clients connected and sent no sample"),
         (received.breaks, "times the connection broke"),
         (received.reconnections, "times the connection was restored"),
         (summary.stretches.restarts as u64, "times the estimate began again"),
-        (summary.not_estimated, "samples could not be estimated"),
+        (summary.not_estimated, "samples have no estimate"),
         (summary.noise_only, "times the signal was noise only"),
         (summary.withheld, "zero phases or crossings were not reported, because the signal was noise"),
         (

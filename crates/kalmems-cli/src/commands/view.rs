@@ -2,6 +2,7 @@
 
 mod answer;
 mod listing;
+mod policy;
 mod request;
 mod token;
 
@@ -9,19 +10,22 @@ use crate::args::ViewArguments;
 use crate::tell::tell;
 use crate::{CommandEnding, interrupt, print};
 use answer::{HttpAnswer, Status};
-use request::{Request, RequestError};
+use request::{Deadline, Request, RequestError};
+use std::collections::BTreeMap;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4, TcpListener, TcpStream};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 /// Connections at one time; a browser opens six.
 const MOST_CONNECTIONS: usize = 32;
-/// How long a connection may be silent.
+/// How long an answer may wait for its reader.
 const SILENCE: Duration = Duration::from_secs(15);
+/// How long what comes behind a refusal is read.
+const LEFTOVER: Duration = Duration::from_secs(1);
 /// How often it is looked whether to end.
 const PULSE: Duration = Duration::from_millis(50);
 
@@ -31,8 +35,36 @@ struct Site {
     folder: PathBuf,
     /// What the first step of every address must be.
     token: String,
+    /// What stands in its place for the files of one result, of which a page may know.
+    of_results: Mutex<BTreeMap<String, Vec<String>>>,
     port: u16,
+    /// How long a request may take to come.
+    patience: Duration,
     connections: AtomicUsize,
+}
+
+impl Site {
+    fn new(folder: PathBuf, token: String, port: u16) -> Self {
+        let (of_results, connections) = (Mutex::default(), AtomicUsize::new(0));
+        Self { folder, token, of_results, port, patience: request::PATIENCE, connections }
+    }
+
+    /// The token of the files of the result in a folder below, by its steps; a new one where it was not asked for yet.
+    fn token_of(&self, result: &[String]) -> Option<String> {
+        let mut known = self.of_results.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((token, _)) = known.iter().find(|(_, own)| *own == result) {
+            return Some(token.clone());
+        }
+        let token = token::random().ok()?;
+        known.insert(token.clone(), result.to_vec());
+        Some(token)
+    }
+
+    /// The steps to the result whose files this token is of.
+    fn result_of(&self, token: &str) -> Option<Vec<String>> {
+        let known = self.of_results.lock().unwrap_or_else(PoisonError::into_inner);
+        known.iter().find(|(own, _)| token::is_same(token, own)).map(|(_, result)| result.clone())
+    }
 }
 
 pub fn run(arguments: &ViewArguments) -> Result<(), CommandEnding> {
@@ -46,7 +78,7 @@ pub fn run(arguments: &ViewArguments) -> Result<(), CommandEnding> {
     let listener = TcpListener::bind(place).map_err(|e| wrong(&format!("port {}", arguments.port), &e))?;
     let port = listener.local_addr().map_err(|e| wrong("the port", &e))?.port();
     let token = token::random().map_err(|e| wrong("no random numbers from the system", &e))?;
-    let site = Arc::new(Site { folder, token, port, connections: AtomicUsize::new(0) });
+    let site = Arc::new(Site::new(folder, token, port));
     print(&format!("http://127.0.0.1:{port}/{}/\n", site.token))?;
     tell!("the results in {named}, for the browsers of this machine; Ctrl-C ends it");
     serve(&listener, &site, &interrupt::requested).map_err(|e| wrong("cannot serve", &e))
@@ -81,17 +113,14 @@ fn serve(listener: &TcpListener, site: &Arc<Site>, stop: &dyn Fn() -> bool) -> i
 /// Answers a connection on a thread of its own, where there are not too many of them.
 fn take(connection: TcpStream, site: &Arc<Site>) {
     let place = Place::among(site);
-    let is_ready = connection.set_read_timeout(Some(SILENCE)).is_ok()
-        && connection.set_write_timeout(Some(SILENCE)).is_ok()
-        && connection.set_nodelay(true).is_ok();
+    let is_ready =
+        connection.set_write_timeout(Some(SILENCE)).is_ok() && connection.set_nodelay(true).is_ok();
     if !is_ready {
         return;
     }
     let Some(place) = place else {
         // Here the next connection waits: for one that is silent no longer than this.
-        if connection.set_read_timeout(Some(PULSE)).is_ok() {
-            refuse(&connection, Status::TooManyConnections);
-        }
+        refuse(&connection, Status::TooManyConnections, PULSE);
         return;
     };
     // Where no thread can be made, the connection is closed.
@@ -116,41 +145,66 @@ impl Drop for Place {
 }
 
 fn answer(connection: &TcpStream, Place(site): &Place) {
-    match Request::read(connection) {
+    match Request::read(Deadline::after(connection, site.patience)) {
         Ok(request) => {
             let is_head = request.is_head;
             // Who closes the connection early has what it wanted.
             let _ = answer_to(&request, site).send(connection, is_head);
         }
-        Err(RequestError::Refused(status)) => refuse(connection, status),
+        Err(RequestError::Refused(status)) => refuse(connection, status, LEFTOVER),
         Err(RequestError::Gone) => {}
     }
 }
 
-fn refuse(connection: &TcpStream, status: Status) {
+fn refuse(connection: &TcpStream, status: Status, patience: Duration) {
     let _ = HttpAnswer::refusal(status).send(connection, false);
     let _ = connection.shutdown(std::net::Shutdown::Write);
     // A connection that is closed with unread bytes in it is reset, and what was answered is lost.
-    let _ = io::copy(&mut io::Read::take(connection, request::MOST as u64), &mut io::sink());
+    let mut rest = Deadline::after(connection, patience);
+    let _ = io::copy(&mut io::Read::take(&mut rest, request::MOST as u64), &mut io::sink());
 }
 
 /// What is answered to a request that is well-formed.
 fn answer_to(request: &Request, site: &Site) -> HttpAnswer {
-    // A name that leads here from elsewhere is that of a page elsewhere, which wants to read what is here.
-    let own = [format!("127.0.0.1:{}", site.port), format!("localhost:{}", site.port)];
+    // A name that leads here from elsewhere is that of a page elsewhere, which wants to read what is here. The port of the scheme is left out.
+    let names = ["127.0.0.1", "localhost"];
+    let mut own: Vec<String> = names.iter().map(|name| format!("{name}:{}", site.port)).collect();
+    own.extend(names.iter().filter(|_| site.port == 80).map(|name| (*name).to_owned()));
     if !own.iter().any(|own| own.eq_ignore_ascii_case(&request.host)) {
         return HttpAnswer::refusal(Status::WrongHost);
     }
     let Some((first, rest)) = request.path.split_first() else {
         return HttpAnswer::refusal(Status::WrongToken);
     };
+    if let Some(result) = site.result_of(first) {
+        // By itself a page could go wherever it says.
+        if request.is_page {
+            return HttpAnswer::refusal(Status::NotFound);
+        }
+        let names: Vec<String> = result.into_iter().chain(rest.iter().cloned()).collect();
+        return HttpAnswer::file(&site.folder, &names, request.range).for_result(&request.host, first);
+    }
     if !token::is_same(first, &site.token) {
         return HttpAnswer::refusal(Status::WrongToken);
     }
     match rest {
         [name] if name.is_empty() => HttpAnswer::page(listing::page(&site.folder)),
+        [folders @ .., name] if name.ends_with(".html") => framed(request, site, folders, name),
         names => HttpAnswer::file(&site.folder, names, request.range),
     }
+}
+
+/// A page that shows another one in a frame from which it can neither read the pages around it nor go anywhere.
+fn framed(request: &Request, site: &Site, folders: &[String], name: &str) -> HttpAnswer {
+    let names: Vec<String> = folders.iter().cloned().chain([name.to_owned()]).collect();
+    let depth = match HttpAnswer::depth_of(&site.folder, &names) {
+        Ok(depth) => depth,
+        Err(status) => return HttpAnswer::refusal(status),
+    };
+    let (result, within) = names.split_at(depth);
+    let Some(token) = site.token_of(result) else { return HttpAnswer::refusal(Status::TooManyConnections) };
+    let within: Vec<String> = within.iter().map(|step| listing::encoded(step)).collect();
+    HttpAnswer::frame(&request.host, &token, &within.join("/"), name)
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ impl TerminalBar {
         if !std::io::stderr().is_terminal() {
             return None;
         }
-        let bar = ProgressBar::new(total).with_message(what.to_owned());
+        let bar = ProgressBar::new(total).with_message(crate::tell::visible(what).into_owned());
         if let Ok(style) = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} %  {eta} left") {
             bar.set_style(style);
         }

@@ -929,6 +929,7 @@ fn samples_come_from_a_file_a_pipe_or_a_connection() {
     let address = line.trim().rsplit(' ').next().unwrap();
     let mut connection = std::net::TcpStream::connect(address).unwrap();
     connection.write_all(&std::fs::read(&recording).unwrap()).unwrap();
+    connection.write_all(b"# end\n").unwrap();
     drop(connection);
     std::io::Read::read_to_string(&mut said, &mut line).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0), "{line}");
@@ -1173,6 +1174,237 @@ fn a_connection_that_is_reset_ends_with_4_and_what_came_is_estimated() {
     assert_eq!(estimates(&lines, "ekf_lagged").len(), 1200);
 }
 
+/// The kernel closes the connection of a sender that was killed as that of one that ends.
+#[test]
+fn a_connection_that_is_closed_without_the_end_mark_ends_with_4_and_is_tried_again_where_that_is_wanted() {
+    use std::io::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = std::fs::read(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    // At the end of a line, and within one.
+    for behind in [0, 7] {
+        let half = bytes.split(|byte| *byte == b'\n').take(12_001).map(|line| line.len() + 1).sum::<usize>()
+            + behind;
+        let (child, listener) = from_tcp(STREAM);
+        listener.accept().unwrap().0.write_all(&bytes[..half]).unwrap();
+        let ended = child.wait_with_output().unwrap();
+        let said = text(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(4), "{said}");
+        assert!(
+            said.contains("broke after 12000 samples") && said.contains("without the end mark"),
+            "{said}"
+        );
+        assert_eq!(summary(&said)["estimated"], 12_000);
+    }
+    let experiment = streaming(folder.path(), "reconnect = \"20 s\"");
+    let place =
+        |lines: usize| bytes.split(|byte| *byte == b'\n').take(lines).map(|l| l.len() + 1).sum::<usize>();
+    let (child, listener) = from_tcp(&experiment);
+    listener.accept().unwrap().0.write_all(&bytes[..place(12_001)]).unwrap();
+    listener.accept().unwrap().0.write_all(&[&bytes[place(12_001)..], b"# end\n"].concat()).unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let said = text(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(0), "{said}");
+    assert_eq!(
+        (&summary(&said)["estimated"], &summary(&said)["received"]["breaks"]),
+        (&24_001.into(), &1.into())
+    );
+}
+
+#[test]
+fn a_server_that_is_not_there_is_waited_for_where_that_is_wanted_and_ends_with_4_otherwise() {
+    use std::io::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let place = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let address = format!("tcp://{place}");
+    let refused = run(&["stream", STREAM, "--from", &address]);
+    assert_eq!(refused.status.code(), Some(4), "{}", text(&refused.stderr));
+    let experiment = streaming(folder.path(), "reconnect = \"30 s\"");
+    let child = kalmems()
+        .args(["stream", &experiment, "--from", &address])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let listener = std::net::TcpListener::bind(place).unwrap();
+    let bytes = std::fs::read(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    listener.accept().unwrap().0.write_all(&[&bytes[..], b"# end\n"].concat()).unwrap();
+    let ended = child.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
+    assert!(text(&ended.stderr).contains("24001 samples estimated"), "{}", text(&ended.stderr));
+}
+
+/// Whoever looks whether a port is open, or speaks another protocol, is not the sender.
+#[test]
+fn a_listener_serves_the_next_client_behind_one_that_sends_no_sample() {
+    use std::io::{BufRead, BufReader, Read, Write};
+    let mut child = kalmems()
+        .args(["stream", STREAM, "--json", "--from", "listen://127.0.0.1:0"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    let address = line.trim().rsplit(' ').next().unwrap();
+    drop(std::net::TcpStream::connect(address).unwrap());
+    let mut other = std::net::TcpStream::connect(address).unwrap();
+    other.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    drop(other);
+    let mut sender = std::net::TcpStream::connect(address).unwrap();
+    let bytes = std::fs::read(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    sender.write_all(&[&bytes[..], b"# end\n"].concat()).unwrap();
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
+    let summary = summary(&rest);
+    assert_eq!((&summary["estimated"], &summary["received"]["turned_away"]), (&24_001.into(), &2.into()));
+}
+
+/// A stream of the example with each row changed; the exit code, the lines, and what was said.
+fn streamed(change: impl Fn(usize, &str) -> String) -> (Option<i32>, String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = std::fs::read_to_string(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    let rows = recording
+        .lines()
+        .enumerate()
+        .map(|(row, line)| if row == 0 { line.to_owned() } else { change(row, line) });
+    let path = folder.path().join("samples.csv");
+    std::fs::write(&path, rows.collect::<Vec<_>>().join("\n") + "\n").unwrap();
+    let output = run(&["stream", STREAM, "--json", "--from", path.to_str().unwrap()]);
+    (output.status.code(), text(&output.stdout), text(&output.stderr))
+}
+
+/// A line with another cell.
+fn with_cell(line: &str, place: usize, cell: &str) -> String {
+    let cells = line.split(',').enumerate().map(|(at, own)| if at == place { cell } else { own });
+    cells.collect::<Vec<_>>().join(",")
+}
+
+#[test]
+fn a_stream_whose_filter_cannot_begin_at_its_first_samples_begins_at_later_ones() {
+    let (code, lines, said) = streamed(|row, line| match row {
+        1500 => with_cell(&with_cell(line, 1, ""), 2, ""),
+        row if row <= 3000 => with_cell(line, 1, "0"),
+        _ => line.to_owned(),
+    });
+    assert_eq!(code, Some(0), "{said}");
+    let events = |name: &str| lines.matches(&format!("\"event\":\"{name}\"")).count();
+    assert_eq!((events("not_estimated"), events("estimate_begins"), events("stopped")), (1, 1, 0), "{said}");
+    let summary = summary(&said);
+    let left_out = summary["not_estimated"].as_u64().unwrap();
+    assert!((1500..=3072).contains(&left_out), "{said}");
+    assert_eq!(summary["estimated"].as_u64().unwrap() + left_out, 24_001);
+    assert_eq!(summary["ends_with_estimate"], true);
+}
+
+#[test]
+fn a_filter_of_a_stream_that_stops_is_started_again_and_lines_without_numbers_say_why() {
+    // A signal that is no signal while the filter settles, and a drive that is none then and later.
+    for (row, place, cell) in [(101, 2, "1000"), (101, 1, "1e100"), (15_001, 1, "1e100")] {
+        let (code, lines, said) =
+            streamed(|at, line| if at == row { with_cell(line, place, cell) } else { line.to_owned() });
+        assert_eq!(code, Some(0), "{said}");
+        let of = |name: &str| format!("event,{{\"event\":\"{name}\"");
+        let stops =
+            lines.lines().filter(|line| line.starts_with(&of("stopped")) && line.contains("\"ekf\"")).count();
+        let again =
+            lines.lines().filter(|line| line.contains("started_again") && line.contains("\"ekf\"")).count();
+        assert_eq!((stops, again), (1, 1), "{row} {cell}: {said}");
+        let all = estimates(&lines, "ekf");
+        assert_eq!(all.len(), 2401);
+        let blank = |line: &&&str| line.split(',').nth(2) == Some("");
+        let without = all.iter().filter(blank).count();
+        assert!((1..200).contains(&without), "{row} {cell}: {without}");
+        assert!(all.iter().filter(blank).all(|line| line.ends_with(",stopped")));
+        assert!(all.last().unwrap().split(',').skip(2).all(|cell| cell.parse::<f64>().is_ok()));
+        let summary = summary(&said);
+        assert!(summary["not_estimated"].as_u64().unwrap() >= 10 * (without as u64 - 1));
+    }
+}
+
+#[test]
+fn a_stream_that_ends_without_an_estimate_ends_with_6() {
+    // The signal is missing from the middle on to the end, and the drive is no number.
+    let (code, lines, said) =
+        streamed(|row, line| if row > 12_000 { with_cell(line, 1, "1e200") } else { line.to_owned() });
+    assert_eq!(code, Some(6), "{said}");
+    assert!(estimates(&lines, "ekf").last().unwrap().ends_with(",stopped"));
+    assert_eq!(summary(&said[..])["ends_with_estimate"], false);
+}
+
+#[test]
+fn outputs_of_a_stream_that_are_one_file_or_its_input_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let recording = std::fs::read(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    std::fs::write(path("r.csv"), &recording).unwrap();
+    for outputs in [
+        ["--lines", &path("x"), "--frames", &path("x")],
+        ["--lines", &path("r.csv"), "--force", "--json"],
+        ["--lines", &path("y"), "--state", &path("./y")],
+        ["--lines", &path("z"), "--to", &format!("mcap://{}", path("z"))],
+    ] {
+        let refused = run(&[&["stream", STREAM, "--from", &path("r.csv")], &outputs[..]].concat());
+        assert_eq!(refused.status.code(), Some(1), "{outputs:?}");
+        assert!(text(&refused.stderr).contains("name one file"), "{}", text(&refused.stderr));
+    }
+    assert!(
+        std::fs::read(path("r.csv")).unwrap() == recording
+            && std::fs::read_dir(folder.path()).unwrap().count() == 1
+    );
+}
+
+#[test]
+fn a_reader_that_goes_ends_a_stream_that_has_no_other_output_and_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = root().join("examples/shared_scanner/recording.csv");
+    let frames = folder.path().join("frames.bin");
+    let ended = |more: &[&str]| {
+        let mut child = kalmems()
+            .args(["stream", STREAM, "--lines", "-", "--from", recording.to_str().unwrap()])
+            .args(more)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        drop(child.stdout.take());
+        let ended = child.wait_with_output().unwrap();
+        assert!(
+            text(&ended.stderr).contains("nobody reads standard output any more"),
+            "{}",
+            text(&ended.stderr)
+        );
+        ended.status.code()
+    };
+    assert_eq!(ended(&[]), Some(141));
+    assert_eq!(ended(&["--frames", frames.to_str().unwrap()]), Some(0));
+    assert!(std::fs::metadata(&frames).unwrap().len() > 2 * 2401 * 96);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn one_frame_with_a_wrong_time_is_left_out_and_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let (experiment, frames) = frames(folder.path());
+    let path = folder.path().join("frames.bin");
+    for (at, time_s) in [(5000, 0.0025), (5000, 1e6), (20_000, f64::NAN), (20_000, -3.0)] {
+        let mut frames = frames.clone();
+        frames[28 * at + 4..28 * at + 12].copy_from_slice(&f64::to_le_bytes(time_s));
+        std::fs::write(&path, &frames).unwrap();
+        let output =
+            run(&["stream", experiment.to_str().unwrap(), "--json", "--from", path.to_str().unwrap()]);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        let summary = summary(&said);
+        let received = &summary["received"];
+        let wrong = received["misplaced"].as_u64().unwrap() + received["without_time"].as_u64().unwrap();
+        assert_eq!((wrong, &summary["estimated"]), (1, &24_000.into()), "{time_s}: {said}");
+        assert_eq!(summary["not_estimated"], 0, "{time_s}: {said}");
+    }
+}
+
 #[test]
 fn a_connection_that_is_there_again_goes_on() {
     use std::io::{BufReader, Read, Write};
@@ -1187,7 +1419,7 @@ fn a_connection_that_is_there_again_goes_on() {
     let accept = || listener.accept().unwrap().0;
     reset_after(accept(), &bytes[..place(12_001) + 7], || lines = until(&mut output, "ekf,", 1200));
     // A thousand samples are gone; then it ends in order.
-    accept().write_all(&bytes[place(13_001)..]).unwrap();
+    accept().write_all(&[&bytes[place(13_001)..], b"# end\n"].concat()).unwrap();
     output.read_to_string(&mut lines).unwrap();
     let ended = child.wait_with_output().unwrap();
     let said = text(&ended.stderr);

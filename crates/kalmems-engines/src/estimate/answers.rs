@@ -90,7 +90,9 @@ impl<const N: usize> AnswerRun for SizedAnswerRun<N> {
     ) -> Option<Vec<Trajectory>> {
         let names = (filter.key.as_str(), filter.name.as_str());
         self.followed.follow_decisions(decided);
-        let mut filtered = self.followed.follow(names, course, &samples.fresh, states, progress)?;
+        let stays_lost = filter.stays_lost;
+        let mut filtered =
+            self.followed.follow(names, course, &samples.fresh, states, stays_lost, progress)?;
         filtered.whitens = !matches!(filter.method, Method::ConsiderEkf | Method::Luenberger);
         filtered.gate_nis = filter.taking.largest_nis;
         filtered.parameters = filter.parameters().iter().map(Tracked::prior).collect();

@@ -6,8 +6,8 @@ use super::gate::SampleGate;
 use super::step_watch::plan_steps;
 use super::transition::{Sensor, Transition};
 use super::{
-    Course, DerivedQuantities, EstimateError, FilterBasics, FilterPast, MeanAndCovariance, SampleCounts,
-    SampleSelection, StateName, Trajectory, follow,
+    AnyKnownStateStep, Course, DerivedQuantities, EstimateError, FilterBasics, FilterPast, MeanAndCovariance,
+    SampleCounts, SampleSelection, StateName, Trajectory, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::Portable;
@@ -166,6 +166,20 @@ impl Course for BankCourse<'_> {
 
     fn derived(&self) -> Option<DerivedQuantities> {
         self.courses.first().and_then(|course| course.derived())
+    }
+
+    /// All models begin again, equally likely.
+    fn begin_again(
+        &mut self,
+        filter: &mut dyn Filtering,
+        known: &AnyKnownStateStep,
+    ) -> Result<(), FilterError> {
+        for member in &mut self.models.filters {
+            member.take_over(known)?;
+        }
+        let equally = -(self.models.filters.len() as f64).portable_ln();
+        self.models.log_weights.fill(equally);
+        self.lead(filter)
     }
 
     /// What is known of the whole is the mean over the models, each with its weight at the end: a mean of log-likelihoods, which is

@@ -6,8 +6,9 @@ use super::gate::{Decisions, NEVER, Rejection, SampleGate};
 use super::linked::LinkedFilter;
 use super::loss_watch::{LossWatch, Reacquisition};
 use super::phase_prediction::{PhasePredictor, StatePropagation};
+use super::recovery::{FilterStop, Recovery};
 use super::signal_watch::WatchedSample;
-use super::step_watch::{StepCounts, StepError, followed_steps};
+use super::step_watch::{StepCounts, StepFigure, followed_steps};
 use super::transition::{Sensor, Transition};
 use super::{
     AnyKnownStateStep, FilterFailure, FurtherSignal, KnownStateStep, Lock, MeanAndCovariance, Restart,
@@ -44,6 +45,18 @@ macro_rules! held_course {
             self.course.derived()
         }
 
+        fn begin_again(
+            &mut self,
+            filter: &mut dyn Filtering,
+            known: &AnyKnownStateStep,
+        ) -> Result<(), FilterError> {
+            self.course.begin_again(filter, known)
+        }
+
+        fn pass_over(&mut self) {
+            self.course.pass_over();
+        }
+
         fn conclude(&self, trajectory: &mut Trajectory) {
             self.course.conclude(trajectory);
         }
@@ -52,8 +65,8 @@ macro_rules! held_course {
             self.course.divide(steps)
         }
 
-        fn begin_again(&mut self) {
-            self.course.begin_again();
+        fn rewind(&mut self) {
+            self.course.rewind();
         }
     };
 }
@@ -108,6 +121,18 @@ pub trait Course {
         None
     }
 
+    /// Puts a filter that stopped into a known state at a row, and with it what this way holds besides.
+    fn begin_again(
+        &mut self,
+        filter: &mut dyn Filtering,
+        known: &AnyKnownStateStep,
+    ) -> Result<(), FilterError> {
+        filter.take_over(known)
+    }
+
+    /// Passes over a row at which the filter has stopped.
+    fn pass_over(&mut self) {}
+
     /// Enters what is known of the whole at the end of a filter's way, where there is something.
     fn conclude(&self, trajectory: &mut Trajectory) {
         let _ = trajectory;
@@ -121,7 +146,7 @@ pub trait Course {
     }
 
     /// Forgets what it has summed up on its way, to be gone from the beginning.
-    fn begin_again(&mut self) {}
+    fn rewind(&mut self) {}
 
     /// Predicts from sample `to − 1` to sample `to`, and counts what was not there.
     fn advance(
@@ -183,12 +208,14 @@ pub trait Filtering {
         None
     }
 
-    /// Takes note, at a sample that it was corrected by, of how far its steps have led it astray; of a filter that follows that.
-    fn take_step_error(&mut self) {}
+    /// Takes note, at a sample whose innovation had this NIS, of how far its steps have led it astray; of a filter that follows that.
+    fn take_step_error(&mut self, nis: f64) {
+        let _ = nis;
+    }
 
     /// The error of its steps since this was asked last, in standard deviations that it claims; `None` where that is not followed, or the
     /// steps are exact.
-    fn step_error(&mut self) -> Option<f64> {
+    fn step_error(&mut self) -> Option<StepFigure> {
         None
     }
 
@@ -310,6 +337,17 @@ pub fn deviation(gradient: &[f64], p: &dyn Fn(usize, usize) -> f64) -> f64 {
 }
 
 impl Trajectory {
+    /// Takes what was entered of a sample back, at which the filter stopped.
+    fn blank_sample(&mut self, k: usize) {
+        let series = [&mut self.innovation, &mut self.innovation_sd, &mut self.nis, &mut self.log_likelihood];
+        for series in series {
+            series[k] = f64::NAN;
+        }
+        for state in &mut self.states {
+            (state.mean[k], state.sd[k]) = (f64::NAN, f64::NAN);
+        }
+    }
+
     /// Enters what was rejected of sample `k`: it is no innovation of the signal.
     fn enter_rejections(&mut self, k: usize, watch: &SampleGate) {
         self.gate_turns.extend(watch.turned());
@@ -397,6 +435,7 @@ impl Trajectory {
             hidden_signs: Vec::new(),
             own_states: states.len(),
             mirrored: false,
+            stops: Vec::new(),
             failure: None,
             seconds_per_step: f64::NAN,
             time_s: time_s[samples.clone()].to_vec(),
@@ -417,6 +456,9 @@ impl Trajectory {
         self.lost_s.append(&mut later.lost_s);
         self.step_errors.append(&mut later.step_errors);
         self.steps.append(&later.steps);
+        for stop in later.stops.drain(..) {
+            self.enter_stop(stop);
+        }
         self.each_series(&mut later, Vec::append);
     }
 
@@ -445,6 +487,9 @@ impl Trajectory {
         self.steps.forget_until(last_s);
         let of_front = self.lost_s.partition_point(|began_s| *began_s <= last_s);
         front.lost_s.extend(self.lost_s.drain(..of_front));
+        let begun = self.stops.iter().filter(|stop| stop.failure.time_s <= last_s);
+        front.stops.extend(begun);
+        self.stops.retain(|stop| stop.until_s > last_s);
         front
     }
 
@@ -466,6 +511,7 @@ impl Trajectory {
             lost_s: Vec::new(),
             step_errors: Vec::new(),
             steps: self.steps.clone(),
+            stops: Vec::new(),
             lock: self.lock.clone(),
             further: self.further.iter().map(FurtherSignal::hollow).collect(),
             error_spans: self.error_spans.clone(),
@@ -476,6 +522,19 @@ impl Trajectory {
             time_s: Vec::new(),
             ..*self
         }
+    }
+
+    /// Enters a time without an estimate, which may be one that is known already, by now to its end.
+    fn enter_stop(&mut self, stop: FilterStop) {
+        match self.stops.last_mut().filter(|last| last.failure.time_s == stop.failure.time_s) {
+            Some(last) => *last = stop,
+            None => self.stops.push(stop),
+        }
+    }
+
+    /// Whether the filter had stopped at this time in s.
+    pub fn is_stopped_at(&self, time_s: f64) -> bool {
+        self.stops.iter().any(|stop| stop.covers(time_s))
     }
 
     /// Does something with each series of numbers of this and another trajectory, but the states'.
@@ -499,7 +558,7 @@ pub struct FilterRun<const N: usize> {
     /// The filter at the first row of the part that was taken last, predicted and not yet corrected.
     entry: LinkedFilter<N>,
     begun: bool,
-    failure: Option<FilterFailure>,
+    recovery: Recovery,
     errors: ErrorMemory<N>,
     loss: LossWatch<N>,
     /// Steps from sample to sample, and whether they become more where their error is too large.
@@ -513,11 +572,12 @@ impl<const N: usize> FilterRun<N> {
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
         let filter = LinkedFilter::new(filter, watch);
         let (errors, loss) = (ErrorMemory::new(), LossWatch::new());
+        let recovery = Recovery::new(filter.gaussian().into());
         Self {
             entry: filter.clone(),
             filter,
             begun: false,
-            failure: None,
+            recovery,
             errors,
             loss,
             steps: 1,
@@ -535,7 +595,10 @@ impl<const N: usize> FilterRun<N> {
         let mut followed = Self::new(filter, watch);
         followed.filter.predict(&KnownStateStep::<N>::from(left.gaussian()).step())?;
         followed.begun = true;
-        followed.loss = LossWatch::resumed(loss);
+        if let Some((recovery, loss)) = loss.split_first_chunk() {
+            followed.recovery.resume(*recovery);
+            followed.loss = LossWatch::resumed(loss);
+        }
         Ok(followed)
     }
 
@@ -556,9 +619,9 @@ impl<const N: usize> FilterRun<N> {
         self.filter.watched().numbers()
     }
 
-    /// What it knows of the loss of its signal, as numbers.
+    /// What it knows of its stops and of the loss of its signal, as numbers.
     pub(super) fn loss_numbers(&self) -> Vec<f64> {
-        self.loss.numbers()
+        self.recovery.numbers().into_iter().chain(self.loss.numbers()).collect()
     }
 
     /// Follows what another run of the filter rejected, or decides by itself.
@@ -588,14 +651,15 @@ impl<const N: usize> FilterRun<N> {
 
     /// Takes the filter through the new samples of a course and records what it says. `None` where the work was stopped.
     ///
-    /// A prediction or an update that is refused for another reason than a missing sample ends the trajectory: it
-    /// says where and why, and has no numbers from there on.
+    /// A prediction or an update that is refused for another reason than a missing sample stops the filter: the trajectory
+    /// says where and why, and has no numbers from there on until the filter is started again, which `stays_lost` keeps it from.
     pub(super) fn follow(
         &mut self,
         names: (&str, &str),
         course: &mut dyn Course,
         fresh: &Range<usize>,
         states: &[StateName],
+        stays_lost: bool,
         progress: &dyn Progress,
     ) -> Option<Trajectory> {
         let derived = course.derived();
@@ -615,7 +679,6 @@ impl<const N: usize> FilterRun<N> {
         trajectory.steps.change(first_s, self.steps);
         progress.begin(names.1, n as u64);
         let (started, mut pace) = (Instant::now(), Pace::default());
-        trajectory.failure = self.failure;
         let again = course.reacquisition();
         for k in 0..n {
             // A step over a gap counts as the samples that it stands for.
@@ -625,15 +688,29 @@ impl<const N: usize> FilterRun<N> {
             {
                 return None;
             }
-            if self.failure.is_some() {
-                break;
-            }
-            if let Err(why) =
-                self.step((course, derived.as_ref()), again.as_ref(), (fresh.start, k), &mut trajectory)
+            let place = (fresh.start, k);
+            if self.recovery.stopped().is_some()
+                && (stays_lost || !self.start_again(course, again.as_ref(), place, &mut trajectory))
             {
-                self.failure = Some(FilterFailure { time_s: trajectory.time_s[k], why });
-                trajectory.failure = self.failure;
+                if k == 0 {
+                    self.entry.clone_from(&self.filter);
+                }
+                course.pass_over();
+                continue;
             }
+            match self.step((course, derived.as_ref()), again.as_ref(), place, &mut trajectory) {
+                Ok(()) => self.recovery.ran(),
+                Err(why) => {
+                    let failure = FilterFailure { time_s: trajectory.time_s[k], why };
+                    self.stop(failure, k);
+                    trajectory.blank_sample(k);
+                    course.pass_over();
+                }
+            }
+        }
+        if let Some(failure) = self.recovery.stopped() {
+            trajectory.enter_stop(FilterStop { failure, until_s: f64::INFINITY });
+            trajectory.failure = Some(failure);
         }
         course.conclude(&mut trajectory);
         let last_s = trajectory.time_s.last().copied().unwrap_or(f64::NAN);
@@ -643,6 +720,49 @@ impl<const N: usize> FilterRun<N> {
             return None;
         }
         Some(trajectory)
+    }
+
+    /// Stops the filter at a row, in the state that it began from, so that who looks at it finds numbers.
+    fn stop(&mut self, failure: FilterFailure, k: usize) {
+        self.recovery.stop(failure);
+        self.loss.stop();
+        self.filter.forget();
+        // The filter began from this state, which therefore is one.
+        let _ = self.filter.take_over(&AnyKnownStateStep::from(&self.recovery.start));
+        if k == 0 {
+            self.entry.clone_from(&self.filter);
+        }
+    }
+
+    /// Starts a filter again that has stopped, where that is due and a start is found; whether the row is to be taken.
+    fn start_again(
+        &mut self,
+        course: &mut dyn Course,
+        again: Option<&Reacquisition>,
+        (first, k): (usize, usize),
+        trajectory: &mut Trajectory,
+    ) -> bool {
+        let Some(failure) = self.recovery.stopped() else { return true };
+        if !self.recovery.is_due(again.map_or(0, |again| again.rows)) {
+            return false;
+        }
+        let (held_s, held) = self.loss.held();
+        let known = match again {
+            Some(_) => course.start_again(first + k, (held_s, held)),
+            None => Some(self.recovery.start.clone()),
+        };
+        let Some(known) = known else { return false };
+        self.filter.forget();
+        if course.begin_again(&mut self.filter, &AnyKnownStateStep::from(&known)).is_err() {
+            return false;
+        }
+        let (until_s, before) = (trajectory.time_s[k], held.to_vec());
+        trajectory.restarts.push(Restart { time_s: until_s, known, before });
+        trajectory.enter_stop(FilterStop { failure, until_s });
+        self.recovery.start_again();
+        // The next row is the first one again, at which nothing is predicted.
+        self.begun = false;
+        true
     }
 
     /// One sample: prediction from the last one, update if there is a signal.
@@ -693,11 +813,10 @@ impl<const N: usize> FilterRun<N> {
             (signal.innovation[k], signal.sd[k]) = (*residual, *sd);
         }
         trajectory.enter_rejections(k, filter.watched());
-        filter.take_step_error();
-        if let Some((samples, error)) = filter.due_step_error() {
-            trajectory.step_errors.push(StepError { until_s: trajectory.time_s[k], samples, error });
-            let first = (k + 1).saturating_sub(samples);
-            let steps = followed_steps(self.steps, error, &trajectory.nis[first..=k]);
+        filter.take_step_error(trajectory.nis[k]);
+        if let Some((samples, figure)) = filter.due_step_error() {
+            trajectory.step_errors.push(figure.until(trajectory.time_s[k], samples));
+            let steps = followed_steps(self.steps, figure);
             if self.adapts_steps && steps != self.steps && course.divide(steps) {
                 self.steps = steps;
                 if let Some(next_s) = trajectory.time_s.get(k + 1) {

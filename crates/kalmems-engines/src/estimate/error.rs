@@ -372,19 +372,25 @@ pub enum EstimateError {
 
 impl EstimateError {
     /// Whether other samples of the same recording can be estimated all the same.
-    pub const fn is_of_the_samples(&self) -> bool {
-        matches!(
-            self,
+    pub fn is_of_the_samples(&self) -> bool {
+        match self {
+            Self::Varied { why, .. } => why.is_of_the_samples(),
             Self::TooShort { .. }
-                | Self::NoSignal { .. }
-                | Self::NoSteadyDrive { .. }
-                | Self::DriveChanges { .. }
-                | Self::NoStart { .. }
-                | Self::NotTwoSines { .. }
-                | Self::NoCrossing { .. }
-                | Self::DriveUnknown { .. }
-                | Self::Trigger { .. }
-        )
+            | Self::NoSignal { .. }
+            | Self::NoSteadyDrive { .. }
+            | Self::DriveChanges { .. }
+            | Self::NoStart { .. }
+            | Self::NotTwoSines { .. }
+            | Self::NoCrossing { .. }
+            | Self::DriveUnknown { .. }
+            | Self::Trigger { .. } => true,
+            _ => false,
+        }
+    }
+
+    /// Whether there are too few samples for an estimate, so that a part of them is none the better.
+    pub(super) const fn is_of_too_few(&self) -> bool {
+        matches!(self, Self::TooShort { .. } | Self::NoSignal { .. })
     }
 }
 

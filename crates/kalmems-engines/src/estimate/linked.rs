@@ -4,7 +4,7 @@ use super::any_filter::StateFilter;
 use super::engine::Filtering;
 use super::gate::{Decisions, SampleGate};
 use super::phase_prediction::{PhasePredictor, SizedStatePropagation, StatePropagation};
-use super::step_watch::{STEP_ERROR_SAMPLES, StepWatch};
+use super::step_watch::{STEP_ERROR_SAMPLES, StepFigure, StepWatch};
 use super::transition::{Sensor, Transition};
 use kalmems_core::{FilterError, Gaussian, Innovation, StateTransition};
 
@@ -56,7 +56,7 @@ impl<const N: usize> LinkedFilter<N> {
     }
 
     /// The error of its steps, and of how many samples, where these have become as many as are told at once.
-    pub(super) fn due_step_error(&mut self) -> Option<(usize, f64)> {
+    pub(super) fn due_step_error(&mut self) -> Option<(usize, StepFigure)> {
         let steps = self.steps.as_mut()?;
         let samples = steps.samples();
         if samples < STEP_ERROR_SAMPLES { None } else { steps.error().map(|error| (samples, error)) }
@@ -160,13 +160,13 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
         innovation
     }
 
-    fn take_step_error(&mut self) {
+    fn take_step_error(&mut self, nis: f64) {
         if let Some(steps) = &mut self.steps {
-            steps.take(&self.filter.known().covariance);
+            steps.take(&self.filter.known().covariance, nis);
         }
     }
 
-    fn step_error(&mut self) -> Option<f64> {
+    fn step_error(&mut self) -> Option<StepFigure> {
         self.steps.as_mut().and_then(StepWatch::error)
     }
 

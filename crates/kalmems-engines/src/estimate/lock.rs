@@ -1,9 +1,10 @@
 //! Whether a filter followed the motion, told from the recording alone.
 
-use super::Trajectory;
 use super::signal_watch::{SignalTurn, SignalWatch, UNEXPLAINED, WatchedSample};
+use super::{FilterStop, Trajectory};
 use crate::inspect::quantity;
 use crate::signal::fit_cycles;
+use kalmems_core::FilterError;
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -49,6 +50,21 @@ pub enum LockEvent {
         #[serde(skip_serializing_if = "Option::is_none")]
         restarted_s: Option<f64>,
     },
+    /// The filter stopped.
+    Stopped {
+        /// The time of the first sample without an estimate, in s.
+        time_s: f64,
+        /// The reason.
+        #[serde(serialize_with = "in_words")]
+        why: FilterError,
+    },
+    /// The filter was started again after it had stopped.
+    StartedAgain {
+        /// The time of the first sample with an estimate, in s.
+        time_s: f64,
+        /// When it has settled again, in s.
+        settled_s: f64,
+    },
     /// The estimated motion has moved by more than a quarter of a cycle against the drive since it was last
     /// settled: it went over to another branch, most often the mirrored one.
     Flipped {
@@ -73,8 +89,8 @@ impl Lock {
         let (mut is_lost, mut has_flipped) = (false, false);
         for event in &self.events {
             match event {
-                LockEvent::Lost { .. } => is_lost = true,
-                LockEvent::Regained { .. } => is_lost = false,
+                LockEvent::Lost { .. } | LockEvent::Stopped { .. } => is_lost = true,
+                LockEvent::Regained { .. } | LockEvent::StartedAgain { .. } => is_lost = false,
                 LockEvent::Flipped { .. } => has_flipped = true,
             }
         }
@@ -116,6 +132,13 @@ impl std::fmt::Display for LockEvent {
                 }
                 write!(f, ", and has settled at {}", quantity(*settled_s, "s"))
             }
+            Self::Stopped { time_s, why } => write!(f, "stopped at {}: {why}", quantity(*time_s, "s")),
+            Self::StartedAgain { time_s, settled_s } => write!(
+                f,
+                "was started again at {}, and has settled at {}",
+                quantity(*time_s, "s"),
+                quantity(*settled_s, "s")
+            ),
             Self::Flipped { of, time_s, moved_deg } => write!(
                 f,
                 "changed branch at {}: the phase of the motion{} to the drive has changed by {moved_deg:.0}°",
@@ -124,6 +147,11 @@ impl std::fmt::Display for LockEvent {
             ),
         }
     }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn in_words<S: serde::Serializer>(why: &FilterError, to: S) -> Result<S::Ok, S::Error> {
+    to.collect_str(why)
 }
 
 /// How fast the motion goes.
@@ -157,9 +185,11 @@ impl LockEvent {
     /// When, in s.
     pub fn time_s(&self) -> f64 {
         match self {
-            Self::Lost { time_s, .. } | Self::Regained { time_s, .. } | Self::Flipped { time_s, .. } => {
-                *time_s
-            }
+            Self::Lost { time_s, .. }
+            | Self::Regained { time_s, .. }
+            | Self::Stopped { time_s, .. }
+            | Self::StartedAgain { time_s, .. }
+            | Self::Flipped { time_s, .. } => *time_s,
         }
     }
 }
@@ -173,6 +203,11 @@ pub struct LockJudge {
     settling_s: Option<f64>,
     /// When it was last started again from the signal, while the signal is lost, in s.
     restarted_s: Option<f64>,
+    /// When the last stop of the filter began, in s, and whether the filter has not been started again.
+    stopped_s: Option<f64>,
+    is_stopped: bool,
+    /// Until when a filter settles that was started again after a stop, in s: it is not judged before.
+    settles_until_s: f64,
     lost_spans: Vec<[f64; 2]>,
 }
 
@@ -192,7 +227,10 @@ impl LockJudge {
         let mut events = Vec::new();
         self.judge_signal(trajectory, (slowest_hz, start_s), ends, &mut events);
         // Whether the signal is lost in a cycle that has not ended is not known, and the phase of a lost motion means nothing.
-        let undecided_from_s = (!ends).then(|| self.signal.began_s().unwrap_or(start_s));
+        let last_s = trajectory.time_s.last().copied().unwrap_or(start_s);
+        // A stop is known at once.
+        let not_begun_s = if self.stopped_s.is_some() { last_s.max(start_s) } else { start_s };
+        let undecided_from_s = (!ends).then(|| self.signal.began_s().unwrap_or(not_begun_s));
         let known_until_s = undecided_from_s.unwrap_or(f64::INFINITY);
         self.axes.resize_with(axes.len(), AxisJudge::default);
         for ((of, motion), judge) in axes.iter().zip(&mut self.axes).filter(|((_, m), _)| m.is_driven) {
@@ -200,7 +238,12 @@ impl LockJudge {
             judge.judge((of, motion.frequency_hz), trajectory, start_s, known, &mut events);
         }
         events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
-        Lock { events, lost: self.signal.is_lost(), lost_spans: self.lost_spans.clone(), undecided_from_s }
+        Lock {
+            events,
+            lost: self.signal.is_lost() || self.is_stopped,
+            lost_spans: self.lost_spans.clone(),
+            undecided_from_s,
+        }
     }
 
     /// The first cycle of each stretch in which the signal was lost, and when it was found again.
@@ -216,7 +259,14 @@ impl LockJudge {
         let rejected = trajectory.rejected.iter().filter(|one| one.signal == 0);
         let mut rejected = rejected.map(|one| one.sample).peekable();
         let mut restarts = restarts.iter().map(|restart| restart.time_s).peekable();
-        for k in time_s.partition_point(|t| *t < start_s)..time_s.len() {
+        let settled = time_s.partition_point(|t| *t < start_s);
+        // A stop is one while the filter settles as well.
+        let first = if trajectory.stops.is_empty() { settled } else { 0 };
+        for k in first..time_s.len() {
+            self.follow_stops(trajectory, time_s[k], events);
+            if k < settled || self.is_stopped || time_s[k] < self.settles_until_s {
+                continue;
+            }
             if let Some(restarted_s) = restarts.next_if(|restarted_s| *restarted_s <= time_s[k]) {
                 self.restarted_s = Some(restarted_s);
             }
@@ -237,6 +287,29 @@ impl LockJudge {
             && let Some(turn) = self.signal.finish(*last_s, has_gate).and_then(|ended| ended.turn)
         {
             self.turn(turn, events);
+        }
+    }
+
+    /// Hears at a sample of this time in s that the filter stopped there, or was started again.
+    fn follow_stops(&mut self, trajectory: &Trajectory, time_s: f64, events: &mut Vec<LockEvent>) {
+        for FilterStop { failure, until_s } in &trajectory.stops {
+            let is_new = self.stopped_s.is_none_or(|before_s| before_s < failure.time_s);
+            if is_new && failure.time_s <= time_s {
+                (self.stopped_s, self.is_stopped) = (Some(failure.time_s), true);
+                self.signal.begin_again();
+                if self.lost_spans.last().is_none_or(|[_, to_s]| to_s.is_finite()) {
+                    self.lost_spans.push([failure.time_s, f64::INFINITY]);
+                }
+                events.push(LockEvent::Stopped { time_s: failure.time_s, why: failure.why });
+            }
+            if self.is_stopped && self.stopped_s == Some(failure.time_s) && *until_s <= time_s {
+                let settled_s = until_s + self.settling_s.unwrap_or(0.0);
+                (self.is_stopped, self.settles_until_s) = (false, settled_s);
+                if let Some(last) = self.lost_spans.last_mut() {
+                    last[1] = settled_s;
+                }
+                events.push(LockEvent::StartedAgain { time_s: *until_s, settled_s });
+            }
         }
     }
 

@@ -141,6 +141,12 @@ impl<const N: usize> LossWatch<N> {
         is_due
     }
 
+    /// The filter stopped: what was known of its signal is over, but for the last state at which that was not lost.
+    pub(super) fn stop(&mut self) {
+        let (held, left, cycles) = (self.held, self.left, self.cycles);
+        *self = Self { left, cycles, held, ..Self::new() };
+    }
+
     /// The time in s and the state at the beginning of the last cycle in which the signal was not lost.
     pub(super) const fn held(&self) -> (f64, &[f64; N]) {
         (self.held.time_s, &self.held.mean)

@@ -27,6 +27,7 @@ mod part;
 mod past;
 mod phase_prediction;
 mod readout_states;
+mod recovery;
 mod segments;
 mod signal_watch;
 mod smoothing;
@@ -73,9 +74,10 @@ pub use phase_prediction::{
     PhasePrediction, PhasePredictionCounts, PhasePredictor, PredictedPhase, SideOutputs, StatePropagation,
 };
 pub use readout_states::{ReadoutState, WithReadout};
+pub use recovery::FilterStop;
 pub use segments::{AngleAxis, PassedMark, RecordedPassing, SegmentEstimate, SignalSegment};
-pub use step_watch::{StepCounts, StepError};
-pub use stretches::{SkippedStretch, StretchJudge, StretchSummary};
+pub use step_watch::{StepCounts, StepError, StepFigure};
+pub use stretches::{SkippedStretch, StretchAnswer, StretchJudge, StretchSummary, of_whole_segment};
 pub(crate) use tracked::is_at;
 pub use tracked::{DeviceParameter, Tracked};
 pub use trajectory::{

@@ -190,6 +190,11 @@ impl SignalWatch {
         self.cycle.map(|cycle| cycle.began_s)
     }
 
+    /// The filter that is watched has stopped, or is started again: what its cycles told is over.
+    pub(super) fn begin_again(&mut self) {
+        *self = Self::default();
+    }
+
     /// Takes signal, innovation and NIS of a sample at this time in s: a cycle that is over with it, whose samples are those before.
     #[inline]
     pub(super) fn take(

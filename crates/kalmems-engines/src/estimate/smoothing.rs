@@ -4,8 +4,8 @@ use super::engine::DerivedQuantities;
 use super::gate::Decisions;
 use super::linked::LinkedFilter;
 use super::{
-    AnyKnownStateStep, Course, FilterFailure, Filtering, Restart, SampleCounts, StepCounts, Trajectory,
-    TrajectoryKind,
+    AnyKnownStateStep, Course, FilterFailure, FilterStop, Filtering, Restart, SampleCounts, StepCounts,
+    Trajectory, TrajectoryKind,
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
@@ -79,6 +79,10 @@ fn keep<const N: usize>(
     k: usize,
     smoothed: &Smoothed<f64, N>,
 ) {
+    // Where the filter had stopped there is nothing to smooth.
+    if answer.time_s.get(k).is_some_and(|time_s| answer.is_stopped_at(*time_s)) {
+        return;
+    }
     let covariance = smoothed.covariance();
     answer.keep(derived, k, &smoothed.mean, &|i, j| covariance.get(i, j));
 }
@@ -118,13 +122,11 @@ impl<const N: usize> PendingPart<N> {
             None => (part.entry.clone().without_step_watch(), filtered),
         };
         let given = if part.ends { answer.time_s.len() } else { waited };
-        if failure.is_some() {
-            answer.failure = failure;
-        } else if given > 0 {
+        answer.failure = failure;
+        if given > 0 {
             let window = part.fresh.start - waited..part.fresh.end;
             let derived = course.derived();
-            let breaks = SmoothingBreaks { restarts: answer.restarts.clone(), lost_s: answer.lost_s.clone() };
-            let way = FilterWay { breaks, steps: answer.steps.clone() };
+            let way = FilterWay { breaks: SmoothingBreaks::of(&answer), steps: answer.steps.clone() };
             let each = |k: usize, smoothed: &Smoothed<f64, N>| {
                 if k < given {
                     keep(&mut answer, derived.as_ref(), k, smoothed);
@@ -171,12 +173,14 @@ pub(super) struct Lagged<const N: usize> {
     filter: Option<LinkedFilter<N>>,
     window: LagWindow<N>,
     waiting: Option<Trajectory>,
+    /// Where the smoother itself stopped.
+    failure: Option<FilterFailure>,
 }
 
 impl<const N: usize> Lagged<N> {
     pub(super) fn new(lag: usize) -> Self {
         let window = LagWindow { lag, older: Vec::new(), newer: Vec::new(), product: None };
-        Self { filter: None, window, waiting: None }
+        Self { filter: None, window, waiting: None, failure: None }
     }
 
     fn take(
@@ -198,11 +202,12 @@ impl<const N: usize> Lagged<N> {
         };
         let lag = self.window.lag;
         let given = if part.ends { answer.time_s.len() } else { answer.time_s.len().saturating_sub(lag) };
-        if failure.is_some() || answer.failure.is_some() {
-            answer.failure = answer.failure.or(failure);
-        } else if let Err(stopped) = self.pass((course, progress), part, waited, &mut answer) {
-            answer.failure = Some(failed(&answer, stopped)?);
+        if self.failure.is_none()
+            && let Err(stopped) = self.pass((course, progress), part, waited, &mut answer)
+        {
+            self.failure = Some(failed(&answer, stopped)?);
         }
+        answer.failure = self.failure.or(failure);
         if part.ends {
             return Some(answer);
         }
@@ -220,7 +225,7 @@ impl<const N: usize> Lagged<N> {
         answer: &mut Trajectory,
     ) -> Result<(), SmoothingStop> {
         // A loss is known a cycle later: what the lag has given by then would depend on how long the parts are.
-        let breaks = SmoothingBreaks { restarts: answer.restarts.clone(), lost_s: Vec::new() };
+        let breaks = SmoothingBreaks { lost_s: Vec::new(), ..SmoothingBreaks::of(answer) };
         let way = FilterWay { breaks, steps: part.filtered.steps.clone() };
         let derived = course.derived();
         let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| keep(answer, derived.as_ref(), k, smoothed);
@@ -325,6 +330,24 @@ struct SmoothingBreaks {
     restarts: Vec<Restart>,
     /// Where a loss of the signal began, by the time of the sample in s.
     lost_s: Vec<f64>,
+    /// Where the filter had stopped: it stays as it is there.
+    stops: Vec<FilterStop>,
+}
+
+impl SmoothingBreaks {
+    fn of(answer: &Trajectory) -> Self {
+        Self { restarts: answer.restarts.clone(), lost_s: answer.lost_s.clone(), stops: answer.stops.clone() }
+    }
+
+    /// Whether the filter had stopped at this time in s.
+    fn stopped_at(&self, time_s: f64) -> bool {
+        self.stops.iter().any(|stop| stop.covers(time_s))
+    }
+}
+
+/// A step from which nothing passes to the state before it.
+fn apart<const N: usize>(filter: &LinkedFilter<N>) -> StateTransition<f64, N> {
+    StateTransition { transition: Mat::zero(), noise: filter.gaussian().covariance, taken: true }
 }
 
 /// How the filter went: what its smoother has to do likewise.
@@ -385,25 +408,34 @@ impl<const N: usize> smooth::SmoothingCourse<f64, LinkedFilter<N>, N> for Smooth
             self.course.divide(steps);
             self.divided = steps;
         }
-        self.course.advance(filter, row, &mut self.counts)?;
-        let SmoothingBreaks { restarts, lost_s } = &self.way.breaks;
-        if restarts.is_empty() && lost_s.is_empty() {
+        let SmoothingBreaks { restarts, lost_s, stops } = &self.way.breaks;
+        if restarts.is_empty() && lost_s.is_empty() && stops.is_empty() {
+            self.course.advance(filter, row, &mut self.counts)?;
             return filter.link().ok_or(Some(FilterError::NonFiniteState));
         }
-        // Nothing of what was before the start goes through it, and nothing of what comes behind it.
-        let here = restarts.iter().find(|restart| restart.time_s == time_s);
-        here.map_or(Ok(()), |restart| filter.take_over(&AnyKnownStateStep::from(&restart.known)))?;
-        let link = filter.link().ok_or(Some(FilterError::NonFiniteState))?;
-        if lost_s.contains(&time_s) {
-            let noise = filter.gaussian().covariance;
-            return Ok(StateTransition { transition: Mat::zero(), noise, ..link });
+        if self.way.breaks.stopped_at(time_s) {
+            return Ok(apart(filter));
         }
-        Ok(link)
+        let restart = restarts.iter().find(|restart| restart.time_s == time_s);
+        let known = restart.map(|restart| AnyKnownStateStep::from(&restart.known));
+        if let Some(known) = known.as_ref().filter(|_| stops.iter().any(|stop| stop.until_s == time_s)) {
+            self.course.begin_again(filter, known)?;
+            return Ok(apart(filter));
+        }
+        self.course.advance(filter, row, &mut self.counts)?;
+        // Nothing of what was before the start goes through it, and nothing of what comes behind it.
+        known.map_or(Ok(()), |known| filter.take_over(&known))?;
+        let link = filter.link().ok_or(Some(FilterError::NonFiniteState))?;
+        Ok(if lost_s.contains(&time_s) { apart(filter) } else { link })
     }
 
     fn correct(&mut self, filter: &mut LinkedFilter<N>, sample: usize) -> Result<(), Self::Error> {
         let k = self.window.start + sample;
-        filter.at(self.course.time_s().get(k).copied().unwrap_or(f64::NAN));
+        let time_s = self.course.time_s().get(k).copied().unwrap_or(f64::NAN);
+        if self.way.breaks.stopped_at(time_s) {
+            return Ok(());
+        }
+        filter.at(time_s);
         self.course.correct(filter, k, &mut self.counts)?;
         Ok(())
     }

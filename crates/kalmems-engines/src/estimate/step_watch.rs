@@ -18,10 +18,28 @@ pub(super) struct StepWatch<const N: usize> {
     /// Σ (e/sd)² of each state since it was asked last, and over how many samples.
     squares: [f64; N],
     samples: usize,
+    /// Sum and number of the normalised innovations squared of these samples.
+    nis: (f64, f64),
     /// Whether any step since then was not exact.
     is_needed: bool,
     /// Whether the filter's mean goes on as the mean of sigma points, and not by the step itself.
     is_unscented: bool,
+}
+
+/// What the shadow of a filter tells of some samples.
+#[derive(Clone, Copy, Debug)]
+pub struct StepFigure {
+    /// The error of the steps in standard deviations that the filter claims.
+    error: f64,
+    /// The mean NIS.
+    mean_nis: f64,
+}
+
+impl StepFigure {
+    /// As a trajectory keeps it, of so many samples until a time in s.
+    pub(super) const fn until(self, until_s: f64, samples: usize) -> StepError {
+        StepError { until_s, samples, error: self.error }
+    }
 }
 
 /// What a step of fourth order is off by, of what it differs from two of half the length by.
@@ -29,7 +47,8 @@ const OF_FOURTH_ORDER: f64 = 16.0 / 15.0;
 
 impl<const N: usize> StepWatch<N> {
     pub(super) const fn new(is_unscented: bool) -> Self {
-        Self { difference: [0.0; N], squares: [0.0; N], samples: 0, is_needed: false, is_unscented }
+        let nis = (0.0, 0.0);
+        Self { difference: [0.0; N], squares: [0.0; N], samples: 0, nis, is_needed: false, is_unscented }
     }
 
     /// A step from one mean to another, which was linearised to `slopes`.
@@ -78,10 +97,14 @@ impl<const N: usize> StepWatch<N> {
         }
     }
 
-    /// Takes a sample into the figure, of which the filter claims this covariance.
-    pub(super) fn take(&mut self, covariance: &Covariance<f64, N>) {
+    /// Takes a sample into the figure, with the covariance that the filter claims of it and the NIS of its innovation, not a number where
+    /// there was none.
+    pub(super) fn take(&mut self, covariance: &Covariance<f64, N>, nis: f64) {
         if !self.is_needed {
             return;
+        }
+        if nis.is_finite() {
+            self.nis = (self.nis.0 + nis, self.nis.1 + 1.0);
         }
         for (i, (squares, e)) in self.squares.iter_mut().zip(&self.difference).enumerate() {
             let variance = covariance.get(i, i);
@@ -93,15 +116,17 @@ impl<const N: usize> StepWatch<N> {
 
     /// The error of the steps since this was asked last: the root mean square of the worst state's, in standard deviations that the filter
     /// claims. `None` where the steps are exact.
-    pub(super) fn error(&mut self) -> Option<f64> {
+    pub(super) fn error(&mut self) -> Option<StepFigure> {
         let worst = self.squares.iter().fold(0.0, |worst: f64, squares| {
             // One that is not a number is the worst.
             if *squares <= worst { worst } else { *squares }
         });
         let error = OF_FOURTH_ORDER * (worst / self.samples.max(1) as f64).sqrt();
         let known = self.is_needed && self.samples > 0;
-        (self.squares, self.samples) = ([0.0; N], 0);
-        known.then_some(error)
+        let (sum, count) = self.nis;
+        let mean_nis = if count > 0.0 { sum / count } else { 1.0 };
+        (self.squares, self.samples, self.nis) = ([0.0; N], 0, (0.0, 0.0));
+        known.then_some(StepFigure { error, mean_nis })
     }
 
     /// How many samples the figure is of.
@@ -156,14 +181,10 @@ impl StepCounts {
     }
 }
 
-/// How many steps a filter takes from here on that took so many, of which the error over some samples was this: as many more as bring it down
-/// to what a plan leaves; as many as before where it is not large.
-///
-/// `nis` is that of the samples: what does not follow its signal is not helped.
-pub(super) fn followed_steps(steps: usize, error: f64, nis: &[f64]) -> usize {
-    let known = nis.iter().copied().filter(|nis| nis.is_finite());
-    let (count, sum) = known.fold((0.0, 0.0), |(count, sum), nis| (count + 1.0, sum + nis));
-    if sum > ASTRAY * count {
+/// How many steps a filter takes from here on that took so many, of which the shadow told this: as many more as bring the error down to
+/// what a plan leaves; as many as before where it is not large, or where the filter does not follow its signal.
+pub(super) fn followed_steps(steps: usize, StepFigure { error, mean_nis }: StepFigure) -> usize {
+    if mean_nis > ASTRAY {
         return steps;
     }
     let (mut next, mut left) = (steps, error);
@@ -194,7 +215,7 @@ const OF_THE_STEP: f64 = 0.05;
 /// below [`SHORT_ENOUGH`] on the later half of the segment's beginning, or that with the smallest error. A filter that does not follow the
 /// signal, however short its steps are, takes those from which on shorter ones do not help.
 ///
-/// The course begins again afterwards.
+/// The course is rewound afterwards.
 pub(super) fn plan_steps(
     start: &dyn Fn() -> Option<Box<dyn Filtering>>,
     course: &mut dyn Course,
@@ -207,9 +228,9 @@ pub(super) fn plan_steps(
     while steps <= MOST_STEPS && course.divide(steps) {
         let Some(mut filter) = start() else { break };
         let found = error_over(&mut *filter, course, &rows);
-        course.begin_again();
+        course.rewind();
         // Its steps are exact, if there is no error.
-        let Some((error, mean_nis)) = found else { break };
+        let Some(StepFigure { error, mean_nis }) = found else { break };
         if mean_nis > ASTRAY && mean_nis > (1.0 - OF_THE_STEP) * last_nis {
             break;
         }
@@ -225,15 +246,13 @@ pub(super) fn plan_steps(
     best.0
 }
 
-/// The error of the steps and the mean NIS over the later half of some rows, the error infinite where the filter stops; `None` where the
-/// steps are exact.
+/// What the shadow tells of the later half of some rows, the error infinite where the filter stops; `None` where the steps are exact.
 fn error_over(
     filter: &mut dyn Filtering,
     course: &mut dyn Course,
     rows: &Range<usize>,
-) -> Option<(f64, f64)> {
+) -> Option<StepFigure> {
     let mut counts = SampleCounts::default();
-    let mut nis = (0.0, 0.0);
     let middle = rows.start.midpoint(rows.end);
     for row in rows.clone() {
         let moved = if row > rows.start { course.advance(filter, row, &mut counts) } else { Ok(()) };
@@ -241,16 +260,15 @@ fn error_over(
         if let Some(gate) = filter.watch() {
             gate.at(time_s);
         }
-        match moved.and_then(|()| course.correct(filter, row, &mut counts)) {
-            Ok(Some(innovation)) if row > middle => nis = (nis.0 + innovation.nis, nis.1 + 1.0),
-            Ok(_) => {}
-            Err(_) => return Some((f64::INFINITY, 1.0)),
-        }
-        filter.take_step_error();
+        let corrected = moved.and_then(|()| course.correct(filter, row, &mut counts));
+        let Ok(innovation) = corrected else {
+            return Some(StepFigure { error: f64::INFINITY, mean_nis: 1.0 });
+        };
+        filter.take_step_error(innovation.map_or(f64::NAN, |innovation| innovation.nis));
         if row == middle {
             filter.step_error();
         }
     }
-    let mean_nis = if nis.1 > 0.0 { nis.0 / nis.1 } else { 1.0 };
-    filter.step_error().map(|error| (if error.is_nan() { f64::INFINITY } else { error }, mean_nis))
+    let figure = filter.step_error()?;
+    Some(if figure.error.is_nan() { StepFigure { error: f64::INFINITY, ..figure } } else { figure })
 }

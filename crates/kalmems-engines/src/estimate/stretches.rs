@@ -1,7 +1,7 @@
 //! Stretches of a record, of which not every one has to be estimated.
 
 use super::{EstimateError, SegmentPart};
-use crate::recording::Segment;
+use crate::recording::{SampledRecording, Segment};
 use serde::Serialize;
 
 /// What is known of the stretches of the records that were estimated.
@@ -9,13 +9,13 @@ use serde::Serialize;
 pub struct StretchSummary {
     /// How often a record was cut: behind a gap that is too long to be predicted over, or where its clock goes back.
     pub restarts: usize,
-    /// How many stretches of cut records were not estimated.
+    /// How often rows were not estimated: those of a stretch, or its first ones, at which no filter could begin.
     pub left_out: usize,
     /// The first of them.
     pub first_left_out: Vec<SkippedStretch>,
 }
 
-/// A stretch that was not estimated.
+/// Rows that were not estimated: a stretch, or its first ones.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SkippedStretch {
     /// The label of its record.
@@ -23,11 +23,11 @@ pub struct SkippedStretch {
     pub label: String,
     /// Which stretch of the record it is, counted from 1.
     pub stretch: usize,
-    /// When it began, in s.
+    /// When they began, in s.
     pub start_s: f64,
-    /// How many samples it has; those of its first part where it is taken in parts.
+    /// How many there are.
     pub samples: usize,
-    /// Why it was not estimated.
+    /// Why the first of them were not.
     pub why: String,
 }
 
@@ -37,100 +37,207 @@ const NAMED: usize = 16;
 impl StretchSummary {
     /// Whether there is something to tell.
     pub const fn is_empty(&self) -> bool {
-        self.restarts == 0
+        self.restarts == 0 && self.left_out == 0
     }
 }
 
-/// Decides which stretches may be left out: those of a record of several whose samples do not suffice, as long as some
-/// stretch can be estimated. A record in one piece has to be estimated.
+/// Rows from a refused beginning to the next one that is tried, at least and at most, and as a share of those that were refused.
+const FIRST_STEP: usize = 1024;
+const LONGEST_STEP: usize = 1 << 16;
+const STEP_SHARE: usize = 4;
+
+/// What becomes of the new rows of a part.
+#[derive(Debug)]
+pub enum StretchAnswer<T> {
+    /// They are estimated.
+    Estimated(T),
+    /// They are not, for this reason. The stretch begins anew so many rows behind the first of them; never where nothing more of it can be
+    /// estimated.
+    Refused {
+        /// Why.
+        why: String,
+        /// After as many.
+        again: Option<usize>,
+    },
+}
+
+/// Decides what becomes of rows that cannot be estimated: a beginning that is refused is tried again with later rows, and what is left of a stretch
+/// is left out where no later beginning is accepted. A record in one piece has to be estimated, if not from its first row on; of several stretches
+/// some have to be. Samples that arrive are under no such rule.
 #[derive(Debug, Default)]
 pub struct StretchJudge {
     summary: StretchSummary,
-    /// What was left out first, and why.
+    /// Whether samples arrive.
+    is_live: bool,
+    /// The present stretch: rows that were refused at its beginning, and the entry of these among those left out.
+    tried: usize,
+    present: Option<SkippedStretch>,
+    next: NextRows,
+    record: RecordTally,
+    /// What was refused first of all, and whether anything was estimated.
     first: Option<EstimateError>,
-    /// The first stretch of a record that could not be estimated, while it is not known whether others follow.
-    pending: Option<(String, SkippedStretch, EstimateError)>,
-    /// Whether the present stretch is left out.
-    leaving_out: bool,
     estimated: bool,
 }
 
+/// What the rows are that come next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum NextRows {
+    /// Those of another stretch, or further ones of the present one.
+    #[default]
+    Follow,
+    /// Those of a later beginning of the present stretch.
+    BeginAgain,
+    /// Further ones of a stretch that is left out.
+    LeftOut,
+}
+
+/// The present record.
+#[derive(Debug, Default)]
+struct RecordTally {
+    stretches: usize,
+    /// Whether some of it was estimated, and why what was not.
+    estimated: bool,
+    error: Option<EstimateError>,
+}
+
 impl StretchJudge {
+    /// Of samples that arrive, of which none has to be estimated.
+    pub fn of_arriving() -> Self {
+        Self { is_live: true, ..Self::default() }
+    }
+
     /// Whether a part belongs to a stretch that is left out; it comes before the estimator is asked. An error is that of a
     /// record in one piece before it.
     pub fn leaves_out(&mut self, part: &SegmentPart) -> Result<bool, EstimateError> {
-        if part.begins {
-            self.leaving_out = false;
-            self.begin(part.segment)?;
-        }
-        Ok(self.leaving_out)
-    }
-
-    fn begin(&mut self, segment: &Segment) -> Result<(), EstimateError> {
-        let follows = segment.stretch.number > 1;
-        self.summary.restarts += usize::from(follows);
-        match self.pending.take() {
-            Some((label, left_out, error)) if follows && label == segment.label => {
-                self.leave_out(left_out, error);
-                Ok(())
+        let begins_again = part.begins && self.begins_again();
+        if begins_again {
+            self.next = NextRows::Follow;
+        } else if part.begins {
+            self.end_stretch();
+            if part.segment.stretch.number > 1 {
+                self.summary.restarts += 1;
+            } else {
+                self.end_record()?;
             }
-            Some((_, _, error)) => Err(error),
-            None => Ok(()),
+            self.record.stretches += 1;
         }
+        let is_left_out = self.next == NextRows::LeftOut;
+        if is_left_out {
+            self.leave_out(part, part.fresh.len(), None);
+        }
+        Ok(is_left_out)
     }
 
-    /// Takes what an estimator says of a part: `None` where its stretch is left out.
-    pub fn judge<T>(
+    /// Whether the next beginning is a later one of the present stretch.
+    pub const fn begins_again(&self) -> bool {
+        matches!(self.next, NextRows::BeginAgain)
+    }
+
+    /// Takes what an estimator says of a part, of which the first one of a stretch has so many rows at least.
+    pub fn attempt<T>(
         &mut self,
         part: &SegmentPart,
-        answer: Result<T, EstimateError>,
-    ) -> Result<Option<T>, EstimateError> {
-        let error = match answer {
+        head: usize,
+        take: &mut dyn FnMut(&SegmentPart) -> Result<T, EstimateError>,
+    ) -> Result<StretchAnswer<T>, EstimateError> {
+        let error = match take(part) {
             Ok(answer) => {
-                self.estimated = true;
-                return Ok(Some(answer));
+                self.end_stretch();
+                (self.estimated, self.record.estimated) = (true, true);
+                return Ok(StretchAnswer::Estimated(answer));
             }
-            Err(error) if error.is_of_the_samples() && part.begins => error,
+            Err(error) if error.is_of_the_samples() && (part.begins || self.is_live) => error,
             Err(error) => return Err(error),
         };
+        let rows = part.fresh.len();
+        // Where the first rows alone are accepted, later ones are what refuses the stretch: no later beginning would go round them.
+        let head = part.fresh.start..part.fresh.start + head.min(rows);
+        let beginning = SegmentPart { fresh: head, ends: false, ..part.clone() };
+        let begins_later = !part.begins || beginning.fresh.len() == rows || take(&beginning).is_err();
+        // How many rows a part has that is refused within a stretch follows from what has arrived.
+        let step = if part.begins { self.step() } else { self.step().min(rows) };
+        // Of a record that is too short, less is no better.
+        let is_over = part.ends && (step >= rows || (part.begins && error.is_of_too_few()));
+        let again = Some(step).filter(|_| begins_later && !is_over);
+        let why = error.to_string();
+        self.leave_out(part, again.unwrap_or(rows), Some(&why));
+        self.tried += step;
+        self.next = match again {
+            Some(_) => NextRows::BeginAgain,
+            None if part.ends => NextRows::Follow,
+            None => NextRows::LeftOut,
+        };
+        self.record.error.get_or_insert(error);
+        Ok(StretchAnswer::Refused { why, again })
+    }
+
+    /// Rows to the next beginning that is tried.
+    fn step(&self) -> usize {
+        (self.tried / STEP_SHARE).next_multiple_of(FIRST_STEP).clamp(FIRST_STEP, LONGEST_STEP)
+    }
+
+    fn leave_out(&mut self, part: &SegmentPart, rows: usize, why: Option<&str>) {
         let Segment { label, stretch, time, .. } = part.segment;
-        let left_out = SkippedStretch {
+        let present = self.present.get_or_insert_with(|| SkippedStretch {
             label: label.clone(),
             stretch: stretch.number,
             start_s: time.at(part.fresh.start),
-            samples: part.fresh.len(),
-            why: error.to_string(),
-        };
-        if stretch.number > 1 {
-            self.leave_out(left_out, error);
-        } else if part.ends {
-            self.pending = Some((label.clone(), left_out, error));
-        } else {
-            return Err(error);
-        }
-        self.leaving_out = true;
-        Ok(None)
+            samples: 0,
+            why: why.unwrap_or_default().to_owned(),
+        });
+        present.samples += rows;
     }
 
-    fn leave_out(&mut self, left_out: SkippedStretch, error: EstimateError) {
+    /// What was left out until now is all of it.
+    fn end_stretch(&mut self) {
+        (self.tried, self.next) = (0, NextRows::Follow);
+        let Some(left_out) = self.present.take() else { return };
         self.summary.left_out += 1;
         if self.summary.first_left_out.len() < NAMED {
             self.summary.first_left_out.push(left_out);
         }
+    }
+
+    /// The record is over; refused where it is in one piece of which nothing was estimated.
+    fn end_record(&mut self) -> Result<(), EstimateError> {
+        let RecordTally { stretches, estimated, error } = std::mem::take(&mut self.record);
+        let Some(error) = error.filter(|_| !estimated) else { return Ok(()) };
+        if stretches == 1 && !self.is_live {
+            return Err(error);
+        }
         self.first.get_or_insert(error);
+        Ok(())
     }
 
-    /// What is known of the stretches until now.
-    pub const fn summary(&self) -> &StretchSummary {
-        &self.summary
-    }
-
-    /// What is known of all of them, at the end; refused where none could be estimated.
-    pub fn finish(self) -> Result<StretchSummary, EstimateError> {
-        match (self.pending, self.first) {
-            (Some((_, _, error)), _) => Err(error),
-            (None, Some(error)) if !self.estimated => Err(error),
+    /// What is known of all of them, at the end; refused where none could be estimated, unless samples arrive.
+    pub fn finish(mut self) -> Result<StretchSummary, EstimateError> {
+        self.end_stretch();
+        self.end_record()?;
+        match self.first {
+            Some(error) if !(self.estimated || self.is_live) => Err(error),
             _ => Ok(self.summary),
+        }
+    }
+}
+
+/// What is said of a segment that is held in memory, from the first row on at which it is accepted; a recording in parts begins with so many rows.
+pub fn of_whole_segment<T>(
+    judge: &mut StretchJudge,
+    (recording, segment): (&SampledRecording, &Segment),
+    head: usize,
+    take: &mut dyn FnMut(&SegmentPart) -> Result<T, EstimateError>,
+) -> Result<Option<T>, EstimateError> {
+    let mut rows = 0..segment.time.len();
+    loop {
+        let piece = segment.part(&rows);
+        let part = SegmentPart::whole(recording, &piece);
+        if judge.leaves_out(&part)? {
+            return Ok(None);
+        }
+        match judge.attempt(&part, head, take)? {
+            StretchAnswer::Estimated(answer) => return Ok(Some(answer)),
+            StretchAnswer::Refused { again: Some(step), .. } => rows.start += step,
+            StretchAnswer::Refused { again: None, .. } => return Ok(None),
         }
     }
 }

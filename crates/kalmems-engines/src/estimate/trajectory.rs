@@ -1,6 +1,8 @@
 //! What a filter says over time.
 
-use super::{Contribution, ErrorSpan, GateTurn, Lock, MeanAndCovariance, Rejection, StepCounts, StepError};
+use super::{
+    Contribution, ErrorSpan, FilterStop, GateTurn, Lock, MeanAndCovariance, Rejection, StepCounts, StepError,
+};
 use crate::units::Kind;
 use kalmems_core::FilterError;
 use serde::Serialize;
@@ -72,7 +74,10 @@ pub struct Trajectory {
     pub own_states: usize,
     /// Whether the answer was mirrored, θ → −θ, to have the sign that the experiment states.
     pub mirrored: bool,
-    /// Where the filter stopped, if it did; from there on there are no numbers.
+    /// Times without an estimate, as the filter had stopped, in order; the first may have begun before these samples, and the last may go on
+    /// behind them.
+    pub stops: Vec<FilterStop>,
+    /// Where and why the filter stopped that has not been started again.
     pub failure: Option<FilterFailure>,
     /// How long a step took, prediction, update and recording together; a measurement, not a result.
     pub seconds_per_step: f64,
@@ -289,6 +294,22 @@ impl Trajectory {
     /// Whether it says how uncertain it is; the model alone and the lock-in do not.
     pub fn claims(&self) -> bool {
         self.states.iter().all(|state| !state.sd.is_empty())
+    }
+
+    /// Whether there is an estimate of any state at a sample.
+    pub fn has_estimate(&self, k: usize) -> bool {
+        self.states.iter().any(|state| state.mean.get(k).is_some_and(|mean| mean.is_finite()))
+    }
+
+    /// Why there is no estimate at a sample, in a word, where there is none.
+    pub fn reason_without_estimate(&self, k: usize) -> Option<&'static str> {
+        let time_s = *self.time_s.get(k).filter(|_| !self.has_estimate(k))?;
+        let has_signal = self.signal.get(k).is_some_and(|y| y.is_finite());
+        Some(match (self.is_stopped_at(time_s), has_signal) {
+            (true, _) => "stopped",
+            (false, false) => "no_signal",
+            (false, true) => "not_known",
+        })
     }
 
     /// Has no numbers where the signal is lost and where the filter settles again.

@@ -70,6 +70,11 @@ pub struct Stretches {
     /// The segment that comes next and its next row.
     segment: usize,
     next: usize,
+    /// The segment and the first new row of the stretch that was given last, and the rows before which none is needed once the next one is asked for.
+    given: (usize, usize),
+    needed: usize,
+    /// The row at which a segment begins anew.
+    begun: Option<(usize, usize)>,
     /// Whether a stretch holds as many new rows as there are.
     arriving: bool,
     ended: bool,
@@ -115,7 +120,19 @@ impl Stretches {
     fn of_reading(reading: RecordingReader, path: &Path, around: StretchSize, arriving: bool) -> Self {
         let around = StretchSize { rows: around.rows.max(1), first: around.first.max(1), ..around };
         let file = path.display().to_string();
-        Self { reading, around, file, segment: 0, next: 0, arriving, ended: false, spare: Vec::new() }
+        Self {
+            reading,
+            around,
+            file,
+            segment: 0,
+            next: 0,
+            given: (0, 0),
+            needed: 0,
+            begun: None,
+            arriving,
+            ended: false,
+            spare: Vec::new(),
+        }
     }
 
     /// Takes what has been read for all there is.
@@ -135,7 +152,7 @@ impl Stretches {
     /// the last one, and where no row follows another in time.
     pub fn beginning(&mut self, progress: ReadProgress) -> Result<Option<f64>, ReadError> {
         loop {
-            if let Some((start, end)) = self.reading.pass.segment(self.segment) {
+            if let Some((start, end)) = self.place() {
                 let interval = self.reading.pass.interval_s(self.segment);
                 if start != self.next || end.is_some() || interval.is_some() {
                     return Ok(interval.filter(|_| start == self.next));
@@ -145,6 +162,30 @@ impl Stretches {
                 return Ok(None);
             }
             self.read(progress)?;
+        }
+    }
+
+    /// Where the present segment begins, if only anew, and the row behind it, once that is known.
+    fn place(&self) -> Option<(usize, Option<usize>)> {
+        let (start, end) = self.reading.pass.segment(self.segment)?;
+        let begun = self.begun.filter(|(segment, _)| *segment == self.segment);
+        Some((begun.map_or(start, |(_, row)| row), end))
+    }
+
+    /// Lets the segment of the stretch that was given last begin anew, so many rows behind the first new one of that.
+    pub fn begin_again(&mut self, rows: usize) {
+        let (segment, first) = self.given;
+        (self.segment, self.next) = (segment, first + rows);
+        self.begun = Some((segment, self.next));
+        self.needed = self.next;
+    }
+
+    /// Goes on to the next segment where the present one has no row to begin anew with.
+    fn pass_ended(&mut self) {
+        while let Some((_, Some(end))) = self.place()
+            && self.begun.is_some_and(|(segment, row)| segment == self.segment && row >= end)
+        {
+            (self.segment, self.next, self.begun) = (self.segment + 1, end, None);
         }
     }
 
@@ -165,7 +206,9 @@ impl Stretches {
         usable: bool,
         progress: ReadProgress,
     ) -> Result<Option<Stretch>, ReadError> {
+        self.reading.pass.forget(self.needed.min(self.rows()));
         loop {
+            self.pass_ended();
             if usable && self.reading.pass.is_fatal() {
                 return Err(self.unusable(progress)?);
             }
@@ -223,7 +266,7 @@ impl Stretches {
 
     /// The new rows of the next stretch, where all that it needs is read, and whether they end their segment.
     fn ready(&self) -> Option<(Range<usize>, bool)> {
-        let (start, end) = self.reading.pass.segment(self.segment)?;
+        let (start, end) = self.place()?;
         let first = self.next == start;
         let mut rows = if first { self.around.first } else { self.around.rows };
         if self.arriving && !first && end.is_none() {
@@ -245,17 +288,16 @@ impl Stretches {
 
     /// Makes a stretch of some rows and lets go of what no later one needs.
     fn cut(&mut self, rows: Range<usize>, ends: bool) -> Option<Stretch> {
-        let (start, end) = self.reading.pass.segment(self.segment)?;
+        let (start, end) = self.place()?;
         let first = rows.start.saturating_sub(self.around.before).max(start);
         let last = rows.end.saturating_add(self.around.after).min(end.unwrap_or(self.rows()));
         let source = self.reading.source();
         let recording = self.reading.pass.part(self.segment, first..last, source, &mut self.spare)?;
         let begins = rows.start == start;
-        self.next = rows.end;
+        (self.given, self.next) = ((self.segment, rows.start), rows.end);
         self.segment += usize::from(ends);
         // A segment that begins needs nothing before.
-        let needed = if ends { rows.end } else { rows.end.saturating_sub(self.around.before).max(start) };
-        self.reading.pass.forget(needed);
+        self.needed = if ends { rows.end } else { rows.end.saturating_sub(self.around.before).max(start) };
         Some(Stretch { recording, fresh: rows.start - first..rows.end - first, begins, ends })
     }
 

@@ -22,7 +22,7 @@ use crate::config::kinds::Length;
 use crate::config::{ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Positive, Quantity};
 use crate::estimate::{
     DeviceParameter, EstimateError, Past, PastState, RowsAround, SegmentEstimate, SegmentPart, StretchJudge,
-    StretchSummary,
+    StretchSummary, of_whole_segment,
 };
 use crate::evaluate::{Instruments, MotionErrors, ONE_ANGLE, ReferenceChannels, ReferenceMotion, ValueState};
 use crate::export::{self, ExportError, ExportableFilter, Exported};
@@ -206,10 +206,9 @@ pub trait Rig: Send + Sync {
         let wanted: Vec<&Segment> = wanted.collect();
         let (mut judge, mut estimates) = (StretchJudge::default(), Vec::new());
         for segment in wanted {
-            let part = SegmentPart::whole(recording, segment);
-            if !judge.leaves_out(&part)? {
-                estimates.extend(judge.judge(&part, estimator.take(&part))?);
-            }
+            let head = segment.time.interval_s().map_or(0, |interval_s| estimator.around(interval_s).head);
+            let take = &mut |part: &SegmentPart| estimator.take(part);
+            estimates.extend(of_whole_segment(&mut judge, (recording, segment), head, take)?);
         }
         Ok((estimates, judge.finish()?))
     }

@@ -76,7 +76,7 @@ impl Page {
             explanations => explanations,
             style => Value::from_safe_string(STYLE.to_owned()),
             plots => PLOTS.map(|text| Value::from_safe_string(text.to_owned())).to_vec(),
-            script => Value::from_safe_string(SCRIPT.to_owned()),
+            scripts => page_scripts().map(Value::from_safe_string).to_vec(),
             data => data.map(Value::from_safe_string),
         };
         let html = environment.get_template("page.html")?.render(page)?;
@@ -85,6 +85,13 @@ impl Page {
             html.replace(&code, &format!("<a href=\"#{}\">{code}</a>", explanation_anchor(index)))
         }))
     }
+}
+
+/// The text of the scripts that a page runs, all that stands between the tags.
+pub fn page_scripts() -> [String; 2] {
+    let [plots, _, licence] = PLOTS;
+    let plots = format!("/* The plots are drawn with uPlot, whose licence is:\n{licence}\n*/\n{plots}");
+    [plots.as_str(), SCRIPT].map(|script| format!("//<![CDATA[\n{script}\n//]]>"))
 }
 
 fn explanation_anchor(index: usize) -> String {

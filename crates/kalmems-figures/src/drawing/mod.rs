@@ -18,5 +18,5 @@ mod samples;
 mod svg;
 
 pub use error::ReportError;
-pub use html::escaped;
+pub use html::{escaped, page_scripts};
 pub use samples::SamplesWriter;

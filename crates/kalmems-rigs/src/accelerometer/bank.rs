@@ -5,7 +5,9 @@ use super::data::AccelerometerSegment;
 use super::instrument::ScaledReadout;
 use super::settings::AccelerometerHardware;
 use super::varied_instrument::{Factors, VariedInstrument, VariedStep};
-use crate::estimate::{Course, Filtering, KnownStateStep, MeasurementSensor, SampleCounts, by_signal};
+use crate::estimate::{
+    AnyKnownStateStep, Course, Filtering, KnownStateStep, MeasurementSensor, SampleCounts, by_signal,
+};
 use kalmems_core::adapt::Bank;
 use kalmems_core::{Covariance, Ekf, FilterError, Innovation, NotAScale};
 
@@ -21,6 +23,8 @@ pub struct AccelerometerBankCourse<'a> {
     data: &'a AccelerometerSegment<'a>,
     factors: Vec<Factors<f64>>,
     bank: Box<AccelerometerBank>,
+    /// The models as they begin.
+    first: Box<AccelerometerBank>,
     processes: Box<[VariedStep<f64>; MODELS]>,
     readouts: [ScaledReadout<4>; MODELS],
     noise: [Covariance<f64, 1>; MODELS],
@@ -51,10 +55,12 @@ impl<'a> AccelerometerBankCourse<'a> {
             let twice = digits(model).iter().zip(spread).any(|(digit, spread)| *digit > 0 && *spread == 0.0);
             if twice { 0.0 } else { 1.0 }
         });
+        let first = Box::new(Bank::new([start; MODELS], prior));
         Ok(Self {
             hardware,
             data,
-            bank: Box::new(Bank::new([start; MODELS], prior)),
+            bank: first.clone(),
+            first,
             processes: Box::new(std::array::from_fn(|model| varied[model].process)),
             readouts: std::array::from_fn(|model| varied[model].readout),
             noise: std::array::from_fn(|model| varied[model].noise),
@@ -102,6 +108,12 @@ impl Course for AccelerometerBankCourse<'_> {
                 self.bank.predict(&other, &feedback)?
             }
         };
+        filter.predict(&KnownStateStep::from(self.bank.mixture()).step())
+    }
+
+    /// All models begin again, as likely as at first.
+    fn begin_again(&mut self, filter: &mut dyn Filtering, _: &AnyKnownStateStep) -> Result<(), FilterError> {
+        self.bank.clone_from(&self.first);
         filter.predict(&KnownStateStep::from(self.bank.mixture()).step())
     }
 

@@ -156,6 +156,12 @@ where
         filter.predict(&ProcessTransition::new(&self.instrument.over(interval), &input))
     }
 
+    fn pass_over(&mut self) {
+        if let Some(noise) = &mut self.noise {
+            noise.add(None);
+        }
+    }
+
     fn correct(
         &mut self,
         filter: &mut dyn Filtering,

@@ -219,7 +219,7 @@ impl Course for EquationCourse<'_> {
         self.model.divides()
     }
 
-    fn begin_again(&mut self) {
+    fn rewind(&mut self) {
         self.log_likelihood = 0.0;
     }
 

@@ -249,7 +249,7 @@ pub fn motion(own: &OwnDevice, drive: Option<&Sine>, interval_s: f64) -> MotionR
 /// Of each filter that stopped at one of these samples, the table that it left, where it left one.
 fn left_tables(own: &OwnDevice, data: &EquationSegment, all: &[Trajectory]) -> Vec<String> {
     let of = |trajectory: &Trajectory| {
-        let failure = trajectory.failure?;
+        let failure = trajectory.stops.last()?.failure;
         let stopped = trajectory.time_s.iter().position(|time_s| *time_s == failure.time_s)?;
         let last = stopped.checked_sub(1)?;
         let state: Vec<f64> =

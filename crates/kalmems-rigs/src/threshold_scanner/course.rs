@@ -188,7 +188,7 @@ impl Course for ThresholdCourse<'_> {
         self.motion.divide(steps)
     }
 
-    fn begin_again(&mut self) {
+    fn rewind(&mut self) {
         self.log_likelihood = 0.0;
     }
 

@@ -3,7 +3,7 @@
 use super::{RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{ConfigFault, Experiment, Key};
 use crate::estimate::{
-    EstimateError, RowsAround, SegmentEstimate, SegmentPart, StretchJudge, StretchSummary,
+    EstimateError, RowsAround, SegmentEstimate, SegmentPart, StretchAnswer, StretchJudge, StretchSummary,
 };
 use crate::evaluate::{ReferenceError, ReferenceParts, ReferenceRecording, SegmentJudge};
 use crate::progress::{Progress, Silent};
@@ -154,7 +154,13 @@ impl RecordingWork<'_> {
             };
             if !judge.leaves_out(&part)? {
                 require_head(estimator.as_ref(), &part, file)?;
-                if let Some(estimate) = judge.judge(&part, estimator.take(&part))? {
+                let interval_s = part.segment.time.interval_s();
+                let head = interval_s.map_or(0, |interval_s| estimator.around(interval_s).head);
+                let answer = judge.attempt(&part, head, &mut |part| estimator.take(part))?;
+                if let StretchAnswer::Refused { again: Some(rows), .. } = answer {
+                    stretches.begin_again(rows);
+                }
+                if let StretchAnswer::Estimated(estimate) = answer {
                     let reference = match &mut reference {
                         Some(reference) => reference,
                         closed => closed.insert(self.reference(stretch.recording.origin())?),

@@ -46,11 +46,16 @@ pub(super) fn with_lock(panel: Panel, trajectory: &Trajectory) -> Panel {
     let times = |of: fn(&LockEvent) -> Option<f64>| -> Vec<(f64, f64)> {
         events.iter().filter_map(of).map(|time_s| (time_s, 0.0)).collect()
     };
-    let lost = times(|event| if let LockEvent::Lost { time_s, .. } = event { Some(*time_s) } else { None });
+    let lost = times(|event| match event {
+        LockEvent::Lost { time_s, .. } | LockEvent::Stopped { time_s, .. } => Some(*time_s),
+        _ => None,
+    });
     let flipped =
         times(|event| if let LockEvent::Flipped { time_s, .. } = event { Some(*time_s) } else { None });
-    let regained =
-        times(|event| if let LockEvent::Regained { time_s, .. } = event { Some(*time_s) } else { None });
+    let regained = times(|event| match event {
+        LockEvent::Regained { time_s, .. } | LockEvent::StartedAgain { time_s, .. } => Some(*time_s),
+        _ => None,
+    });
     let all = [("signal lost", lost), ("signal found again", regained), ("other branch", flipped)];
     for (label, points) in all {
         if !points.is_empty() {

@@ -315,7 +315,8 @@ impl EstimatorMetrics {
         self.lock.lost = later.lock.lost;
         self.crossings_log_likelihood += later.crossings_log_likelihood;
         self.mirrored |= later.mirrored;
-        self.failure = self.failure.take().or(later.failure);
+        // A filter that was started again has not failed.
+        self.failure = later.failure;
         // They are of the whole, and come with its last part.
         (self.tests, self.parameters) = (later.tests, later.parameters);
         self.rejections = later.rejections;

@@ -476,7 +476,8 @@ fn worst_of_each_filter(notices: Vec<Notice>) -> Vec<Notice> {
 /// When the signal was lost and found again, of a filter that has found it each time.
 fn of_losses(estimator: &EstimatorMetrics) -> String {
     let events = &estimator.lock.events;
-    let losses = events.iter().filter(|event| matches!(event, LockEvent::Lost { .. })).count();
+    let is_loss = |event: &&LockEvent| matches!(event, LockEvent::Lost { .. } | LockEvent::Stopped { .. });
+    let losses = events.iter().filter(is_loss).count();
     let first = events.iter().take(2).map(ToString::to_string).collect::<Vec<_>>().join("; it ");
     let more = match losses - losses.min(1) {
         0 => String::new(),

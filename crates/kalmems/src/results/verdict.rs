@@ -163,7 +163,10 @@ pub(super) fn angles_of(verdict: Verdict, lock: &Lock, errors: Option<&MotionErr
         Verdict::LostLock | Verdict::Astray => {
             for event in &lock.events {
                 match event {
-                    LockEvent::Lost { .. } | LockEvent::Regained { .. } => return Vec::new(),
+                    LockEvent::Lost { .. }
+                    | LockEvent::Regained { .. }
+                    | LockEvent::Stopped { .. }
+                    | LockEvent::StartedAgain { .. } => return Vec::new(),
                     LockEvent::Flipped { of, .. } if !angles.contains(of) => angles.push(of),
                     LockEvent::Flipped { .. } => {}
                 }

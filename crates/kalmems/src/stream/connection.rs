@@ -11,13 +11,24 @@ use std::time::{Duration, Instant};
 pub trait Connection: Send {
     /// Opens it; `None` where nobody is there yet.
     ///
-    /// A read of no bytes is the orderly end of the stream, and an error other than [`ErrorKind::WouldBlock`] and
-    /// [`ErrorKind::Interrupted`] a break.
+    /// A read of no bytes is the end of the stream, of a connection that [`reopens`](Self::reopens) a break as any error other than
+    /// [`ErrorKind::WouldBlock`] and [`ErrorKind::Interrupted`]: the system closes the connection of a sender that was killed as that of
+    /// one that has ended. There the end is what the sender says, by the end mark of its format.
     fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>>;
 
     /// Whether it can be opened again; what was read of a file or a pipe does not come again.
     fn reopens(&self) -> bool {
         false
+    }
+
+    /// Whether anybody may connect: who sends no sample is not the sender, and the next one is served.
+    fn is_listener(&self) -> bool {
+        false
+    }
+
+    /// Whether samples come as they are taken, so that one that is estimated later is late.
+    fn is_live(&self) -> bool {
+        self.reopens()
     }
 }
 
@@ -41,6 +52,12 @@ impl Connection for OpenedConnection {
 const FIRST_WAIT: Duration = Duration::from_millis(10);
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
+/// How long a client of a listener has for its first sample.
+const FIRST_SAMPLE: Duration = Duration::from_secs(10);
+
+/// Why a connection broke whose other end closed it without an end mark.
+const CLOSED: &str = "the sender closed the connection without the end mark `# end`";
+
 /// How long the thread sleeps at once at most, so that it hears in time that the stream is stopped.
 const NAP: Duration = Duration::from_millis(50);
 
@@ -52,6 +69,8 @@ pub(super) enum Received {
     Nothing,
     /// The connection broke, for this reason, and is tried again.
     Broken(String),
+    /// A client of a listener went, or was sent away, without a sample.
+    TurnedAway,
     /// It is there again, after so many attempts and so many seconds.
     Again { attempts: u64, after_s: f64 },
     /// It broke, for this reason, and is not tried any more.
@@ -66,9 +85,11 @@ pub(super) struct RetriedConnection {
     reader: Option<Box<dyn Read + Send>>,
     /// For how long it is tried again.
     reconnect: Option<Duration>,
-    /// Whether bytes ever came.
+    /// When it was opened last, and whether samples ever came, and over it.
+    opened: Instant,
     heard: bool,
-    /// When it broke first since bytes came last: one that breaks again before anything came over it was never there.
+    heard_now: bool,
+    /// When it broke first since samples came last: one that breaks again before anything came over it was never there.
     silent_since: Option<Instant>,
     lost: Option<Lost>,
 }
@@ -84,21 +105,41 @@ struct Lost {
 
 impl RetriedConnection {
     pub(super) fn new(connection: Box<dyn Connection>, reconnect: Option<Duration>) -> Self {
-        Self { connection, reader: None, reconnect, heard: false, silent_since: None, lost: None }
+        Self {
+            connection,
+            reader: None,
+            reconnect,
+            opened: Instant::now(),
+            heard: false,
+            heard_now: false,
+            silent_since: None,
+            lost: None,
+        }
+    }
+
+    /// Samples came.
+    pub(super) fn hear(&mut self) {
+        (self.heard, self.heard_now, self.silent_since) = (true, true, None);
     }
 
     /// Waits for bytes, some tenths of a second where the connection allows it. An error is that it could not be opened at all.
     pub(super) fn receive(&mut self, piece: &mut [u8]) -> io::Result<Received> {
         let Some(reader) = &mut self.reader else { return self.open() };
-        match reader.read(piece) {
+        let read = reader.read(piece);
+        let is_over = match &read {
+            Ok(count) => *count == 0,
+            Err(e) => !matches!(e.kind(), ErrorKind::Interrupted | ErrorKind::WouldBlock),
+        };
+        let is_late = self.opened.elapsed() > FIRST_SAMPLE;
+        if self.connection.is_listener() && !self.heard_now && (is_over || is_late) {
+            self.reader = None;
+            return Ok(Received::TurnedAway);
+        }
+        match read {
+            Ok(0) if self.connection.reopens() => Ok(self.broke(CLOSED.to_owned())),
             Ok(0) => Ok(Received::End),
-            Ok(count) => {
-                (self.heard, self.silent_since) = (true, None);
-                Ok(Received::Bytes(count))
-            }
-            Err(e) if matches!(e.kind(), ErrorKind::Interrupted | ErrorKind::WouldBlock) => {
-                Ok(Received::Nothing)
-            }
+            Ok(count) => Ok(Received::Bytes(count)),
+            Err(_) if !is_over => Ok(Received::Nothing),
             // What could never be read is no connection that broke.
             Err(e) if !self.heard && !self.connection.reopens() => Err(e),
             Err(e) => Ok(self.broke(e.to_string())),
@@ -118,9 +159,16 @@ impl RetriedConnection {
     }
 
     fn open(&mut self) -> io::Result<Received> {
+        (self.opened, self.heard_now) = (Instant::now(), false);
         let Some(lost) = &mut self.lost else {
-            self.reader = self.connection.open()?;
-            return Ok(Received::Nothing);
+            return match self.connection.open() {
+                Ok(reader) => {
+                    self.reader = reader;
+                    Ok(Received::Nothing)
+                }
+                Err(e) if self.connection.reopens() => Ok(self.broke(e.to_string())),
+                Err(e) => Err(e),
+            };
         };
         let now = Instant::now();
         if now < lost.next {
@@ -198,12 +246,16 @@ mod tests {
         let begun = Instant::now();
         let why = loop {
             match link.receive(&mut [0; 4]).unwrap() {
-                Received::Bytes(count) => bytes += count,
+                Received::Bytes(count) => {
+                    bytes += count;
+                    link.hear();
+                }
                 Received::Nothing => {}
                 Received::Broken(why) => {
                     assert!(why.contains("reset"), "{why}");
                     broken += 1;
                 }
+                Received::TurnedAway => panic!("it does not listen"),
                 Received::Again { attempts, after_s } => {
                     assert!(after_s >= 0.01);
                     again.push(attempts);

@@ -23,6 +23,9 @@ pub struct Damage {
     pub cut_off: u64,
 }
 
+/// What a sender ends its samples with that have an end: a line of text, behind lines and behind frames alike.
+pub const END_MARK: &[u8] = b"# end\n";
+
 /// The longest line that is looked at; a longer one is damaged.
 const LONGEST: usize = 1 << 16;
 
@@ -34,6 +37,8 @@ pub struct Decoder {
     damage: Damage,
     /// The place of the times among the numbers, and what reads them.
     times: Option<(usize, TimeReader)>,
+    /// Whether the sender has said that no more samples come.
+    is_ended: bool,
 }
 
 enum DecoderFormat {
@@ -69,7 +74,7 @@ impl Decoder {
                 length: sync.bytes().len() + fields.iter().map(|field| field.kind.bytes()).sum::<usize>(),
             },
         };
-        Self { format, rest: Vec::new(), damage: Damage::default(), times: None }
+        Self { format, rest: Vec::new(), damage: Damage::default(), times: None, is_ended: false }
     }
 
     /// Reads the numbers at this place as times.
@@ -88,20 +93,33 @@ impl Decoder {
         self.damage
     }
 
+    /// Whether the sender has said that no more samples come.
+    pub const fn is_ended(&self) -> bool {
+        self.is_ended
+    }
+
     /// Takes bytes; each sample that they complete goes to `each`.
     pub fn take(&mut self, bytes: &[u8], each: &mut impl FnMut(StreamSample)) {
+        if self.is_ended {
+            return;
+        }
         self.rest.extend_from_slice(bytes);
         let times = &mut self.times;
         let done = match &mut self.format {
             DecoderFormat::Text { columns, cells, powers, in_a_long_line } => {
                 let mut numbers = |line: &[u8]| numbers(line, cells, powers, times);
-                lines(&self.rest, columns, in_a_long_line, &mut self.damage, &mut numbers, each)
+                let kept = (in_a_long_line, &mut self.is_ended);
+                lines(&self.rest, columns, kept, &mut self.damage, &mut numbers, each)
             }
             DecoderFormat::Frames { sync, fields, shifts, length } => {
-                frames(&self.rest, (sync, fields, *length), (shifts, times), &mut self.damage, each)
+                let kept = (&mut shifts[..], times, &mut self.is_ended);
+                frames(&self.rest, (sync, fields, *length), kept, &mut self.damage, each)
             }
         };
         self.rest.drain(..done);
+        if self.is_ended {
+            self.rest.clear();
+        }
     }
 
     /// The end of the input, or a break in it: a line or a frame that is not whole is no sample.
@@ -129,7 +147,7 @@ impl Decoder {
 fn lines(
     bytes: &[u8],
     columns: &[String],
-    in_a_long_line: &mut bool,
+    (in_a_long_line, is_ended): (&mut bool, &mut bool),
     damage: &mut Damage,
     numbers: &mut impl FnMut(&[u8]) -> Option<Vec<f64>>,
     each: &mut impl FnMut(StreamSample),
@@ -140,6 +158,10 @@ fn lines(
         from += end + 1;
         if std::mem::take(in_a_long_line) {
             continue;
+        }
+        if line == END_MARK.trim_ascii() {
+            *is_ended = true;
+            return from;
         }
         if line.is_empty() || line.starts_with(b"#") || is_header(line, columns) {
             continue;
@@ -195,12 +217,17 @@ fn numbers(
 fn frames(
     bytes: &[u8],
     (sync, fields, length): (&[u8], &[FrameField], usize),
-    (shifts, times): (&mut [Shift], &mut Option<(usize, TimeReader)>),
+    (shifts, times, is_ended): (&mut [Shift], &mut Option<(usize, TimeReader)>, &mut bool),
     damage: &mut Damage,
     each: &mut impl FnMut(StreamSample),
 ) -> usize {
     let mut from = 0;
-    while let Some(frame) = bytes.get(from..from + length) {
+    loop {
+        if bytes.get(from..).is_some_and(|rest| rest.starts_with(END_MARK)) {
+            *is_ended = true;
+            return from;
+        }
+        let Some(frame) = bytes.get(from..from + length) else { return from };
         if !frame.starts_with(sync) {
             damage.bytes += 1;
             from += 1;
@@ -229,7 +256,6 @@ fn frames(
         each(sample);
         from += length;
     }
-    from
 }
 
 #[cfg(test)]
@@ -305,6 +331,17 @@ mod tests {
             assert_eq!(found, [1, 2, 65535]);
             assert_eq!(samples[1].numbers, [2e-6, 2.5e-3]);
             assert_eq!(damage, Damage { lines: 0, bytes: 7, cut_off: 1 });
+        }
+        // What follows the end mark is no part of the stream.
+        for (format, sample) in [
+            (&format, frame(1)),
+            (&StreamFormat::Text { columns: format.columns().to_vec() }, b"1,2\n".to_vec()),
+        ] {
+            let bytes = [&sample[..], END_MARK, &sample, b"?"].concat();
+            for piece in [1, 5, 1000] {
+                let (samples, damage) = decoded(format, &bytes, piece);
+                assert_eq!((samples.len(), damage), (1, Damage::default()));
+            }
         }
         assert_eq!(format.columns(), ["time_s", "cap_mV"]);
         assert_eq!(format.sequence_bits(), Some(16));

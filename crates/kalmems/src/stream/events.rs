@@ -103,7 +103,7 @@ pub enum Event {
         /// The mean.
         mean_nis: f64,
     },
-    /// The filter stopped; nothing comes after this in its stretch.
+    /// The filter stopped; there are no estimates until it is started again (`started_again`).
     Stopped {
         /// When, in s.
         time_s: f64,
@@ -146,6 +146,15 @@ impl From<&RecordedPassing> for Event {
                 Self::Crossing { threshold_rad, time_s, sd_s, fallback: is_fallback }
             }
             PassedMark::Event(of) => Self::DeviceEvent { of, time_s, sd_s },
+        }
+    }
+}
+
+impl From<LockEvent> for Event {
+    fn from(event: LockEvent) -> Self {
+        match event {
+            LockEvent::Stopped { time_s, why } => Self::Stopped { time_s, why: why.to_string() },
+            event => Self::Lock(event),
         }
     }
 }
@@ -224,6 +233,11 @@ impl TrajectoryWatch {
         std::mem::take(&mut self.withheld)
     }
 
+    /// Whether it follows the motion, as far as its signal tells.
+    pub const fn holds(&self) -> bool {
+        !(self.stopped || self.lost)
+    }
+
     /// How the filter fares.
     pub fn health(&self, key: &str) -> FilterHealth {
         let lock = match (self.stopped, self.lost) {
@@ -246,7 +260,8 @@ impl TrajectoryWatch {
     /// What happened in the next samples of a trajectory, in the order of time; from `from_s` on, when it has settled.
     pub fn look(&mut self, trajectory: &Trajectory, angles: &[[&'static str; 2]], from_s: f64) -> Vec<Event> {
         self.lost = trajectory.lock.lost;
-        let mut events: Vec<Event> = trajectory.lock.events.iter().copied().map(Event::Lock).collect();
+        let of_lock = trajectory.lock.events.iter().copied();
+        let mut events: Vec<Event> = of_lock.map(Event::from).collect();
         self.passages.resize(angles.len(), Passages::default());
         for ([of, rate], passages) in angles.iter().zip(&mut self.passages) {
             let (Some(angle), Some(rate)) = (trajectory.state(of), trajectory.state(rate)) else { continue };
@@ -287,12 +302,7 @@ impl TrajectoryWatch {
                 events.extend(self.alarm.take(*time_s, *nis));
             }
         }
-        if let Some(failure) = trajectory.failure
-            && !self.stopped
-        {
-            self.stopped = true;
-            events.push(Event::Stopped { time_s: failure.time_s, why: failure.why.to_string() });
-        }
+        self.stopped = trajectory.failure.is_some();
         events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
         events
     }

@@ -88,8 +88,13 @@ impl ArrivalTimes {
         arrivals.iter().find(|(last, _)| sample <= *last).map(|(_, arrived)| *arrived)
     }
 
-    /// The estimates of all samples up to this one are there now; how long the slowest of them took.
-    pub fn done(&self, until: u64, histogram: &mut LatencyHistogram, from: u64) -> Duration {
+    /// The estimates of all samples up to this one are there now, this long at least after they were taken; how long the slowest of them took.
+    pub fn done(
+        &self,
+        until: u64,
+        (histogram, at_least): (&mut LatencyHistogram, Duration),
+        from: u64,
+    ) -> Duration {
         let now = Instant::now();
         let mut longest = Duration::ZERO;
         let mut arrivals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -99,7 +104,7 @@ impl ArrivalTimes {
                 break;
             }
             let end = until.min(*last);
-            let took = now.saturating_duration_since(*arrived);
+            let took = now.saturating_duration_since(*arrived).max(at_least);
             longest = longest.max(took);
             histogram.add(took, end.saturating_sub(done));
             done = end.max(done);

@@ -1,6 +1,7 @@
 //! The loop that estimates samples while they arrive, and what it keeps.
 
 use super::events::{Event, TrajectoryWatch};
+use super::lag::{LagTurn, LagWatch};
 use super::latency::{ArrivalTimes, LatencyHistogram};
 use super::noise_only::{NoiseWatch, SignalContent};
 use super::output::{StreamOutputs, StreamWriter};
@@ -10,8 +11,8 @@ use super::stream_judge::StreamJudge;
 use super::supervision::{FilterHealth, Heartbeat, StreamEvent};
 use super::{AheadSummary, StreamError, StreamSummary};
 use crate::estimate::{
-    EstimateError, MotionRate, Past, PhasePredictionCounts, SegmentEstimate, SegmentPart, StretchJudge,
-    StretchSummary, Trajectory,
+    EstimateError, MotionRate, Past, PhasePredictionCounts, SegmentEstimate, SegmentPart, StretchAnswer,
+    StretchJudge, StretchSummary, Trajectory,
 };
 use crate::progress::Progress;
 use crate::recording::{self, Finding, ReadError, Stretch, Stretches};
@@ -61,6 +62,10 @@ impl Progress for Stopping<'_> {
 /// What an estimate of a stream needs to know.
 pub(super) struct StreamSettings<'a> {
     pub rig: &'a dyn Rig,
+    /// Whether samples come as they are taken.
+    pub is_live: bool,
+    /// Samples that an estimate needs to begin.
+    pub head: usize,
     /// The settling time in s.
     pub skip_s: f64,
     /// Over how many samples the mean NIS is watched.
@@ -83,6 +88,7 @@ pub(super) struct LiveEstimate<'a> {
     noise: NoiseWatch,
     judged: StreamJudge,
     heartbeat: Heartbeat,
+    lag: LagWatch,
     ahead: AheadSummary,
     /// What was told ahead in the stretches before.
     ahead_before: PhasePredictionCounts,
@@ -95,6 +101,9 @@ pub(super) struct LiveEstimate<'a> {
     /// Which stretches can be estimated, and how many there were.
     judge: StretchJudge,
     stretches: u64,
+    /// Samples at the beginning of the present stretch that are not estimated; whether the present stretch is estimated.
+    refused: u64,
+    is_estimated: bool,
     start_s: f64,
     last_s: Option<f64>,
     /// Samples that were found clipped, and samples whose value stays.
@@ -121,6 +130,7 @@ impl<'a> LiveEstimate<'a> {
             diagnosis: Vec::new(),
             estimated: 0,
             not_estimated: 0,
+            ends_with_estimate: false,
             stretches: StretchSummary::default(),
             events: 0,
             noise_only: 0,
@@ -139,6 +149,7 @@ impl<'a> LiveEstimate<'a> {
             noise: NoiseWatch::default(),
             judged: StreamJudge::default(),
             heartbeat: Heartbeat::new(settings.heartbeat),
+            lag: LagWatch::new(),
             ahead: AheadSummary::default(),
             ahead_before: PhasePredictionCounts::default(),
             writer: StreamWriter::new(outputs, settings.every),
@@ -146,8 +157,10 @@ impl<'a> LiveEstimate<'a> {
             resumes: false,
             again: 0,
             taken: 0,
-            judge: StretchJudge::default(),
+            judge: StretchJudge::of_arriving(),
             stretches: 0,
+            refused: 0,
+            is_estimated: false,
             start_s: f64::NAN,
             last_s: None,
             disturbed: [0; 2],
@@ -169,9 +182,11 @@ impl<'a> LiveEstimate<'a> {
         self.seen.take().map(|(tracks, _)| tracks)
     }
 
-    /// Goes on from another run, of which so many samples come again, in a segment that began at this time in s.
-    pub(super) fn resume(&mut self, again: u64, start_s: f64) {
+    /// Goes on from another run, of which so many samples come again, in a segment that began at this time in s, and which gave so many samples of
+    /// an answer.
+    pub(super) fn resume(&mut self, again: u64, start_s: f64, given: u64) {
         (self.resumes, self.again, self.start_s) = (true, again, start_s);
+        self.writer.resume(given);
     }
 
     /// Takes what comes until it ends; whether there was anything at all. `whole`: what a stretch that begins later needs.
@@ -202,14 +217,17 @@ impl<'a> LiveEstimate<'a> {
                 self.hear(stretches)?;
                 return Ok(true);
             };
-            match self.stretch(&stretch, estimator) {
+            let again = match self.stretch(&stretch, estimator) {
                 // Stopped: what was written is all there is.
                 Err(StreamError::Estimate(EstimateError::Interrupted)) => return Ok(true),
                 taken => taken?,
-            }
+            };
             self.hear(stretches)?;
             if stretch.begins {
                 stretches.give(whole);
+            }
+            if let Some(rows) = again {
+                stretches.begin_again(rows);
             }
             stretches.reuse(stretch);
             if self.attend().is_break() {
@@ -222,14 +240,10 @@ impl<'a> LiveEstimate<'a> {
     pub(super) fn finish(mut self, diagnosis: Vec<Finding>) -> Result<StreamSummary, StreamError> {
         self.tell()?;
         self.writer.flush()?;
-        let is_cut_short = self.is_cut_short();
-        let known = self.judge.summary().clone();
-        let stretches = match self.judge.finish() {
-            // What was cut short may have been too short for an estimate.
-            Err(_) if is_cut_short => known,
-            stretches => stretches?,
-        };
+        let stretches = self.judge.finish()?;
+        let ends_with_estimate = self.is_estimated && self.watches.iter().any(|(_, watch)| watch.holds());
         Ok(StreamSummary {
+            ends_with_estimate,
             received: self.shared.counts(),
             diagnosis,
             ahead: Some(self.ahead),
@@ -295,9 +309,15 @@ impl<'a> LiveEstimate<'a> {
         Ok(())
     }
 
-    /// Takes a stretch of samples, new ones of a segment.
-    fn stretch(&mut self, stretch: &Stretch, estimator: &mut dyn Estimator) -> Result<(), StreamError> {
-        let Some(segment) = stretch.recording.segments().first() else { return Ok(()) };
+    /// Takes a stretch of samples, new ones of a segment; behind how many of them the segment is to begin again, where it is.
+    fn stretch(
+        &mut self,
+        stretch: &Stretch,
+        estimator: &mut dyn Estimator,
+    ) -> Result<Option<usize>, StreamError> {
+        let Some(segment) = stretch.recording.segments().first() else { return Ok(None) };
+        // Before all that has a time.
+        self.writer.origin(stretch.recording.source().origin.as_ref())?;
         // What another run took already is there to be interpolated through.
         let resumes = stretch.begins && std::mem::take(&mut self.resumes);
         let known = usize::try_from(if resumes { self.again } else { 0 }).unwrap_or(usize::MAX);
@@ -312,43 +332,83 @@ impl<'a> LiveEstimate<'a> {
             self.begin(&part)?;
         }
         if part.fresh.is_empty() {
-            return Ok(());
+            return Ok(None);
         }
-        if let Some(keeper) = &self.keeper {
-            keeper.recent().pass(part.segment.time.at(part.fresh.end - 1));
-        }
-        if self.judge.leaves_out(&part)? {
-            self.summary.not_estimated += part.fresh.len() as u64;
+        let answer = if self.judge.leaves_out(&part)? {
+            StretchAnswer::Refused { why: String::new(), again: None }
         } else {
-            let answer = estimator.take(&part);
-            let why = answer.as_ref().err().map(ToString::to_string).unwrap_or_default();
-            if let Some(estimate) = self.judge.judge(&part, answer)? {
+            self.judge.attempt(&part, self.settings.head, &mut |part| estimator.take(part))?
+        };
+        let taken = match &answer {
+            StretchAnswer::Refused { again: Some(rows), .. } => *rows,
+            _ => part.fresh.len(),
+        };
+        let last_s = part.segment.time.at((part.fresh.start + taken).min(part.fresh.end) - 1);
+        if let Some(keeper) = &self.keeper {
+            keeper.recent().pass(last_s);
+        }
+        let again = match answer {
+            StretchAnswer::Estimated(estimate) => {
+                self.begin_estimates(&part)?;
                 // First of all, so that nothing is told ahead of a signal that is noise.
                 let was_noise = self.noise.is_noise_only();
                 let contents = self.contents(&estimate, &part);
                 self.predict(&estimate.trajectories, &part, estimator.past())?;
                 self.take(&estimate, &part, (was_noise, &contents))?;
                 self.keep(&estimate.trajectories, &part, estimator)?;
-            } else {
-                self.summary.not_estimated += part.fresh.len() as u64;
-                let time_s = part.segment.time.at(part.fresh.start);
-                self.notice(&StreamEvent::NotEstimated { time_s, why })?;
+                None
             }
-        }
+            StretchAnswer::Refused { why, again } => {
+                self.refuse(&part, taken, why)?;
+                again.map(|rows| known + rows)
+            }
+        };
         let before = self.again + self.taken;
-        self.taken += part.fresh.len() as u64;
-        let longest = self.arrivals.done(self.again + self.taken, &mut self.summary.latency, before);
+        self.taken += taken as u64;
+        self.last_s = Some(last_s);
+        let behind = if self.settings.is_live { self.lag.take(last_s) } else { Duration::ZERO };
+        let histogram = (&mut self.summary.latency, behind);
+        let longest = self.arrivals.done(self.again + self.taken, histogram, before);
         self.heartbeat.lagged(longest);
-        self.last_s = Some(part.segment.time.at(part.fresh.end - 1));
-        Ok(())
+        match self.lag.turn(behind) {
+            Some(LagTurn::Behind(lag_s)) => self.notice(&StreamEvent::Behind { time_s: last_s, lag_s })?,
+            Some(LagTurn::CaughtUp) => self.notice(&StreamEvent::CaughtUp { time_s: last_s })?,
+            None => {}
+        }
+        Ok(again)
+    }
+
+    /// Some rows at the beginning of a part are not estimated.
+    fn refuse(&mut self, part: &SegmentPart, rows: usize, why: String) -> io::Result<()> {
+        self.summary.not_estimated += rows as u64;
+        self.is_estimated = false;
+        let is_told = self.refused > 0;
+        self.refused += rows as u64;
+        if is_told {
+            return Ok(());
+        }
+        let time_s = part.segment.time.at(part.fresh.start);
+        self.notice(&StreamEvent::NotEstimated { time_s, why })
+    }
+
+    /// A part is estimated, which those before it in its stretch may not be.
+    fn begin_estimates(&mut self, part: &SegmentPart) -> io::Result<()> {
+        self.is_estimated = true;
+        let not_estimated = std::mem::take(&mut self.refused);
+        if not_estimated == 0 {
+            return Ok(());
+        }
+        let time_s = part.segment.time.at(part.fresh.start);
+        self.notice(&StreamEvent::EstimateBegins { time_s, not_estimated })
     }
 
     /// A stretch begins.
     fn begin(&mut self, part: &SegmentPart) -> io::Result<()> {
-        self.stretches += 1;
         if part.begins {
             self.start_s = part.segment.time.start_s();
         }
+        let begins_again = self.judge.begins_again();
+        self.stretches += u64::from(!begins_again);
         let Some(after_s) = self.last_s else { return Ok(()) };
         self.watches.iter_mut().for_each(|(_, watch)| watch.begin());
         self.judged.begin();
@@ -356,6 +416,11 @@ impl<'a> LiveEstimate<'a> {
         if let Some(keeper) = &mut self.keeper {
             keeper.begin();
         }
+        if begins_again {
+            return Ok(());
+        }
+        (self.refused, self.is_estimated) = (0, false);
+        self.lag.begin();
         self.notice(&StreamEvent::NewStretch { time_s: self.start_s, after_s })
     }
 
@@ -367,7 +432,8 @@ impl<'a> LiveEstimate<'a> {
         estimator: &mut dyn Estimator,
     ) -> Result<(), StreamError> {
         let Some(keeper) = &mut self.keeper else { return Ok(()) };
-        let last = || (part.segment.time.at(part.fresh.end - 1), estimator.state());
+        let given = self.writer.given();
+        let last = || (part.segment.time.at(part.fresh.end - 1), given, estimator.state());
         if let Some(acknowledged_s) =
             keeper.given((trajectories, part.recording.origin()), last, part.ends)?
         {
@@ -429,7 +495,6 @@ impl<'a> LiveEstimate<'a> {
             let before = contents.iter().take_while(|content| content.time_s <= time_s).last();
             before.map_or(was_noise, |content| content.noise_only)
         };
-        self.writer.origin(part.recording.source().origin.as_ref())?;
         self.writer.estimates(trajectories)?;
         for SignalContent { time_s, noise_only } in contents {
             self.summary.noise_only += u64::from(*noise_only);
@@ -461,7 +526,15 @@ impl<'a> LiveEstimate<'a> {
         if let Some((tracks, wanted)) = &mut self.seen {
             tracks.take(estimate, *wanted);
         }
-        self.summary.estimated += part.fresh.len() as u64;
+        let (rows, first_s) = (part.fresh.len(), part.segment.time.at(part.fresh.start));
+        // Those of a smoother are of earlier samples.
+        let of_these = || {
+            trajectories.iter().filter(|one| one.time_s.first() == Some(&first_s) && one.time_s.len() == rows)
+        };
+        let has_estimate = |k: &usize| of_these().any(|trajectory| trajectory.has_estimate(*k));
+        let estimated = (0..rows).filter(has_estimate).count();
+        self.summary.estimated += estimated as u64;
+        self.summary.not_estimated += (rows - estimated) as u64;
         self.writer.flush()
     }
 

@@ -7,6 +7,7 @@
 mod connection;
 mod decode;
 mod events;
+mod lag;
 mod latency;
 mod live;
 mod noise_only;
@@ -20,7 +21,7 @@ mod supervision;
 mod table;
 
 pub use connection::{Connection, OpenedConnection};
-pub use decode::{Damage, Decoder, StreamSample};
+pub use decode::{Damage, Decoder, END_MARK, StreamSample};
 pub use events::{Event, TrajectoryWatch};
 pub use latency::LatencyHistogram;
 pub use noise_only::{CYCLES, FOUND_BY_CHANCE, NoiseWatch, SignalContent};
@@ -110,10 +111,12 @@ pub struct StreamSummary {
     pub origin: Option<TimeOrigin>,
     /// What was found in the samples.
     pub diagnosis: Vec<Finding>,
-    /// Samples that were estimated.
+    /// Samples of which some filter has an estimate.
     pub estimated: u64,
-    /// Samples of stretches that could not be estimated, such as some that were too short.
+    /// Samples of which none has: of stretches that could not be estimated, such as some that were too short, and where all filters had stopped.
     pub not_estimated: u64,
+    /// Whether some filter had an estimate when the stream ended: one that has neither stopped nor lost the signal.
+    pub ends_with_estimate: bool,
     /// What became of the stretches of the samples, where there are several: a new one begins behind a long gap, and where the
     /// clock goes back.
     #[serde(skip_serializing_if = "StretchSummary::is_empty")]
@@ -216,11 +219,13 @@ fn estimated(
     let layout = rig.layout(experiment, index)?;
     let (arrivals, shared) = (ArrivalTimes::default(), Shared::default());
     let text = experiment.to_toml().unwrap_or_default();
+    let kept = around.before.max(KEPT);
+    // Before it is read, so that nobody else writes it meanwhile.
+    let keeper = state.map(|path| keeper(path, text.clone(), described, &layout, kept)).transpose()?;
     let left = state.map(|path| StreamState::read(path, &text)).transpose()?.flatten();
+    let is_live = connection.is_live();
     let mut table =
         live_table(experiment, described, &layout, connection, (arrivals.clone(), shared.clone()))?;
-    let kept = around.before.max(KEPT);
-    let keeper = state.map(|path| keeper(path, text, described, &layout, kept)).transpose()?;
     if let Some(keeper) = &keeper {
         table.keep(keeper.recent());
     }
@@ -241,6 +246,8 @@ fn estimated(
     // A stretch that begins later begins as a recording does.
     let settings = live::StreamSettings {
         rig,
+        is_live,
+        head: around.head,
         skip_s: experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si()),
         over: described.alarm_over.as_ref().map_or(WATCHED, |over| watched(over.si(), rate_hz)),
         every: described.every.map_or(1, |every| u64::from(every.get())),
@@ -252,7 +259,7 @@ fn estimated(
         live.see(rig.values(experiment).first().map(|value| value.name));
     }
     if left.is_some() {
-        live.resume(again as u64, estimator.past().start_s);
+        live.resume(again as u64, estimator.past().start_s, left.as_ref().map_or(0, StreamState::given));
     }
     let ended = live.run(&mut stretches, estimator.as_mut(), whole)?;
     let (recording::RecordingSource { origin, .. }, diagnosis) = stretches.finish();
@@ -361,7 +368,7 @@ fn keeper(
             "without a column of times, samples cannot be distinguished from those that were taken before; record one, or leave `--state` out".to_owned();
         return Err(StreamError::State { path: path.display().to_string(), why });
     };
-    Ok(StateWriter::new(path.to_owned(), experiment, columns, RecentSamples::new(time, kept)))
+    StateWriter::new(path.to_owned(), experiment, columns, RecentSamples::new(time, kept))
 }
 
 /// Whether the settings say a factor or an offset of a column.

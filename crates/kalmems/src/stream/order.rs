@@ -18,8 +18,10 @@ pub struct OrderCounts {
     pub too_late: u64,
     /// Samples without a time although there should be one; they are left out.
     pub without_time: u64,
-    /// Samples far ahead of those before and after them, as of a damaged time; they are left out.
+    /// Samples far from those before and after them, as of a damaged time; they are left out.
     pub misplaced: u64,
+    /// Frames with another number and the time of the one before them; they are left out.
+    pub same_time: u64,
 }
 
 /// Where a sample stands: by its number where the frames count, else by its time in units of the interval.
@@ -51,8 +53,8 @@ pub struct OrderSettings {
     pub wait: usize,
     /// By how many bits the frames count.
     pub bits: Option<u32>,
-    /// The place of the time among the numbers, by which they are told apart where the frames do not count, and how many of its
-    /// units an interval has.
+    /// The place of the time among the numbers, and how many of its units an interval has. Where the frames do not count, samples are told
+    /// apart by it; where they do, it is looked for times that are not on the course of those around them.
     pub time: Option<(usize, f64)>,
     /// The most missing samples that rows stand for where the clock counts rows.
     pub longest_gap: u64,
@@ -77,6 +79,8 @@ pub struct Order {
     /// Those that were passed on last: their places, which increase, and digests of their numbers.
     remembered: VecDeque<(SamplePlace, u64)>,
     counts: OrderCounts,
+    /// Of frames that count: the same by their times, which takes them as their numbers have put them in order.
+    by_time: Option<Box<Self>>,
 }
 
 /// How near to each other two times are one, in intervals.
@@ -91,7 +95,10 @@ const REMEMBERED: usize = 1 << 14;
 impl Order {
     /// With nothing yet.
     pub fn new(settings: OrderSettings) -> Self {
+        let counted = settings.bits.is_some() && settings.time.is_some();
+        let by_time = counted.then(|| Box::new(Self::new(OrderSettings { bits: None, ..settings })));
         Self {
+            by_time,
             settings,
             held: VecDeque::new(),
             ahead: VecDeque::new(),
@@ -104,8 +111,11 @@ impl Order {
     }
 
     /// What the way has made of the samples so far.
-    pub const fn counts(&self) -> OrderCounts {
-        self.counts
+    pub fn counts(&self) -> OrderCounts {
+        let Some(by_time) = &self.by_time else { return self.counts };
+        // What is in order by its number and not by its time has a wrong time.
+        let OrderCounts { passed, duplicated: same_time, late, too_late, misplaced, .. } = by_time.counts;
+        OrderCounts { passed, same_time, misplaced: late + too_late + misplaced, ..self.counts }
     }
 
     /// Takes a sample; what is in order now goes to `each`.
@@ -144,6 +154,21 @@ impl Order {
         self.pass_ready(each);
     }
 
+    /// Passes an event on, of frames that count by way of their times.
+    fn give(&mut self, event: OrderedEvent, each: &mut impl FnMut(OrderedEvent)) {
+        match (&mut self.by_time, event) {
+            (Some(by_time), OrderedEvent::Sample(sample)) => by_time.take_sorted(sample, each),
+            (_, event) => each(event),
+        }
+    }
+
+    /// Takes a sample for which no earlier one is waited for.
+    fn take_sorted(&mut self, sample: StreamSample, each: &mut dyn FnMut(OrderedEvent)) {
+        let each = &mut |event| each(event);
+        self.take(sample, each);
+        self.pass_held(each);
+    }
+
     /// Says that what comes next does not go on from what came, of which nothing is waited for any more.
     pub fn interrupt(&mut self, each: &mut impl FnMut(OrderedEvent)) {
         if self.place_is_known() {
@@ -163,6 +188,13 @@ impl Order {
         }
         self.counts.misplaced += self.ahead.len() as u64;
         self.ahead.clear();
+        if let Some(by_time) = &mut self.by_time {
+            by_time.finish_sorted(each);
+        }
+    }
+
+    fn finish_sorted(&mut self, each: &mut dyn FnMut(OrderedEvent)) {
+        self.finish(&mut |event| each(event));
     }
 
     /// Takes a sample that is not after the last one that was passed on: again, too late, or of a clock that went back.
@@ -185,7 +217,7 @@ impl Order {
         self.ahead.clear();
         self.remembered.clear();
         self.passed = None;
-        each(OrderedEvent::Restart { missing: 0, back: true });
+        self.give(OrderedEvent::Restart { missing: 0, back: true }, each);
         for (place, sample) in new {
             insert(&mut self.held, place, sample, &mut self.counts);
             self.pass_ready(each);
@@ -285,7 +317,7 @@ impl Order {
             self.remembered.pop_front();
         }
         self.remembered.push_back((place, digest_of(&sample)));
-        each(OrderedEvent::Sample(sample));
+        self.give(OrderedEvent::Sample(sample), each);
     }
 
     /// Rows without numbers for samples that are missing, if they are not too many.

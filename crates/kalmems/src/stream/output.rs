@@ -36,8 +36,9 @@ pub struct StreamOutputs {
 pub(super) struct StreamWriter {
     outputs: StreamOutputs,
     every: u64,
-    /// Samples of each answer so far.
+    /// Samples of each answer so far, and those that another run gave.
     samples: Vec<u64>,
+    before: u64,
     named: bool,
     origin_told: bool,
     line: Vec<u8>,
@@ -49,23 +50,34 @@ impl StreamWriter {
             outputs,
             every: every.max(1),
             samples: Vec::new(),
+            before: 0,
             named: false,
             origin_told: false,
             line: Vec::new(),
         }
     }
 
+    /// Goes on from another run, which gave so many samples of an answer.
+    pub(super) const fn resume(&mut self, given: u64) {
+        self.before = given;
+    }
+
+    /// Samples of the first answer so far, those of another run included.
+    pub(super) fn given(&self) -> u64 {
+        self.samples.first().copied().unwrap_or(self.before)
+    }
+
     /// Writes the next samples of all answers.
     ///
     /// A line is the answer's key, the time, and mean and standard deviation of each state in SI, separated by commas; a
-    /// cell is empty where there is no number. A frame is [`SYNC`], the answer's place (u16), the number of values (u16), and
+    /// cell is empty where there is no number, and a line without any number ends with the reason. A frame is [`SYNC`], the answer's place (u16), the number of values (u16), and
     /// these values as f64, little-endian: the time, and mean and standard deviation of each state.
     pub(super) fn estimates(&mut self, trajectories: &[Trajectory]) -> io::Result<()> {
         if !self.named {
             self.named = true;
             self.names(trajectories)?;
         }
-        self.samples.resize(trajectories.len(), 0);
+        self.samples.resize(trajectories.len(), self.before);
         for (place, trajectory) in trajectories.iter().enumerate() {
             for k in 0..trajectory.time_s.len() {
                 let wanted = self.samples[place].is_multiple_of(self.every);
@@ -107,6 +119,9 @@ impl StreamWriter {
                     write!(self.line, ",")?;
                 }
             }
+            if let Some(reason) = trajectory.reason_without_estimate(k) {
+                write!(self.line, ",{reason}")?;
+            }
             self.line.push(b'\n');
             lines.write_all(&self.line)?;
         }
@@ -134,6 +149,7 @@ impl StreamWriter {
             }
             writeln!(lines)?;
         }
+        writeln!(lines, "# a line without numbers ends with the reason: stopped, no_signal or not_known")?;
         writeln!(lines, "# event,what happened, as JSON")
     }
 

@@ -20,8 +20,8 @@ pub struct StreamCounts {
     pub cut_off: u64,
     /// How often the clock, or the count of the frames, went back.
     pub steps_back: u64,
-    /// Frames with the time of the one before them; they are left out.
-    pub same_time: u64,
+    /// Clients of a listener that went without a sample.
+    pub turned_away: u64,
     /// How often a connection broke.
     pub breaks: u64,
     /// How often it was there again.
@@ -100,9 +100,9 @@ impl Shared {
         (known.heard, known.connected) = (Some(Instant::now()), true);
     }
 
-    /// A sample has the time of the one before it, and is left out.
-    pub(super) fn same_time(&self) {
-        self.known().counts.same_time += 1;
+    /// A client went without a sample.
+    pub(super) fn turned_away(&self) {
+        self.known().counts.turned_away += 1;
     }
 
     /// Tells what happened.

@@ -4,10 +4,11 @@ use super::StreamError;
 use super::decode::StreamSample;
 use super::recent::RecentSamples;
 use crate::estimate::{PastState, Trajectory};
+use crate::journal::{checked, sealed_line};
 use crate::recording;
 use serde::{Deserialize, Serialize};
-use std::fs;
-use std::io::Write;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -27,6 +28,9 @@ pub(super) struct StreamState {
     origin: String,
     /// The columns of a sample.
     columns: Vec<String>,
+    /// Samples of an answer until then, of which one in so many was written.
+    #[serde(default)]
+    given: u64,
     /// The last samples as they came, the numbers of these columns by their bits; the newest last.
     samples: Vec<Vec<u64>>,
 }
@@ -45,6 +49,11 @@ impl StreamState {
     /// Where all times count from.
     pub(super) fn origin(&self) -> recording::Instant {
         self.origin.parse().unwrap_or_default()
+    }
+
+    /// Samples of an answer until then.
+    pub(super) const fn given(&self) -> u64 {
+        self.given
     }
 
     pub(super) const fn past(&self) -> &PastState {
@@ -77,11 +86,14 @@ impl StreamState {
             return Err(wrong("it is no regular file".to_owned()));
         }
         let text = match fs::read_to_string(path) {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
             text => text.map_err(|e| wrong(e.to_string()))?,
         };
-        let state: Self = serde_json::from_str(&text)
-            .map_err(|_| wrong("it is no state that `kalmems stream` has written".to_owned()))?;
+        let other = || wrong("it is no state that `kalmems stream` has written".to_owned());
+        if !text.trim_start().starts_with('{') {
+            return Err(other());
+        }
+        let state: Self = checked(text.trim_end().as_bytes()).map_err(wrong)?;
         if state.origin.parse::<recording::Instant>().is_err() {
             return Err(wrong("its origin of times is none".to_owned()));
         }
@@ -94,7 +106,7 @@ impl StreamState {
     fn write(&self, path: &Path) -> std::io::Result<()> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")))?;
-        serde_json::to_writer(&mut file, self)?;
+        file.write_all(sealed_line(self)?.as_bytes())?;
         file.flush()?;
         file.as_file().sync_data()?;
         file.persist(path).map_err(|e| e.error)?;
@@ -102,9 +114,42 @@ impl StreamState {
     }
 }
 
+/// Keeps other streams from a state until it is dropped: a file beside it that is locked.
+struct StateLock {
+    path: PathBuf,
+    _file: File,
+}
+
+impl StateLock {
+    fn of(state: &Path) -> Result<Self, StreamError> {
+        let wrong = |why: String| StreamError::State { path: state.display().to_string(), why };
+        let mut name = state.file_name().unwrap_or_default().to_owned();
+        name.push(".lock");
+        let path = state.with_file_name(name);
+        let file = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
+        let file = file.map_err(|e| wrong(format!("its lock `{}`: {e}", path.display())))?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                Err(wrong("another stream goes on from it and writes to it at this moment".to_owned()))
+            }
+            // A browser's sandbox has no locks, and nobody else in it.
+            Err(TryLockError::Error(e)) if e.kind() != ErrorKind::Unsupported => Err(wrong(e.to_string())),
+            _ => Ok(Self { path, _file: file }),
+        }
+    }
+}
+
+impl Drop for StateLock {
+    fn drop(&mut self) {
+        // Whoever opens it at this moment locks a file that is gone, for which there is no other name; the next one makes its own.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
 /// Writes the state now and then.
 pub(super) struct StateWriter {
     path: PathBuf,
+    _lock: StateLock,
     experiment: String,
     columns: Vec<String>,
     recent: RecentSamples,
@@ -116,15 +161,24 @@ pub(super) struct StateWriter {
 }
 
 impl StateWriter {
-    /// Writes to this file; samples have these columns.
+    /// Writes to this file, which no other stream does meanwhile; samples have these columns.
     pub(super) fn new(
         path: PathBuf,
         experiment: String,
         columns: Vec<String>,
         recent: RecentSamples,
-    ) -> Self {
+    ) -> Result<Self, StreamError> {
         let (waiting, given_s, written) = (Vec::new(), Vec::new(), Instant::now());
-        Self { path, experiment, columns, recent, waiting, given_s, written }
+        Ok(Self {
+            _lock: StateLock::of(&path)?,
+            path,
+            experiment,
+            columns,
+            recent,
+            waiting,
+            given_s,
+            written,
+        })
     }
 
     /// The last samples as they came.
@@ -143,7 +197,7 @@ impl StateWriter {
     pub(super) fn given(
         &mut self,
         (trajectories, origin): (&[Trajectory], recording::Instant),
-        last: impl FnOnce() -> (f64, PastState),
+        last: impl FnOnce() -> (f64, u64, PastState),
         ends: bool,
     ) -> Result<Option<f64>, StreamError> {
         self.given_s.resize(trajectories.len(), f64::NEG_INFINITY);
@@ -152,11 +206,12 @@ impl StateWriter {
         }
         // One waits at a time: the oldest that is not yet given for good, and the newest at the end.
         if self.waiting.is_empty() || ends {
-            let ((time_s, past), samples) = (last(), self.recent.estimated());
+            let ((time_s, given, past), samples) = (last(), self.recent.estimated());
             let experiment = self.experiment.clone();
             let (acknowledged, columns) = (time_s.to_bits(), self.columns.clone());
             let origin = origin.to_string();
-            self.waiting.push(StreamState { experiment, acknowledged, past, origin, columns, samples });
+            let state = StreamState { experiment, acknowledged, past, origin, columns, given, samples };
+            self.waiting.push(state);
         }
         let until_s = self.given_s.iter().copied().fold(f64::INFINITY, f64::min);
         if !(ends || self.written.elapsed() >= EVERY) {

@@ -42,6 +42,25 @@ pub enum StreamEvent {
         /// Why.
         why: String,
     },
+    /// A stretch is estimated after all, from a later sample on.
+    EstimateBegins {
+        /// The time of that in s.
+        time_s: f64,
+        /// Samples before it that are not estimated.
+        not_estimated: u64,
+    },
+    /// The estimates are behind the samples: these come faster than they are estimated.
+    Behind {
+        /// The time of the newest estimate in s.
+        time_s: f64,
+        /// By how much it is behind, in s.
+        lag_s: f64,
+    },
+    /// They are not any more.
+    CaughtUp {
+        /// The time of the newest estimate in s.
+        time_s: f64,
+    },
     /// For 50 cycles of the motion the signal has had nothing at its harmonics but noise: zero phases and crossings are not
     /// told until it has.
     NoiseOnly {
@@ -89,13 +108,14 @@ pub struct Health {
     pub silent_s: Option<f64>,
     /// Samples received per second since the last such line.
     pub rate_hz: f64,
-    /// The longest time from the arrival of a sample to its estimate since then, in s; none where there were no estimates.
+    /// The longest time from the arrival of a sample to its estimate since then, or by which an estimate was behind the sample's own time, in s;
+    /// none where there were no estimates.
     pub lag_s: Option<f64>,
     /// The time of the newest estimate in s.
     pub time_s: Option<f64>,
-    /// Samples that were estimated.
+    /// Samples of which some filter has an estimate.
     pub estimated: u64,
-    /// Samples of stretches that could not be.
+    /// Samples of which none has.
     pub not_estimated: u64,
     /// Stretches so far: 1, and one more for each new beginning.
     pub stretches: u64,

@@ -89,13 +89,8 @@ impl WaitingSamples {
             }
         };
         if let Some(now_s) = self.time.and_then(|place| sample.numbers.get(place).copied()) {
-            match self.last_s {
-                // Frames that count may have one time.
-                Some(last_s) if now_s == last_s => return self.shared.same_time(),
-                Some(last_s) if now_s < last_s => {
-                    self.shared.notice(StreamNotice::ClockBack { times_s: Some([last_s, now_s]) });
-                }
-                _ => {}
+            if let Some(last_s) = self.last_s.filter(|last_s| now_s < *last_s) {
+                self.shared.notice(StreamNotice::ClockBack { times_s: Some([last_s, now_s]) });
             }
             self.last_s = Some(now_s);
         }
@@ -183,6 +178,10 @@ impl LiveTable {
         match received {
             Received::Bytes(count) => self.take(count),
             Received::Nothing => {}
+            Received::TurnedAway => {
+                self.decoder.cut_off();
+                self.shared.turned_away();
+            }
             Received::Broken(why) => {
                 self.decoder.cut_off();
                 self.shared.notice(StreamNotice::Disconnected(self.broken(why)));
@@ -207,7 +206,9 @@ impl LiveTable {
         let (time, half) = (self.ready.time, 0.5 * self.interval_s);
         let until_s = self.taken_s.map(|taken_s| taken_s + half);
         let (order, ready, passed_over) = (&mut self.order, &mut self.ready, &mut self.passed_over);
+        let mut any = false;
         self.decoder.take(&self.piece[..count], &mut |sample| {
+            any = true;
             let time_s = time.and_then(|place| sample.numbers.get(place).copied());
             if until_s.zip(time_s).is_some_and(|(until_s, time_s)| time_s < until_s) {
                 *passed_over += 1;
@@ -216,7 +217,13 @@ impl LiveTable {
             }
         });
         self.bytes += count as u64;
-        self.shared.heard();
+        if any {
+            self.link.hear();
+            self.shared.heard();
+        }
+        if self.decoder.is_ended() {
+            self.end();
+        }
     }
 
     fn end(&mut self) {

@@ -1,6 +1,7 @@
 //! The scanner's estimators on recordings that this program did not make, and on those that it made with other
 //! parameters than the filters are told.
 
+mod fault_pairs;
 mod faults;
 use crate::parts;
 mod stream;

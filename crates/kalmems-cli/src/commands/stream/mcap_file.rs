@@ -34,8 +34,9 @@ struct Open {
     channels: HashMap<String, Channel>,
     /// Where times count from, in whole nanoseconds.
     origin_ns: u64,
-    /// The time of the last message: an event without a time has that.
-    last_ns: u64,
+    /// The time of the last message: an event without a time has that, and waits where there is none yet.
+    last_ns: Option<u64>,
+    waiting: Vec<Value>,
     /// Messages of times before 1970, which the format does not have.
     left_out: u64,
 }
@@ -54,13 +55,15 @@ impl McapFile {
             WriteOptions::new().library(LIBRARY).profile("").compression(None).chunk_size(Some(CHUNK));
         let writer = options.create(BufWriter::new(file)).map_err(io::Error::other)?;
         let (reader, channels) = (MessageReader::default(), HashMap::new());
-        let open = Open { reader, writer, channels, origin_ns: 0, last_ns: 0, left_out: 0 };
+        let open =
+            Open { reader, writer, channels, origin_ns: 0, last_ns: None, waiting: Vec::new(), left_out: 0 };
         Ok(Self(Rc::new(RefCell::new(open))))
     }
 
     /// Completes the file: how many messages were left out because they were of times before 1970.
     pub fn finish(&self) -> io::Result<u64> {
         let open = &mut *self.0.borrow_mut();
+        open.begin_at(open.origin_ns).map_err(io::Error::other)?;
         open.writer.finish().map_err(io::Error::other)?;
         Ok(open.left_out)
     }
@@ -96,13 +99,30 @@ impl Open {
         Ok(())
     }
 
+    /// Writes the events that have waited for the first time there is, as this is it.
+    fn begin_at(&mut self, time: u64) -> Result<(), McapError> {
+        self.last_ns.get_or_insert(time);
+        for event in std::mem::take(&mut self.waiting) {
+            self.write(EVENTS, None, &event)?;
+        }
+        Ok(())
+    }
+
     fn write(&mut self, topic: &str, time_s: Option<f64>, content: &Value) -> Result<(), McapError> {
-        let time = time_s.map_or(Some(self.last_ns), |time_s| nanoseconds(time_s, self.origin_ns));
+        let time = match time_s {
+            Some(time_s) => nanoseconds(time_s, self.origin_ns),
+            None if self.last_ns.is_none() => {
+                self.waiting.push(content.clone());
+                return Ok(());
+            }
+            None => self.last_ns,
+        };
         let Some(time) = time else {
             self.left_out += 1;
             return Ok(());
         };
-        self.last_ns = time;
+        self.begin_at(time)?;
+        self.last_ns = Some(time);
         if !self.channels.contains_key(topic) {
             let schema = serde_json::to_vec(&schema(topic, content)).map_err(io::Error::from)?;
             let name = format!("kalmems.{topic}");

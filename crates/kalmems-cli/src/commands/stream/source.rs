@@ -35,6 +35,10 @@ impl Connection for Standard {
     fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>> {
         Ok(Some(Box::new(io::stdin())))
     }
+
+    fn is_live(&self) -> bool {
+        true
+    }
 }
 
 /// A file or a named pipe.
@@ -43,5 +47,10 @@ struct Path(String);
 impl Connection for Path {
     fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>> {
         Ok(Some(Box::new(File::open(&self.0)?)))
+    }
+
+    /// What lies in a file was taken before.
+    fn is_live(&self) -> bool {
+        !std::path::Path::new(&self.0).is_file()
     }
 }

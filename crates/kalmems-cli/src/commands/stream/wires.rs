@@ -62,6 +62,10 @@ impl Connection for Wire {
     fn reopens(&self) -> bool {
         true
     }
+
+    fn is_listener(&self) -> bool {
+        matches!(self, Self::Listen(_))
+    }
 }
 
 fn connect(address: &str) -> io::Result<TcpStream> {

@@ -1,10 +1,12 @@
 //! Answers: pages and files of results, or why there is none.
 
+use super::policy::{COMMON, Policy};
 use super::request::RequestedRange;
+use kalmems::figures::escaped;
 use kalmems::results::StoredResult;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How a request ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,12 +61,34 @@ pub struct HttpAnswer {
     /// Where it is a part of a file: the first byte, and the length of the file.
     part: Option<(u64, u64)>,
     content: Box<dyn Read>,
+    policy: Policy,
 }
 
 impl HttpAnswer {
     /// Why there is none.
     pub fn refusal(status: Status) -> Self {
         Self::text(status, "text/plain; charset=utf-8", format!("{}\n", status.words().1))
+    }
+
+    /// A page with a frame for a file of the result of this token.
+    pub fn frame(host: &str, token: &str, file: &str, title: &str) -> Self {
+        let html = format!(
+            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><link rel=\"icon\" href=\"data:,\"><title>{}</title>\
+             <style>html, body {{ height: 100%; margin: 0 }} iframe {{ border: 0; display: block; width: 100%; height: 100% }}</style></head>\n\
+             <body><iframe sandbox=\"allow-scripts allow-downloads\" src=\"/{token}/{}\" title=\"{}\"></iframe></body></html>\n",
+            escaped(title),
+            escaped(file),
+            escaped(title)
+        );
+        let policy = Policy::Frame { host: host.to_owned(), token: token.to_owned() };
+        Self { policy, ..Self::page(html) }
+    }
+
+    /// The same for a frame that shows files of the result of this token alone.
+    #[must_use]
+    pub fn for_result(self, host: &str, token: &str) -> Self {
+        let (host, token) = (host.to_owned(), token.to_owned());
+        Self { policy: Policy::OfResult { host, token }, ..self }
     }
 
     /// A page.
@@ -74,7 +98,8 @@ impl HttpAnswer {
 
     fn text(status: Status, media: &'static str, text: String) -> Self {
         let length = text.len() as u64;
-        Self { status, media, length, part: None, content: Box::new(io::Cursor::new(text)) }
+        let content = Box::new(io::Cursor::new(text));
+        Self { status, media, length, part: None, content, policy: Policy::Alone }
     }
 
     /// A file of a result below a folder, which has no link in it, or the bytes of it that are wanted. A file that no result lists, one that a link leads to, and one
@@ -85,12 +110,33 @@ impl HttpAnswer {
 
     fn of_file(folder: &Path, names: &[String], range: RequestedRange) -> Result<Self, Status> {
         let media = names.last().map(|name| media_of(name)).ok_or(Status::NotFound)?;
+        let (path, _) = Self::find(folder, names)?;
+        let mut file = File::open(&path).map_err(|_| Status::NotFound)?;
+        let length = file.metadata().map_err(|_| Status::NotFound)?.len();
+        let (first, count) = range.of(length)?;
+        file.seek(SeekFrom::Start(first)).map_err(|_| Status::NotFound)?;
+        let is_part = range != RequestedRange::All;
+        let status = if is_part { Status::Part } else { Status::Ok };
+        let part = is_part.then_some((first, length));
+        let content = Box::new(file.take(count));
+        Ok(Self { status, media, length: count, part, content, policy: Policy::Alone })
+    }
+
+    /// How many of these steps lead to the result that has the file.
+    pub fn depth_of(folder: &Path, names: &[String]) -> Result<usize, Status> {
+        Ok(Self::find(folder, names)?.1)
+    }
+
+    /// A file of a result, and how many of these steps lead to the result.
+    fn find(folder: &Path, names: &[String]) -> Result<(PathBuf, usize), Status> {
         let mut path = folder.to_owned();
         let mut result = StoredResult::read(&path).map(|result| (0, result));
         for (depth, name) in (1..).zip(names) {
             path.push(name);
             let there = path.symlink_metadata().map_err(|_| Status::NotFound)?;
-            if there.is_symlink() || there.is_dir() == (depth == names.len()) {
+            // What is neither, such as a pipe, would be waited for.
+            let is_expected = if depth == names.len() { there.is_file() } else { there.is_dir() };
+            if !is_expected {
                 return Err(Status::NotFound);
             }
             if there.is_dir() && result.is_none() {
@@ -104,17 +150,7 @@ impl HttpAnswer {
         if !is_own || !is_within {
             return Err(Status::NotFound);
         }
-        let mut file = File::open(&path).map_err(|_| Status::NotFound)?;
-        let known = file.metadata().map_err(|_| Status::NotFound)?;
-        if !known.is_file() {
-            return Err(Status::NotFound);
-        }
-        let (first, length) = range.of(known.len())?;
-        file.seek(SeekFrom::Start(first)).map_err(|_| Status::NotFound)?;
-        let is_part = range != RequestedRange::All;
-        let status = if is_part { Status::Part } else { Status::Ok };
-        let part = is_part.then_some((first, known.len()));
-        Ok(Self { status, media, length, part, content: Box::new(file.take(length)) })
+        Ok((path, depth))
     }
 
     /// Sends it; of a request that asks for the head alone without the content.
@@ -127,12 +163,20 @@ impl HttpAnswer {
             self.media, self.length
         )?;
         if let Some((first, length)) = self.part {
-            write!(to, "Content-Range: bytes {first}-{}/{length}\r\n", first + self.length - 1)?;
+            write!(
+                to,
+                "Content-Range: bytes {first}-{}/{length}\r\n",
+                first + self.length.saturating_sub(1)
+            )?;
         }
         if self.status == Status::Method {
             write!(to, "Allow: GET, HEAD\r\n")?;
         }
-        for line in HEADERS {
+        write!(to, "Accept-Ranges: bytes\r\n")?;
+        for line in COMMON {
+            write!(to, "{line}\r\n")?;
+        }
+        for line in self.policy.lines() {
             write!(to, "{line}\r\n")?;
         }
         write!(to, "\r\n")?;
@@ -142,20 +186,6 @@ impl HttpAnswer {
         to.flush()
     }
 }
-
-/// What every answer says. A page may run its own script and read the files beside it, and nothing else; no other page may embed it
-/// or learn its address.
-const HEADERS: [&str; 8] = [
-    "Accept-Ranges: bytes",
-    "Cache-Control: no-store",
-    "Connection: close",
-    "Content-Security-Policy: default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src 'self' data:; \
-     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-    "Cross-Origin-Opener-Policy: same-origin",
-    "Cross-Origin-Resource-Policy: same-origin",
-    "Referrer-Policy: no-referrer",
-    "X-Content-Type-Options: nosniff",
-];
 
 /// The type of a file's content by its name.
 fn media_of(name: &str) -> &'static str {

@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Results that are listed.
 const MOST: usize = 2000;
@@ -49,7 +48,7 @@ struct ListedResult {
     name: String,
     address: String,
     result: StoredResult,
-    started: Option<SystemTime>,
+    started: Option<u64>,
     /// The verdict on each filter, where there are any.
     verdicts: Vec<(String, String)>,
 }
@@ -88,7 +87,7 @@ impl ListedResult {
             .collect();
         let verdicts =
             if verdicts.is_empty() { String::new() } else { format!("<p>{}</p>", verdicts.join(", ")) };
-        let when = self.started.map(|time| format!(", {}", utc(time))).unwrap_or_default();
+        let when = self.started.map(|seconds| format!(", {}", utc(seconds))).unwrap_or_default();
         let made = format!(
             "<code>{}</code> of <code>{}</code>{when}",
             escaped(&self.result.command),
@@ -157,15 +156,17 @@ fn class_of(verdict: &str) -> &'static str {
     ["", "passes", "passes", "doubtful", "failed"][usize::from(rank(verdict))]
 }
 
-/// When the run began, by its record.
-fn started(run: &str) -> Option<SystemTime> {
+/// The last second that has a date of four digits for its year.
+const LAST_S: u64 = 253_402_300_799;
+
+/// When the run began, by its record; in seconds since 1970. A record with a time that no run can have began has none.
+fn started(run: &str) -> Option<u64> {
     let line = run.lines().find_map(|line| line.strip_prefix("started_unix_s = "))?;
-    UNIX_EPOCH.checked_add(Duration::from_secs(line.parse().ok()?))
+    line.parse().ok().filter(|seconds| *seconds <= LAST_S)
 }
 
 /// A time as date and time of day in UTC, by the calendar that is still in use.
-fn utc(time: SystemTime) -> String {
-    let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+fn utc(seconds: u64) -> String {
     let (days, second) = (seconds / 86_400, seconds % 86_400);
     let leap = |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
     let (mut year, mut day) = (1970, days);
@@ -190,7 +191,7 @@ fn utc(time: SystemTime) -> String {
 }
 
 /// A step of a path as a part of an address.
-fn encoded(step: &str) -> String {
+pub fn encoded(step: &str) -> String {
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
     step.bytes()
         .map(|byte| if is_plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") })
@@ -203,12 +204,16 @@ mod tests {
 
     #[test]
     fn times_are_those_of_the_calendar() {
-        let at = |seconds| utc(UNIX_EPOCH + Duration::from_secs(seconds));
+        let at = utc;
         assert_eq!(at(0), "1970-01-01 00:00 UTC");
         // GNU date: date -u -d @1709208000, @1735689599 and @4107542399.
         assert_eq!(at(1_709_208_000), "2024-02-29 12:00 UTC");
         assert_eq!(at(1_735_689_599), "2024-12-31 23:59 UTC");
         assert_eq!(at(4_107_542_399), "2100-02-28 23:59 UTC");
+        assert_eq!(at(LAST_S), "9999-12-31 23:59 UTC");
+        for record in ["9223372036854775000", "253402300800", "-1", "1e3"] {
+            assert_eq!(started(&format!("started_unix_s = {record}\n")), None, "{record}");
+        }
     }
 
     #[test]

@@ -2,12 +2,37 @@
 
 use super::answer::Status;
 use std::io::{self, ErrorKind, Read};
+use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 /// Bytes of a request at most.
 pub const MOST: usize = 8192;
-/// How long a request may take to come.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// How long a request may take to come, in however many pieces.
+pub const PATIENCE: Duration = Duration::from_secs(10);
+
+/// What a connection gives until a time is over, however slowly.
+pub struct Deadline<'a> {
+    connection: &'a TcpStream,
+    ends: Instant,
+}
+
+impl<'a> Deadline<'a> {
+    /// After so long from now on.
+    pub fn after(connection: &'a TcpStream, patience: Duration) -> Self {
+        Self { connection, ends: Instant::now() + patience }
+    }
+}
+
+impl Read for Deadline<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let left = self.ends.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(ErrorKind::TimedOut.into());
+        }
+        self.connection.set_read_timeout(Some(left))?;
+        self.connection.read(bytes)
+    }
+}
 
 /// What is asked for.
 #[derive(Debug, PartialEq, Eq)]
@@ -19,6 +44,8 @@ pub struct Request {
     /// The server that the request is for, as the client calls it.
     pub host: String,
     pub range: RequestedRange,
+    /// Whether a browser says that it shows the answer by itself, and not in a frame.
+    pub is_page: bool,
 }
 
 /// Which bytes are wanted.
@@ -67,7 +94,7 @@ impl Request {
             "HEAD" => true,
             _ => return Err(Status::Method.into()),
         };
-        let (mut host, mut range) = (None, None);
+        let (mut host, mut range, mut is_page) = (None, None, false);
         for line in lines {
             let (name, value) = line.split_once(':').ok_or(Status::Malformed)?;
             let is_token = |c: u8| c.is_ascii_alphanumeric() || b"!#$%&'*+-.^_`|~".contains(&c);
@@ -78,6 +105,7 @@ impl Request {
             match name.to_ascii_lowercase().as_str() {
                 "host" if host.is_none() => host = Some(value.to_owned()),
                 "range" if range.is_none() => range = Some(RequestedRange::parse(value)?),
+                "sec-fetch-dest" => is_page |= value == "document",
                 // Which one counts could be understood in two ways.
                 "host" | "range" => return Err(Status::Malformed.into()),
                 "content-length" if value == "0" => {}
@@ -86,13 +114,13 @@ impl Request {
             }
         }
         let host = host.ok_or(Status::WrongHost)?;
-        Ok(Self { is_head, path: steps(target)?, host, range: range.unwrap_or(RequestedRange::All) })
+        Ok(Self { is_head, path: steps(target)?, host, range: range.unwrap_or(RequestedRange::All), is_page })
     }
 }
 
 /// The bytes up to the empty line that ends the head, without both.
 fn read_head(mut from: impl Read) -> Result<Vec<u8>, RequestError> {
-    let (begun, mut head, mut piece) = (Instant::now(), Vec::new(), [0; 1024]);
+    let (mut head, mut piece) = (Vec::new(), [0; 1024]);
     loop {
         let count = match from.read(&mut piece) {
             Ok(0) => return Err(RequestError::Gone),
@@ -113,9 +141,6 @@ fn read_head(mut from: impl Read) -> Result<Vec<u8>, RequestError> {
             }
             head.truncate(end);
             return Ok(head);
-        }
-        if begun.elapsed() > PATIENCE {
-            return Err(Status::TooSlow.into());
         }
     }
 }
@@ -186,7 +211,8 @@ impl RequestedRange {
                 let end = last.map_or(length, |last| last.saturating_add(1).min(length));
                 if first < end { Ok((first, end - first)) } else { Err(Status::Range) }
             }
-            Self::Last(0) => Err(Status::Range),
+            // Of nothing there is no last byte.
+            Self::Last(count) if count == 0 || length == 0 => Err(Status::Range),
             Self::Last(count) => Ok((length.saturating_sub(count), count.min(length))),
         }
     }
@@ -211,7 +237,13 @@ mod tests {
         let host = "localhost:80".to_owned();
         assert_eq!(
             request,
-            Ok(Request { is_head: false, path, host, range: RequestedRange::From(3, Some(9)) })
+            Ok(Request {
+                is_head: false,
+                path,
+                host,
+                range: RequestedRange::From(3, Some(9)),
+                is_page: false
+            })
         );
         for (text, status) in [
             ("GET / HTTP/1.0\r\nHost: a\r\n\r\n", Status::Version),

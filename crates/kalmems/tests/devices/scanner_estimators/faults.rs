@@ -1,8 +1,9 @@
 //! A device whose samples arrive over a connection with faults: each is told, and the estimate is right again soon.
 
 use super::example;
+use kalmems::config::Experiment;
 use kalmems::rigs::published;
-use kalmems::stream::{Connection, StreamOutputs, StreamSummary, stream};
+use kalmems::stream::{Connection, END_MARK, StreamOutputs, StreamSummary, stream};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 use std::collections::{BTreeMap, VecDeque};
@@ -11,10 +12,10 @@ use std::sync::{Arc, Mutex};
 
 /// The example's recording repeats after 20 ms: 627 cycles of the drive, and 313.5 of the motion, whose sign the signal does not
 /// show. Its reference is the truth, with the other sign in each second period.
-const PERIOD: u64 = 20_000;
+pub const PERIOD: u64 = 20_000;
 
 /// Samples in 100 cycles of the motion.
-const SETTLED: u64 = 6380;
+pub const SETTLED: u64 = 6380;
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -70,6 +71,8 @@ struct Script {
     /// What waits to be read, and whether the connection breaks then.
     bytes: VecDeque<u8>,
     broken: bool,
+    /// Whether the end was sent.
+    ended: bool,
     lines: VecDeque<String>,
     log: Arc<Mutex<Log>>,
     expected: BTreeMap<&'static str, u64>,
@@ -104,6 +107,7 @@ impl Script {
             chance: Pcg64::new(11, 12),
             bytes: VecDeque::new(),
             broken: false,
+            ended: false,
             lines: VecDeque::new(),
             log,
             expected: BTreeMap::new(),
@@ -240,6 +244,9 @@ impl Read for Wire {
         while script.bytes.len() < buffer.len() && script.sent < script.wanted && !script.broken {
             script.step();
         }
+        if script.sent == script.wanted && !std::mem::replace(&mut script.ended, true) {
+            script.bytes.extend(END_MARK);
+        }
         if script.bytes.is_empty() && std::mem::take(&mut script.broken) {
             return Err(ErrorKind::ConnectionReset.into());
         }
@@ -349,26 +356,38 @@ fn resident_kib() -> u64 {
     line.and_then(|line| line.split_whitespace().nth(1)?.parse().ok()).unwrap_or(0)
 }
 
-/// Streams so many samples with so many faults, and finds each told and the estimate right again after it.
-fn with_faults(samples: u64, faults: u64) -> (StreamSummary, Judged) {
+/// The example with these changes, whose filter follows the motion closely and without drifts.
+pub fn experiment(changes: &[(&str, &str)]) -> Experiment {
     let path = example("stream.toml");
     let mut text = std::fs::read_to_string(&path).unwrap();
     for (from, to) in [
         ("1.1033e-4 N m", "1.10e-4 N m"),
         ("states = { stiffness = { start_sd = \"1 %\", drift = \"1e-7 1/s\" } }\n", ""),
         ("smooth_lag", "# smooth_lag"),
-        ("phase = true", "reconnect = \"10 s\"\nphase = true"),
         ("angular_acceleration = \"1e4 rad^2/s^3\"", "angular_acceleration = \"1e8 rad^2/s^3\""),
-    ] {
+    ]
+    .iter()
+    .chain(changes)
+    {
         assert!(text.contains(from), "{from}");
         text = text.replacen(from, to, 1);
     }
-    let experiment = published().parse(&text, &path).unwrap_or_else(|e| panic!("{e}"));
-    let log = Arc::new(Mutex::new(Log::default()));
-    let script = Arc::new(Mutex::new(Script::new(samples, faults, log.clone())));
+    published().parse(&text, &path).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The angle of the example's recording.
+pub fn truth() -> Vec<f64> {
     let reference = std::fs::read_to_string(example("reference.csv")).unwrap();
     let angle = |line: &str| line.split(',').nth(1).unwrap().parse().unwrap();
-    let truth = Arc::new(reference.lines().skip(1).map(angle).collect::<Vec<f64>>());
+    reference.lines().skip(1).map(angle).collect()
+}
+
+/// Streams so many samples with so many faults, and finds each told and the estimate right again after it.
+fn with_faults(samples: u64, faults: u64) -> (StreamSummary, Judged) {
+    let experiment = experiment(&[("phase = true", "reconnect = \"10 s\"\nphase = true")]);
+    let log = Arc::new(Mutex::new(Log::default()));
+    let script = Arc::new(Mutex::new(Script::new(samples, faults, log.clone())));
+    let truth = Arc::new(truth());
     let judged = Arc::new(Mutex::new(Judged::default()));
     let judge = Judge { judged: judged.clone(), log: log.clone(), truth };
     let outputs = StreamOutputs { lines: Some(Box::new(judge)), ..StreamOutputs::default() };

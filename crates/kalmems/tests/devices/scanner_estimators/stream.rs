@@ -154,6 +154,77 @@ fn another_experiment_does_not_go_on() {
     assert!(ended.unwrap_err().to_string().contains("another experiment"));
 }
 
+#[test]
+fn a_state_with_one_other_digit_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state.json");
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let experiment = experiment(&[]);
+    streamed(&experiment, Pieces::of(bytes, 100_000), Some(&state)).ended.unwrap_or_else(|e| panic!("{e}"));
+    let whole = std::fs::read(&state).unwrap();
+    let digits: Vec<usize> = (0..whole.len()).filter(|at| whole[*at].is_ascii_digit()).collect();
+    let mut chance = Pcg64::new(21, 22);
+    let mut any = |count: usize| usize::try_from(chance.next_u64() % count as u64).unwrap();
+    for _ in 0..1000 {
+        let (at, by) = (digits[any(digits.len())], 1 + u8::try_from(any(9)).unwrap());
+        let mut damaged = whole.clone();
+        damaged[at] = b'0' + (damaged[at] - b'0' + by) % 10;
+        std::fs::write(&state, &damaged).unwrap();
+        let ended = streamed(&experiment, Pieces::of(Vec::new(), 1), Some(&state)).ended;
+        let why = ended.unwrap_err().to_string();
+        assert!(
+            why.contains("checksum") || why.contains("not what this version writes"),
+            "{at} by {by}: {why}"
+        );
+    }
+}
+
+#[test]
+fn a_state_that_another_stream_uses_is_refused() {
+    struct Other<R>(R, Option<Box<dyn FnOnce() + Send>>);
+
+    impl<R: Read> Read for Other<R> {
+        fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+            if let Some(other) = self.1.take() {
+                other();
+            }
+            self.0.read(bytes)
+        }
+    }
+
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state.json");
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let (path, same) = (state.clone(), bytes.clone());
+    let other = Box::new(move || {
+        let ended = streamed(&experiment(&[]), Pieces::of(same, 1000), Some(&path)).ended;
+        assert!(ended.unwrap_err().to_string().contains("another stream"));
+    });
+    let input = Other(Pieces::of(bytes, 100_000), Some(other));
+    streamed(&experiment(&[]), input, Some(&state)).ended.unwrap_or_else(|e| panic!("{e}"));
+    let left: Vec<_> =
+        std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["state.json"]);
+}
+
+#[test]
+fn one_in_so_many_estimates_is_written_across_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state.json");
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    // Not a multiple of ten samples.
+    let part = bytes.split(|byte| *byte == b'\n').take(12_346).map(|line| line.len() + 1).sum::<usize>();
+    let times = |bytes: &[u8], state| {
+        let Streamed { answers, ended, .. } =
+            streamed(&experiment(&[]), Pieces::of(bytes.to_vec(), 100_000), state);
+        ended.unwrap_or_else(|e| panic!("{e}"));
+        answers["ekf"].iter().map(|line| line[0]).collect::<Vec<f64>>()
+    };
+    let whole = times(&bytes, None);
+    let both = [times(&bytes[..part], Some(&*state)), times(&bytes, Some(&*state))].concat();
+    assert!(both == whole, "{} and {}", both.len(), whole.len());
+}
+
 /// The example with zero phases told that long before.
 fn prediction(ahead: &str, more: &str, changes: &[(&str, &str)]) -> Experiment {
     let table = format!("ahead = \"{ahead}\"\n{more}");
