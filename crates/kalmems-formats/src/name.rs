@@ -20,6 +20,12 @@ pub(crate) fn with_unit(name: &str, unit: &str) -> String {
 /// A name and the ending that is its unit.
 pub(crate) fn join(name: &str, ending: &str) -> String {
     let name = one_line(name);
+    // As an ending alone these are words of a name, such as a minimum: the unit is spelt out.
+    let ending = match ending {
+        "min" => "minutes",
+        "h" => "hours",
+        other => other,
+    };
     if name.strip_suffix(ending).is_some_and(|rest| rest.ends_with('_')) {
         return name;
     }
@@ -42,7 +48,9 @@ pub(crate) fn parts(name: &str) -> Option<(&str, String)> {
     let name = name.trim();
     if let Some((before, inside)) = in_brackets(name) {
         let before = before.trim_end_matches(['/', ',', '_']).trim_end();
-        return Some((before.strip_suffix(" in").unwrap_or(before), unit_ending(inside)?));
+        // The `1` of `q[1]` and `CH (1)` is an index.
+        let unit = unit_ending(inside).filter(|unit| unit != "1")?;
+        return Some((before.strip_suffix(" in").unwrap_or(before), unit));
     }
     if let Some(inside) = name.strip_prefix("in ") {
         return Some(("", unit_ending(inside)?));
@@ -110,6 +118,8 @@ mod tests {
             ("cap", "counts", "cap_counts"),
             ("cap", "From Custom Scale", "cap"),
             ("cap", "arb. V", "cap"),
+            ("pos", "min", "pos_minutes"),
+            ("time", "h", "time_hours"),
         ] {
             assert_eq!(with_unit(name, unit), expected, "{name} {unit}");
         }
@@ -148,6 +158,9 @@ mod tests {
             "a/b",
             "/V",
             "V(out)",
+            "q[1]",
+            "gyro_rad[1]",
+            "CH (1)",
             "()",
             "",
             "on, off",

@@ -30,8 +30,8 @@ pub use unitless_time::{StatedTime, UnitlessTime};
 
 use crate::recording::request::{ColumnSelection, ReadRequest};
 use crate::recording::{
-    Finding, ReadError, RecordingSource, Restarts, Severity, Stretch, StretchSize, Stretches, TimeOrigin,
-    TimeSource,
+    Finding, ReadError, RecordingSource, Restarts, SATURATION_RUN, Severity, Stretch, StretchSize, Stretches,
+    TimeOrigin, TimeSource,
 };
 use channel::ChannelDraft;
 use kalmems_formats::Hints;
@@ -66,6 +66,12 @@ pub struct Inspection {
     pub frequency_unit: &'static str,
     /// All that was found, what would keep the file from being used first.
     pub diagnosis: Vec<Finding>,
+    /// Checks that the file did not allow, and why, in words that follow "not checked".
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unchecked: Vec<String>,
+    /// What every check ran for and did not find, such as "missing".
+    #[serde(skip)]
+    checked: Vec<&'static str>,
     /// The longest segment, the first of several, and its interval.
     #[serde(skip)]
     longest: Option<(usize, ReducedSegment, Option<f64>)>,
@@ -202,6 +208,7 @@ pub fn inspect_stated(
         return Err(ReadError::Unusable { file: path.display().to_string(), findings: diagnosis });
     }
     let timed = survey.time.is_some();
+    let (checked, unchecked) = checks(timed, &draft.segments, &survey.text);
     let mut recognised = vec![format!("{}.", source.format)];
     recognised.extend(survey.sentences);
     recognised.extend(source.origin.as_ref().map(TimeOrigin::sentence));
@@ -217,8 +224,36 @@ pub fn inspect_stated(
         window: WINDOW,
         frequency_unit: if timed { "Hz" } else { "1/sample" },
         diagnosis,
+        unchecked,
+        checked,
         longest: draft.longest,
     })
+}
+
+/// The checks that ran over some rows, as what they look for, and those that did not.
+fn checks(timed: bool, segments: &[SegmentSummary], left_out: &[String]) -> (Vec<&'static str>, Vec<String>) {
+    let rows = segments.iter().map(|segment| segment.rows).max().unwrap_or(0);
+    let (mut checked, mut unchecked) = (vec!["missing"], Vec::new());
+    match (timed, rows) {
+        (false, _) => unchecked.push("whether the times are regular, as no column is the time".to_owned()),
+        (true, 0..3) => {
+            unchecked.push(format!("whether the times are regular, as no segment has more than {rows} rows"))
+        }
+        (true, _) => checked.push("irregular"),
+    }
+    // A run at a rail is compared with as many rows before and after it.
+    if rows < 3 * SATURATION_RUN {
+        unchecked.push(format!("whether a signal is saturated, as no segment has more than {rows} rows"));
+    } else {
+        checked.push("saturated");
+    }
+    checked.push("constant");
+    if !left_out.is_empty() {
+        let names: Vec<String> = left_out.iter().take(8).map(|name| format!("`{name}`")).collect();
+        let more = if left_out.len() > 8 { ", …" } else { "" };
+        unchecked.push(format!("the columns that are left out ({}{more})", names.join(", ")));
+    }
+    (checked, unchecked)
 }
 
 /// An inspection that goes on.

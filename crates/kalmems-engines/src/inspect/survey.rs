@@ -12,8 +12,10 @@ use kalmems_formats::{Block, CellFinding, Column, Table, TableEvidence, TimeKind
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// A label stays the same for at least this many rows on average.
+/// A label stays the same for at least this many rows on average: so many where nothing but its runs says that it is one, and so many
+/// where the time starts again with each.
 const LONG_RUN: usize = 10;
+const SHORT_RUN: usize = 4;
 
 /// A column that changes more often than this tells no records apart.
 const MOST_RECORDS: usize = 10_000;
@@ -39,8 +41,8 @@ pub(super) fn survey(
     stated: Option<&StatedTime>,
     progress: ReadProgress,
 ) -> Result<ColumnSurvey, ReadError> {
-    let names: Vec<ColumnHeader> =
-        table.description().columns.iter().map(|c| ColumnHeader::parse(&c.name)).collect();
+    let all = || table.description().columns.iter().map(|column| column.name.as_str());
+    let names: Vec<ColumnHeader> = all().map(|name| ColumnHeader::parse_among(name, all())).collect();
     if names.is_empty() {
         return Ok(ColumnSurvey::default());
     }
@@ -48,6 +50,7 @@ pub(super) fn survey(
     let main = main_length(columns);
     let (texts, numbers): (Vec<usize>, Vec<usize>) = (0..names.len())
         .filter(|column| columns[*column].rows.is_none_or(|rows| Some(rows) == main))
+        .filter(|column| columns[*column].apart.is_none())
         .partition(|column| columns[*column].text);
     let time = match stated {
         Some(stated) => Time::stated(&names, stated),
@@ -56,8 +59,16 @@ pub(super) fn survey(
     .filter(|time| numbers.contains(&time.column));
     let others =
         names.iter().enumerate().filter(|(column, _)| !texts.contains(column) && !numbers.contains(column));
-    let others: Vec<(String, Option<u64>)> =
-        others.map(|(column, name)| (name.column.clone(), columns[column].rows)).collect();
+    let why = |column: &Column| match (&column.apart, column.rows) {
+        (Some(why), _) => format!(" is left out, as {why}"),
+        (None, Some(rows)) => {
+            format!(" has {rows} rows and is left out, as most columns have another number of rows")
+        }
+        (None, None) => " is left out, as most columns have another number of rows".to_owned(),
+    };
+    let others: Vec<(String, String)> =
+        others.map(|(column, name)| (name.column.clone(), why(&columns[column]))).collect();
+    let protection = table.description().protection.clone();
     let wanted = numbers.iter().map(|column| match time {
         Some(Time { column: clock, unit, .. }) if clock == *column => {
             WantedColumn::Time { column: *column, unit: unit.unit, origin: None }
@@ -76,12 +87,12 @@ pub(super) fn survey(
     let holds_numbers =
         matches!(evidence, TableEvidence::Format | TableEvidence::Arrays) || scan.has_numbers_below(evidence);
     let mut survey = ColumnSurvey { holds_numbers, ..scan.conclude() };
-    for (name, rows) in others {
-        let rows = rows.map_or_else(String::new, |rows| format!(" has {rows} rows and"));
-        survey
-            .sentences
-            .push(format!("`{name}`{rows} is left out, as most columns have another number of rows."));
+    for (name, why) in others {
+        survey.sentences.push(format!("`{name}`{why}."));
         survey.text.push(name);
+    }
+    if !protection.is_empty() {
+        survey.sentences.push(protection);
     }
     Ok(survey)
 }
@@ -89,7 +100,7 @@ pub(super) fn survey(
 /// The number of rows that most columns have, the larger where two are as frequent, of a file whose columns differ in it.
 fn main_length(columns: &[Column]) -> Option<u64> {
     let mut counts = BTreeMap::<u64, usize>::new();
-    for rows in columns.iter().filter_map(|column| column.rows) {
+    for rows in columns.iter().filter(|column| column.apart.is_none()).filter_map(|column| column.rows) {
         *counts.entry(rows).or_default() += 1;
     }
     counts.into_iter().max_by_key(|(rows, count)| (*count, *rows)).map(|(rows, _)| rows)
@@ -115,6 +126,8 @@ struct ColumnCounts {
     second: Option<f64>,
     last: f64,
     falls: bool,
+    /// Whether each number is the one before or the next whole one.
+    counts: bool,
 }
 
 #[derive(Default)]
@@ -140,6 +153,7 @@ impl SurveyScan {
                 .map(|h| ColumnCounts {
                     has_unit: h.unit.is_some(),
                     name: h.column,
+                    counts: true,
                     ..ColumnCounts::default()
                 })
                 .collect(),
@@ -264,11 +278,15 @@ impl SurveyScan {
                 Some(*index) != time && labelled && !column.returns && column.changes <= MOST_RECORDS
             })
         };
-        let long =
-            |column: &ColumnCounts| column.changes.saturating_add(1).saturating_mul(LONG_RUN) <= self.rows;
+        let stays = |column: &ColumnCounts, run: usize| {
+            column.changes.saturating_add(1).saturating_mul(run) <= self.rows
+        };
+        let long = |column: &ColumnCounts| stays(column, LONG_RUN);
         let matching = |text: bool| {
             candidates()
-                .find(|(_, c)| self.restarts > 0 && c.unmatched == 0 && c.is_text() == text)
+                .find(|(_, c)| {
+                    self.restarts > 0 && c.unmatched == 0 && c.is_text() == text && stays(c, SHORT_RUN)
+                })
                 .map(|(index, _)| (index, "changes exactly where the time starts again"))
         };
         matching(true)
@@ -278,9 +296,12 @@ impl SurveyScan {
                 Some((index, "is text that stays the same over long runs of rows"))
             })
             .or_else(|| {
-                let number = |c: &ColumnCounts| !c.is_text() && !c.has_unit && c.changes > 0 && long(c);
+                let number = |c: &ColumnCounts| {
+                    let counts = !c.is_text() && !c.has_unit && c.changes > 0 && long(c);
+                    counts && (c.counts_records() || c.is_named_record())
+                };
                 let (index, _) = candidates().find(|(_, c)| time.is_none() && number(c))?;
-                Some((index, "has no unit and stays the same over long runs of rows"))
+                Some((index, "counts records: it has no unit and stays the same over long runs of rows"))
             })
     }
 }
@@ -291,6 +312,8 @@ impl ColumnCounts {
             None => {
                 self.numbers += 1;
                 self.falls |= self.first.is_some() && number <= self.last;
+                self.counts &= number.fract() == 0.0
+                    && (self.first.is_none() || number == self.last || number == self.last + 1.0);
                 match self.first {
                     None => self.first = Some(number),
                     Some(_) => _ = self.second.get_or_insert(number),
@@ -302,7 +325,7 @@ impl ColumnCounts {
                 self.texts += 1;
                 SegmentLabel::Text(text.clone().into_bytes())
             }
-            Some(CellFinding::Nan(text) | CellFinding::Infinite(text)) => {
+            Some(CellFinding::Nan(text) | CellFinding::Infinite(text) | CellFinding::Overload(text)) => {
                 self.numbers += 1;
                 SegmentLabel::Text(text.clone().into_bytes())
             }
@@ -326,11 +349,28 @@ impl ColumnCounts {
         self.unmatched += usize::from(changed != restarted);
     }
 
+    /// Whether its numbers count from 0 or 1 on; those of a slow channel begin anywhere and go up and down.
+    fn counts_records(&self) -> bool {
+        self.counts && self.first.is_some_and(|first| first == 0.0 || first == 1.0)
+    }
+
+    /// Whether its name says that it tells records apart.
+    fn is_named_record(&self) -> bool {
+        let name = self.name.to_lowercase();
+        let mut words = name.split(|letter: char| !letter.is_alphabetic());
+        words.any(|word| RECORD_WORDS.contains(&word.trim_end_matches('s')))
+    }
+
     /// A few words among numbers are mistakes, which the diagnosis names.
     const fn is_text(&self) -> bool {
         self.texts > self.numbers
     }
 }
+
+/// Words of the name of a column that tells records apart.
+const RECORD_WORDS: [&str; 12] = [
+    "record", "segment", "run", "trial", "chunk", "shot", "sweep", "frame", "burst", "cycle", "label", "part",
+];
 
 /// First words of the name of a column that is the time, beside `time` itself.
 const TIME_WORDS: [&str; 9] = ["t", "zeit", "temps", "tiempo", "tempo", "tijd", "sec", "seconds", "clock"];

@@ -68,7 +68,7 @@ impl StatedTime {
     /// The column as a reader of recordings takes it.
     pub(super) fn declared(&self) -> DeclaredColumn {
         let reading =
-            ColumnReading { unit: Some((self.unit_text.clone(), self.unit)), scale: None, offset: None };
+            ColumnReading { unit: Some((self.unit_text.clone(), self.unit)), ..ColumnReading::default() };
         DeclaredColumn {
             column: self.column.clone(),
             key: DeclaredColumn::CLOCK.to_owned(),

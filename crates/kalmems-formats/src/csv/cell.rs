@@ -1,6 +1,6 @@
 //! One cell: its bytes as a number, or what else it is.
 
-use crate::CellFinding;
+use crate::{CellFinding, sentinels};
 use std::io::Write as _;
 
 /// The minus sign of typography, U+2212, which spreadsheets and `matplotlib` write.
@@ -39,10 +39,14 @@ impl CellReader {
             rest = minus.unwrap_or(behind);
         }
         let Ok(number) = fast_float2::parse::<f64, _>(&self.scratch) else {
-            return Err(CellFinding::Text(excerpt(cell)));
+            let no_value = sentinels::of_word(cell, || excerpt(cell));
+            return Err(no_value.unwrap_or_else(|| CellFinding::Text(excerpt(cell))));
         };
         if number.is_nan() {
             return Err(CellFinding::Nan(excerpt(cell)));
+        }
+        if let Some(no_value) = sentinels::of_number(number, || excerpt(cell)) {
+            return Err(no_value);
         }
         let number = if power == 0 { number } else { self.shift(power).unwrap_or(number) };
         if number.is_finite() { Ok(number) } else { Err(CellFinding::Infinite(excerpt(cell))) }
@@ -118,7 +122,8 @@ mod tests {
         }
         for (cell, value) in [
             ("inf", infinite("inf")),
-            ("1e308", infinite("1e308")),
+            ("2e306", infinite("2e306")),
+            ("1e308", Err(CellFinding::Overload("1e308".to_owned()))),
             ("1e-99999999999", Ok(0.0)),
             ("1e99999999999", infinite("1e99999999999")),
             ("17.86", Ok(17.86e3)),

@@ -1,13 +1,13 @@
 //! A text as a table.
 
 use super::cell::CellReader;
-use super::dialect::{ColumnOrigin, Dialect, DialectColumn, Heading, RecordShape};
+use super::dialect::{ColumnOrigin, Dialect, Heading, RecordShape};
 use super::input::CsvInput;
 use super::number::quick;
 use super::split::{BLANKS, Split};
 use crate::{
     Block, CellFault, CellFinding, Digest, FormatError, Table, TableDescription, TimeKind, TimeReader,
-    TimeUnit, WantedColumn,
+    TimeUnit, WantedColumn, sentinels,
 };
 
 /// As much text is gone through for one block, so that a block does not take long where rows are left out.
@@ -18,6 +18,8 @@ const BYTES_PER_BLOCK: u64 = 16 << 20;
 struct CellUse {
     /// Read as a number, times this power of ten.
     power: Option<i32>,
+    /// Numbers from this size on are looked at more closely.
+    limit: f64,
     /// Read as a time, among the numbers.
     time: bool,
     /// Kept as a label.
@@ -139,6 +141,7 @@ impl CsvTable {
             rows: None,
             evidence: dialect.evidence,
             left_out: Vec::new(),
+            protection: String::new(),
         };
         Self {
             input,
@@ -238,6 +241,7 @@ impl CsvTable {
         let Some(usage) = self.uses.iter_mut().find(|usage| usage.time) else { return true };
         if self.times.is_plain() {
             (usage.power, usage.time) = (Some(self.times.power()), false);
+            usage.limit = f64::INFINITY;
         }
         self.times.origin().is_some()
     }
@@ -448,12 +452,16 @@ impl Table for CsvTable {
             let cell = self.origin(want.column()).and_then(ColumnOrigin::cell);
             let usage = cell.and_then(|cell| self.uses.get_mut(cell));
             match (want, usage) {
-                (WantedColumn::Number { power, .. }, Some(usage)) => usage.power = Some(*power),
+                (WantedColumn::Number { power, .. }, Some(usage)) => {
+                    (usage.power, usage.limit) = (Some(*power), sentinels::limit(*power));
+                }
                 // The header's own clock counts from where it says.
                 (WantedColumn::Time { column, unit, .. }, Some(usage)) => {
-                    match self.dialect.columns.get(*column) {
-                        Some(DialectColumn { origin: ColumnOrigin::Cell(_), .. }) => usage.time = true,
-                        _ => usage.power = Some(unit.power),
+                    let origin = self.dialect.columns.get(*column).map(|column| column.origin);
+                    if matches!(origin, Some(ColumnOrigin::Cell(_))) {
+                        usage.time = true;
+                    } else {
+                        (usage.power, usage.limit) = (Some(unit.power), f64::INFINITY);
                     }
                 }
                 (WantedColumn::Label { .. }, Some(usage)) => usage.label = true,
@@ -550,6 +558,9 @@ fn quick_row<const BLANK: bool>(
         if let Some(power) = usage.power {
             place = skip_spaces(text, place);
             let (number, end) = quick(text, place, dialect.point, power)?;
+            if number.abs() >= usage.limit {
+                return None;
+            }
             numbers.push(number);
             place = if BLANK { end } else { skip_spaces(text, end) };
         } else if usage.time {
