@@ -57,7 +57,7 @@ const PREFIXES: [(&str, &str); 12] = [
 ];
 
 /// Signs, and what they are replaced with before a unit is read.
-const SIGNS: [(&str, &str); 20] = [
+const SIGNS: [(&str, &str); 21] = [
     ("⁻¹", "^-1"),
     ("⁻²", "^-2"),
     ("⁻³", "^-3"),
@@ -69,6 +69,7 @@ const SIGNS: [(&str, &str); 20] = [
     ("\u{2126}", "ohm"),
     ("℃", "degC"),
     ("deg C", "degC"),
+    ("Deg C", "degC"),
     ("° C", "degC"),
     ("°", "deg"),
     ("º", "deg"),
@@ -233,7 +234,7 @@ mod tests {
             (&["ohm", "Ohm", "Ω", "\u{2126}", "Ohms", "OHM"], "ohm"),
             (&["kΩ", "kOhm", "kohm", "kiloohm"], "kohm"),
             (&["deg", "°", "º", "degree", "Degrees"], "deg"),
-            (&["degC", "°C", "° C", "℃", "Celsius", "deg C"], "degC"),
+            (&["degC", "°C", "° C", "℃", "Celsius", "deg C", "Deg C"], "degC"),
             (&["deg/s", "°/s", "deg/sec", "degrees per second", "degrees/second"], "deg_per_s"),
             (&["dps"], "dps"),
             (&["m/s^2", "m/s²", "m/s2", "m/s/s", "m/s**2", "meters/second^2"], "m_per_s2"),

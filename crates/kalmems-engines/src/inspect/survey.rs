@@ -1,9 +1,11 @@
 //! Which column is the time and which tells records apart, and the reasons in words.
 
-use super::{StatedTime, UnitlessTime};
+use super::quantity::quantity;
+use super::{StatedFile, StatedTime, UnitlessTime};
 use crate::recording::ReadError;
 use crate::recording::blocks::Blocks;
 use crate::recording::clock_unit::ClockUnit;
+use crate::recording::counter::CounterTimes;
 use crate::recording::label::SegmentLabel;
 use crate::recording::read::ReadProgress;
 use crate::recording::scale::ColumnScale;
@@ -30,6 +32,8 @@ pub(super) struct ColumnSurvey {
     /// Columns that are left out: they hold text and do not tell records apart, or have another number of rows.
     pub(super) text: Vec<String>,
     pub(super) sentences: Vec<String>,
+    /// The column that says which of several sources each row is of, and their names, where they take turns.
+    pub(super) mixed: Option<(String, String)>,
     /// Whether a column holds numbers, as every file does that is known by its format to be a table.
     pub(super) holds_numbers: bool,
 }
@@ -38,7 +42,7 @@ pub(super) struct ColumnSurvey {
 pub(super) fn survey(
     table: Box<dyn Table>,
     path: &Path,
-    stated: Option<&StatedTime>,
+    stated: &StatedFile,
     progress: ReadProgress,
 ) -> Result<ColumnSurvey, ReadError> {
     let all = || table.description().columns.iter().map(|column| column.name.as_str());
@@ -52,7 +56,8 @@ pub(super) fn survey(
         .filter(|column| columns[*column].rows.is_none_or(|rows| Some(rows) == main))
         .filter(|column| columns[*column].apart.is_none())
         .partition(|column| columns[*column].text);
-    let time = match stated {
+    let time = match &stated.time {
+        _ if stated.rate_hz.is_some() => None,
         Some(stated) => Time::stated(&names, stated),
         None => Time::of(&names, |column| table.time_kind(column)),
     }
@@ -78,7 +83,8 @@ pub(super) fn survey(
     let mut wanted: Vec<WantedColumn> = wanted.collect();
     wanted.extend(texts.iter().map(|column| WantedColumn::Label { column: *column }));
     let mut blocks = Blocks::start(table, path, &wanted)?;
-    let mut scan = SurveyScan { numbers, texts, ..SurveyScan::new(names, time) };
+    let rate_hz = stated.rate_hz;
+    let mut scan = SurveyScan { numbers, texts, rate_hz, ..SurveyScan::new(names, time) };
     while let Some(block) = blocks.next(progress)? {
         scan.take(&block);
         blocks.reuse(block);
@@ -137,6 +143,8 @@ struct SurveyScan {
     numbers: Vec<usize>,
     texts: Vec<usize>,
     time: Option<Time>,
+    rate_hz: Option<f64>,
+    counter: Option<CounterTimes>,
     previous_time: f64,
     restarts: usize,
     rows: usize,
@@ -167,7 +175,12 @@ impl SurveyScan {
         self.restarted.resize(block.rows, false);
         let slot = self.time.and_then(|time| self.numbers.iter().position(|column| *column == time.column));
         let times = slot.and_then(|slot| block.numbers.get(slot)).map_or(&[][..], Vec::as_slice);
-        for (restarted, time) in self.restarted.iter_mut().zip(times).filter(|(_, time)| !time.is_nan()) {
+        let mut times = times.to_vec();
+        if let Some(time) = self.time {
+            let counter = self.counter.get_or_insert_with(|| CounterTimes::new(time.unit.unit));
+            counter.unwrap(&mut times, block.origin);
+        }
+        for (restarted, time) in self.restarted.iter_mut().zip(&times).filter(|(_, time)| !time.is_nan()) {
             *restarted = *time <= self.previous_time;
             self.previous_time = *time;
             self.restarts += usize::from(*restarted);
@@ -207,9 +220,14 @@ impl SurveyScan {
         let time = self.time.map(|time| time.column);
         let name = |index: usize| self.columns.get(index).map(|column| column.name.clone());
         let mut survey = ColumnSurvey { time: time.and_then(name), ..ColumnSurvey::default() };
-        survey.unitless_time = if time.is_none() { self.unitless_time() } else { None };
+        let untimed = time.is_none() && self.rate_hz.is_none();
+        survey.unitless_time = if untimed { self.unitless_time() } else { None };
         survey.sentences.push(match (&survey.time, self.time) {
             (Some(name), Some(time)) => format!("`{name}` is the time, as {}.", time.reason),
+            _ if self.rate_hz.is_some() => {
+                let rate = quantity(self.rate_hz.unwrap_or(f64::NAN), "Hz");
+                format!("A row is a sample, and the samples follow each other at {rate}, as stated.")
+            }
             _ if survey.unitless_time.is_some() => {
                 let seems = survey.unitless_time.as_ref().map(UnitlessTime::sentence).unwrap_or_default();
                 format!("{seems} Until its unit is stated, a row is a sample, and frequencies are in cycles per sample.")
@@ -242,6 +260,9 @@ impl SurveyScan {
                     empty => format!(" with nothing in {empty} of {} rows", self.rows),
                 };
                 survey.sentences.push(format!("`{}` is text{cells} and is left out.", column.name));
+                if column.takes_turns() {
+                    survey.mixed = Some(column.mixed_words());
+                }
                 survey.text.push(column.name.clone());
             }
         }
@@ -361,6 +382,24 @@ impl ColumnCounts {
         words.any(|word| RECORD_WORDS.contains(&word.trim_end_matches('s')))
     }
 
+    /// Whether it names the source of each row, of which a few take turns.
+    fn takes_turns(&self) -> bool {
+        let name = self.name.to_lowercase();
+        let mut words = name.split(|letter: char| !letter.is_alphabetic());
+        let is_source = words.any(|word| SOURCE_WORDS.contains(&word.trim_end_matches('s')));
+        is_source && self.returns && self.empty == 0 && (2..=MOST_SOURCES).contains(&self.seen.len())
+    }
+
+    /// Its name, and those of the sources.
+    fn mixed_words(&self) -> (String, String) {
+        let label = |label: &SegmentLabel| match label {
+            SegmentLabel::Number(bits) => f64::from_bits(*bits).to_string(),
+            SegmentLabel::Text(text) => String::from_utf8_lossy(text).into_owned(),
+        };
+        let names: Vec<String> = self.seen.iter().map(|seen| format!("`{}`", label(seen))).collect();
+        (self.name.clone(), format!("rows of {} take turns", names.join(", ")))
+    }
+
     /// A few words among numbers are mistakes, which the diagnosis names.
     const fn is_text(&self) -> bool {
         self.texts > self.numbers
@@ -371,6 +410,11 @@ impl ColumnCounts {
 const RECORD_WORDS: [&str; 12] = [
     "record", "segment", "run", "trial", "chunk", "shot", "sweep", "frame", "burst", "cycle", "label", "part",
 ];
+
+/// Words of the name of a column that says which source a row is of, and how many sources there may be.
+const SOURCE_WORDS: [&str; 10] =
+    ["sensor", "source", "channel", "device", "signal", "stream", "topic", "instrument", "probe", "type"];
+const MOST_SOURCES: usize = 16;
 
 /// First words of the name of a column that is the time, beside `time` itself.
 const TIME_WORDS: [&str; 9] = ["t", "zeit", "temps", "tiempo", "tempo", "tijd", "sec", "seconds", "clock"];

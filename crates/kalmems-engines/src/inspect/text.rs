@@ -187,7 +187,7 @@ fn one_plot(
 /// Where a plot of some rows of the longest segment begins and ends.
 fn time_labels(inspection: &Inspection, rows: &Range<usize>) -> (String, String) {
     let last = rows.end.saturating_sub(1);
-    if inspection.time.is_some() {
+    if inspection.is_timed() {
         (quantity(inspection.time_of(rows.start), "s"), quantity(inspection.time_of(last), "s"))
     } else {
         (format!("sample {}", rows.start), format!("sample {last}"))

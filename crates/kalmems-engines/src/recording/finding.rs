@@ -77,6 +77,10 @@ pub enum FindingKind {
     ClockBack,
     /// Rows with which the file begins a new waveform: a new stretch begins.
     NewWaveform,
+    /// A counter of 32 bits begins again, and its times are taken as going on.
+    CounterBeginsAgain,
+    /// Rows of several sources take turns.
+    MixedRows,
     /// Intervals that differ from the usual one: that of the nominal rate where the settings say one, their median otherwise.
     IrregularTime,
     /// Times that the file keeps in too few digits for their interval.
@@ -149,6 +153,7 @@ impl FindingKind {
             | Self::DecreasingTime
             | Self::SparseTime
             | Self::NoLabel
+            | Self::MixedRows
             | Self::SegmentReturns => Severity::Fatal,
             Self::Stated
             | Self::OtherUnit
@@ -163,6 +168,7 @@ impl FindingKind {
             | Self::LongGap
             | Self::ClockBack
             | Self::NewWaveform
+            | Self::CounterBeginsAgain
             | Self::IrregularTime
             | Self::RoundedTime
             | Self::OtherRate
@@ -188,6 +194,7 @@ impl FindingKind {
             Self::IrregularTime => ("interval", "intervals"),
             Self::BurstTime => ("burst", "bursts"),
             Self::NewWaveform => ("waveform", "waveforms"),
+            Self::CounterBeginsAgain => ("time", "times"),
             Self::Saturation | Self::Stuck => ("sample", "samples"),
             _ => ("", ""),
         }
@@ -242,6 +249,8 @@ impl FindingKind {
                  column, such as `clock = { rate = \"1 kHz\" }`; where the rows of several records or sensors take turns, write each \
                  to a file of its own"
             }
+            Self::MixedRows => "expected rows of one source: write those of each to a file of its own",
+            Self::CounterBeginsAgain => "the times go on: the period of the counter is added from there on",
             Self::DecreasingTime => {
                 "expected times that increase: sort the rows, or, where the file holds several records, name \
                  the column that tells them apart"
@@ -327,6 +336,18 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// One about a column from a row on.
+    pub(crate) fn of_column(
+        kind: FindingKind,
+        column: &str,
+        first_row: usize,
+        count: usize,
+        detail: String,
+    ) -> Self {
+        let (column, segment, purpose) = (Some(column.to_owned()), None, Purpose::default());
+        Self { kind, column, segment, first_row, count, detail, purpose, in_arrays: false }
+    }
+
     /// Whether the recording can be used in spite of it.
     pub const fn severity(&self) -> Severity {
         self.kind.severity()

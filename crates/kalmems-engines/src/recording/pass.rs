@@ -1,5 +1,6 @@
 //! One pass over the rows: numbers into columns, rows into segments, and what is wrong into findings.
 
+use super::counter::CounterTimes;
 use super::findings::{FindingPlace, Findings, short};
 use super::label::SegmentLabel;
 use super::plan::ReadingPlan;
@@ -65,6 +66,7 @@ pub(super) struct Pass {
     disturbed: [usize; 2],
     /// The interval of the nominal rate in s, where the settings say one of a column of times.
     nominal_s: Option<f64>,
+    counter: CounterTimes,
     /// The times of the rows from `base` on, where they have any; the targets hold their values.
     times: Vec<f64>,
     base: usize,
@@ -87,6 +89,7 @@ impl Pass {
         let rails = |target: &super::plan::TargetColumn| {
             (plan.segment_column != Some(target.index)).then(|| Rails::new(target.index))
         };
+        let counter = CounterTimes::new(plan.clock_unit.unit);
         let looked_at: Vec<bool> =
             plan.targets.iter().map(|target| plan.segment_column != Some(target.index)).collect();
         Self {
@@ -110,6 +113,7 @@ impl Pass {
             label: Vec::new(),
             begun: BTreeMap::new(),
             breaks: VecDeque::new(),
+            counter,
             times: Vec::new(),
             base: 0,
         }
@@ -149,7 +153,20 @@ impl Pass {
     fn append(&mut self, block: &Block, begin: usize) {
         let numbers = |slot: usize| block.numbers.get(slot).map_or(&[][..], Vec::as_slice);
         if let Some(clock) = &self.plan.clock {
+            let first = self.times.len();
             self.times.extend_from_slice(numbers(clock.slot));
+            let fresh = self.times.get_mut(first..).unwrap_or_default();
+            for row in self.counter.unwrap(fresh, block.origin) {
+                let place = FindingPlace {
+                    column: Some(clock.index),
+                    segment: self.labels.len().checked_sub(1),
+                    line: self.lines.of(begin + row),
+                };
+                let period_s = self.counter.period_s();
+                self.findings.add(Kind::CounterBeginsAgain, place, || {
+                    format!("a counter of 32 bits begins again, every {} s", number(period_s))
+                });
+            }
         }
         for target in &mut self.plan.targets {
             let segment = self.labels.len().checked_sub(1);

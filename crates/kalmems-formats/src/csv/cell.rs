@@ -1,5 +1,6 @@
 //! One cell: its bytes as a number, or what else it is.
 
+use super::grouped::grouped;
 use crate::{CellFinding, sentinels};
 use std::io::Write as _;
 
@@ -10,6 +11,13 @@ const MINUS: &[u8] = "−".as_bytes();
 #[derive(Debug, Default)]
 pub struct CellReader {
     scratch: Vec<u8>,
+}
+
+/// Whether the digits of a column stand in groups of three, as far as its cells have shown it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct DigitGroups {
+    /// A cell had groups that can mean nothing else.
+    pub(super) are_sure: bool,
 }
 
 impl CellReader {
@@ -50,6 +58,24 @@ impl CellReader {
         }
         let number = if power == 0 { number } else { self.shift(power).unwrap_or(number) };
         if number.is_finite() { Ok(number) } else { Err(CellFinding::Infinite(excerpt(cell))) }
+    }
+
+    /// The same of a column whose digits may stand in groups. One that may be another number as well counts where others of its column can
+    /// not.
+    pub(super) fn read_in_groups(
+        &mut self,
+        cell: &[u8],
+        point: u8,
+        power: i32,
+        groups: &mut DigitGroups,
+    ) -> Result<f64, CellFinding> {
+        let found = self.read(cell, point, power);
+        if !matches!(found, Err(CellFinding::Text(_))) {
+            return found;
+        }
+        let Some(number) = grouped(cell.trim_ascii(), point) else { return found };
+        groups.are_sure |= !number.is_ambiguous;
+        if groups.are_sure { self.read(&number.plain, point, power) } else { found }
     }
 
     /// The number in the scratch times a power of ten. `None` for `inf`, which has no exponent to change.

@@ -71,3 +71,26 @@ fn the_same_numbers_are_counted_in_binary_formats() {
         }
     }
 }
+
+/// What stands in the place of a recording, and files of instruments in formats of their own, are named with what to do.
+#[test]
+fn files_that_are_no_recording_are_named_with_what_to_export() {
+    let said = |bytes: &[u8], name: &str| {
+        open_reader(Cursor::new(bytes.to_vec()), name, &Hints::default()).err().unwrap().to_string()
+    };
+    let lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:0123\nsize 12\n";
+    for name in ["run.csv", "run.npz", "run"] {
+        assert!(said(lfs, name).contains("`git lfs pull`"), "{}", said(lfs, name));
+    }
+    for (bytes, name, words) in [
+        (&b"\x0f\x0f:WFM#003\0\0\0"[..], "a.wfm", "Tektronix `.wfm`"),
+        (b":WFMPRE:BYT_NR 2;BIT_NR 16;", "a.isf", "Tektronix `.isf`"),
+        (b"#9000123456WAVEDESC\0\0", "a.trc", "LeCroy `.trc`"),
+        (b"AG10\x01\x00\x00", "a.bin", "Keysight `.bin`"),
+        (b"RG01\0\0", "a.bin", "Rigol `.bin`"),
+        (b"\x02\0\0\0\x01\0\0", "a.bin", "numbers without a header"),
+        (b"\x02\0\0\0\x01\0\0", "a.set", "settings of an oscilloscope"),
+    ] {
+        assert!(said(bytes, name).contains(words), "{name}: {}", said(bytes, name));
+    }
+}
