@@ -244,7 +244,8 @@ fn words(times: &[RegularTimes], begin: Option<Instant>, stated_by: &str) -> Str
         let _ = write!(words, " and {} more", times.len() - NAMED);
     }
     words.push_str(if times.len() > 1 { " with k from 0 on in each" } else { " for row k from 0 on" });
-    if let Some(utc) = begin.and_then(Instant::to_utc) {
+    // Binary fractions of a second have digits that nobody wrote.
+    if let Some(utc) = begin.map(Instant::to_nanosecond).and_then(Instant::to_utc) {
         let _ = write!(words, ", since {utc}");
     }
     let _ = write!(words, " ({stated_by}), which is not in the file");

@@ -341,3 +341,60 @@ fn nothing_is_said_of_checks_that_did_not_run() {
         "\nNothing is missing, saturated or constant.\nNot checked: whether the times are regular"
     ));
 }
+
+/// A counter of µs in 32 bits, and stamps of a 400 Hz clock that are rounded to ms.
+#[test]
+fn counters_go_on_behind_their_end_and_rounded_stamps_have_the_rate_of_their_mean() {
+    let mut text = "time_us,cap_V\n".to_owned();
+    for i in 0..400_u64 {
+        writeln!(text, "{},{}", (4_294_667_296 + 1000 * i) % (1 << 32), i * 7 % 5).unwrap();
+    }
+    let counter = inspected(&text).unwrap();
+    assert_eq!((counter.segments.len(), counter.segments[0].uniform), (1, true));
+    approx::assert_relative_eq!(counter.segments[0].duration_s.unwrap(), 0.399, max_relative = 1e-9);
+    let said = counter.diagnosis[0].to_string();
+    assert!(said.starts_with("line 302, column `time_us`: a counter of 32 bits begins again"), "{said}");
+    let mut text = "time_ms,cap_V\n".to_owned();
+    (0..400).for_each(|i| writeln!(text, "{},{}", (f64::from(i) * 2.5).floor(), i * 7 % 5).unwrap());
+    let rounded = inspected(&text).unwrap();
+    approx::assert_relative_eq!(rounded.segments[0].rate_hz.unwrap(), 400.0, max_relative = 2e-3);
+    let said = rounded.diagnosis[0].to_string();
+    assert!(
+        said.contains("those of a steady clock, rounded to 0.001 s, 40 % of an interval of 0.0024"),
+        "{said}"
+    );
+}
+
+/// Rows of two sensors in one table have times and values that belong to neither.
+#[test]
+fn rows_of_sensors_that_take_turns_are_no_recording_and_a_state_that_changes_often_is() {
+    let turns = |name: &str| {
+        let mut text = format!("time_s,{name},x_V\n");
+        for i in 0..200 {
+            writeln!(text, "{},{},{i}", f64::from(i) * 0.01, ["acc", "gyr"][usize::from(i % 3 == 1)])
+                .unwrap();
+        }
+        inspected(&text).unwrap()
+    };
+    let mixed = turns("sensor");
+    assert!(!mixed.is_usable());
+    let said = mixed.diagnosis[0].to_string();
+    assert!(
+        said.contains("column `sensor`: rows of `acc`, `gyr` take turns; expected rows of one source"),
+        "{said}"
+    );
+    assert!(turns("state").is_usable());
+}
+
+#[test]
+fn a_stated_rate_and_a_stated_format_are_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.dat");
+    std::fs::write(&path, "1;2\n3;4\n5;7\n").unwrap();
+    let columns = Some(["a_V", "b_V"].map(str::to_owned).to_vec());
+    let hints = kalmems_formats::Hints { columns, ..kalmems_formats::Hints::default() };
+    let stated = StatedFile { hints, time: None, rate_hz: Some(200.0) };
+    let found = inspect_stated(&path, &stated, &mut |_, _| ControlFlow::Continue(())).unwrap();
+    assert_eq!((found.rows, found.frequency_unit, found.segments[0].duration_s), (3, "Hz", Some(0.01)));
+    assert!(found.recognised.iter().any(|said| said.contains("follow each other at 200 Hz, as stated")));
+}

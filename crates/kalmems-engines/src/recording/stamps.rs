@@ -42,7 +42,9 @@ pub(super) fn rounding_of(times: &[f64]) -> Option<f64> {
             let count = (step - low) / grid;
             (count - count.round()).abs() * grid <= slack
         });
-    (is_steady && grid > TIME_TOLERANCE * mean).then_some(grid)
+    // Digits are cut off by a power of ten.
+    let is_decimal = format!("{grid:.3e}").starts_with("1.000e");
+    (is_steady && is_decimal && (TIME_TOLERANCE * mean..=mean).contains(&grid)).then_some(grid)
 }
 
 /// How rows arrive that come in bursts, however long each is: most of them right behind the one before, so that the usual interval
