@@ -325,6 +325,10 @@ fn what_has_two_readings_is_refused_with_what_to_write() {
     for (name, file) in [
         ("two separators", "time_s;cap_V,x\n0;1,5\n1;2,5\n"),
         ("two decimal marks", "time_s;cap_V\n0;1,5\n1;2.5\n"),
+        (
+            "waveforms with times of their own",
+            "Revision:,1,1\nType:,raw,raw\nPoints:,2,2\nXInc:,1e-6,1e-6\nXOrg:,0,5e-7\nData:\n0.5,0.25\n0.5,0.125\n",
+        ),
         ("LabOne sweep", "chunk;timestamp;size;fieldname;v1;v2\n0;0;2;frequency;100;10\n0;0;2;realz;20;30\n"),
         ("words above blanks", "time cap left\n0 1\n1 2\n"),
         ("Yokogawa without its lines", "\"Header Size\",x\n\"TraceName\",\"CH1\"\n,1\n"),
@@ -339,6 +343,8 @@ two separators: the names in line 1 could be separated by commas or semicolons; 
 which: `format = { kind = \"csv\", separator = \",\" }` in the table that names the file
 two decimal marks: `2.5` in line 3 and `1,5` in line 2; expected one decimal mark, which the settings can say: \
 `format = { kind = \"csv\", decimal = \",\" }` in the table that names the file
+waveforms with times of their own: CSV: a Keysight Infiniium file of waveforms with times of their own (`XOrg`, `XInc`) is not read; \
+save those with the same times in a file of their own, or with pairs of time and value
 LabOne sweep: CSV: a LabOne file with a line for each field, such as sweeps are saved in, is not read; save samples \
 (`chunk;timestamp;x;y;…`), or as HDF5
 words above blanks: 3 words in line 1 above rows of 2 numbers between blanks; expected a name for each column, in the \

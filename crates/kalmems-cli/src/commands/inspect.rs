@@ -1,6 +1,6 @@
 //! `kalmems inspect`.
 
-use super::stated::{rate_hz, stated_time};
+use super::stated::{rate_hz, stated_time, unread};
 use crate::args::InspectArguments;
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;

@@ -2,6 +2,7 @@
 
 use crate::CommandEnding;
 use kalmems::inspect::StatedTime;
+use kalmems::recording::{FindingKind, ReadError};
 use kalmems::units::{Value, kind};
 
 /// A column of times with its unit.
@@ -25,4 +26,21 @@ pub fn rate_hz(stated: Option<&str>) -> Result<Option<f64>, CommandEnding> {
         }
         Err(error) => Err(CommandEnding::Wrong(format!("`--rate {text}`: {error}"))),
     }
+}
+
+/// Why a recording was not read, with the arguments that state what its message asks for.
+pub fn unread(error: &ReadError) -> CommandEnding {
+    let asks = match error {
+        ReadError::Format { .. } => true,
+        ReadError::Unusable { findings, .. } => {
+            findings.iter().any(|one| matches!(one.kind, FindingKind::NoHeader | FindingKind::Separator))
+        }
+        _ => false,
+    };
+    let stated = if asks {
+        "\nFor this command `--format`, `--group`, `--columns`, `--header-line`, `--separator` and `--decimal` state what `format` does."
+    } else {
+        ""
+    };
+    CommandEnding::Wrong(format!("{error}{stated}"))
 }

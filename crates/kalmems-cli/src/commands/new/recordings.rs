@@ -3,7 +3,7 @@
 use super::{ask, wrong};
 use crate::CommandEnding;
 use crate::args::NewArguments;
-use crate::commands::stated::{rate_hz, stated_time};
+use crate::commands::stated::{rate_hz, stated_time, unread};
 use crate::progress::ProgressDisplay;
 use kalmems::config::RecordingRole;
 use kalmems::draft::{self, DraftError, ExaminedRecording, RecordingToExamine};
@@ -92,6 +92,7 @@ fn one(recording: &RecordingToExamine) -> Result<ExaminedRecording, CommandEndin
     let mut reading = ReaderProgress::new(&bar, "reading");
     draft::examine(recording, &mut |done, total| reading.hear(done, total)).map_err(|e| match e {
         DraftError::Read(ReadError::Interrupted { .. }) => CommandEnding::Interrupted,
+        DraftError::Read(e) => unread(&e),
         e => wrong(e),
     })
 }
