@@ -1,5 +1,6 @@
 //! Names of columns with their units.
 
+use crate::stated_clock::names_a_time;
 use crate::unit_spellings::unit_ending;
 
 /// The name of a column whose unit a format keeps elsewhere, in an attribute or in brackets: `cap_V` for `cap` and
@@ -20,10 +21,10 @@ pub(crate) fn with_unit(name: &str, unit: &str) -> String {
 /// A name and the ending that is its unit.
 pub(crate) fn join(name: &str, ending: &str) -> String {
     let name = one_line(name);
-    // As an ending alone these are words of a name, such as a minimum: the unit is spelt out.
+    // As an ending of what is no time these are words of a name, such as a minimum: the unit is spelt out.
     let ending = match ending {
-        "min" => "minutes",
-        "h" => "hours",
+        "min" if !names_a_time(&name) => "minutes",
+        "h" if !names_a_time(&name) => "hours",
         other => other,
     };
     if name.strip_suffix(ending).is_some_and(|rest| rest.ends_with('_')) {
@@ -119,7 +120,7 @@ mod tests {
             ("cap", "From Custom Scale", "cap"),
             ("cap", "arb. V", "cap"),
             ("pos", "min", "pos_minutes"),
-            ("time", "h", "time_hours"),
+            ("time", "h", "time_h"),
         ] {
             assert_eq!(with_unit(name, unit), expected, "{name} {unit}");
         }
