@@ -3,6 +3,7 @@
 use crate::{CommandEnding, target};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use kalmems::recording::{CsvHints, Format, Hints};
 use kalmems::results::{Output, Work};
 use kalmems::study::Shard;
 use std::num::NonZero;
@@ -267,6 +268,8 @@ pub struct NewArguments {
     /// A further recording with the role that it is to have, such as `ring_down=decay.csv`; more than once for several.
     #[arg(long = "further", value_name = "ROLE=FILE", value_parser = pair, requires = "recordings")]
     pub further: Vec<(String, String)>,
+    #[command(flatten)]
+    pub file: FileArguments,
     /// The rate of the samples, such as `1 MHz`, of recordings without a column of times.
     #[arg(long, value_name = "RATE", requires = "recordings")]
     pub rate: Option<String>,
@@ -482,11 +485,76 @@ pub struct ImageArguments {
     pub json: bool,
 }
 
+/// How a recording is written, where that cannot be told from it.
+#[derive(Args)]
+pub struct FileArguments {
+    /// The format of the recording, whatever its name says: csv, npy, npz, parquet, hdf5, mat, tdms or wav.
+    #[arg(long, value_name = "FORMAT", value_parser = format)]
+    pub format: Option<Format>,
+    /// Where the samples are in a file of several tables: a group of HDF5 or TDMS, a matrix of MAT, an array of NPZ.
+    #[arg(long, value_name = "NAME")]
+    pub group: Option<String>,
+    /// The names of all columns with their units, in their order, where the file has none: `time_s,cap_V`.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub columns: Option<Vec<String>>,
+    /// Of a text: the line of the names, counted from 1.
+    #[arg(long, value_name = "LINE")]
+    pub header_line: Option<NonZero<u64>>,
+    /// Of a text: what stands between the cells, `,`, `;`, `|`, `tab` or `blank`.
+    #[arg(long, value_name = "MARK", value_parser = separator)]
+    pub separator: Option<char>,
+    /// Of a text: the decimal mark, `.` or `,`.
+    #[arg(long, value_name = "MARK")]
+    pub decimal: Option<char>,
+}
+
+impl FileArguments {
+    /// As readers of files take them.
+    pub fn hints(&self) -> Hints {
+        Hints {
+            format: self.format,
+            group: self.group.clone(),
+            columns: self.columns.clone(),
+            csv: CsvHints {
+                separator: self.separator,
+                decimal: self.decimal,
+                header_line: self.header_line.map(NonZero::get),
+                ..CsvHints::default()
+            },
+            arrays: None,
+        }
+    }
+}
+
+fn format(text: &str) -> Result<Format, String> {
+    Format::named(text).ok_or_else(|| {
+        let known: Vec<&str> = Format::ALL.iter().map(|(name, _)| *name).collect();
+        format!("expected one of {}", known.join(", "))
+    })
+}
+
+fn separator(text: &str) -> Result<char, String> {
+    match text {
+        "tab" | "\\t" | "\t" => Ok('\t'),
+        "blank" | " " => Ok(' '),
+        "," | ";" | "|" => Ok(text.chars().next().unwrap_or(',')),
+        _ => Err("expected `,`, `;`, `|`, `tab` or `blank`".to_owned()),
+    }
+}
+
 #[derive(Args)]
 pub struct InspectArguments {
     /// The recording; or an experiment file, `*.toml`, whose device is described.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
+    #[command(flatten)]
+    pub file: FileArguments,
+    /// The rate of the samples, such as `1 MHz`, of a recording without a column of times, or instead of it.
+    #[arg(long, value_name = "RATE")]
+    pub rate: Option<String>,
+    /// Which column is the time, and its unit, such as `t=ms`, where the name of the column does not say it.
+    #[arg(long, value_name = "COLUMN=UNIT", value_parser = pair)]
+    pub time: Option<(String, String)>,
     /// Draw it to this PNG file as well.
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,

@@ -33,6 +33,14 @@ struct ColumnTable {
     /// What is added after that, in the unit of the result, such as `"0.1 V"`; 0 if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     offset: Option<AnyValue>,
+    /// The full scale of the instrument, such as `"10 V"`, in the unit of the result: values of this size or larger are beyond it, and no
+    /// measured values.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    full_scale: Option<AnyValue>,
+    /// The range of the instrument where it is not the same to both sides, such as `["0 V", "5 V"]`: values at its ends or beyond are no
+    /// measured values.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    range: Option<[AnyValue; 2]>,
 }
 
 /// A column of a file: its name, or a table such as `{ column = "Ucap", unit = "V", scale = 2.5, offset = "0.1 V" }`.
@@ -40,6 +48,13 @@ struct ColumnTable {
 pub struct ColumnChoice {
     table: ColumnTable,
     reading: Option<ColumnReading>,
+}
+
+impl ColumnTable {
+    /// A name, of whose numbers nothing is said.
+    const fn named(column: String) -> Self {
+        Self { column, unit: None, scale: None, offset: None, full_scale: None, range: None }
+    }
 }
 
 impl ColumnChoice {
@@ -54,7 +69,7 @@ impl ColumnChoice {
     }
 
     fn of(table: ColumnTable) -> Result<Self, String> {
-        let ColumnTable { column, unit, scale, offset } = &table;
+        let ColumnTable { column, unit, scale, offset, full_scale, range } = &table;
         if column.trim().is_empty() {
             return Err(
                 "found no name; expected that of a column of the file, such as `column = \"Ucap\"`".into()
@@ -77,8 +92,32 @@ impl ColumnChoice {
                 "`scale` is 0, and every number would be; expected another, such as `scale = 10`".into()
             );
         }
-        let said = unit.is_some() || scale.is_some() || offset.is_some();
-        let reading = said.then_some(ColumnReading { unit, scale, offset });
+        let range = match (full_scale, range) {
+            (Some(_), Some(_)) => {
+                return Err("found `full_scale` and `range`; expected one of them".into());
+            }
+            (Some(full), None) => {
+                let full = full.value();
+                let low = Value::parse(&format!("-{}", full.nominal().trim_start_matches('+')));
+                Some([
+                    low.map_err(|_| format!("`full_scale` is `{}`; expected a size above 0", full.text()))?,
+                    full.clone(),
+                ])
+            }
+            (None, range) => range.as_ref().map(|ends| ends.each_ref().map(|end| end.value().clone())),
+        };
+        if let Some([low, high]) = &range
+            && !(low.si() < high.si())
+        {
+            return Err(format!(
+                "found a range from `{}` to `{}`; expected one that rises, such as `full_scale = \"10 V\"` or `range = \
+                 [\"0 V\", \"5 V\"]`",
+                low.text(),
+                high.text()
+            ));
+        }
+        let said = unit.is_some() || scale.is_some() || offset.is_some() || range.is_some();
+        let reading = said.then_some(ColumnReading { unit, scale, offset, range });
         Ok(Self { table, reading })
     }
 
@@ -103,7 +142,7 @@ impl ColumnChoice {
         unit: Option<String>,
         scale: Option<AnyValue>,
     ) -> Result<Self, String> {
-        Self::of(ColumnTable { column, unit, scale, offset: None })
+        Self::of(ColumnTable { unit, scale, ..ColumnTable::named(column) })
     }
 }
 
@@ -121,8 +160,7 @@ pub(super) fn usual_unit(meaning: &str) -> &'static str {
 
 impl From<&str> for ColumnChoice {
     fn from(name: &str) -> Self {
-        let table = ColumnTable { column: name.to_owned(), unit: None, scale: None, offset: None };
-        Self { table, reading: None }
+        Self { table: ColumnTable::named(name.to_owned()), reading: None }
     }
 }
 

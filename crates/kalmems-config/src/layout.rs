@@ -53,7 +53,7 @@ pub struct DeclaredColumn {
 }
 
 /// What is said of a column's numbers: the value is `scale · number`, in the product of both units, plus `offset`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ColumnReading {
     /// The unit of the numbers as it was written, and what it is; that of the column's name if it is not said.
     pub unit: Option<(String, Unit)>,
@@ -61,6 +61,8 @@ pub struct ColumnReading {
     pub scale: Option<Value>,
     /// What is added after that.
     pub offset: Option<Value>,
+    /// The lowest and the highest value that the instrument shows: what is at them or beyond is no measured value.
+    pub range: Option<[Value; 2]>,
 }
 
 impl DeclaredColumn {

@@ -191,7 +191,11 @@ impl Arrays {
         let recognised = format!("{} samples of {} columns in memory", self.0.rows, fields.len());
         let bytes = self.0.arrays.iter().map(|array| array.bytes.len() as u64).sum();
         let inner = RecordTable::new(FORMAT, recognised, Vec::new(), fields, lanes, bytes);
-        let description = TableDescription { evidence: TableEvidence::Arrays, ..inner.description().clone() };
+        let description = TableDescription {
+            evidence: TableEvidence::Arrays,
+            protection: String::new(),
+            ..inner.description().clone()
+        };
         Box::new(ArrayTable { arrays: self.clone(), inner, description, wanted: Vec::new(), row: 0 })
     }
 }

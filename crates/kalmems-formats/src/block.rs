@@ -83,8 +83,10 @@ pub struct CellFault {
 pub enum CellFinding {
     /// Nothing is there.
     Missing,
-    /// It says that it is no number: `nan` in any spelling.
+    /// It says that it is no number: `nan` in any spelling, `---`, the number that SCPI has for it.
     Nan(String),
+    /// It says that the value was beyond the range of the instrument: `OL`, 9.9E37, the end of 16 bits.
+    Overload(String),
     /// It is infinite, or beyond the range of f64.
     Infinite(String),
     /// Anything else that is no number, shortened.

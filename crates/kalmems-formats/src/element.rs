@@ -72,6 +72,11 @@ impl Element {
         }
     }
 
+    /// Whether it is an integer with more digits than f64 has.
+    pub(crate) fn is_long(self) -> bool {
+        self.bytes == 8 && self.kind != ElementKind::Float
+    }
+
     /// Appends the numbers that stand in `raw` from `offset` on, `stride` bytes apart, times 10^power, rounded once.
     pub(crate) fn numbers(
         self,
@@ -82,7 +87,7 @@ impl Element {
         power: i32,
         out: &mut Vec<f64>,
     ) {
-        if power != 0 && self.bytes == 8 && self.kind != ElementKind::Float {
+        if power != 0 && self.is_long() {
             let mut shift = Shift::new(power);
             out.extend(
                 records(raw, offset, stride, self.bytes).take(rows).map(|b| shift.integer(self.integer(b))),

@@ -3,6 +3,7 @@
 use crate::FormatError;
 use crate::records::RecordLane;
 use crate::source::SharedFile;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Records one after the other, unpacked.
@@ -48,6 +49,48 @@ impl RecordLane for TextLane {
         out.clear();
         out.extend(self.texts.iter().skip(self.next).take(rows).cloned());
         self.next += rows;
+        Ok(())
+    }
+}
+
+/// Records that stand in some rows of a longer table; those of the others are zeros, which nobody reads.
+pub(crate) struct PaddedLane {
+    inner: Option<Box<dyn RecordLane>>,
+    present: Range<u64>,
+    row: u64,
+}
+
+impl PaddedLane {
+    pub(crate) const NONE: Self = Self { inner: None, present: 0..0, row: 0 };
+
+    pub(crate) fn new(inner: Box<dyn RecordLane>, present: Range<u64>) -> Self {
+        Self { inner: Some(inner), present, row: 0 }
+    }
+}
+
+impl RecordLane for PaddedLane {
+    fn record(&self) -> usize {
+        self.inner.as_ref().map_or(0, |inner| inner.record())
+    }
+
+    fn protection(&self) -> Option<&'static str> {
+        self.inner.as_ref().and_then(|inner| inner.protection())
+    }
+
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        let end = self.row + rows as u64;
+        let from = self.present.start.clamp(self.row, end);
+        let to = self.present.end.clamp(from, end);
+        // Both are no more than `rows`.
+        let few = |count: u64| usize::try_from(count).unwrap_or(rows);
+        let record = self.record();
+        out.clear();
+        if let Some(inner) = self.inner.as_mut().filter(|_| to > from) {
+            inner.read(few(to - from), out)?;
+        }
+        out.splice(0..0, std::iter::repeat_n(0, few(from - self.row) * record));
+        out.resize(rows * record, 0);
+        self.row = end;
         Ok(())
     }
 }

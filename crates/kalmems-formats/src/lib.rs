@@ -19,6 +19,7 @@
 
 mod arrays;
 mod block;
+mod clock;
 mod csv;
 mod decimal;
 mod element;
@@ -39,7 +40,9 @@ mod panics;
 mod parquet;
 mod records;
 mod scaling;
+mod sentinels;
 mod source;
+mod stated_clock;
 #[cfg(any(feature = "mat", feature = "npy"))]
 mod stream;
 mod table;

@@ -1,5 +1,6 @@
 //! Names of columns with their units.
 
+use crate::stated_clock::names_a_time;
 use crate::unit_spellings::unit_ending;
 
 /// The name of a column whose unit a format keeps elsewhere, in an attribute or in brackets: `cap_V` for `cap` and
@@ -20,6 +21,12 @@ pub(crate) fn with_unit(name: &str, unit: &str) -> String {
 /// A name and the ending that is its unit.
 pub(crate) fn join(name: &str, ending: &str) -> String {
     let name = one_line(name);
+    // As an ending of what is no time these are words of a name, such as a minimum: the unit is spelt out.
+    let ending = match ending {
+        "min" if !names_a_time(&name) => "minutes",
+        "h" if !names_a_time(&name) => "hours",
+        other => other,
+    };
     if name.strip_suffix(ending).is_some_and(|rest| rest.ends_with('_')) {
         return name;
     }
@@ -42,7 +49,9 @@ pub(crate) fn parts(name: &str) -> Option<(&str, String)> {
     let name = name.trim();
     if let Some((before, inside)) = in_brackets(name) {
         let before = before.trim_end_matches(['/', ',', '_']).trim_end();
-        return Some((before.strip_suffix(" in").unwrap_or(before), unit_ending(inside)?));
+        // The `1` of `q[1]` and `CH (1)` is an index.
+        let unit = unit_ending(inside).filter(|unit| unit != "1")?;
+        return Some((before.strip_suffix(" in").unwrap_or(before), unit));
     }
     if let Some(inside) = name.strip_prefix("in ") {
         return Some(("", unit_ending(inside)?));
@@ -110,6 +119,8 @@ mod tests {
             ("cap", "counts", "cap_counts"),
             ("cap", "From Custom Scale", "cap"),
             ("cap", "arb. V", "cap"),
+            ("pos", "min", "pos_minutes"),
+            ("time", "h", "time_h"),
         ] {
             assert_eq!(with_unit(name, unit), expected, "{name} {unit}");
         }
@@ -148,6 +159,9 @@ mod tests {
             "a/b",
             "/V",
             "V(out)",
+            "q[1]",
+            "gyro_rad[1]",
+            "CH (1)",
             "()",
             "",
             "on, off",

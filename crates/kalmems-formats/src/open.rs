@@ -191,7 +191,8 @@ fn recognise(source: &SharedFile, name: &str, hints: &Hints) -> Result<Format, F
             ),
         }),
         (RecognizedContent::Other(what), _) => Err(FormatError::NotRecognised {
-            found: what,
+            found: by_ending(name)
+                .map_or_else(|| what.clone(), |of| format!("{what}; by its name it is {of}")),
             expected: "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV".to_owned(),
         }),
     }
@@ -215,9 +216,82 @@ const OTHERS: [(&[u8], &str); 8] = [
     (b"ARROW1\0", "begins as Arrow IPC: write it as Parquet"),
 ];
 
+/// Texts that stand in the place of a file.
+const POINTERS: [(&[u8], &str); 2] = [
+    (
+        b"version https://git-lfs.github.com/spec/",
+        "is a pointer of Git LFS, not the file itself: fetch it with `git lfs pull`",
+    ),
+    (b"/annex/objects/", "is a pointer of git-annex, not the file itself: fetch it with `git annex get`"),
+];
+
+/// Files of instruments in formats of their own: what they begin with from a place on, and what to export in the place of them.
+const INSTRUMENTS: [(usize, &[u8], &str); 11] = [
+    (
+        2,
+        b":WFM#",
+        "is a Tektronix `.wfm`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv), or convert it with TekScope",
+    ),
+    (
+        0,
+        b":WFMP",
+        "is a Tektronix `.isf`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv)",
+    ),
+    (
+        0,
+        b":CURV",
+        "is a Tektronix `.isf`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv)",
+    ),
+    (
+        11,
+        b"WAVEDESC",
+        "is a LeCroy `.trc`: save the trace as Excel or MathCad text on the oscilloscope (File, Save Waveform), or as MATLAB",
+    ),
+    (
+        0,
+        b"WAVEDESC",
+        "is a LeCroy `.trc`: save the trace as Excel or MathCad text on the oscilloscope (File, Save Waveform), or as MATLAB",
+    ),
+    (0, b"AG10", "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)"),
+    (0, b"AG01", "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)"),
+    (0, b"AG03", "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)"),
+    (0, b"RG01", "is a Rigol `.bin`: save it as CSV on the oscilloscope (Storage, CSV)"),
+    (0, b"RG03", "is a Rigol `.bin`: save it as CSV on the oscilloscope (Storage, CSV)"),
+    (0, b"\xa5\xa5", "is a Rigol `.wfm`: save it as CSV on the oscilloscope (Storage, CSV)"),
+];
+
+/// The same by the ending of a name, of files whose content says nothing.
+const ENDINGS: [(&str, &str); 8] = [
+    (
+        "wfm",
+        "a waveform in the format of an oscilloscope: save it as CSV there (Tektronix, Rigol, Rohde & Schwarz)",
+    ),
+    ("trc", "a trace in the format of LeCroy: save it as text or MATLAB there (File, Save Waveform)"),
+    ("isf", "a waveform in the format of Tektronix: save it as CSV there (File, Save As, Waveform)"),
+    (
+        "bin",
+        "numbers without a header (Siglent, Rigol, Keysight, loggers): save it as CSV, or write it as NPY with its rate in the experiment",
+    ),
+    ("set", "settings of an oscilloscope, which hold no samples: save the waveform as CSV"),
+    ("psdata", "a session of PicoScope: save it as CSV or MATLAB (File, Save As)"),
+    ("wdf", "a waveform of Yokogawa: save it as CSV or MATLAB there"),
+    ("sqlite", "a database: write the table as CSV or Parquet"),
+];
+
+/// What to do with a file by the ending of its name, where nothing in it is known.
+fn by_ending(name: &str) -> Option<&'static str> {
+    let ending = Path::new(name).extension()?.to_str()?.to_ascii_lowercase();
+    ENDINGS.iter().find(|(known, _)| *known == ending).map(|(_, what)| *what)
+}
+
 fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent, FormatError> {
     let at = |place: usize, magic: &[u8]| beginning.get(place..).is_some_and(|rest| rest.starts_with(magic));
     let text = is_text(beginning);
+    let pointer = POINTERS.iter().find(|(magic, _)| at(0, magic)).map(|(_, what)| *what);
+    let instrument = INSTRUMENTS.iter().find(|(place, magic, _)| at(*place, magic)).map(|(.., what)| *what);
+    if let Some(what) = pointer.or(instrument) {
+        return Ok(RecognizedContent::Other(what.to_owned()));
+    }
     if at(0, b"\x93NUMPY") {
         return Ok(RecognizedContent::Known(Format::Npy, "NPY"));
     }

@@ -1,9 +1,11 @@
 //! Tables whose cells stand at known places of records of one size.
 
+use crate::clock::{self, RegularTimes};
 use crate::decimal::Shift;
 use crate::element::Element;
 use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
+use crate::sentinels;
 use crate::table::bytes_until;
 use crate::time::TimeCode;
 use crate::{
@@ -11,11 +13,17 @@ use crate::{
     TableDescription, TableEvidence, TimeKind, TimeReader, TimeUnit, WantedColumn,
 };
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Records that are read one after the other.
 pub(crate) trait RecordLane: Send {
     /// The bytes of one record.
     fn record(&self) -> usize;
+
+    /// The checksum with which the records are compared before they are given, where the format has one.
+    fn protection(&self) -> Option<&'static str> {
+        None
+    }
 
     /// Reads the next records; `out` holds them and nothing else afterwards.
     fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError>;
@@ -38,8 +46,8 @@ pub(crate) enum CellKind {
     Text { lane: usize, offset: usize, bytes: usize, code: TextEncoding },
     /// Texts of several lengths, a lane of their own.
     Texts { lane: usize },
-    /// Times by a regular clock; not in the file.
-    Clock(RegularClock),
+    /// Times by regular clocks, the first of which begins with row 0; not in the file.
+    Clock(Vec<RegularTimes>),
 }
 
 /// How a text of a fixed length is written. It ends with its last character that is neither NUL nor white space.
@@ -55,24 +63,6 @@ pub(crate) enum TextEncoding {
     Utf32 { big_endian: bool },
 }
 
-/// A clock that ticks regularly, in seconds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum RegularClock {
-    /// start + k/rate.
-    Rate { start: f64, rate: f64 },
-    /// start + k·increment, of the shortest decimal digits of both, rounded once.
-    Increment { start: f64, increment: f64 },
-}
-
-impl RegularClock {
-    fn at(self, row: u64) -> f64 {
-        match self {
-            Self::Rate { start, rate } => start + row as f64 / rate,
-            Self::Increment { start, increment } => crate::decimal::affine(start, increment, row),
-        }
-    }
-}
-
 /// A column and where its cells are.
 #[derive(Clone, Debug)]
 pub(crate) struct RecordField {
@@ -82,6 +72,10 @@ pub(crate) struct RecordField {
     pub(crate) rows: u64,
     /// What the file says is to be done to its numbers.
     pub(crate) scaling: Scaling,
+    /// Which of its rows have a value, where it begins later than other columns or ends before them.
+    pub(crate) present: Option<Range<u64>>,
+    /// Columns of several groups do not stand beside each other.
+    pub(crate) group: usize,
 }
 
 impl RecordField {
@@ -91,7 +85,7 @@ impl RecordField {
 
     /// A column whose cells are taken as they are.
     pub(crate) fn new(column: Column, cells: CellKind, rows: u64) -> Self {
-        Self { column, cells, rows, scaling: Scaling::default() }
+        Self { column, cells, rows, scaling: Scaling::default(), present: None, group: 0 }
     }
 }
 
@@ -119,8 +113,10 @@ pub(crate) struct RecordTable {
     row: u64,
     raw: Vec<Vec<u8>>,
     texts: Vec<Vec<Vec<u8>>>,
-    /// Rows of a column that the file says are none.
-    absent: Vec<usize>,
+    /// Rows of a column that have no value, and what the file has instead.
+    absent: Vec<(usize, CellFinding)>,
+    /// Rows at which a clock of the file begins anew, and how many are missing before each.
+    breaks: Vec<(u64, u64)>,
 }
 
 impl RecordTable {
@@ -134,6 +130,7 @@ impl RecordTable {
         file_bytes: u64,
     ) -> Self {
         let lengths = lengths(&fields);
+        let protection = protection(&fields, &lanes);
         let rows = if let [only] = &lengths[..] { Some(only.0) } else { None };
         let is_text =
             |field: &RecordField| matches!(field.cells, CellKind::Text { .. } | CellKind::Texts { .. });
@@ -153,7 +150,8 @@ impl RecordTable {
             ));
         }
         let evidence = TableEvidence::Format;
-        let description = TableDescription { format, recognised, columns, rows, evidence, left_out };
+        let description =
+            TableDescription { format, recognised, columns, rows, evidence, left_out, protection };
         let count = lanes.len();
         Self {
             description,
@@ -169,7 +167,18 @@ impl RecordTable {
             raw: vec![Vec::new(); count],
             texts: vec![Vec::new(); count],
             absent: Vec::new(),
+            breaks: Vec::new(),
         }
+    }
+
+    /// Where the clock of these columns begins anew.
+    fn breaks_of(&self, wanted: &[WantedColumn]) -> Vec<(u64, u64)> {
+        let in_group = wanted.iter().any(|want| self.fields.get(want.column()).is_some_and(|f| f.group == 0));
+        let clock = self.fields.iter().filter(|_| in_group).find_map(|field| match &field.cells {
+            CellKind::Clock(runs) => Some(clock::breaks(runs).collect()),
+            _ => None,
+        });
+        clock.unwrap_or_default()
     }
 
     fn unsupported(&self, what: String, remedy: &str) -> FormatError {
@@ -179,12 +188,27 @@ impl RecordTable {
     /// The rows that all wanted columns have.
     fn common_rows(&self, wanted: &[WantedColumn]) -> Result<u64, FormatError> {
         let mut common: Option<(u64, &str)> = None;
+        let mut group: Option<&RecordField> = None;
         for want in wanted {
             let Some(field) = self.fields.get(want.column()) else {
                 let column = want.column();
                 return Err(self.unsupported(format!("column {column}"), "name one that is there"));
             };
-            if matches!(field.cells, CellKind::Clock(_)) {
+            let of = *group.get_or_insert(field);
+            if of.group != field.group {
+                let (apart, other) = if of.group == 0 { (field, of) } else { (of, field) };
+                let what = format!(
+                    "`{}` together with `{}` ({})",
+                    apart.column.name,
+                    other.column.name,
+                    apart.column.apart.as_deref().unwrap_or("its samples have other times")
+                );
+                return Err(self.unsupported(
+                    what,
+                    "name columns that were sampled together, or this one alone with `clock = { rate = … }`",
+                ));
+            }
+            if field.is_clock() {
                 continue;
             }
             match common {
@@ -243,6 +267,7 @@ impl Table for RecordTable {
             self.times = TimeReader::new(unit, origin);
         }
         self.wanted = wanted.to_vec();
+        self.breaks = self.breaks_of(wanted);
         Ok(())
     }
 
@@ -256,6 +281,13 @@ impl Table for RecordTable {
         }
         block.rows = rows;
         block.lines.push((0, self.row + 1));
+        let end = self.row + rows as u64;
+        let first = self.breaks.partition_point(|(row, _)| *row < self.row);
+        let within = self.breaks.iter().skip(first).take_while(|(row, _)| *row < end);
+        // Less than the rows of a block.
+        block
+            .breaks
+            .extend(within.map(|(row, missing)| (usize::try_from(row - self.row).unwrap_or(rows), *missing)));
         for (number, lane) in self.lanes.iter_mut().enumerate().filter(|(number, _)| self.used[*number]) {
             if self.fields.iter().any(|f| f.cells == CellKind::Texts { lane: number }) {
                 lane.texts(rows, &mut self.texts[number])?;
@@ -273,8 +305,8 @@ impl Table for RecordTable {
                     refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
                     // They are NaN so far, and were taken for such.
                     for fault in &mut block.faults[first..] {
-                        if absent.binary_search(&fault.row).is_ok() {
-                            fault.fault = CellFinding::Missing;
+                        if let Ok(place) = absent.binary_search_by_key(&fault.row, |(row, _)| *row) {
+                            fault.fault = absent[place].1.clone();
                         }
                     }
                     self.absent = absent;
@@ -313,28 +345,41 @@ impl Table for RecordTable {
 }
 
 impl RecordTable {
-    fn numbers(&self, column: usize, power: i32, rows: usize, out: &mut Vec<f64>, absent: &mut Vec<usize>) {
+    fn numbers(
+        &self,
+        column: usize,
+        power: i32,
+        rows: usize,
+        out: &mut Vec<f64>,
+        absent: &mut Vec<(usize, CellFinding)>,
+    ) {
         let scaling = &self.fields[column].scaling;
-        match self.fields[column].cells {
-            CellKind::Numbers { lane, offset, element } if scaling.is_none() => {
+        match &self.fields[column].cells {
+            &CellKind::Numbers { lane, offset, element } if scaling.is_none() => {
                 element.numbers(&self.raw[lane], offset, self.lanes[lane].record(), rows, power, out);
+                sentinels::take_out(element, power, out, absent);
             }
-            CellKind::Numbers { lane, offset, element } => {
+            &CellKind::Numbers { lane, offset, element } => {
                 let (raw, record) = (&self.raw[lane], self.lanes[lane].record());
                 element.numbers(raw, offset, record, rows, 0, out);
                 let cells =
                     raw.chunks(record.max(1)).filter_map(|cell| cell.get(offset..offset + element.bytes));
-                scaling.apply(element, cells, out, absent);
+                let mut missing = Vec::new();
+                scaling.mark(element, cells, out, &mut missing);
+                absent.extend(missing.into_iter().map(|row| (row, CellFinding::Missing)));
+                sentinels::take_out(element, 0, out, absent);
+                scaling.apply(out);
                 let mut shift = Shift::new(power);
-                for number in out {
+                for number in &mut *out {
                     *number = shift.float(*number);
                 }
             }
             CellKind::Clock(clock) => {
                 let mut shift = Shift::new(power);
-                out.extend((0..rows as u64).map(|row| shift.float(clock.at(self.row + row))));
+                let times = (0..rows as u64).map(|row| clock::time_at(clock, self.row + row));
+                out.extend(times.map(|time| shift.float(time)));
             }
-            CellKind::Times { lane, offset, code } => {
+            &CellKind::Times { lane, offset, code } => {
                 // As seconds since 1970, or of the duration.
                 let mut times = TimeReader::new(code.unit(), Some(Instant::ZERO));
                 code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, &mut times, out);
@@ -342,25 +387,39 @@ impl RecordTable {
             // Refused by `want`.
             CellKind::Text { .. } | CellKind::Texts { .. } => {}
         }
+        absent.sort_by_key(|(row, _)| *row);
+        let Some(present) = &self.fields[column].present else { return };
+        // What the zeros in their places say counts for nothing.
+        absent.retain(|(row, _)| present.contains(&(self.row + *row as u64)));
+        for (row, number) in out.iter_mut().enumerate() {
+            if !present.contains(&(self.row + row as u64)) {
+                *number = f64::NAN;
+                absent.push((row, CellFinding::Missing));
+            }
+        }
+        absent.sort_by_key(|(row, _)| *row);
     }
 
     fn times_of(&self, column: usize, rows: usize, times: &mut TimeReader, out: &mut Vec<f64>) {
-        match self.fields[column].cells {
-            CellKind::Numbers { .. } if !self.fields[column].scaling.is_none() => {
+        match &self.fields[column].cells {
+            CellKind::Numbers { .. }
+                if !self.fields[column].scaling.is_none() || self.fields[column].present.is_some() =>
+            {
                 let mut absent = Vec::new();
                 self.numbers(column, 0, rows, out, &mut absent);
                 for number in out {
                     *number = times.float(*number);
                 }
             }
-            CellKind::Numbers { lane, offset, element } => {
+            &CellKind::Numbers { lane, offset, element } => {
                 element.times(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
             }
-            CellKind::Times { lane, offset, code } => {
+            &CellKind::Times { lane, offset, code } => {
                 code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
             }
             CellKind::Clock(clock) => {
-                out.extend((0..rows as u64).map(|row| times.computed(clock.at(self.row + row))));
+                let row = self.row;
+                out.extend((0..rows as u64).map(|k| times.computed(clock::time_at(clock, row + k))));
             }
             // Refused by `want`.
             CellKind::Text { .. } | CellKind::Texts { .. } => {}
@@ -374,39 +433,50 @@ impl RecordTable {
                 let start = row * self.lanes[lane].record() + offset;
                 self.raw[lane].get(start..start + bytes).unwrap_or_default()
             };
-            match self.fields[column].cells {
-                CellKind::Numbers { lane, offset, element } if self.fields[column].scaling.is_none() => {
+            match &self.fields[column].cells {
+                &CellKind::Numbers { lane, offset, element } if self.fields[column].scaling.is_none() => {
                     element.label(cell(lane, offset, element.bytes), &mut text);
                 }
-                CellKind::Numbers { lane, offset, element } => {
+                &CellKind::Numbers { lane, offset, element } => {
                     let cell = cell(lane, offset, element.bytes);
                     let mut number = [element.exact(cell).rounded()];
-                    self.fields[column].scaling.apply(
-                        element,
-                        [cell].into_iter(),
-                        &mut number,
-                        &mut Vec::new(),
-                    );
+                    let scaling = &self.fields[column].scaling;
+                    scaling.mark(element, [cell].into_iter(), &mut number, &mut Vec::new());
+                    scaling.apply(&mut number);
                     text = crate::element::shortest(number[0]).into_bytes();
                 }
-                CellKind::Times { lane, offset, code } => {
+                &CellKind::Times { lane, offset, code } => {
                     let raw = cell(lane, offset, code.bytes());
                     text = code.label(raw).into_bytes();
                 }
-                CellKind::Text { lane, offset, bytes, code } => {
+                &CellKind::Text { lane, offset, bytes, code } => {
                     code.read(cell(lane, offset, bytes), &mut text);
                 }
                 CellKind::Texts { lane } => {
                     text.clear();
-                    text.extend_from_slice(trimmed(self.texts[lane].get(row).map_or(&[], Vec::as_slice)));
+                    text.extend_from_slice(trimmed(self.texts[*lane].get(row).map_or(&[], Vec::as_slice)));
                 }
                 CellKind::Clock(clock) => {
-                    text = crate::element::shortest(clock.at(self.row + row as u64)).into_bytes();
+                    let time = clock::time_at(clock, self.row + row as u64);
+                    text = crate::element::shortest(time).into_bytes();
                 }
             }
             push_label(out, row, &text);
         }
     }
+}
+
+/// Which of the columns are under a checksum, as a sentence.
+fn protection(fields: &[RecordField], lanes: &[Box<dyn RecordLane>]) -> String {
+    let lane = |field: &RecordField| match field.cells {
+        CellKind::Numbers { lane, .. }
+        | CellKind::Times { lane, .. }
+        | CellKind::Text { lane, .. }
+        | CellKind::Texts { lane } => lanes.get(lane),
+        CellKind::Clock(_) => None,
+    };
+    let of = |field: &RecordField| Some((field.column.name.clone(), lane(field)?.protection()));
+    crate::table::protection(&fields.iter().filter_map(of).collect::<Vec<_>>())
 }
 
 /// Adds a row's label to the runs.

@@ -28,24 +28,28 @@ impl Scaling {
         self.missing.is_empty() && self.steps.is_empty()
     }
 
-    /// Puts what the file means for the numbers that it holds; NaN, and the row in `absent`, where it says that there is
-    /// none. `cells` are the numbers as they are in the file.
-    pub(crate) fn apply<'a>(
+    /// Puts NaN, and the row in `absent`, where the file says that there is no number. `cells` are the numbers as they are in the file.
+    pub(crate) fn mark<'a>(
         &self,
         element: Element,
         cells: impl Iterator<Item = &'a [u8]>,
         numbers: &mut [f64],
         absent: &mut Vec<usize>,
     ) {
-        if !self.missing.is_empty() {
-            for (row, (cell, number)) in cells.zip(&mut *numbers).enumerate() {
-                let exact = element.exact(cell);
-                if self.missing.iter().any(|missing| missing.is(exact)) {
-                    *number = f64::NAN;
-                    absent.push(row);
-                }
+        if self.missing.is_empty() {
+            return;
+        }
+        for (row, (cell, number)) in cells.zip(numbers).enumerate() {
+            let exact = element.exact(cell);
+            if self.missing.iter().any(|missing| missing.is(exact)) {
+                *number = f64::NAN;
+                absent.push(row);
             }
         }
+    }
+
+    /// Puts what the file means for the numbers that it holds.
+    pub(crate) fn apply(&self, numbers: &mut [f64]) {
         for step in &self.steps {
             step.apply(numbers);
         }
@@ -110,12 +114,7 @@ mod tests {
 
     fn applied(steps: Vec<ScalingStep>, mut numbers: Vec<f64>) -> Vec<f64> {
         let scaling = Scaling { missing: Vec::new(), steps };
-        scaling.apply(
-            Element::little(ElementKind::Float, 8),
-            std::iter::empty(),
-            &mut numbers,
-            &mut Vec::new(),
-        );
+        scaling.apply(&mut numbers);
         numbers
     }
 
@@ -144,7 +143,8 @@ mod tests {
             missing: vec![ExactNumber::Float(-9999.0), ExactNumber::Integer(i128::from(i64::MIN))],
             steps: vec![ScalingStep::Linear { factor: 1.0, offset: 0.0 }],
         };
-        scaling.apply(element, cells.iter().map(<[u8; 8]>::as_slice), &mut numbers, &mut absent);
+        scaling.mark(element, cells.iter().map(<[u8; 8]>::as_slice), &mut numbers, &mut absent);
+        scaling.apply(&mut numbers);
         // The last is the same number of f64, and another of 64 bits.
         assert_eq!(absent, [0, 2]);
         assert!(numbers[0].is_nan() && numbers[2].is_nan() && numbers[3] < -9e18);

@@ -1,10 +1,11 @@
 //! A stretch of a file that is read from front to back, packed or not.
 
 use crate::FormatError;
+use crate::element::Element;
 use crate::records::RecordLane;
 use crate::source::SharedFile;
 use flate2::{Crc, Decompress, FlushDecompress, Status};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Packed bytes that are read together.
 const INPUT: usize = 64 << 10;
@@ -33,8 +34,12 @@ pub(crate) struct FileStretch {
     /// Where the packed bytes begin and end.
     pub(crate) start: u64,
     pub(crate) end: u64,
-    /// The sum that the unpacked bytes have, where there is one.
+    /// The bytes that it unpacks to.
+    pub(crate) unpacked: u64,
+    /// The CRC-32 of the unpacked bytes, where there is one.
     pub(crate) crc: Option<u32>,
+    /// Filled once the whole stretch agrees with its lengths and its checksum.
+    pub(crate) verified: Arc<OnceLock<()>>,
 }
 
 impl FileStretch {
@@ -47,7 +52,53 @@ impl FileStretch {
             #[cfg(feature = "mat")]
             Compression::Zlib => Some(Inflate::new(true)),
         };
-        StretchReader { stretch: self.clone(), at: self.start, inflate, position: 0, sum: Crc::new() }
+        StretchReader { stretch: self.clone(), at: self.start, inflate, position: 0 }
+    }
+
+    /// Which checksum its bytes have.
+    pub(crate) fn protection(&self) -> Option<&'static str> {
+        match self.packing {
+            #[cfg(feature = "mat")]
+            Compression::Zlib => Some("Adler-32"),
+            _ => self.crc.map(|_| "CRC-32"),
+        }
+    }
+
+    /// Reads it to its end, once for all columns in it, and compares lengths and checksum with what is stated. A damaged bit changes
+    /// what is unpacked long before the checksum, so that no number may be used before.
+    pub(crate) fn verify(&self) -> Result<(), FormatError> {
+        if self.verified.get().is_some() || self.protection().is_none() {
+            return Ok(());
+        }
+        let (mut stream, mut sum) = (self.stream(), Crc::new());
+        let mut piece = vec![0; INPUT];
+        let mut left = self.unpacked;
+        while left > 0 {
+            let some = usize::try_from(left).unwrap_or(INPUT).min(INPUT);
+            stream.read(&mut piece[..some])?;
+            if self.crc.is_some() {
+                sum.update(&piece[..some]);
+            }
+            left -= some as u64;
+        }
+        stream.expect_end()?;
+        if let Some(expected) = self.crc.filter(|expected| *expected != sum.sum()) {
+            return Err(stream.damaged(
+                format!("a checksum of {:08x} over all of it", sum.sum()),
+                format!("{expected:08x}, as it is stored"),
+            ));
+        }
+        // Another column may have been as fast.
+        let _ = self.verified.set(());
+        Ok(())
+    }
+
+    /// A single number at a place of it.
+    pub(crate) fn number(&self, place: u64, element: Element) -> Result<f64, FormatError> {
+        self.verify()?;
+        let mut stream = self.stream();
+        stream.skip(place)?;
+        Ok(element.exact(&stream.bytes(element.bytes)?).rounded())
     }
 }
 
@@ -59,7 +110,6 @@ pub(crate) struct StretchReader {
     inflate: Option<Inflate>,
     /// Unpacked bytes so far.
     position: u64,
-    sum: Crc,
 }
 
 struct Inflate {
@@ -72,6 +122,11 @@ struct Inflate {
 impl Inflate {
     fn new(zlib: bool) -> Self {
         Self { engine: Decompress::new(zlib), input: Vec::new(), next: 0, ended: false }
+    }
+
+    /// Packed bytes in memory that are not unpacked.
+    fn left(&self) -> u64 {
+        (self.input.len() - self.next) as u64
     }
 }
 
@@ -113,9 +168,6 @@ impl StretchReader {
             self.at += count;
         }
         self.position += buffer.len() as u64;
-        if self.stretch.crc.is_some() {
-            self.sum.update(buffer);
-        }
         Ok(())
     }
 
@@ -128,7 +180,7 @@ impl StretchReader {
 
     /// Passes over bytes.
     pub(crate) fn skip(&mut self, mut count: u64) -> Result<(), FormatError> {
-        if self.inflate.is_none() && self.stretch.crc.is_none() {
+        if self.inflate.is_none() {
             if self.stretch.end - self.at < count {
                 return Err(self.damaged(
                     format!("its end after {} more bytes", self.stretch.end - self.at),
@@ -148,13 +200,19 @@ impl StretchReader {
         Ok(())
     }
 
-    /// Compares the sum of everything that was read with the one in the file; at the end.
-    pub(crate) fn check_sum(&self) -> Result<(), FormatError> {
-        match self.stretch.crc {
-            Some(expected) if expected != self.sum.sum() => Err(self.damaged(
-                format!("a checksum of {:08x} over what was read", self.sum.sum()),
-                format!("{expected:08x}"),
-            )),
+    /// Refuses what goes on: more packed bytes, or packed bytes whose checksum is another one, which is the last of them.
+    fn expect_end(&mut self) -> Result<(), FormatError> {
+        let mut more = [0];
+        let unpacked = self.inflate.is_some() && self.unpack(&mut more).is_ok();
+        let left = self.stretch.end - self.at + self.inflate.as_ref().map_or(0, Inflate::left);
+        match &self.inflate {
+            _ if unpacked => Err(self.damaged("more bytes", "its end, as its length is stated")),
+            Some(inflate) if !inflate.ended => {
+                let found =
+                    "packed bytes that do not end, or whose checksum is not that of what they unpack to";
+                Err(self.damaged(found, "the end of what is packed, with its checksum"))
+            }
+            _ if left > 0 => Err(self.damaged(format!("{left} bytes behind it"), "none")),
             _ => Ok(()),
         }
     }
@@ -192,7 +250,9 @@ impl StretchReader {
             let stuck = taken == 0 && given == 0;
             if filled < buffer.len() && (status.is_err() || inflate.ended || stuck) {
                 let found = match status {
-                    Err(error) => format!("packed bytes that are none ({error})"),
+                    Err(error) => {
+                        format!("packed bytes that are damaged, or whose checksum is another one ({error})")
+                    }
                     Ok(_) => format!("the end of what is packed {filled} bytes on"),
                 };
                 return Err(self.damaged(found, format!("{} bytes", buffer.len())));
@@ -204,18 +264,16 @@ impl StretchReader {
 
 /// Records in a stretch of a file.
 pub(crate) struct StreamLane {
-    pub(crate) stretch: FileStretch,
+    stretch: FileStretch,
     /// Bytes before the first record.
-    pub(crate) skip: u64,
-    pub(crate) record: usize,
-    /// Records that are still to come.
-    pub(crate) rows: u64,
-    pub(crate) stream: Option<StretchReader>,
+    skip: u64,
+    record: usize,
+    stream: Option<StretchReader>,
 }
 
 impl StreamLane {
-    pub(crate) fn new(stretch: FileStretch, skip: u64, record: usize, rows: u64) -> Self {
-        Self { stretch, skip, record, rows, stream: None }
+    pub(crate) fn new(stretch: FileStretch, skip: u64, record: usize) -> Self {
+        Self { stretch, skip, record, stream: None }
     }
 }
 
@@ -224,19 +282,22 @@ impl RecordLane for StreamLane {
         self.record
     }
 
+    fn protection(&self) -> Option<&'static str> {
+        self.stretch.protection()
+    }
+
     fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
         let stream = match &mut self.stream {
             Some(stream) => stream,
             // Unpacking takes memory, which a column that is not read does not need.
             empty => {
+                self.stretch.verify()?;
                 let mut stream = self.stretch.stream();
                 stream.skip(self.skip)?;
                 empty.insert(stream)
             }
         };
         out.resize(rows * self.record, 0);
-        stream.read(out)?;
-        self.rows = self.rows.saturating_sub(rows as u64);
-        if self.rows == 0 { stream.check_sum() } else { Ok(()) }
+        stream.read(out)
     }
 }

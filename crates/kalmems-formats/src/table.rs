@@ -1,6 +1,7 @@
 //! What every format gives.
 
-use crate::{Block, FormatError, Instant, TimeKind, TimeUnit};
+use crate::{Block, FormatError, Instant, TimeKind, TimeUnit, limits};
+use std::collections::BTreeSet;
 use std::fmt;
 
 /// What is known of a table before its first row is read.
@@ -19,6 +20,8 @@ pub struct TableDescription {
     pub evidence: TableEvidence,
     /// What is no column of it, where the format has names for that.
     pub left_out: Vec<OmittedPart>,
+    /// Which of its numbers are under a checksum, as a sentence; empty of a text and of arrays, which have none.
+    pub protection: String,
 }
 
 /// By what a file is known to be a table of numbers, so that messages may show what its names and cells are.
@@ -67,6 +70,8 @@ pub struct Column {
     pub text: bool,
     /// How many rows it has, where the columns of the file differ in that: those of one number belong together.
     pub rows: Option<u64>,
+    /// Why its rows cannot stand beside those of most others, where the file states other times for them; in words that follow "as".
+    pub apart: Option<String>,
 }
 
 impl Column {
@@ -171,6 +176,25 @@ pub trait Table: Send {
     /// The digest of the file once its end is read, where it is read from its first byte to its last.
     fn digest(&mut self) -> Option<Digest> {
         None
+    }
+}
+
+/// Which columns are under a checksum, each with the one that it has.
+pub(crate) fn protection(columns: &[(String, Option<&'static str>)]) -> String {
+    let sums: BTreeSet<&str> = columns.iter().filter_map(|(_, sum)| *sum).collect();
+    let without: Vec<String> =
+        columns.iter().filter(|(_, sum)| sum.is_none()).map(|(name, _)| format!("`{name}`")).collect();
+    let sums = sums.into_iter().collect::<Vec<_>>().join(", ");
+    match (sums.is_empty(), without.is_empty()) {
+        (true, _) => {
+            "The file has no checksum over its numbers: that one of them was damaged cannot be found."
+                .to_owned()
+        }
+        (false, true) => format!("Every number is under a checksum ({sums}), which was compared."),
+        (false, false) => format!(
+            "Checksums ({sums}) were compared for all columns but {}, in which damage cannot be found.",
+            limits::list(&without)
+        ),
     }
 }
 

@@ -57,13 +57,19 @@ const PREFIXES: [(&str, &str); 12] = [
 ];
 
 /// Signs, and what they are replaced with before a unit is read.
-const SIGNS: [(&str, &str); 15] = [
+const SIGNS: [(&str, &str); 21] = [
+    ("⁻¹", "^-1"),
+    ("⁻²", "^-2"),
+    ("⁻³", "^-3"),
+    ("⁻⁴", "^-4"),
+    ("−", "-"),
     ("µ", "u"),
     ("μ", "u"),
     ("Ω", "ohm"),
     ("\u{2126}", "ohm"),
     ("℃", "degC"),
     ("deg C", "degC"),
+    ("Deg C", "degC"),
     ("° C", "degC"),
     ("°", "deg"),
     ("º", "deg"),
@@ -80,8 +86,8 @@ const SIGNS: [(&str, &str); 15] = [
 ///
 /// One reading serves every format: header rows and brackets of text, attributes of HDF5, properties of TDMS. The case
 /// of a symbol counts (`mV`, `MV`), that of a word does not (`Volts`, `VOLTS`, `Millivolt`). Products are written with a
-/// blank, `·` or `*`, quotients with `/` or `per`, powers as `^2`, `²`, or with the digit alone behind a `/` (`m/s2`); a
-/// root of frequency is `√Hz`, `sqrt(Hz)` or `rtHz`. `g` stays what it is: whether gram or the acceleration of free fall
+/// blank, `·` or `*`, quotients with `/` or `per`, or as negative powers (`rad s^-1`, `m·s⁻²`, `m s-2`, as the SI brochure and the
+/// conventions of climatologists write them); powers as `^2`, `²`, or with the digit alone behind a `/` (`m/s2`); a root of frequency is `√Hz`, `sqrt(Hz)` or `rtHz`. `g` stays what it is: whether gram or the acceleration of free fall
 /// is meant shows in what the column holds.
 pub fn unit_ending(text: &str) -> Option<String> {
     let mut text = text.trim().trim_end_matches('.').to_owned();
@@ -99,10 +105,21 @@ pub fn unit_ending(text: &str) -> Option<String> {
     let text = text.replace(" per ", "/");
     let mut parts = text.split('/');
     let mut factors: Vec<(String, i32)> = Vec::new();
+    let mut negative = Vec::new();
     for word in parts.next()?.split_whitespace() {
-        factors.push(factor(word, false)?);
+        // Where powers are written behind the symbols, `m2` is no name.
+        let (symbol, power) = factor(word, text.contains('-'))?;
+        if power < 0 { negative.push((symbol, -power)) } else { factors.push((symbol, power)) }
+    }
+    // Of both ways to write a quotient at a time nobody knows what is meant.
+    if !negative.is_empty() && text.contains('/') {
+        return None;
+    }
+    if factors.is_empty() && !negative.is_empty() {
+        factors.push(("1".to_owned(), 1));
     }
     let above = factors.len();
+    factors.append(&mut negative);
     for part in parts {
         let inside = part.trim().strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
         let mut words = inside.unwrap_or(part).split_whitespace();
@@ -112,7 +129,7 @@ pub fn unit_ending(text: &str) -> Option<String> {
             return None;
         }
         for below in std::iter::once(Some(first)).chain(words.map(|word| factor(word, true))) {
-            let (symbol, power) = below?;
+            let (symbol, power) = below.filter(|(_, power)| *power > 0)?;
             match factors.iter_mut().skip(above).find(|(known, _)| *known == symbol) {
                 Some((_, known)) => *known += power,
                 None => factors.push((symbol, power)),
@@ -129,18 +146,20 @@ pub fn unit_ending(text: &str) -> Option<String> {
     Some(factors.iter().enumerate().map(word).collect::<Vec<_>>().join("_"))
 }
 
-/// A symbol or a word with its power; digits alone are a power behind a `/` only, as `V1` is a name.
-fn factor(word: &str, below: bool) -> Option<(String, i32)> {
+/// A symbol or a word with its power; digits alone are a power behind a `/` and beside negative powers only, as `V1` is a name.
+fn factor(word: &str, digits_are_powers: bool) -> Option<(String, i32)> {
     if word == "1" {
         return Some(("1".to_owned(), 1));
     }
     let digits = word.trim_end_matches(|c: char| c.is_ascii_digit());
-    let (symbol, power) = match word.split_once('^') {
+    let (symbol, power) = match word.split_once('^').or_else(|| word.split_at_checked(word.find('-')?)) {
         Some((symbol, power)) => (symbol, power.parse().ok()?),
-        None if below && digits.len() < word.len() => (digits, word.get(digits.len()..)?.parse().ok()?),
+        None if digits_are_powers && digits.len() < word.len() => {
+            (digits, word.get(digits.len()..)?.parse().ok()?)
+        }
         None => (word, 1),
     };
-    if !(1..=8).contains(&power) {
+    if !(1..=8).contains(&i32::abs(power)) || symbol == "1" {
         return None;
     }
     if let Some(root) = symbol.strip_prefix("rt") {
@@ -215,11 +234,15 @@ mod tests {
             (&["ohm", "Ohm", "Ω", "\u{2126}", "Ohms", "OHM"], "ohm"),
             (&["kΩ", "kOhm", "kohm", "kiloohm"], "kohm"),
             (&["deg", "°", "º", "degree", "Degrees"], "deg"),
-            (&["degC", "°C", "° C", "℃", "Celsius", "deg C"], "degC"),
+            (&["degC", "°C", "° C", "℃", "Celsius", "deg C", "Deg C"], "degC"),
             (&["deg/s", "°/s", "deg/sec", "degrees per second", "degrees/second"], "deg_per_s"),
             (&["dps"], "dps"),
             (&["m/s^2", "m/s²", "m/s2", "m/s/s", "m/s**2", "meters/second^2"], "m_per_s2"),
-            (&["rad/s"], "rad_per_s"),
+            (&["rad/s", "rad s^-1", "rad·s⁻¹", "rad s-1", "rad s⁻¹", "rad*s^-1"], "rad_per_s"),
+            (&["m s^-2", "m·s⁻²", "m s-2", "m s−2"], "m_per_s2"),
+            (&["kg m^2 s^-2", "kg·m²·s⁻²", "kg m2 s-2"], "kg_m2_per_s2"),
+            (&["W m-2 K-1", "W m^-2 K^-1"], "W_per_m2_per_K"),
+            (&["s^-1", "s⁻¹", "s-1"], "1_per_s"),
             (&["N m", "N·m", "N*m", "newton meters"], "N_m"),
             (&["V/√Hz", "V/sqrt(Hz)", "V/rtHz", "V/√(Hz)", "V/Hz^0.5"], "V_per_rtHz"),
             (&["V^2", "V²"], "V2"),
@@ -262,6 +285,12 @@ mod tests {
             "/s",
             "V/",
             "V//s",
+            "V/s^-1",
+            "m s^-1/kg",
+            "a-1",
+            "1-2",
+            "V-",
+            "x-s",
             "V/m s",
             "V^",
             "V^99",

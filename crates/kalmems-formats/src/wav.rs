@@ -1,8 +1,9 @@
 //! Sound: RIFF/WAVE of 1991, RF64 of 2006 (EBU Tech 3306) and BW64 of 2015 (ITU-R BS.2088).
 
+use crate::clock::{RegularTimes, SampleStep};
 use crate::element::{Element, ElementKind};
 use crate::lanes::UnpackedRecords;
-use crate::records::{CellKind, RecordField, RecordTable, RegularClock};
+use crate::records::{CellKind, RecordField, RecordTable};
 use crate::source::SharedFile;
 use crate::{Column, FormatError, Hints, Table, limits};
 use std::sync::Arc;
@@ -29,7 +30,10 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     };
     let record = channels * sound.element.bytes;
     let rows = sound.bytes / record as u64;
-    let clock = RegularClock::Rate { start: 0.0, rate: f64::from(sound.rate) };
+    let step = SampleStep::Rate(f64::from(sound.rate));
+    // Samples since midnight, as a broadcast has them.
+    let start_s = sound.since_midnight as f64 / f64::from(sound.rate);
+    let clock = vec![RegularTimes { row: 0, start_s, step }];
     let mut fields = vec![RecordField::new(Column::new("time_s"), CellKind::Clock(clock), rows)];
     for (channel, name) in names.into_iter().enumerate() {
         let offset = channel * sound.element.bytes;
@@ -42,8 +46,13 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     }
     let scale =
         if sound.element.kind == ElementKind::Float { "as they are" } else { "in parts of full scale" };
+    let start = match sound.since_midnight {
+        0 => String::new(),
+        _ => format!("{start_s} s (the time of day in its bext chunk) + "),
+    };
     let recognised = format!(
-        "{channels} channels of {} in {} bits, {scale}; time_s = k/({} Hz) for row k from 0 on, which is not in the file",
+        "{channels} channels of {} in {} bits, {scale}; time_s = {start}k/({} Hz) for row k from 0 on, which is not in the \
+         file",
         if sound.element.kind == ElementKind::Float { "floating-point numbers" } else { "integers" },
         sound.element.bytes * 8,
         sound.rate,
@@ -60,14 +69,21 @@ struct SampleFormat {
     element: Element,
     offset: u64,
     bytes: u64,
+    /// Samples from midnight to the first one, where a bext chunk says it.
+    since_midnight: u64,
 }
 
 impl SampleFormat {
     fn read(source: &SharedFile) -> Result<Self, FormatError> {
         let head = source.bytes(FORMAT, 0, 12)?;
         let long = head.starts_with(b"RF64") || head.starts_with(b"BW64");
+        let whole = u32_at(&head, 4);
+        // Of one that was not ended the length is open, and of a longer one it is elsewhere.
+        if !matches!(whole, 0 | ELSEWHERE) {
+            refuse_other_length(source, u64::from(whole))?;
+        }
         let mut place = 12;
-        let (mut shape, mut long_data) = (None, None);
+        let (mut shape, mut long_data, mut since_midnight) = (None, None, 0);
         for _ in 0..CHUNKS {
             if source.length() - place < 8 {
                 break;
@@ -83,6 +99,13 @@ impl SampleFormat {
                     }
                     let sizes = source.bytes(FORMAT, start, 24)?;
                     long_data = Some(u64::from(u32_at(&sizes, 8)) | u64::from(u32_at(&sizes, 12)) << 32);
+                    let whole = u64::from(u32_at(&sizes, 0)) | u64::from(u32_at(&sizes, 4)) << 32;
+                    refuse_other_length(source, whole)?;
+                }
+                // EBU Tech 3285: texts of 256, 32, 32, 10 and 8 bytes stand before the samples since midnight.
+                b"bext" if length >= 346 => {
+                    let count = source.bytes(FORMAT, start + 338, 8)?;
+                    since_midnight = u64::from(u32_at(&count, 0)) | u64::from(u32_at(&count, 4)) << 32;
                 }
                 b"fmt " => shape = Some(shape_of(source, place, length)?),
                 b"data" => {
@@ -120,7 +143,14 @@ impl SampleFormat {
                             &format!("a multiple of {record}, the bytes of a sample of all channels"),
                         ));
                     }
-                    return Ok(Self { channels, rate, element, offset: start, bytes: length });
+                    return Ok(Self {
+                        channels,
+                        rate,
+                        element,
+                        offset: start,
+                        bytes: length,
+                        since_midnight,
+                    });
                 }
                 _ => {}
             }
@@ -134,6 +164,20 @@ impl SampleFormat {
     }
 }
 
+/// Refuses a file that is shorter than the length that it states, which is that of all behind the first eight bytes.
+fn refuse_other_length(source: &SharedFile, stated: u64) -> Result<(), FormatError> {
+    let there = source.length().saturating_sub(8);
+    // A byte may be left out that would make the length even.
+    if stated <= there.saturating_add(1) {
+        return Ok(());
+    }
+    Err(damaged(
+        4,
+        format!("a length of {stated} bytes, and {there} to the end of the file"),
+        "a file that is whole",
+    ))
+}
+
 /// Channels, rate and kind of number, from the fmt chunk.
 fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32, Element), FormatError> {
     if !(16..=1024).contains(&length) {
@@ -143,6 +187,7 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
     let chunk = source.bytes(FORMAT, place + 8, length as usize)?;
     let mut code = u16_at(&chunk, 0);
     let (channels, rate) = (usize::from(u16_at(&chunk, 2)), u32_at(&chunk, 4));
+    let byte_rate = u32_at(&chunk, 8);
     let (frame, bits) = (usize::from(u16_at(&chunk, 12)), u16_at(&chunk, 14));
     if code == 0xfffe {
         if chunk.len() < 40 {
@@ -177,6 +222,13 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
             place,
             format!("{channels} channels of {bits} bits at {rate} Hz in {frame} bytes a sample"),
             "at least one channel, a rate above 0, and bytes that agree",
+        ));
+    }
+    if u64::from(byte_rate) != u64::from(rate) * frame as u64 {
+        return Err(damaged(
+            place,
+            format!("{byte_rate} bytes a second, and {rate} samples of {frame} bytes"),
+            "a rate that agrees with the bytes a second",
         ));
     }
     limits::at_most(FORMAT, "the bytes of a sample of all channels", frame as u64, limits::ROW_BYTES as u64)?;

@@ -1,5 +1,5 @@
-//! Files that other programs wrote, and what the same programs read from them: `tools/differential.py` makes a hundred of
-//! them. A few are kept beside the tests, and all are read where `KALMEMS_DIFFERENTIAL_FILES` names their folder.
+//! Files that other programs wrote, and what the same programs read from them: `tools/differential.py` makes two hundred of
+//! them, 60 of which are damaged. A few are kept beside the tests, and all are read where `KALMEMS_DIFFERENTIAL_FILES` names their folder.
 
 use kalmems_formats::{Block, CellFinding, Hints, Table, WantedColumn, open};
 use std::path::{Path, PathBuf};
@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 /// What a file must say, and what an experiment must say of it.
 #[derive(Default)]
 struct Expected {
+    /// How the file was damaged, where it was.
+    fault: Option<String>,
     hints: Hints,
     columns: Vec<(String, Vec<String>)>,
 }
@@ -18,6 +20,7 @@ impl Expected {
         for line in text.lines() {
             let mut cells = line.split('\t').map(str::to_owned);
             match cells.next().as_deref() {
+                Some("fault") => expected.fault = cells.next(),
                 Some("group") => expected.hints.group = cells.next(),
                 Some("columns") => expected.hints.columns = Some(cells.collect()),
                 Some("column") => {
@@ -62,8 +65,13 @@ fn cells(table: &mut dyn Table, column: usize, text: bool) -> Result<Vec<String>
             let cell = &mut cells[first + fault.row];
             match &fault.fault {
                 CellFinding::Missing => "missing".clone_into(cell),
+                CellFinding::Nan(text) if text != "NaN" => {
+                    let number: f64 = text.parse().map_err(|_| text.clone())?;
+                    *cell = format!("{:016x}", number.to_bits());
+                }
                 CellFinding::Nan(_) => "nan".clone_into(cell),
-                CellFinding::Infinite(text) => {
+                // A number of the list that stands for none: the tools read it as it is.
+                CellFinding::Infinite(text) | CellFinding::Overload(text) => {
                     let number: f64 = text.parse().map_err(|_| text.clone())?;
                     *cell = format!("{:016x}", number.to_bits());
                 }
@@ -79,7 +87,10 @@ fn differences(path: &Path) -> Result<(), String> {
     let file = path.with_extension("");
     let open = || open(&file, &expected.hints).map_err(|error| error.to_string());
     for (name, values) in &expected.columns {
-        let mut table = open()?;
+        let mut table = match open() {
+            Err(_) if expected.fault.is_some() => return Ok(()),
+            opened => opened?,
+        };
         let columns = &table.description().columns;
         // The rest of a name may be its unit.
         let is_named = |known: &str| match name.strip_suffix('*') {
@@ -87,6 +98,10 @@ fn differences(path: &Path) -> Result<(), String> {
             None => known == name,
         };
         let Some(column) = columns.iter().position(|column| is_named(&column.name)) else {
+            // A name that was damaged is another one, which nobody asked for.
+            if expected.fault.is_some() {
+                continue;
+            }
             let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
             return Err(format!("no column `{name}` in {names:?}; {}", table.description().recognised));
         };
@@ -94,7 +109,10 @@ fn differences(path: &Path) -> Result<(), String> {
         if columns[column].text != text {
             return Err(format!("`{name}` is taken for {}", if text { "numbers" } else { "text" }));
         }
-        let found = cells(&mut *table, column, text).map_err(|error| format!("`{name}`: {error}"))?;
+        let found = match cells(&mut *table, column, text) {
+            Err(_) if expected.fault.is_some() => return Ok(()),
+            found => found.map_err(|error| format!("`{name}`: {error}"))?,
+        };
         if found.len() != values.len() {
             return Err(format!("`{name}` of {} rows instead of {}", found.len(), values.len()));
         }
@@ -136,5 +154,5 @@ fn files_of_other_programs_are_read_bit_by_bit() {
 fn slow_all_files_of_other_programs_are_read_bit_by_bit() {
     let folder =
         std::env::var_os("KALMEMS_DIFFERENTIAL_FILES").expect("KALMEMS_DIFFERENTIAL_FILES names a folder");
-    assert!(compare(&PathBuf::from(folder)) >= 100);
+    assert!(compare(&PathBuf::from(folder)) >= 200);
 }

@@ -1,12 +1,13 @@
-"""Writes a hundred files with h5py, SciPy, npTDMS, pyarrow, pandas and NumPy, and beside each what the same tool reads
-from it, bit by bit, for tests/differential.rs.
+"""Writes two hundred files with h5py, SciPy, npTDMS, pyarrow, pandas, NumPy and soundfile, and beside each what the same tool
+reads from it, bit by bit, for tests/differential.rs. Into 60 of them a fault is put: a bit is turned, the end is cut off, lengths are swapped.
 
-    python -m venv venv && venv/bin/pip install numpy scipy h5py npTDMS pyarrow pandas
+    python -m venv venv && venv/bin/pip install numpy scipy h5py npTDMS pyarrow pandas soundfile
     venv/bin/python crates/kalmems-formats/tools/differential.py FOLDER
 
 NAME.expected has a line for each column, with its name and its values behind tabs: sixteen digits are the bits of a number
 of 64 bits, `nan` and `missing` are none, and what begins with an apostrophe is a text. Lines before them say what an
-experiment must say: `group` and `columns`.
+experiment must say: `group` and `columns`. A line `fault` says that the file is damaged: what is read of it, if anything, must be what the
+tool reads of the damaged file, or what was in it before if the tool refuses it.
 """
 
 import ctypes
@@ -24,6 +25,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import scipy.io
 import scipy.io.wavfile
+import soundfile
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsFile, TdmsWriter
 
 warnings.simplefilter("ignore")
@@ -48,10 +50,16 @@ def cell(value):
     return struct.pack(">d", number).hex()
 
 
-def expect(name, columns, group=None, names=None):
+WRITTEN = {}
+
+
+def expect(name, columns, group=None, names=None, fault=None):
     global count
     count += 1
+    WRITTEN[name] = (columns, group, names)
     with open(os.path.join(FOLDER, name + ".expected"), "w", encoding="utf-8", newline="\n") as file:
+        if fault:
+            file.write(f"fault\t{fault}\n")
         if group:
             file.write(f"group\t{group}\n")
         if names:
@@ -462,5 +470,113 @@ for dtype, full in [("u1", 128), ("<i2", 2**15), ("<i4", 2**31), ("<f4", 1), ("<
     middle = 128 if dtype == "u1" else 0
     columns = {f"channel{k + 1}_1": (read[:, k].astype("f8") - middle) / full for k in range(2)}
     expect(name, {"time_s": np.arange(200) / 44_100, **columns})
+
+# ---- WAV by libsndfile -------------------------------------------------------------------------------------------------
+for subtype, container in [("PCM_16", "WAV"), ("PCM_24", "WAV"), ("PCM_32", "WAV"), ("FLOAT", "WAV"), ("DOUBLE", "WAV"),
+                           ("PCM_16", "RF64"), ("DOUBLE", "WAVEX")]:
+    name = f"sndfile_{subtype.lower()}_{container.lower()}.wav"
+    data = random.uniform(-0.9, 0.9, (150, 3))
+    soundfile.write(path(name), data, 8000, subtype=subtype, format=container)
+    read, _ = soundfile.read(path(name), always_2d=True)
+    expect(name, {"time_s": np.arange(150) / 8000, **{f"channel{k + 1}_1": read[:, k] for k in range(3)}})
+
+# ---- Parquet with checksums, and text by pandas ------------------------------------------------------------------------
+for packing in ["none", "snappy", "gzip", "lz4", "zstd"]:
+    name = f"parquet_sums_{packing}.parquet"
+    made = pa.table({"t": numbers(), "u": numbers("<i4"), "v": numbers("<f4")})
+    expect(name, parquet(name, made, compression=packing, write_page_checksum=True, row_group_size=90))
+for name, options in [("plain", {}), ("semicolons", {"sep": ";", "decimal": ","}), ("tabs", {"sep": "\t"}),
+                      ("quoted", {"quoting": 1}), ("index", {"index_label": "n"})]:
+    frame = pd.DataFrame({"t_s": np.arange(ROWS) * 1e-3, "cap_V": random.normal(0, 1, ROWS), "count": np.arange(ROWS) * 7})
+    if name != "index":
+        options["index"] = False
+    frame.to_csv(path(f"pandas_{name}.csv"), **options)
+    expect(f"pandas_{name}.csv", {key: list(frame[key]) for key in frame})
+
+# ---- Clocks that files state -------------------------------------------------------------------------------------------
+for name, start_us, increment in [("whole", 5_000, 1e-3), ("same", 0, 2.5e-4), ("negative", -3_000, 1e-3)]:
+    begin = np.datetime64("2026-03-01T12:00:00")
+    channels = [ChannelObject("g", key, values, properties={
+        "wf_start_time": begin + np.timedelta64(us, "us"), "wf_start_offset": 0.0, "wf_increment": increment})
+        for key, values, us in [("a", numbers(), 0), ("b", numbers(), start_us)]]
+    read, _ = tdms(f"clock_{name}.tdms", [channels])
+    later = round(start_us * 1e-6 / increment)
+    pad = [None] * abs(later)
+    a, b = list(read["a"]), list(read["b"])
+    expect(f"clock_{name}.tdms", {"a": a + pad if later > 0 else pad + a, "b": pad + b if later > 0 else b + pad})
+with h5py.File(path("clock.h5"), "w") as file:
+    file.create_dataset("cap", data=numbers()).attrs["fs"] = 1000.0
+with h5py.File(path("clock.h5"), "r") as file:
+    expect("clock.h5", {"time_s": np.arange(ROWS) / 1000.0, "cap": file["cap"][()]})
+np.savez(path("clock.npz"), cap=numbers(), fs=1000.0)
+with np.load(path("clock.npz")) as read:
+    expect("clock.npz", {"time_s": np.arange(ROWS) / 1000.0, "cap": read["cap"]})
+
+
+# ---- Faults --------------------------------------------------------------------------------------------------------------
+def again(name):
+    """What the tool that wrote a file reads of it, column by column."""
+    columns, _, _ = WRITTEN[name]
+    if name.endswith(".mat"):
+        read = scipy.io.loadmat(path(name), squeeze_me=True, struct_as_record=False)
+    elif name.endswith(".npz"):
+        with np.load(path(name)) as file:
+            read = {key: file[key] for key in file}
+    elif name.endswith(".h5"):
+        with h5py.File(path(name), "r") as file:
+            read = {key: item[()].ravel() for key, item in file.items()}
+    elif name.endswith(".parquet"):
+        table = pq.read_table(path(name), page_checksum_verification=True)
+        read = {key: table[key].to_pylist() for key in table.column_names}
+    elif name.endswith(".tdms"):
+        with TdmsFile.open(path(name)) as file:
+            read = {c.name: c[:] for c in file.groups()[0].channels()}
+    else:
+        data, rate = soundfile.read(path(name), always_2d=True)
+        read = {"time_s": np.arange(len(data)) / rate, **{f"channel{k + 1}_1": data[:, k] for k in range(data.shape[1])}}
+    return {key: read[key] for key in columns}
+
+
+def damage(name, number, kind, change):
+    columns, group, names = WRITTEN[name]
+    with open(path(name), "rb") as file:
+        whole = file.read()
+    stem, ending = os.path.splitext(name)
+    damaged = f"fault_{number:02}_{kind}_{stem}{ending}"
+    with open(path(damaged), "wb") as file:
+        file.write(change(whole))
+    WRITTEN[damaged] = (columns, group, names)
+    try:
+        read, fault = again(damaged), f"{kind}, read by its tool"
+    except BaseException as error:  # whatever a tool raises
+        read, fault = columns, f"{kind}, refused by its tool: {type(error).__name__}"
+    expect(damaged, read, group, names, fault)
+
+
+def flip(whole):
+    place = int(random.integers(len(whole) // 4, len(whole)))
+    return whole[:place] + bytes([whole[place] ^ (1 << int(random.integers(8)))]) + whole[place + 1:]
+
+
+def cut(whole):
+    return whole[:int(random.integers(len(whole) // 8, len(whole)))]
+
+
+def swap(whole):
+    """Two words of 32 bits that look like lengths in another's place."""
+    words = [k for k in range(0, len(whole) - 4, 4) if 0 < struct.unpack("<I", whole[k:k + 4])[0] < len(whole)]
+    one, other = (words[int(k)] for k in random.choice(len(words), 2, replace=False))
+    swapped = bytearray(whole)
+    swapped[one:one + 4], swapped[other:other + 4] = whole[other:other + 4], whole[one:one + 4]
+    return bytes(swapped)
+
+
+number = 0
+for name in ["mat5_row_packed.mat", "mat5_column_plain.mat", "packed.npz", "stored.npz", "packed_latest.h5", "packed_earliest.h5",
+             "types_latest.h5", "parquet_sums_none.parquet", "parquet_sums_zstd.parquet", "parquet_gzip_1.parquet",
+             "types_4713_3.tdms", "sndfile_pcm_24_wav.wav"]:
+    for kind, change in [("bit", flip), ("bit", flip), ("bit", flip), ("cut", cut), ("swap", swap)]:
+        damage(name, number, kind, change)
+        number += 1
 
 print(f"{count} files")

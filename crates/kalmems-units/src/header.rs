@@ -22,7 +22,8 @@ impl ColumnHeader {
     /// root (`F_per_rtHz`). `_1` says that a column has no dimension.
     ///
     /// `g` is the acceleration of free fall where the name says that it is an acceleration (`accel_g`, `ax_mg`), and gram
-    /// elsewhere (`load_g`); `gn` is the acceleration in any column. Where no ending is a unit, the last word is read as
+    /// elsewhere (`load_g`); `gn` is the acceleration in any column. `min` and `h` are minutes and hours in the name of a time (`time_min`)
+    /// and words of a name elsewhere (`pos_min`). Where no ending is a unit, the last word is read as
     /// the files of instruments are: `time_sec`, `drive_Volts`, `rate_deg/s`.
     pub fn parse(column: &str) -> Self {
         let column = column.trim();
@@ -41,6 +42,9 @@ impl ColumnHeader {
                 break;
             }
             let name = &words[..start];
+            if matches!(words[start..], ["min" | "h"]) && !says_time(name) {
+                break;
+            }
             if let Some(unit) = ending(&words[start..], says_acceleration(name)) {
                 return Self {
                     column: column.to_owned(),
@@ -59,6 +63,32 @@ impl ColumnHeader {
     }
 }
 
+/// A column among others of its file: `Voltage_1` beside `Voltage_0` or `Voltage_2` is numbered, and `_1` no unit.
+impl ColumnHeader {
+    /// The name of a column among these, and its unit.
+    pub fn parse_among<'a>(column: &str, mut names: impl Iterator<Item = &'a str>) -> Self {
+        let header = Self::parse(column);
+        let Some(stem) = column.trim().strip_suffix("_1").filter(|_| header.unit_text == "1") else {
+            return header;
+        };
+        let is_numbered = |name: &str| {
+            let number = name.trim().strip_prefix(stem).and_then(|rest| rest.strip_prefix('_'));
+            number.is_some_and(|number| number != "1" && number.parse::<u32>().is_ok())
+        };
+        if names.any(is_numbered) {
+            return Self { unit: None, unit_text: String::new(), ..header };
+        }
+        header
+    }
+}
+
+/// Whether the words of a name say that it is a time: `time`, `t`, `duration_of`.
+fn says_time(words: &[&str]) -> bool {
+    const TIMES: [&str; 8] = ["t", "zeit", "temps", "tiempo", "tempo", "tijd", "clock", "duration"];
+    let mut words = words.iter().flat_map(|word| word.split_whitespace()).map(str::to_lowercase);
+    words.any(|word| word.starts_with("time") || word == "elapsed" || TIMES.contains(&word.as_str()))
+}
+
 /// Whether the words of a name say that it is an acceleration: `accel`, `Acceleration`, `ax`.
 fn says_acceleration(words: &[&str]) -> bool {
     let mut words = words.iter().flat_map(|word| word.split_whitespace()).map(str::to_lowercase);
@@ -68,8 +98,10 @@ fn says_acceleration(words: &[&str]) -> bool {
 /// The ending for which a word stands that is spelt out; one or two letters at the end of a name are no unit.
 fn spelt(word: &str) -> Option<String> {
     let letters = word.chars().count();
-    // `cap_second` is the second one.
-    let other = word.eq_ignore_ascii_case("second") || letters < 3 && !word.eq_ignore_ascii_case("hz");
+    // `cap_second` is the second one, and `cap_min` the smallest.
+    let other = word.eq_ignore_ascii_case("second")
+        || word == "min"
+        || letters < 3 && !word.eq_ignore_ascii_case("hz");
     (!other).then(|| kalmems_formats::unit_ending(word))?
 }
 
@@ -141,6 +173,10 @@ mod tests {
             ("nis_1", "1", "1"),
             ("wavenumber_per_cm", "1/cm", "per_cm"),
             ("wavenumber_per_m", "1/m", "per_m"),
+            ("time_min", "min", "min"),
+            ("Elapsed Time_h", "h", "h"),
+            ("pos_minutes", "min", "min"),
+            ("rate_rad_per_h", "rad/h", "rad_per_h"),
         ] {
             let header = ColumnHeader::parse(column);
             assert_eq!(header.unit, Some(Unit::parse(unit).unwrap()), "{column}");
@@ -223,9 +259,31 @@ mod tests {
 
     #[test]
     fn what_is_no_unit_is_none() {
-        for column in ["sample_index", "record", "direction", "m", "x_per_s", "x_V_per", "x_V_per_m_s2x", ""]
-        {
+        for column in [
+            "sample_index",
+            "record",
+            "direction",
+            "m",
+            "x_per_s",
+            "x_V_per",
+            "x_V_per_m_s2x",
+            "pos_min",
+            "sig_h",
+            "gyro_rad[1]",
+            "q[1]",
+            "",
+        ] {
             assert_eq!(ColumnHeader::parse(column).unit, None, "{column}");
         }
+    }
+
+    #[test]
+    fn a_numbered_column_has_no_unit_and_one_without_neighbours_is_a_ratio() {
+        let unit =
+            |column: &str, names: &[&str]| ColumnHeader::parse_among(column, names.iter().copied()).unit;
+        let names = ["time_s", "Voltage_0", "Voltage_1", "Voltage_2", "nis_1"];
+        assert_eq!(unit("Voltage_1", &names), None);
+        assert_eq!(unit("nis_1", &names), Some(Unit::ONE));
+        assert_eq!(unit("nis_1", &["nis_1", "nis_V"]), Some(Unit::ONE));
     }
 }

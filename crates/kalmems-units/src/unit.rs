@@ -366,7 +366,12 @@ mod tests {
             let ending =
                 kalmems_formats::unit_ending(&symbol).unwrap_or_else(|| panic!("{symbol} is not known"));
             let unit = Unit::symbol(&symbol).unwrap();
-            assert_eq!(ColumnHeader::parse(&format!("x_{ending}")).unit, Some(unit), "{symbol}: {ending}");
+            let name = if matches!(symbol.as_str(), "min" | "h") { "time" } else { "x" };
+            assert_eq!(
+                ColumnHeader::parse(&format!("{name}_{ending}")).unit,
+                Some(unit),
+                "{symbol}: {ending}"
+            );
         }
         for (text, unit) in [
             ("Volts", "V"),

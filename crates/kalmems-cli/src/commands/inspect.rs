@@ -1,10 +1,11 @@
 //! `kalmems inspect`.
 
+use super::stated::{rate_hz, stated_time, unread};
 use crate::args::InspectArguments;
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
 use crate::{CommandEnding, print_result, target};
-use kalmems::inspect::inspect_with;
+use kalmems::inspect::{StatedFile, inspect_stated};
 use kalmems::progress::ReaderProgress;
 use kalmems::recording::ReadError;
 use kalmems::results::{RunInfo, Work, draw_outlook, write_outlook};
@@ -54,14 +55,18 @@ fn recording(arguments: &InspectArguments) -> Result<(), CommandEnding> {
         let why = "`--out` is for an experiment file; of a recording one picture is drawn, with `--png`, and a page written, with `--report`";
         return Err(CommandEnding::Wrong(why.to_owned()));
     }
+    let stated = StatedFile {
+        hints: arguments.file.hints(),
+        time: stated_time(arguments.time.as_ref())?,
+        rate_hz: rate_hz(arguments.rate.as_deref())?,
+    };
     let bar = ProgressDisplay::default();
     let mut reading = ReaderProgress::new(&bar, "reading");
-    let inspection = inspect_with(&arguments.input, &mut |done, total| reading.hear(done, total)).map_err(
-        |e| match e {
+    let inspection = inspect_stated(&arguments.input, &stated, &mut |done, total| reading.hear(done, total))
+        .map_err(|e| match e {
             ReadError::Interrupted { .. } => CommandEnding::Interrupted,
             e => wrong(&e),
-        },
-    )?;
+        })?;
     drop(bar);
     if let Some(path) = &arguments.png {
         kalmems::results::draw_inspection(&inspection, path, arguments.force).map_err(|e| wrong(&e))?;

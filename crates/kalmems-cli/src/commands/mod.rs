@@ -20,6 +20,7 @@ pub mod reproduce;
 pub mod schema;
 pub mod simulate;
 pub mod spectrum;
+mod stated;
 pub mod stream;
 pub mod study;
 #[cfg(not(target_family = "wasm"))]

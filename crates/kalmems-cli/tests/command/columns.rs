@@ -546,3 +546,62 @@ fn where_the_times_count_from_stands_in_metrics_report_and_record_of_the_run() {
     assert!(text("report.html").contains("2025-11-22T18:00:00Z"));
     assert!(text("run.toml").contains("1763834400"), "{}", text("run.toml"));
 }
+
+/// What a message says to write is taken by `inspect` and by `new`, which writes it into the experiment.
+#[test]
+fn what_a_message_asks_for_is_an_argument_of_inspect_and_new_and_stands_in_the_experiment() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (_, rows) = example();
+    let body = || rows.lines().skip(1);
+    std::fs::write(path("bare.csv"), body().fold(String::new(), |text, row| text + row + "\n")).unwrap();
+    let message = refused(&["inspect", &path("bare.csv")], folder.path());
+    assert!(message.contains("columns = [\"time_s\"") && message.contains("`--columns`"), "{message}");
+    let names = "time_s,drive_V,cap_V";
+    assert!(done(&["inspect", &path("bare.csv"), "--columns", names]).contains("cap_V"));
+    let two = "time_s;drive,V;cap,V\n".to_owned()
+        + &body().take(50).fold(String::new(), |text, row| text + &row.replace(',', ";") + "\n");
+    std::fs::write(path("two.csv"), two.replace("drive,V", "drive_V,x").replace("cap,V", "cap_V")).unwrap();
+    let message = refused(&["inspect", &path("two.csv")], folder.path());
+    assert!(message.contains("separator") && message.contains("`--separator`"), "{message}");
+    let columns = done(&["inspect", &path("two.csv"), "--separator", ";"]);
+    assert!(columns.contains("50 rows") && columns.contains("cap_V"), "{columns}");
+    let rated = done(&["inspect", &path("bare.csv"), "--columns", "n,drive_V,cap_V", "--rate", "1 MHz"]);
+    assert!(rated.contains("follow each other at 1 MHz, as stated"), "{rated}");
+    let written = path("bare.toml");
+    let arguments =
+        ["new", &path("bare.csv"), "--columns", names, "--device", "shared_scanner", "--write", &written];
+    done(&arguments);
+    let text = std::fs::read_to_string(&written).unwrap();
+    let format = "format = { kind = \"csv\", columns = [\"time_s\", \"drive_V\", \"cap_V\"] }";
+    assert!(text.contains(format), "{text}");
+}
+
+/// A stated range counts in an estimate as in any command: what is at its end is predicted and not taken.
+#[test]
+fn a_stated_full_scale_takes_samples_out_of_an_estimate() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, rows) = example();
+    let railed: Vec<String> = rows
+        .lines()
+        .enumerate()
+        .map(|(line, row)| match row.rsplit_once(',') {
+            Some((before, _)) if (500..503).contains(&line) => format!("{before},5.5"),
+            _ => row.to_owned(),
+        })
+        .collect();
+    let empty: Vec<String> = rows
+        .lines()
+        .enumerate()
+        .map(|(line, row)| match row.rsplit_once(',') {
+            Some((before, _)) if (500..503).contains(&line) => format!("{before},"),
+            _ => row.to_owned(),
+        })
+        .collect();
+    for (name, rows) in [("railed.csv", railed), ("empty.csv", empty)] {
+        std::fs::write(folder.path().join(name), rows.join("\n") + "\n").unwrap();
+    }
+    let stated = "clock = { column = \"time_s\" }\nchannels = { drive = \"drive_V\", signal = { column = \"cap_V\", full_scale \
+                  = \"5.5 V\" } }";
+    assert_eq!(trajectory(&folder, "railed.csv", stated), trajectory(&folder, "empty.csv", PLAIN));
+}

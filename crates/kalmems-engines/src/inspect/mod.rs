@@ -26,15 +26,14 @@ pub use quantity::{fitting_unit, quantity};
 pub use spectrum::magnitudes as spectrum_magnitudes;
 pub use spectrum::{MOST_LINES, SegmentLines, SignalLine, WINDOW};
 pub use statistics::Statistics;
-pub use unitless_time::{StatedTime, UnitlessTime};
+pub use unitless_time::{StatedFile, StatedTime, UnitlessTime};
 
 use crate::recording::request::{ColumnSelection, ReadRequest};
 use crate::recording::{
-    Finding, ReadError, RecordingSource, Restarts, Severity, Stretch, StretchSize, Stretches, TimeOrigin,
-    TimeSource,
+    Finding, FindingKind, ReadError, RecordingSource, Restarts, SATURATION_RUN, Severity, Stretch,
+    StretchSize, Stretches, TimeOrigin, TimeSource,
 };
 use channel::ChannelDraft;
-use kalmems_formats::Hints;
 use reduced_segment::ReducedSegment;
 use serde::Serialize;
 use std::ops::{ControlFlow, Range};
@@ -66,6 +65,14 @@ pub struct Inspection {
     pub frequency_unit: &'static str,
     /// All that was found, what would keep the file from being used first.
     pub diagnosis: Vec<Finding>,
+    /// Checks that the file did not allow, and why, in words that follow "not checked".
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unchecked: Vec<String>,
+    /// What every check ran for and did not find, such as "missing".
+    #[serde(skip)]
+    checked: Vec<&'static str>,
+    #[serde(skip)]
+    timed: bool,
     /// The longest segment, the first of several, and its interval.
     #[serde(skip)]
     longest: Option<(usize, ReducedSegment, Option<f64>)>,
@@ -153,30 +160,31 @@ pub fn inspect_with(
     path: &Path,
     progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
 ) -> Result<Inspection, ReadError> {
-    inspect_stated(path, None, progress)
+    inspect_stated(path, &StatedFile::default(), progress)
 }
 
-/// Inspects a file as [`inspect_with`] does, with a column as its time that is stated to be.
+/// Inspects a file as [`inspect_with`] does, read as it is stated.
 pub fn inspect_stated(
     path: &Path,
-    stated: Option<&StatedTime>,
+    stated: &StatedFile,
     progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
 ) -> Result<Inspection, ReadError> {
-    let hints = Hints::default();
+    let hints = &stated.hints;
     let (survey, table) =
-        pipe::survey(path, &hints, stated, &mut |done, total| progress(done, total.saturating_mul(2)))?;
-    let declared: Vec<_> = stated.map(StatedTime::declared).into_iter().collect();
-    let clock = match &survey.time {
-        Some(name) => TimeSource::Column(name.clone()),
+        pipe::survey(path, stated, &mut |done, total| progress(done, total.saturating_mul(2)))?;
+    let declared: Vec<_> = stated.time.as_ref().map(StatedTime::declared).into_iter().collect();
+    let clock = match (&survey.time, stated.rate_hz) {
+        (_, Some(rate_hz)) => TimeSource::Rate { rate_hz, start_s: 0.0 },
+        (Some(name), None) => TimeSource::Column(name.clone()),
         // A row is a sample.
-        None => TimeSource::Rate { rate_hz: 1.0, start_s: 0.0 },
+        (None, None) => TimeSource::Rate { rate_hz: 1.0, start_s: 0.0 },
     };
     let request = ReadRequest {
         clock: &clock,
         segment_column: survey.segment.as_deref(),
         columns: ColumnSelection::AllBut(&survey.text),
         declared: &declared,
-        hints: &hints,
+        hints,
         nominal_rate_hz: None,
         origin: None,
         restarts: Some(Restarts::WHERE_THE_CLOCK_GOES_BACK),
@@ -189,7 +197,8 @@ pub fn inspect_stated(
     if !survey.holds_numbers {
         return Err(ReadError::without_numbers(path, line));
     }
-    let mut draft = RunningInspection { timed: survey.time.is_some(), rows, ..RunningInspection::default() };
+    let timed = survey.time.is_some() || stated.rate_hz.is_some();
+    let mut draft = RunningInspection { timed, rows, ..RunningInspection::default() };
     while let Some(stretch) = stretches.next_of_any(false, &mut |done, total| {
         progress(total.saturating_add(done), total.saturating_mul(2))
     })? {
@@ -197,11 +206,15 @@ pub fn inspect_stated(
         stretches.reuse(stretch);
     }
     let rows = stretches.rows();
-    let (source, diagnosis) = stretches.finish();
+    let (source, mut diagnosis) = stretches.finish();
+    if let Some((column, detail)) = survey.mixed {
+        let finding = Finding::of_column(FindingKind::MixedRows, &column, line + 1, rows, detail);
+        diagnosis.insert(0, finding);
+    }
     if rows == 0 {
         return Err(ReadError::Unusable { file: path.display().to_string(), findings: diagnosis });
     }
-    let timed = survey.time.is_some();
+    let (checked, unchecked) = checks(timed, &draft.segments, &survey.text);
     let mut recognised = vec![format!("{}.", source.format)];
     recognised.extend(survey.sentences);
     recognised.extend(source.origin.as_ref().map(TimeOrigin::sentence));
@@ -217,8 +230,37 @@ pub fn inspect_stated(
         window: WINDOW,
         frequency_unit: if timed { "Hz" } else { "1/sample" },
         diagnosis,
+        unchecked,
+        checked,
+        timed,
         longest: draft.longest,
     })
+}
+
+/// The checks that ran over some rows, as what they look for, and those that did not.
+fn checks(timed: bool, segments: &[SegmentSummary], left_out: &[String]) -> (Vec<&'static str>, Vec<String>) {
+    let rows = segments.iter().map(|segment| segment.rows).max().unwrap_or(0);
+    let (mut checked, mut unchecked) = (vec!["missing"], Vec::new());
+    match (timed, rows) {
+        (false, _) => unchecked.push("whether the times are regular, as no column is the time".to_owned()),
+        (true, 0..3) => {
+            unchecked.push(format!("whether the times are regular, as no segment has more than {rows} rows"))
+        }
+        (true, _) => checked.push("irregular"),
+    }
+    // A run at a rail is compared with as many rows before and after it.
+    if rows < 3 * SATURATION_RUN {
+        unchecked.push(format!("whether a signal is saturated, as no segment has more than {rows} rows"));
+    } else {
+        checked.push("saturated");
+    }
+    checked.push("constant");
+    if !left_out.is_empty() {
+        let names: Vec<String> = left_out.iter().take(8).map(|name| format!("`{name}`")).collect();
+        let more = if left_out.len() > 8 { ", …" } else { "" };
+        unchecked.push(format!("the columns that are left out ({}{more})", names.join(", ")));
+    }
+    (checked, unchecked)
 }
 
 /// An inspection that goes on.
@@ -281,6 +323,11 @@ impl Inspection {
         self.diagnosis.iter().all(|finding| finding.severity() != Severity::Fatal)
     }
 
+    /// Whether its rows have times, from a column or from a stated rate.
+    pub const fn is_timed(&self) -> bool {
+        self.timed
+    }
+
     /// The segment with the most rows, the first of several.
     pub fn longest_segment(&self) -> Option<&SegmentSummary> {
         self.segments.get(self.longest.as_ref()?.0)
@@ -293,7 +340,7 @@ impl Inspection {
         let main =
             |channel: &InspectedChannel| channel.spectrum.as_ref()?.lines.first().map(|line| line.frequency);
         let slowest = self.channels.iter().filter_map(main).fold(f64::INFINITY, f64::min);
-        let interval = if self.time.is_some() { (*interval)? } else { 1.0 };
+        let interval = if self.timed { (*interval)? } else { 1.0 };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of rows, saturating
         let rows = (CYCLES / (slowest * interval)).ceil() as usize;
         let all = kept.rows();

@@ -1,10 +1,10 @@
 //! What is told of a file before it is read, and of a pipe from its beginning.
 
-use super::StatedTime;
+use super::StatedFile;
 use super::survey::{ColumnSurvey, survey as survey_table};
 use crate::recording::ReadError;
 use crate::recording::read::ReadProgress;
-use kalmems_formats::{Hints, Table};
+use kalmems_formats::Table;
 use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -15,10 +15,10 @@ const BEGINNING: u64 = 1 << 22;
 /// The survey and the table to be read after it: a file is read twice, of a pipe the beginning is kept.
 pub(super) fn survey(
     path: &Path,
-    hints: &Hints,
-    stated: Option<&StatedTime>,
+    stated: &StatedFile,
     progress: ReadProgress,
 ) -> Result<(ColumnSurvey, Box<dyn Table>), ReadError> {
+    let hints = &stated.hints;
     let failed = |source| ReadError::of_format(path, source);
     let file = |source| ReadError::Io { file: path.display().to_string(), source };
     let open = || kalmems_formats::open(path, hints).map_err(failed);

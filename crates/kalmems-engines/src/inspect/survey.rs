@@ -1,9 +1,11 @@
 //! Which column is the time and which tells records apart, and the reasons in words.
 
-use super::{StatedTime, UnitlessTime};
+use super::quantity::quantity;
+use super::{StatedFile, StatedTime, UnitlessTime};
 use crate::recording::ReadError;
 use crate::recording::blocks::Blocks;
 use crate::recording::clock_unit::ClockUnit;
+use crate::recording::counter::CounterTimes;
 use crate::recording::label::SegmentLabel;
 use crate::recording::read::ReadProgress;
 use crate::recording::scale::ColumnScale;
@@ -12,8 +14,10 @@ use kalmems_formats::{Block, CellFinding, Column, Table, TableEvidence, TimeKind
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// A label stays the same for at least this many rows on average.
+/// A label stays the same for at least this many rows on average: so many where nothing but its runs says that it is one, and so many
+/// where the time starts again with each.
 const LONG_RUN: usize = 10;
+const SHORT_RUN: usize = 4;
 
 /// A column that changes more often than this tells no records apart.
 const MOST_RECORDS: usize = 10_000;
@@ -28,6 +32,8 @@ pub(super) struct ColumnSurvey {
     /// Columns that are left out: they hold text and do not tell records apart, or have another number of rows.
     pub(super) text: Vec<String>,
     pub(super) sentences: Vec<String>,
+    /// The column that says which of several sources each row is of, and their names, where they take turns.
+    pub(super) mixed: Option<(String, String)>,
     /// Whether a column holds numbers, as every file does that is known by its format to be a table.
     pub(super) holds_numbers: bool,
 }
@@ -36,11 +42,11 @@ pub(super) struct ColumnSurvey {
 pub(super) fn survey(
     table: Box<dyn Table>,
     path: &Path,
-    stated: Option<&StatedTime>,
+    stated: &StatedFile,
     progress: ReadProgress,
 ) -> Result<ColumnSurvey, ReadError> {
-    let names: Vec<ColumnHeader> =
-        table.description().columns.iter().map(|c| ColumnHeader::parse(&c.name)).collect();
+    let all = || table.description().columns.iter().map(|column| column.name.as_str());
+    let names: Vec<ColumnHeader> = all().map(|name| ColumnHeader::parse_among(name, all())).collect();
     if names.is_empty() {
         return Ok(ColumnSurvey::default());
     }
@@ -48,16 +54,26 @@ pub(super) fn survey(
     let main = main_length(columns);
     let (texts, numbers): (Vec<usize>, Vec<usize>) = (0..names.len())
         .filter(|column| columns[*column].rows.is_none_or(|rows| Some(rows) == main))
+        .filter(|column| columns[*column].apart.is_none())
         .partition(|column| columns[*column].text);
-    let time = match stated {
+    let time = match &stated.time {
+        _ if stated.rate_hz.is_some() => None,
         Some(stated) => Time::stated(&names, stated),
         None => Time::of(&names, |column| table.time_kind(column)),
     }
     .filter(|time| numbers.contains(&time.column));
     let others =
         names.iter().enumerate().filter(|(column, _)| !texts.contains(column) && !numbers.contains(column));
-    let others: Vec<(String, Option<u64>)> =
-        others.map(|(column, name)| (name.column.clone(), columns[column].rows)).collect();
+    let why = |column: &Column| match (&column.apart, column.rows) {
+        (Some(why), _) => format!(" is left out, as {why}"),
+        (None, Some(rows)) => {
+            format!(" has {rows} rows and is left out, as most columns have another number of rows")
+        }
+        (None, None) => " is left out, as most columns have another number of rows".to_owned(),
+    };
+    let others: Vec<(String, String)> =
+        others.map(|(column, name)| (name.column.clone(), why(&columns[column]))).collect();
+    let protection = table.description().protection.clone();
     let wanted = numbers.iter().map(|column| match time {
         Some(Time { column: clock, unit, .. }) if clock == *column => {
             WantedColumn::Time { column: *column, unit: unit.unit, origin: None }
@@ -67,7 +83,8 @@ pub(super) fn survey(
     let mut wanted: Vec<WantedColumn> = wanted.collect();
     wanted.extend(texts.iter().map(|column| WantedColumn::Label { column: *column }));
     let mut blocks = Blocks::start(table, path, &wanted)?;
-    let mut scan = SurveyScan { numbers, texts, ..SurveyScan::new(names, time) };
+    let rate_hz = stated.rate_hz;
+    let mut scan = SurveyScan { numbers, texts, rate_hz, ..SurveyScan::new(names, time) };
     while let Some(block) = blocks.next(progress)? {
         scan.take(&block);
         blocks.reuse(block);
@@ -76,12 +93,12 @@ pub(super) fn survey(
     let holds_numbers =
         matches!(evidence, TableEvidence::Format | TableEvidence::Arrays) || scan.has_numbers_below(evidence);
     let mut survey = ColumnSurvey { holds_numbers, ..scan.conclude() };
-    for (name, rows) in others {
-        let rows = rows.map_or_else(String::new, |rows| format!(" has {rows} rows and"));
-        survey
-            .sentences
-            .push(format!("`{name}`{rows} is left out, as most columns have another number of rows."));
+    for (name, why) in others {
+        survey.sentences.push(format!("`{name}`{why}."));
         survey.text.push(name);
+    }
+    if !protection.is_empty() {
+        survey.sentences.push(protection);
     }
     Ok(survey)
 }
@@ -89,7 +106,7 @@ pub(super) fn survey(
 /// The number of rows that most columns have, the larger where two are as frequent, of a file whose columns differ in it.
 fn main_length(columns: &[Column]) -> Option<u64> {
     let mut counts = BTreeMap::<u64, usize>::new();
-    for rows in columns.iter().filter_map(|column| column.rows) {
+    for rows in columns.iter().filter(|column| column.apart.is_none()).filter_map(|column| column.rows) {
         *counts.entry(rows).or_default() += 1;
     }
     counts.into_iter().max_by_key(|(rows, count)| (*count, *rows)).map(|(rows, _)| rows)
@@ -115,6 +132,8 @@ struct ColumnCounts {
     second: Option<f64>,
     last: f64,
     falls: bool,
+    /// Whether each number is the one before or the next whole one.
+    counts: bool,
 }
 
 #[derive(Default)]
@@ -124,6 +143,8 @@ struct SurveyScan {
     numbers: Vec<usize>,
     texts: Vec<usize>,
     time: Option<Time>,
+    rate_hz: Option<f64>,
+    counter: Option<CounterTimes>,
     previous_time: f64,
     restarts: usize,
     rows: usize,
@@ -140,6 +161,7 @@ impl SurveyScan {
                 .map(|h| ColumnCounts {
                     has_unit: h.unit.is_some(),
                     name: h.column,
+                    counts: true,
                     ..ColumnCounts::default()
                 })
                 .collect(),
@@ -153,7 +175,12 @@ impl SurveyScan {
         self.restarted.resize(block.rows, false);
         let slot = self.time.and_then(|time| self.numbers.iter().position(|column| *column == time.column));
         let times = slot.and_then(|slot| block.numbers.get(slot)).map_or(&[][..], Vec::as_slice);
-        for (restarted, time) in self.restarted.iter_mut().zip(times).filter(|(_, time)| !time.is_nan()) {
+        let mut times = times.to_vec();
+        if let Some(time) = self.time {
+            let counter = self.counter.get_or_insert_with(|| CounterTimes::new(time.unit.unit));
+            counter.unwrap(&mut times, block.origin);
+        }
+        for (restarted, time) in self.restarted.iter_mut().zip(&times).filter(|(_, time)| !time.is_nan()) {
             *restarted = *time <= self.previous_time;
             self.previous_time = *time;
             self.restarts += usize::from(*restarted);
@@ -193,9 +220,14 @@ impl SurveyScan {
         let time = self.time.map(|time| time.column);
         let name = |index: usize| self.columns.get(index).map(|column| column.name.clone());
         let mut survey = ColumnSurvey { time: time.and_then(name), ..ColumnSurvey::default() };
-        survey.unitless_time = if time.is_none() { self.unitless_time() } else { None };
+        let untimed = time.is_none() && self.rate_hz.is_none();
+        survey.unitless_time = if untimed { self.unitless_time() } else { None };
         survey.sentences.push(match (&survey.time, self.time) {
             (Some(name), Some(time)) => format!("`{name}` is the time, as {}.", time.reason),
+            _ if self.rate_hz.is_some() => {
+                let rate = quantity(self.rate_hz.unwrap_or(f64::NAN), "Hz");
+                format!("A row is a sample, and the samples follow each other at {rate}, as stated.")
+            }
             _ if survey.unitless_time.is_some() => {
                 let seems = survey.unitless_time.as_ref().map(UnitlessTime::sentence).unwrap_or_default();
                 format!("{seems} Until its unit is stated, a row is a sample, and frequencies are in cycles per sample.")
@@ -228,6 +260,9 @@ impl SurveyScan {
                     empty => format!(" with nothing in {empty} of {} rows", self.rows),
                 };
                 survey.sentences.push(format!("`{}` is text{cells} and is left out.", column.name));
+                if column.takes_turns() {
+                    survey.mixed = Some(column.mixed_words());
+                }
                 survey.text.push(column.name.clone());
             }
         }
@@ -264,11 +299,15 @@ impl SurveyScan {
                 Some(*index) != time && labelled && !column.returns && column.changes <= MOST_RECORDS
             })
         };
-        let long =
-            |column: &ColumnCounts| column.changes.saturating_add(1).saturating_mul(LONG_RUN) <= self.rows;
+        let stays = |column: &ColumnCounts, run: usize| {
+            column.changes.saturating_add(1).saturating_mul(run) <= self.rows
+        };
+        let long = |column: &ColumnCounts| stays(column, LONG_RUN);
         let matching = |text: bool| {
             candidates()
-                .find(|(_, c)| self.restarts > 0 && c.unmatched == 0 && c.is_text() == text)
+                .find(|(_, c)| {
+                    self.restarts > 0 && c.unmatched == 0 && c.is_text() == text && stays(c, SHORT_RUN)
+                })
                 .map(|(index, _)| (index, "changes exactly where the time starts again"))
         };
         matching(true)
@@ -278,9 +317,12 @@ impl SurveyScan {
                 Some((index, "is text that stays the same over long runs of rows"))
             })
             .or_else(|| {
-                let number = |c: &ColumnCounts| !c.is_text() && !c.has_unit && c.changes > 0 && long(c);
+                let number = |c: &ColumnCounts| {
+                    let counts = !c.is_text() && !c.has_unit && c.changes > 0 && long(c);
+                    counts && (c.counts_records() || c.is_named_record())
+                };
                 let (index, _) = candidates().find(|(_, c)| time.is_none() && number(c))?;
-                Some((index, "has no unit and stays the same over long runs of rows"))
+                Some((index, "counts records: it has no unit and stays the same over long runs of rows"))
             })
     }
 }
@@ -291,6 +333,8 @@ impl ColumnCounts {
             None => {
                 self.numbers += 1;
                 self.falls |= self.first.is_some() && number <= self.last;
+                self.counts &= number.fract() == 0.0
+                    && (self.first.is_none() || number == self.last || number == self.last + 1.0);
                 match self.first {
                     None => self.first = Some(number),
                     Some(_) => _ = self.second.get_or_insert(number),
@@ -302,7 +346,7 @@ impl ColumnCounts {
                 self.texts += 1;
                 SegmentLabel::Text(text.clone().into_bytes())
             }
-            Some(CellFinding::Nan(text) | CellFinding::Infinite(text)) => {
+            Some(CellFinding::Nan(text) | CellFinding::Infinite(text) | CellFinding::Overload(text)) => {
                 self.numbers += 1;
                 SegmentLabel::Text(text.clone().into_bytes())
             }
@@ -326,11 +370,51 @@ impl ColumnCounts {
         self.unmatched += usize::from(changed != restarted);
     }
 
+    /// Whether its numbers count from 0 or 1 on; those of a slow channel begin anywhere and go up and down.
+    fn counts_records(&self) -> bool {
+        self.counts && self.first.is_some_and(|first| first == 0.0 || first == 1.0)
+    }
+
+    /// Whether its name says that it tells records apart.
+    fn is_named_record(&self) -> bool {
+        let name = self.name.to_lowercase();
+        let mut words = name.split(|letter: char| !letter.is_alphabetic());
+        words.any(|word| RECORD_WORDS.contains(&word.trim_end_matches('s')))
+    }
+
+    /// Whether it names the source of each row, of which a few take turns.
+    fn takes_turns(&self) -> bool {
+        let name = self.name.to_lowercase();
+        let mut words = name.split(|letter: char| !letter.is_alphabetic());
+        let is_source = words.any(|word| SOURCE_WORDS.contains(&word.trim_end_matches('s')));
+        is_source && self.returns && self.empty == 0 && (2..=MOST_SOURCES).contains(&self.seen.len())
+    }
+
+    /// Its name, and those of the sources.
+    fn mixed_words(&self) -> (String, String) {
+        let label = |label: &SegmentLabel| match label {
+            SegmentLabel::Number(bits) => f64::from_bits(*bits).to_string(),
+            SegmentLabel::Text(text) => String::from_utf8_lossy(text).into_owned(),
+        };
+        let names: Vec<String> = self.seen.iter().map(|seen| format!("`{}`", label(seen))).collect();
+        (self.name.clone(), format!("rows of {} take turns", names.join(", ")))
+    }
+
     /// A few words among numbers are mistakes, which the diagnosis names.
     const fn is_text(&self) -> bool {
         self.texts > self.numbers
     }
 }
+
+/// Words of the name of a column that tells records apart.
+const RECORD_WORDS: [&str; 12] = [
+    "record", "segment", "run", "trial", "chunk", "shot", "sweep", "frame", "burst", "cycle", "label", "part",
+];
+
+/// Words of the name of a column that says which source a row is of, and how many sources there may be.
+const SOURCE_WORDS: [&str; 10] =
+    ["sensor", "source", "channel", "device", "signal", "stream", "topic", "instrument", "probe", "type"];
+const MOST_SOURCES: usize = 16;
 
 /// First words of the name of a column that is the time, beside `time` itself.
 const TIME_WORDS: [&str; 9] = ["t", "zeit", "temps", "tiempo", "tempo", "tijd", "sec", "seconds", "clock"];

@@ -1,6 +1,7 @@
 //! Whole inspections of small files and of the independent recordings.
 
 use super::*;
+use crate::recording::FindingKind;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
@@ -40,7 +41,7 @@ fn a_file_of_two_records_as_json() {
     let fields: Vec<_> = json.as_object().unwrap().keys().map(String::as_str).collect();
     assert_eq!(
         fields.join(" "),
-        "source rows recognised time segment_column segments channels window frequency_unit diagnosis"
+        "source rows recognised time segment_column segments channels window frequency_unit diagnosis unchecked"
     );
 }
 
@@ -226,4 +227,174 @@ fn files_of_laboratories_are_inspected() {
     let packed = scaled.channels.iter().find(|channel| channel.column.starts_with('p')).unwrap();
     assert!(packed.statistics.maximum.unwrap() < 8.0, "{:?}", packed.statistics);
     assert_eq!(packed.statistics.missing, 2);
+}
+
+/// The numbers of which a meter says that they were beyond its range count as that, and not as numbers.
+#[test]
+fn numbers_that_say_overload_are_counted_and_have_no_part_in_the_figures() {
+    let mut text = "time_s,cap_V\n".to_owned();
+    for i in 0..400 {
+        let value = match i {
+            100 | 101 => "9.90000000E+37".to_owned(),
+            200 => "9.91E37".to_owned(),
+            300 => "OL".to_owned(),
+            _ => format!("{:.4}", 0.05 * (TAU * 0.03 * f64::from(i)).sin()),
+        };
+        writeln!(text, "{:.3},{value}", f64::from(i) * 1e-3).unwrap();
+    }
+    let inspection = inspected(&text).unwrap();
+    let cap = &inspection.channels[0].statistics;
+    assert_eq!((cap.count, cap.missing), (396, 4));
+    assert!(cap.maximum.unwrap() < 0.051);
+    let found: Vec<(FindingKind, usize)> =
+        inspection.diagnosis.iter().map(|finding| (finding.kind, finding.count)).collect();
+    assert_eq!(found, [(FindingKind::Overload, 3), (FindingKind::Nan, 1)]);
+    let said = inspection.diagnosis[0].to_string();
+    assert!(said.contains("`9.90000000E+37` is written where a value is beyond the range"), "{said}");
+}
+
+#[test]
+fn a_slow_channel_without_a_unit_is_no_label_of_records() {
+    let recognised = |name: &str, first: f64| {
+        let mut text = format!("cap_V,{name}\n");
+        for i in 0..2000 {
+            writeln!(text, "{},{:.1}", f64::from(i % 50), first + f64::from(i / 300) * 0.1).unwrap();
+        }
+        inspected(&text).unwrap()
+    };
+    let slow = recognised("temp", 25.0);
+    assert_eq!((slow.segment_column, slow.segments.len(), slow.channels.len()), (None, 1, 2));
+    // A word that says so makes it one.
+    assert_eq!(recognised("sweep", 25.0).segments.len(), 7);
+}
+
+/// Times with so few digits that they repeat: each column changes where the time does not go on, and none is a label.
+#[test]
+fn a_column_that_changes_in_every_row_is_no_label_however_often_the_time_repeats() {
+    let mut text = "time_unix_s,ax\n".to_owned();
+    for i in 0..500 {
+        writeln!(text, "1.73234e+09,{}", i * 7919 % 1009).unwrap();
+    }
+    let inspection = inspected(&text).unwrap();
+    assert_eq!((inspection.segment_column.as_deref(), inspection.segments.len()), (None, 1));
+    assert!(!inspection.is_usable());
+    let said = inspection.diagnosis[0].to_string();
+    assert!(said.contains("clock = { rate ="), "{said}");
+}
+
+#[test]
+fn indices_of_names_are_no_units() {
+    let mut text = "time_s,Voltage_0,Voltage_1,gyro_rad[1],pos_min,q_1\n".to_owned();
+    (0..50).for_each(|i| writeln!(text, "{i},{i},{i},{i},{i},{i}").unwrap());
+    let units: Vec<String> =
+        inspected(&text).unwrap().channels.into_iter().map(|channel| channel.unit).collect();
+    assert_eq!(units, ["", "", "", "", "1"]);
+}
+
+#[test]
+fn waveforms_of_a_file_are_stretches_with_rates_of_their_own() {
+    let inspection = fixture("waveforms.tdms");
+    let found: Vec<(usize, Option<f64>, bool)> = inspection
+        .segments
+        .iter()
+        .map(|segment| (segment.rows, segment.rate_hz.map(f64::round), segment.uniform))
+        .collect();
+    assert_eq!(found, [(60, Some(1000.0), true), (40, Some(1000.0), true), (50, Some(2000.0), true)]);
+    let said: Vec<String> = inspection.diagnosis.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        said,
+        [
+            "line 61, column `time_s`: the file begins a new waveform, 60 s after 0.059 s (the first of 2 waveforms); the times are \
+          kept as they stand: a new stretch begins, and the estimate begins anew"
+        ]
+    );
+}
+
+#[test]
+fn a_channel_with_other_times_is_left_out_with_the_reason() {
+    let inspection = fixture("between.tdms");
+    let sentence =
+        "`cap_V` is left out, as it starts 0.0033 s after `drive_V`: 3.3 samples, no whole number.";
+    assert!(inspection.recognised.contains(&sentence.to_owned()), "{:?}", inspection.recognised);
+    assert_eq!(inspection.channels.len(), 1);
+    assert_eq!(inspection.unchecked, ["the columns that are left out (`cap_V`)"]);
+    let later = fixture("later.tdms");
+    assert_eq!((later.rows, later.channels[1].statistics.missing), (48, 8));
+}
+
+/// What was not looked for is not said to be absent.
+#[test]
+fn nothing_is_said_of_checks_that_did_not_run() {
+    let text = |header: &str, rows: usize| {
+        let mut text = format!("{header}\n");
+        (0..rows).for_each(|i| writeln!(text, "{i},{}", i * 7 % 5).unwrap());
+        inspected(&text).unwrap().to_text()
+    };
+    assert!(text("time_s,x_V", 100).contains("\nNothing is missing, irregular, saturated or constant.\n\n"));
+    let short = text("time_s,x_V", 10);
+    assert!(short.contains("\nNothing is missing, irregular or constant.\n"), "{short}");
+    assert!(
+        short.contains("Not checked: whether a signal is saturated, as no segment has more than 10 rows.")
+    );
+    let timeless = text("n_V,x_V", 100);
+    assert!(timeless.contains(
+        "\nNothing is missing, saturated or constant.\nNot checked: whether the times are regular"
+    ));
+}
+
+/// A counter of µs in 32 bits, and stamps of a 400 Hz clock that are rounded to ms.
+#[test]
+fn counters_go_on_behind_their_end_and_rounded_stamps_have_the_rate_of_their_mean() {
+    let mut text = "time_us,cap_V\n".to_owned();
+    for i in 0..400_u64 {
+        writeln!(text, "{},{}", (4_294_667_296 + 1000 * i) % (1 << 32), i * 7 % 5).unwrap();
+    }
+    let counter = inspected(&text).unwrap();
+    assert_eq!((counter.segments.len(), counter.segments[0].uniform), (1, true));
+    approx::assert_relative_eq!(counter.segments[0].duration_s.unwrap(), 0.399, max_relative = 1e-9);
+    let said = counter.diagnosis[0].to_string();
+    assert!(said.starts_with("line 302, column `time_us`: a counter of 32 bits begins again"), "{said}");
+    let mut text = "time_ms,cap_V\n".to_owned();
+    (0..400).for_each(|i| writeln!(text, "{},{}", (f64::from(i) * 2.5).floor(), i * 7 % 5).unwrap());
+    let rounded = inspected(&text).unwrap();
+    approx::assert_relative_eq!(rounded.segments[0].rate_hz.unwrap(), 400.0, max_relative = 2e-3);
+    let said = rounded.diagnosis[0].to_string();
+    assert!(
+        said.contains("those of a steady clock, rounded to 0.001 s, 40 % of an interval of 0.0024"),
+        "{said}"
+    );
+}
+
+/// Rows of two sensors in one table have times and values that belong to neither.
+#[test]
+fn rows_of_sensors_that_take_turns_are_no_recording_and_a_state_that_changes_often_is() {
+    let turns = |name: &str| {
+        let mut text = format!("time_s,{name},x_V\n");
+        for i in 0..200 {
+            writeln!(text, "{},{},{i}", f64::from(i) * 0.01, ["acc", "gyr"][usize::from(i % 3 == 1)])
+                .unwrap();
+        }
+        inspected(&text).unwrap()
+    };
+    let mixed = turns("sensor");
+    assert!(!mixed.is_usable());
+    let said = mixed.diagnosis[0].to_string();
+    assert!(
+        said.contains("column `sensor`: rows of `acc`, `gyr` take turns; expected rows of one source"),
+        "{said}"
+    );
+    assert!(turns("state").is_usable());
+}
+
+#[test]
+fn a_stated_rate_and_a_stated_format_are_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.dat");
+    std::fs::write(&path, "1;2\n3;4\n5;7\n").unwrap();
+    let columns = Some(["a_V", "b_V"].map(str::to_owned).to_vec());
+    let hints = kalmems_formats::Hints { columns, ..kalmems_formats::Hints::default() };
+    let stated = StatedFile { hints, time: None, rate_hz: Some(200.0) };
+    let found = inspect_stated(&path, &stated, &mut |_, _| ControlFlow::Continue(())).unwrap();
+    assert_eq!((found.rows, found.frequency_unit, found.segments[0].duration_s), (3, "Hz", Some(0.01)));
+    assert!(found.recognised.iter().any(|said| said.contains("follow each other at 200 Hz, as stated")));
 }

@@ -118,14 +118,22 @@ fn lines(text: &mut String, inspection: &Inspection) {
 
 fn diagnosis(text: &mut String, inspection: &Inspection) {
     let fatal = !inspection.is_usable();
-    text.push_str(match (fatal, inspection.diagnosis.is_empty()) {
-        (true, _) => "\nThe file cannot be used as a recording like this:\n",
-        (false, false) => "\nFound and kept as it is:\n",
-        (false, true) => "\nNothing is missing, irregular, saturated or constant.\n",
-    });
+    let _ = match (fatal, inspection.diagnosis.is_empty()) {
+        (true, _) => writeln!(text, "\nThe file cannot be used as a recording like this:"),
+        (false, false) => writeln!(text, "\nFound and kept as it is:"),
+        (false, true) => match inspection.checked.split_last() {
+            Some((last, checked)) if !checked.is_empty() => {
+                writeln!(text, "\nNothing is {} or {last}.", checked.join(", "))
+            }
+            _ => writeln!(text, "\nNothing is {}.", inspection.checked.join(", ")),
+        },
+    };
     for finding in &inspection.diagnosis {
         let note = if fatal && finding.severity() == Severity::Note { "note: " } else { "" };
         let _ = writeln!(text, "  {note}{finding}");
+    }
+    if !inspection.unchecked.is_empty() {
+        let _ = writeln!(text, "Not checked: {}.", inspection.unchecked.join("; "));
     }
 }
 
@@ -179,7 +187,7 @@ fn one_plot(
 /// Where a plot of some rows of the longest segment begins and ends.
 fn time_labels(inspection: &Inspection, rows: &Range<usize>) -> (String, String) {
     let last = rows.end.saturating_sub(1);
-    if inspection.time.is_some() {
+    if inspection.is_timed() {
         (quantity(inspection.time_of(rows.start), "s"), quantity(inspection.time_of(last), "s"))
     } else {
         (format!("sample {}", rows.start), format!("sample {last}"))

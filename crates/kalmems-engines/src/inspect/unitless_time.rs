@@ -3,6 +3,7 @@
 use super::quantity::{number, quantity};
 use crate::recording::{ColumnReading, DeclaredColumn};
 use crate::units::{Unit, kind};
+use kalmems_formats::Hints;
 use serde::Serialize;
 
 /// A column that may be the time: it is called so or is the first, its numbers grow, and its name has no unit.
@@ -48,6 +49,17 @@ impl UnitlessTime {
     }
 }
 
+/// What somebody states of a file that is to be inspected.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StatedFile {
+    /// How it is written, where that cannot be told from it.
+    pub hints: Hints,
+    /// Which column is the time, and in which unit.
+    pub time: Option<StatedTime>,
+    /// The rate at which its rows follow each other in Hz, whatever its columns say.
+    pub rate_hz: Option<f64>,
+}
+
 /// The column that is the time, with its unit, as somebody states it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatedTime {
@@ -68,7 +80,7 @@ impl StatedTime {
     /// The column as a reader of recordings takes it.
     pub(super) fn declared(&self) -> DeclaredColumn {
         let reading =
-            ColumnReading { unit: Some((self.unit_text.clone(), self.unit)), scale: None, offset: None };
+            ColumnReading { unit: Some((self.unit_text.clone(), self.unit)), ..ColumnReading::default() };
         DeclaredColumn {
             column: self.column.clone(),
             key: DeclaredColumn::CLOCK.to_owned(),

@@ -73,6 +73,7 @@ impl RecordingFromRows {
             rows: None,
             evidence: TableEvidence::Format,
             left_out: Vec::new(),
+            protection: String::new(),
         };
         let plan = ReadingPlan::of(&file, &|_| None, 1, &request, &mut findings)
             .map_err(|findings| ReadError::Unusable { file: name.to_owned(), findings })?;

@@ -67,12 +67,20 @@ pub enum FindingKind {
     Nan,
     /// A cell that is infinite or beyond the range of numbers.
     Infinite,
+    /// A cell that says that the value was beyond the range of the instrument, or a value beyond the range that the settings state.
+    Overload,
     /// Whole sampling intervals without rows.
     Gap,
     /// Times without rows that are too long to be predicted over: a new stretch begins.
     LongGap,
     /// Times before the ones before them: the clock begins again, and a new stretch with it.
     ClockBack,
+    /// Rows with which the file begins a new waveform: a new stretch begins.
+    NewWaveform,
+    /// A counter of 32 bits begins again, and its times are taken as going on.
+    CounterBeginsAgain,
+    /// Rows of several sources take turns.
+    MixedRows,
     /// Intervals that differ from the usual one: that of the nominal rate where the settings say one, their median otherwise.
     IrregularTime,
     /// Times that the file keeps in too few digits for their interval.
@@ -145,6 +153,7 @@ impl FindingKind {
             | Self::DecreasingTime
             | Self::SparseTime
             | Self::NoLabel
+            | Self::MixedRows
             | Self::SegmentReturns => Severity::Fatal,
             Self::Stated
             | Self::OtherUnit
@@ -154,9 +163,12 @@ impl FindingKind {
             | Self::Missing
             | Self::Nan
             | Self::Infinite
+            | Self::Overload
             | Self::Gap
             | Self::LongGap
             | Self::ClockBack
+            | Self::NewWaveform
+            | Self::CounterBeginsAgain
             | Self::IrregularTime
             | Self::RoundedTime
             | Self::OtherRate
@@ -173,12 +185,16 @@ impl FindingKind {
     const fn counted(self) -> (&'static str, &'static str) {
         match self {
             Self::WrongColumnCount | Self::NoTime | Self::NoLabel => ("row", "rows"),
-            Self::NonNumeric | Self::Missing | Self::Nan | Self::Infinite => ("cell", "cells"),
+            Self::NonNumeric | Self::Missing | Self::Nan | Self::Infinite | Self::Overload => {
+                ("cell", "cells")
+            }
             Self::RepeatedTime | Self::DecreasingTime | Self::ClockBack => ("time", "times"),
             Self::BlankLine => ("line", "lines"),
             Self::Gap | Self::LongGap | Self::SparseTime => ("gap", "gaps"),
             Self::IrregularTime => ("interval", "intervals"),
             Self::BurstTime => ("burst", "bursts"),
+            Self::NewWaveform => ("waveform", "waveforms"),
+            Self::CounterBeginsAgain => ("time", "times"),
             Self::Saturation | Self::Stuck => ("sample", "samples"),
             _ => ("", ""),
         }
@@ -187,10 +203,12 @@ impl FindingKind {
     /// What was expected, and what happens or what to do.
     const fn consequence(self, purpose: Purpose) -> &'static str {
         match (self, purpose) {
-            (Self::Missing | Self::Nan | Self::Infinite, Purpose::Calibration) => {
+            (Self::Missing | Self::Nan | Self::Infinite | Self::Overload, Purpose::Calibration) => {
                 return "no value is made up: the calibration leaves the sample out";
             }
-            (Self::Missing | Self::Nan | Self::Infinite, Purpose::Evaluation) => return "no value is made up",
+            (Self::Missing | Self::Nan | Self::Infinite | Self::Overload, Purpose::Evaluation) => {
+                return "no value is made up";
+            }
             (Self::Gap, Purpose::Calibration) => {
                 return "nothing is put in: the calibration takes the samples at their times, and no difference across the gap";
             }
@@ -226,7 +244,14 @@ impl FindingKind {
                  measured"
             }
             Self::NoTime => "expected a finite time in every row: write it, or remove the row",
-            Self::RepeatedTime | Self::DecreasingTime => {
+            Self::RepeatedTime => {
+                "expected times that increase: where the times are written with too few digits, declare the rate instead of the \
+                 column, such as `clock = { rate = \"1 kHz\" }`; where the rows of several records or sensors take turns, write each \
+                 to a file of its own"
+            }
+            Self::MixedRows => "expected rows of one source: write those of each to a file of its own",
+            Self::CounterBeginsAgain => "the times go on: the period of the counter is added from there on",
+            Self::DecreasingTime => {
                 "expected times that increase: sort the rows, or, where the file holds several records, name \
                  the column that tells them apart"
             }
@@ -239,7 +264,7 @@ impl FindingKind {
             Self::NoLineEnd => {
                 "it is read as it stands: if the file or the pipe was cut there, its last number is short of digits"
             }
-            Self::Missing | Self::Nan | Self::Infinite => {
+            Self::Missing | Self::Nan | Self::Infinite | Self::Overload => {
                 "no value is made up: an estimate there is a prediction without update"
             }
             Self::SparseTime => {
@@ -254,7 +279,7 @@ impl FindingKind {
                 "nothing is put in: a new stretch begins, and the estimate begins anew; `longest` in \
                  `[recording.gaps]` says what is predicted over"
             }
-            Self::ClockBack => {
+            Self::ClockBack | Self::NewWaveform => {
                 "the times are kept as they stand: a new stretch begins, and the estimate begins anew"
             }
             Self::IrregularTime => "the times are kept as they stand: steps in time follow them",
@@ -311,6 +336,18 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// One about a column from a row on.
+    pub(crate) fn of_column(
+        kind: FindingKind,
+        column: &str,
+        first_row: usize,
+        count: usize,
+        detail: String,
+    ) -> Self {
+        let (column, segment, purpose) = (Some(column.to_owned()), None, Purpose::default());
+        Self { kind, column, segment, first_row, count, detail, purpose, in_arrays: false }
+    }
+
     /// Whether the recording can be used in spite of it.
     pub const fn severity(&self) -> Severity {
         self.kind.severity()

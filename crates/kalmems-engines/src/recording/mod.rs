@@ -30,6 +30,7 @@ pub(crate) mod blocks;
 pub(crate) mod clock_unit;
 mod computed_rows;
 mod contribution;
+pub(crate) mod counter;
 mod dropped_bit;
 mod error;
 mod finding;
@@ -72,7 +73,9 @@ pub use time::{GAP_TOLERANCE, TIME_TOLERANCE};
 use crate::signal::Sine;
 use crate::units::{ColumnHeader, Kind, Unit};
 pub use kalmems_config::layout::{ColumnReading, DeclaredColumn, RecordingLayout, Restarts, TimeSource};
-pub use kalmems_formats::{Array, ArrayType, Arrays, Hints, Instant, TimeUnit, panic_is_caught};
+pub use kalmems_formats::{
+    Array, ArrayType, Arrays, CsvHints, Format, Hints, Instant, TimeUnit, panic_is_caught,
+};
 use request::ReadRequest;
 use serde::Serialize;
 use sine_fits::SineFits;

@@ -1,5 +1,6 @@
 //! One pass over the rows: numbers into columns, rows into segments, and what is wrong into findings.
 
+use super::counter::CounterTimes;
 use super::findings::{FindingPlace, Findings, short};
 use super::label::SegmentLabel;
 use super::plan::ReadingPlan;
@@ -65,6 +66,7 @@ pub(super) struct Pass {
     disturbed: [usize; 2],
     /// The interval of the nominal rate in s, where the settings say one of a column of times.
     nominal_s: Option<f64>,
+    counter: CounterTimes,
     /// The times of the rows from `base` on, where they have any; the targets hold their values.
     times: Vec<f64>,
     base: usize,
@@ -87,6 +89,7 @@ impl Pass {
         let rails = |target: &super::plan::TargetColumn| {
             (plan.segment_column != Some(target.index)).then(|| Rails::new(target.index))
         };
+        let counter = CounterTimes::new(plan.clock_unit.unit);
         let looked_at: Vec<bool> =
             plan.targets.iter().map(|target| plan.segment_column != Some(target.index)).collect();
         Self {
@@ -110,6 +113,7 @@ impl Pass {
             label: Vec::new(),
             begun: BTreeMap::new(),
             breaks: VecDeque::new(),
+            counter,
             times: Vec::new(),
             base: 0,
         }
@@ -149,17 +153,43 @@ impl Pass {
     fn append(&mut self, block: &Block, begin: usize) {
         let numbers = |slot: usize| block.numbers.get(slot).map_or(&[][..], Vec::as_slice);
         if let Some(clock) = &self.plan.clock {
+            let first = self.times.len();
             self.times.extend_from_slice(numbers(clock.slot));
-        }
-        for target in &mut self.plan.targets {
-            append(&mut target.values, numbers(target.slot), target.scale, |row, number| {
+            let fresh = self.times.get_mut(first..).unwrap_or_default();
+            for row in self.counter.unwrap(fresh, block.origin) {
                 let place = FindingPlace {
-                    column: Some(target.index),
+                    column: Some(clock.index),
                     segment: self.labels.len().checked_sub(1),
                     line: self.lines.of(begin + row),
                 };
-                self.findings.add(Kind::Infinite, place, || format!("`{number:e}` is not finite"));
+                let period_s = self.counter.period_s();
+                self.findings.add(Kind::CounterBeginsAgain, place, || {
+                    format!("a counter of 32 bits begins again, every {} s", number(period_s))
+                });
+            }
+        }
+        for target in &mut self.plan.targets {
+            let segment = self.labels.len().checked_sub(1);
+            let place = |row: usize| FindingPlace {
+                column: Some(target.index),
+                segment,
+                line: self.lines.of(begin + row),
+            };
+            let first = target.values.len();
+            append(&mut target.values, numbers(target.slot), target.scale, |row, number| {
+                self.findings.add(Kind::Infinite, place(row), || format!("`{number:e}` is not finite"));
             });
+            let Some((low, high)) = target.range else { continue };
+            for (row, value) in target.values.iter_mut().skip(first).enumerate() {
+                if *value <= low || *value >= high {
+                    let words = || {
+                        let [value, low, high] = [*value, low, high].map(short);
+                        format!("{value} is at or beyond the stated range from {low} to {high}, in SI")
+                    };
+                    self.findings.add(Kind::Overload, place(row), words);
+                    *value = f64::NAN;
+                }
+            }
         }
     }
 
@@ -189,9 +219,10 @@ impl Pass {
                 };
                 if self.plan.clock.as_ref().is_some_and(|clock| Some(clock.index) == fault.column) {
                     self.findings.add(Kind::NoTime, place, || match cell {
-                        CellFinding::Nan(text) | CellFinding::Infinite(text) | CellFinding::Text(text) => {
-                            format!("{} is no time", quoted(text))
-                        }
+                        CellFinding::Nan(text)
+                        | CellFinding::Overload(text)
+                        | CellFinding::Infinite(text)
+                        | CellFinding::Text(text) => format!("{} is no time", quoted(text)),
                         _ => "the cell is empty".to_owned(),
                     });
                 }
@@ -200,6 +231,13 @@ impl Pass {
                         CellFinding::Nan(text) => {
                             (Kind::Nan, format!("{} is no number by its own word", quoted(text)))
                         }
+                        CellFinding::Overload(text) => (
+                            Kind::Overload,
+                            format!(
+                                "{} is written where a value is beyond the range of the instrument",
+                                quoted(text)
+                            ),
+                        ),
                         CellFinding::Infinite(text) => {
                             (Kind::Infinite, format!("{} is not finite", quoted(text)))
                         }
@@ -270,22 +308,33 @@ impl Pass {
     /// The first of some rows before which the present record is cut, and why.
     fn next_cut(&self, rows: Range<usize>) -> Option<(usize, Kind)> {
         let (restarts, draft) = (self.restarts?, self.drafts.back()?);
+        let broken =
+            self.breaks.iter().map(|(row, _)| *row).find(|row| *row > draft.start && *row >= rows.start);
+        let broken = broken.filter(|row| *row < rows.end);
         if self.plan.clock.is_none() {
-            let row = self.breaks.front().map(|(row, _)| *row);
-            return row.filter(|row| *row < rows.end).map(|row| (row, Kind::LongGap));
+            return broken.map(|row| (row, Kind::LongGap));
         }
         // From the row before the first on, where the stretch has it.
         let first = rows.start.saturating_sub(1).max(draft.start).max(self.base);
         let times = self.times.get(first - self.base..rows.end - self.base)?;
-        first_cut(&restarts, times, 1).map(|(row, why)| (first + row, why))
+        let cut = first_cut(&restarts, times, 1).map(|(row, why)| (first + row, why));
+        match broken {
+            Some(row) if cut.is_none_or(|(cut, why)| row < cut || row == cut && why != Kind::ClockBack) => {
+                Some((row, Kind::NewWaveform))
+            }
+            _ => cut,
+        }
     }
 
     /// Begins a new stretch of the present record with a row.
     fn restart(&mut self, row: usize, why: Kind) {
         let Some(draft) = self.drafts.back() else { return };
         let (record, stretch) = (draft.record, draft.stretch);
+        while self.breaks.front().is_some_and(|(broken, _)| *broken < row) {
+            self.breaks.pop_front();
+        }
         if let TimeSource::Rate { rate_hz, start_s } = self.clock {
-            let missing = self.breaks.pop_front().map_or(0, |(_, missing)| missing);
+            let missing = self.breaks.front().map_or(0, |(_, missing)| *missing);
             let rows = row.saturating_sub(draft.start) as u64;
             if rows == 0 {
                 return;
@@ -315,6 +364,9 @@ impl Pass {
                 number(before_s),
                 short(longest_s)
             ),
+            Kind::NewWaveform => {
+                format!("the file begins a new waveform, {} s after {} s", number(after_s), number(before_s))
+            }
             _ => format!("{} s after {} s", number(after_s), number(before_s)),
         });
         self.cuts.add(why);

@@ -16,6 +16,8 @@ pub(super) struct TargetColumn {
     pub(super) index: usize,
     pub(super) header: ColumnHeader,
     pub(super) scale: ColumnScale,
+    /// The ends of the range of the instrument in SI, where the settings state it: no value is at them or beyond.
+    pub(super) range: Option<(f64, f64)>,
     /// Which of the columns of numbers in a block it is.
     pub(super) slot: usize,
     /// Its values in SI, as far as they are kept.
@@ -23,20 +25,24 @@ pub(super) struct TargetColumn {
 }
 
 impl TargetColumn {
-    fn new(index: usize, name: &str) -> Self {
-        let header = ColumnHeader::parse(name);
-        Self { index, scale: ColumnScale::of(header.unit), header, slot: 0, values: Vec::new() }
+    fn new(index: usize, name: &str, names: &[String]) -> Self {
+        Self::of(index, ColumnHeader::parse_among(name, names.iter().map(String::as_str)))
     }
 
-    /// A column as the settings say, which is called `in_file` in the file.
+    fn of(index: usize, header: ColumnHeader) -> Self {
+        let scale = ColumnScale::of(header.unit);
+        Self { index, scale, header, range: None, slot: 0, values: Vec::new() }
+    }
+
+    /// A column of the file as the settings say.
     fn declared(
         index: usize,
-        in_file: &str,
+        names: &[String],
         declared: &DeclaredColumn,
         line: usize,
         findings: &mut Findings,
     ) -> Self {
-        let mut target = Self::new(index, in_file);
+        let mut target = Self::new(index, names.get(index).map_or("", String::as_str), names);
         let Some(reading) = &declared.reading else { return target };
         let place = FindingPlace { column: Some(index), segment: None, line };
         findings.add(Kind::Stated, place, || reading::words(reading, &target.header));
@@ -47,8 +53,10 @@ impl TargetColumn {
                 format!("the file says `{}` and the settings say `{text}`", target.header.unit_text)
             });
         }
-        match reading::apply(reading, &target.header) {
-            Ok((header, scale)) => (target.header, target.scale) = (header, scale),
+        let applied = reading::apply(reading, &target.header)
+            .and_then(|(header, scale)| Ok((reading::range(reading, &header)?, header, scale)));
+        match applied {
+            Ok(applied) => (target.range, target.header, target.scale) = applied,
             Err(why) => findings.add(Kind::Contradiction, place, || why),
         }
         declared.column.clone_into(&mut target.header.column);
@@ -116,9 +124,9 @@ impl ReadingPlan {
         let target = |name: &str, is_clock: bool, findings: &mut Findings| match declared(name, is_clock) {
             Some(known) => {
                 let index = find(name, known.reading.is_some(), findings)?;
-                Some(TargetColumn::declared(index, names.get(index)?, known, line, findings))
+                Some(TargetColumn::declared(index, &names, known, line, findings))
             }
-            None => Some(TargetColumn::new(find(name, false, findings)?, name)),
+            None => Some(TargetColumn::new(find(name, false, findings)?, name, &names)),
         };
         let clock = match request.clock {
             TimeSource::Column(name) => target(name, true, findings),
@@ -140,7 +148,7 @@ impl ReadingPlan {
                     if first(i, name) {
                         find(name, false, findings);
                     }
-                    TargetColumn::new(i, name)
+                    TargetColumn::new(i, name, &names)
                 })
                 .collect()
             }

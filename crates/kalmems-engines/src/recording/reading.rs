@@ -49,6 +49,23 @@ pub(super) fn apply(
     Ok((header, ColumnScale::of_factor_and_offset(factor, offset)))
 }
 
+/// The ends of the range of the instrument in SI, in the unit of the values; in words what does not fit.
+pub(super) fn range(reading: &ColumnReading, values: &ColumnHeader) -> Result<Option<(f64, f64)>, String> {
+    let Some([low, high]) = &reading.range else { return Ok(None) };
+    let unit = values.unit.unwrap_or(Unit::ONE);
+    for end in [low, high] {
+        if end.unit().dimension() != unit.dimension() {
+            return Err(format!(
+                "the end `{}` of the range has the dimension {} and the values have {}",
+                end.text(),
+                end.unit().dimension(),
+                unit.dimension()
+            ));
+        }
+    }
+    Ok(Some((low.si(), high.si())))
+}
+
 /// In words, for the diagnosis.
 pub(super) fn words(reading: &ColumnReading, file: &ColumnHeader) -> String {
     let mut words = match &reading.unit {
@@ -61,6 +78,9 @@ pub(super) fn words(reading: &ColumnReading, file: &ColumnHeader) -> String {
     }
     if let Some(offset) = &reading.offset {
         words += &format!(", plus `{}`", offset.text());
+    }
+    if let Some([low, high]) = &reading.range {
+        words += &format!(", between `{}` and `{}`", low.text(), high.text());
     }
     words
 }
@@ -76,6 +96,7 @@ mod tests {
             unit: (!unit.is_empty()).then(|| (unit.to_owned(), Unit::parse(unit).unwrap())),
             scale: value(scale),
             offset: value(offset),
+            range: None,
         }
     }
 

@@ -63,6 +63,8 @@ impl RestartCounts {
     pub(super) fn add(&mut self, why: Kind) {
         match why {
             Kind::ClockBack => self.back += 1,
+            // As often as the file says.
+            Kind::NewWaveform => {}
             _ => self.gaps += 1,
         }
     }

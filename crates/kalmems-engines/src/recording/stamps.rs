@@ -20,6 +20,33 @@ pub(super) fn mean_of_rounded(intervals: &[f64], median: f64, resolution_s: f64)
     if count > 0 { sum / count as f64 } else { median }
 }
 
+/// To how many s the times of a text were rounded, where they are those of a steady clock but for that: all intervals are one of two
+/// or three neighbours of a grid, and no time is off the clock by more than the grid's width.
+pub(super) fn rounding_of(times: &[f64]) -> Option<f64> {
+    let (first, last) = (times.first()?, times.last()?);
+    let mean = (last - first) / (times.len() - 1) as f64;
+    if times.len() <= FEWEST_STEPS || !(mean > 0.0 && mean.is_finite()) {
+        return None;
+    }
+    let steps = || times.iter().zip(times.iter().skip(1)).map(|(before, after)| after - before);
+    let low = steps().fold(f64::INFINITY, f64::min);
+    let high = steps().fold(f64::NEG_INFINITY, f64::max);
+    // What two times are apart by their own rounding is none of the grid.
+    let slack = (8.0 * f64::EPSILON * last.abs().max(first.abs())).max(1e-6 * mean);
+    let above = |step: f64| (step - low > slack).then_some(step - low);
+    let grid = steps().filter_map(above).fold(f64::INFINITY, f64::min);
+    let is_steady = grid.is_finite()
+        && high - low <= 2.0 * grid + slack
+        && times.iter().enumerate().all(|(k, time)| (time - first - k as f64 * mean).abs() <= grid + slack)
+        && steps().all(|step| {
+            let count = (step - low) / grid;
+            (count - count.round()).abs() * grid <= slack
+        });
+    // Digits are cut off by a power of ten.
+    let is_decimal = format!("{grid:.3e}").starts_with("1.000e");
+    (is_steady && is_decimal && (TIME_TOLERANCE * mean..=mean).contains(&grid)).then_some(grid)
+}
+
 /// How rows arrive that come in bursts, however long each is: most of them right behind the one before, so that the usual interval
 /// says nothing of their rate.
 #[derive(Clone, Copy, Debug)]
@@ -67,10 +94,18 @@ impl ArrivalPattern {
     }
 }
 
-/// What to say of times that are rounded to more than a small part of their interval.
-pub(super) fn rounded(interval_s: f64, resolution_s: f64) -> Option<String> {
+/// What to say of times that are rounded to more than a small part of their interval; `in_text` where digits are missing and not bits.
+pub(super) fn rounded(interval_s: f64, resolution_s: f64, in_text: bool) -> Option<String> {
     let part = resolution_s / interval_s;
     (part > TIME_TOLERANCE).then(|| {
+        if in_text {
+            return format!(
+                "the times are those of a steady clock, rounded to {} s, {:.0} % of an interval of {} s",
+                short(resolution_s),
+                100.0 * part,
+                short(interval_s)
+            );
+        }
         format!(
             "so far from zero the file's binary numbers are {} s apart, {:.0} % of an interval of {} s, and the times are \
              rounded to them",

@@ -822,7 +822,7 @@ fn declared(column: &str, key: &str, [unit, scale, offset]: [&str; 3]) -> Declar
         column: column.to_owned(),
         key: key.to_owned(),
         usual_unit: Some(if key == DeclaredColumn::CLOCK { "s" } else { "V" }),
-        reading: said.then_some(ColumnReading { unit, scale, offset }),
+        reading: said.then_some(ColumnReading { unit, scale, offset, range: None }),
     }
 }
 
@@ -847,6 +847,30 @@ fn a_declared_column_is_read_as_the_settings_say_and_this_is_reported() {
     assert_eq!(gyro.values, [1.05, 1.1, 1.15]);
     assert_eq!(recording.segments()[0].time.interval_s(), Some(1e-3));
     insta::assert_snapshot!(diagnosis(text, &layout));
+}
+
+/// What is at the ends of a stated range or beyond them is no value, in the unit of the result, and nothing else.
+#[test]
+fn values_at_or_beyond_a_stated_range_are_counted_as_overload() {
+    let text = "time_s,Ucap_mV\n0,100\n1,5000\n2,4999\n3,-6000\n4,-4999\n";
+    let ranged = |low: &str, high: &str| {
+        let ends = [low, high].map(|end| crate::units::Value::parse(end).unwrap());
+        let reading = Some(ColumnReading { range: Some(ends), ..ColumnReading::default() });
+        DeclaredColumn { reading, ..declared("Ucap_mV", "signal", ["", "", ""]) }
+    };
+    let layout = |column| with(layout("time_s", "", &["Ucap_mV"]), &[column]);
+    let recording = read(text.as_bytes(), &layout(ranged("-5 V", "5 V"))).unwrap();
+    let values = &recording.column("Ucap_mV").unwrap().values;
+    assert_eq!(
+        values.iter().map(|value| value.is_nan()).collect::<Vec<_>>(),
+        [false, true, false, true, false]
+    );
+    let found: Vec<String> = recording.diagnosis().iter().map(ToString::to_string).collect();
+    assert!(found.iter().any(|said| {
+        said.starts_with("line 3, column `Ucap_mV`: 5 is at or beyond the stated range from -5 to 5, in SI (the first of 2 cells)")
+    }), "{found:?}");
+    let wrong = diagnosis(text, &layout(ranged("-1 A", "1 A")));
+    assert!(wrong.contains("Contradiction") && wrong.contains("the end `-1 A` of the range"), "{wrong}");
 }
 
 #[test]

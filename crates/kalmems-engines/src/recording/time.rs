@@ -28,6 +28,8 @@ pub(super) struct TimeCheck {
     arrivals: Option<ArrivalPattern>,
     /// To how many s the file rounds the times.
     resolution_s: f64,
+    /// Whether it wrote too few digits, and not too few bits.
+    rounded_in_text: bool,
     ordered: bool,
     /// Whether all intervals are the usual one.
     regular: bool,
@@ -63,6 +65,7 @@ impl TimeCheck {
             nominal,
             arrivals: None,
             resolution_s: 0.0,
+            rounded_in_text: false,
             ordered: true,
             regular: true,
             tally,
@@ -131,6 +134,11 @@ impl TimeCheck {
             steps(head, 0).map(|(_, (before, after))| after - before).filter(|i| *i > 0.0).collect();
         self.settled = true;
         self.median = median(&mut positive);
+        if self.resolution_s == 0.0
+            && let Some(rounding_s) = stamps::rounding_of(head)
+        {
+            (self.resolution_s, self.rounded_in_text) = (rounding_s, true);
+        }
         if let Some(median) = &mut self.median
             && self.resolution_s > TIME_TOLERANCE * *median
         {
@@ -219,7 +227,9 @@ impl TimeCheck {
         if self.is_waiting() {
             self.settle(times, &place, findings);
         }
-        if let Some(detail) = self.median.and_then(|median| stamps::rounded(median, self.resolution_s)) {
+        if let Some(detail) =
+            self.median.and_then(|median| stamps::rounded(median, self.resolution_s, self.rounded_in_text))
+        {
             findings.add(Kind::RoundedTime, place(0), || detail);
         }
         self.tally.expected = self.expected().or(self.tally.expected);

@@ -1,6 +1,7 @@
 //! One cell: its bytes as a number, or what else it is.
 
-use crate::CellFinding;
+use super::grouped::grouped;
+use crate::{CellFinding, sentinels};
 use std::io::Write as _;
 
 /// The minus sign of typography, U+2212, which spreadsheets and `matplotlib` write.
@@ -10,6 +11,13 @@ const MINUS: &[u8] = "−".as_bytes();
 #[derive(Debug, Default)]
 pub struct CellReader {
     scratch: Vec<u8>,
+}
+
+/// Whether the digits of a column stand in groups of three, as far as its cells have shown it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct DigitGroups {
+    /// A cell had groups that can mean nothing else.
+    pub(super) are_sure: bool,
 }
 
 impl CellReader {
@@ -39,13 +47,35 @@ impl CellReader {
             rest = minus.unwrap_or(behind);
         }
         let Ok(number) = fast_float2::parse::<f64, _>(&self.scratch) else {
-            return Err(CellFinding::Text(excerpt(cell)));
+            let no_value = sentinels::of_word(cell, || excerpt(cell));
+            return Err(no_value.unwrap_or_else(|| CellFinding::Text(excerpt(cell))));
         };
         if number.is_nan() {
             return Err(CellFinding::Nan(excerpt(cell)));
         }
+        if let Some(no_value) = sentinels::of_number(number, || excerpt(cell)) {
+            return Err(no_value);
+        }
         let number = if power == 0 { number } else { self.shift(power).unwrap_or(number) };
         if number.is_finite() { Ok(number) } else { Err(CellFinding::Infinite(excerpt(cell))) }
+    }
+
+    /// The same of a column whose digits may stand in groups. One that may be another number as well counts where others of its column can
+    /// not.
+    pub(super) fn read_in_groups(
+        &mut self,
+        cell: &[u8],
+        point: u8,
+        power: i32,
+        groups: &mut DigitGroups,
+    ) -> Result<f64, CellFinding> {
+        let found = self.read(cell, point, power);
+        if !matches!(found, Err(CellFinding::Text(_))) {
+            return found;
+        }
+        let Some(number) = grouped(cell.trim_ascii(), point) else { return found };
+        groups.are_sure |= !number.is_ambiguous;
+        if groups.are_sure { self.read(&number.plain, point, power) } else { found }
     }
 
     /// The number in the scratch times a power of ten. `None` for `inf`, which has no exponent to change.
@@ -118,7 +148,8 @@ mod tests {
         }
         for (cell, value) in [
             ("inf", infinite("inf")),
-            ("1e308", infinite("1e308")),
+            ("2e306", infinite("2e306")),
+            ("1e308", Err(CellFinding::Overload("1e308".to_owned()))),
             ("1e-99999999999", Ok(0.0)),
             ("1e99999999999", infinite("1e99999999999")),
             ("17.86", Ok(17.86e3)),

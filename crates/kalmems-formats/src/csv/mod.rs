@@ -2,6 +2,7 @@
 
 mod cell;
 mod dialect;
+mod grouped;
 mod hints;
 mod input;
 pub(crate) mod number;

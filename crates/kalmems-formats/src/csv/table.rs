@@ -1,13 +1,13 @@
 //! A text as a table.
 
-use super::cell::CellReader;
-use super::dialect::{ColumnOrigin, Dialect, DialectColumn, Heading, RecordShape};
+use super::cell::{CellReader, DigitGroups};
+use super::dialect::{ColumnOrigin, Dialect, Heading, RecordShape, marks};
 use super::input::CsvInput;
 use super::number::quick;
 use super::split::{BLANKS, Split};
 use crate::{
     Block, CellFault, CellFinding, Digest, FormatError, Table, TableDescription, TimeKind, TimeReader,
-    TimeUnit, WantedColumn,
+    TimeUnit, WantedColumn, sentinels,
 };
 
 /// As much text is gone through for one block, so that a block does not take long where rows are left out.
@@ -18,6 +18,9 @@ const BYTES_PER_BLOCK: u64 = 16 << 20;
 struct CellUse {
     /// Read as a number, times this power of ten.
     power: Option<i32>,
+    /// Numbers from this size on are looked at more closely.
+    limit: f64,
+    groups: DigitGroups,
     /// Read as a time, among the numbers.
     time: bool,
     /// Kept as a label.
@@ -75,6 +78,8 @@ pub(super) struct CsvTable {
     line: u64,
     record: RecordPlace,
     blank: (u64, u64),
+    /// Rows of empty cells before the next row: the line of the first and how many. At the end they are none, as a spreadsheet writes them.
+    empty: (u64, u64),
     /// Whether it was told that the last line has no end.
     end_is_told: bool,
     /// Memory that is used again.
@@ -139,6 +144,7 @@ impl CsvTable {
             rows: None,
             evidence: dialect.evidence,
             left_out: Vec::new(),
+            protection: String::new(),
         };
         Self {
             input,
@@ -153,6 +159,7 @@ impl CsvTable {
             line: dialect.first_row_line,
             record: RecordPlace::new(1),
             blank: (0, 0),
+            empty: (0, 0),
             end_is_told: false,
             split: Split::default(),
             cells: CellReader::default(),
@@ -190,7 +197,7 @@ impl CsvTable {
     /// of blanks separates the cells.
     fn quick_rows<const BLANK: bool>(&mut self, block: &mut Block) -> RowOutcome {
         // A row after blank lines is told differently.
-        if self.blank.1 > 0 {
+        if self.blank.1 > 0 || self.empty.1 > 0 || self.dialect.named_cells {
             return RowOutcome::On;
         }
         // The first time, of a row that is one, says where they count from.
@@ -238,6 +245,7 @@ impl CsvTable {
         let Some(usage) = self.uses.iter_mut().find(|usage| usage.time) else { return true };
         if self.times.is_plain() {
             (usage.power, usage.time) = (Some(self.times.power()), false);
+            usage.limit = f64::INFINITY;
         }
         self.times.origin().is_some()
     }
@@ -265,7 +273,9 @@ impl CsvTable {
         }
         if self.is_blank() {
             self.blank = (if self.blank.1 == 0 { self.line } else { self.blank.0 }, self.blank.1 + lines);
-        } else if !self.take_blank_lines(block) {
+        } else if self.split.iter().all(<[u8]>::is_empty) {
+            self.empty = (if self.empty.1 == 0 { self.line } else { self.empty.0 }, self.empty.1 + 1);
+        } else if !self.take_empty_rows(block) || !self.take_blank_lines(block) {
             return Ok(RowOutcome::Full);
         } else if !self.dialect.fits(&self.split) {
             self.leave_out(block);
@@ -279,10 +289,11 @@ impl CsvTable {
         Ok(RowOutcome::On)
     }
 
-    /// Whether the row that is split has nothing in it.
+    /// Whether the row that is split has nothing in it, not even as many empty cells as a row has.
     fn is_blank(&self) -> bool {
         let headed = matches!(self.dialect.records, RecordShape::Headed(_));
-        self.split.is_blank() || headed && self.split.iter().all(<[u8]>::is_empty)
+        let is_row = !headed && self.dialect.fits(&self.split);
+        self.split.is_blank() || !is_row && self.split.iter().all(<[u8]>::is_empty)
     }
 
     /// Passes over a header between records, if the row that is split is the first line of one.
@@ -350,6 +361,23 @@ impl CsvTable {
         }
     }
 
+    /// Takes the rows of empty cells before a row, each of which is a row without values; `false` where the block is full.
+    fn take_empty_rows(&mut self, block: &mut Block) -> bool {
+        if self.empty.1 == 0 {
+            return true;
+        }
+        let after = std::mem::replace(&mut self.line, self.empty.0);
+        let row = std::mem::take(&mut self.split);
+        while self.empty.1 > 0 && block.rows < block.capacity {
+            self.take_row(block);
+            self.line += 1;
+            self.empty = (self.line, self.empty.1 - 1);
+        }
+        self.split = row;
+        self.line = after;
+        self.empty.1 == 0
+    }
+
     /// Tells of the blank lines before a row; `false` where they are rows and the block is full.
     fn take_blank_lines(&mut self, block: &mut Block) -> bool {
         let (line, count) = self.blank;
@@ -411,10 +439,11 @@ impl CsvTable {
     /// Takes the row that is split, cell by cell.
     fn take_row(&mut self, block: &mut Block) {
         self.numbers.clear();
-        for (index, usage) in self.uses.iter().enumerate() {
+        for (index, usage) in self.uses.iter_mut().enumerate() {
             let cell = self.split.cell(index);
+            let cell = if self.dialect.named_cells { marks::behind_name(cell) } else { cell };
             let number = match usage.power {
-                Some(power) => self.cells.read(cell, self.dialect.point, power),
+                Some(power) => self.cells.read_in_groups(cell, self.dialect.point, power, &mut usage.groups),
                 None if usage.time => self.times.cell(cell, self.dialect.point),
                 None => continue,
             };
@@ -448,12 +477,16 @@ impl Table for CsvTable {
             let cell = self.origin(want.column()).and_then(ColumnOrigin::cell);
             let usage = cell.and_then(|cell| self.uses.get_mut(cell));
             match (want, usage) {
-                (WantedColumn::Number { power, .. }, Some(usage)) => usage.power = Some(*power),
+                (WantedColumn::Number { power, .. }, Some(usage)) => {
+                    (usage.power, usage.limit) = (Some(*power), sentinels::limit(*power));
+                }
                 // The header's own clock counts from where it says.
                 (WantedColumn::Time { column, unit, .. }, Some(usage)) => {
-                    match self.dialect.columns.get(*column) {
-                        Some(DialectColumn { origin: ColumnOrigin::Cell(_), .. }) => usage.time = true,
-                        _ => usage.power = Some(unit.power),
+                    let origin = self.dialect.columns.get(*column).map(|column| column.origin);
+                    if matches!(origin, Some(ColumnOrigin::Cell(_))) {
+                        usage.time = true;
+                    } else {
+                        (usage.power, usage.limit) = (Some(unit.power), f64::INFINITY);
                     }
                 }
                 (WantedColumn::Label { .. }, Some(usage)) => usage.label = true,
@@ -507,6 +540,11 @@ impl CsvTable {
                 RowOutcome::On => {}
                 RowOutcome::Full => return Ok(()),
                 RowOutcome::End => {
+                    let (line, count) = std::mem::take(&mut self.empty);
+                    if count > 0 {
+                        let (row, fault) = (block.rows, CellFinding::BlankLines { count });
+                        block.faults.push(CellFault { row, line, column: None, fault });
+                    }
                     self.tell_open_end(block);
                     return Ok(());
                 }
@@ -550,6 +588,9 @@ fn quick_row<const BLANK: bool>(
         if let Some(power) = usage.power {
             place = skip_spaces(text, place);
             let (number, end) = quick(text, place, dialect.point, power)?;
+            if number.abs() >= usage.limit {
+                return None;
+            }
             numbers.push(number);
             place = if BLANK { end } else { skip_spaces(text, end) };
         } else if usage.time {

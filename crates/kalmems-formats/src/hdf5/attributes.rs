@@ -84,6 +84,17 @@ impl Attributes {
         }
     }
 
+    /// Those that are single numbers.
+    pub(super) fn single_numbers(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.0.iter().filter_map(|(name, value)| match value {
+            AttributeValue::Numbers(numbers) => match numbers[..] {
+                [only] => Some((name.as_str(), only.rounded())),
+                _ => None,
+            },
+            _ => None,
+        })
+    }
+
     /// The unit or the units of the columns, whatever the attribute is called.
     pub(super) fn units(&self) -> &[String] {
         let is_unit = |name: &str| {

@@ -199,6 +199,10 @@ impl RecordLane for ChunkLane {
         usize::try_from(self.grid.columns).unwrap_or(0) * self.grid.element
     }
 
+    fn protection(&self) -> Option<&'static str> {
+        self.filters.iter().find_map(|filter| filter.protection())
+    }
+
     fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
         out.clear();
         let record = self.record();

@@ -19,6 +19,15 @@ pub(super) enum DatasetFilter {
 }
 
 impl DatasetFilter {
+    /// Which checksum it brings.
+    pub(super) const fn protection(self) -> Option<&'static str> {
+        match self {
+            Self::Deflate => Some("Adler-32"),
+            Self::Fletcher32 => Some("Fletcher-32"),
+            Self::Shuffle | Self::Lzf => None,
+        }
+    }
+
     pub(super) fn of(id: u16) -> Option<Self> {
         match id {
             1 => Some(Self::Deflate),
@@ -105,6 +114,10 @@ fn inflate(packed: &[u8], limit: usize) -> Result<Vec<u8>, String> {
         engine.decompress(packed, &mut unpacked, FlushDecompress::Finish).map_err(|e| e.to_string())?;
     if status != Status::StreamEnd {
         return Err("packed bytes that unpack to more, or do not end".to_owned());
+    }
+    let left = packed.len() as u64 - engine.total_in();
+    if left > 0 {
+        return Err(format!("{left} bytes behind what is packed"));
     }
     unpacked.truncate(usize::try_from(engine.total_out()).unwrap_or(limit));
     Ok(unpacked)

@@ -19,10 +19,12 @@ mod search;
 mod tree;
 mod values;
 
+use crate::clock::SampleClock;
 use crate::name::with_unit;
 use crate::records::{CellKind, RecordField, RecordLane, RecordTable, TextEncoding};
 use crate::scaling::{self, Scaling, ScalingStep};
 use crate::source::SharedFile;
+use crate::stated_clock::{StatedNumbers, settle_each};
 use crate::time::{TimeCode, TimeKind};
 use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
 use attributes::{Attributes, Dataspace};
@@ -38,6 +40,8 @@ const MAT: &str = "MAT 7.3";
 const OBJECTS: usize = 4096;
 /// Elements of a dataset of texts of several lengths.
 const TEXTS: u64 = 1 << 18;
+/// The attribute that says how long a tick of a device's clock is.
+const TIMEBASE: &str = "timebase";
 /// Columns of a dataset of two axes that becomes columns beside others.
 const BESIDE: u64 = 64;
 /// What MATLAB needs to be told to write what others can read.
@@ -59,6 +63,9 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         left_out: Vec::new(),
         fields: Vec::new(),
         lanes: Vec::new(),
+        stated: StatedNumbers::default(),
+        timebase_s: None,
+        own_clocks: Vec::new(),
     };
     match &hints.group {
         Some(path) => parts.at_path(path, hints)?,
@@ -76,6 +83,12 @@ struct Hdf5TableParts {
     left_out: Vec<OmittedPart>,
     fields: Vec<RecordField>,
     lanes: Vec<Box<dyn RecordLane>>,
+    /// What the attributes of the root and of the group state of clocks, and single numbers in the group.
+    stated: StatedNumbers,
+    /// How long a tick of the device's clock is in s, where they state it (LabOne of Zurich Instruments).
+    timebase_s: Option<f64>,
+    /// What each column's own attributes state, by its place among the fields.
+    own_clocks: Vec<(usize, SampleClock)>,
 }
 
 /// A dataset with what is needed to read it.
@@ -193,6 +206,7 @@ impl Hdf5TableParts {
         } else {
             format!("the datasets of `{path}`, a column each")
         };
+        self.learn_clock(group);
         let links = links(&group.file, &group.header()?)?;
         limits::at_most(
             FORMAT,
@@ -231,6 +245,27 @@ impl Hdf5TableParts {
         Ok(())
     }
 
+    /// Learns what the attributes of a group, and of the root, state of clocks.
+    fn learn_clock(&mut self, group: &Object) {
+        for object in [group.clone(), self.files.root()] {
+            // Attributes that cannot be read state nothing.
+            let attributes = object.header().and_then(|header| Attributes::read(&object.file, &header));
+            for (name, number) in attributes.unwrap_or_default().single_numbers() {
+                self.stated.learn(name, number);
+                if name == TIMEBASE {
+                    self.timebase_s.get_or_insert(number);
+                }
+            }
+        }
+    }
+
+    /// How long a tick is in s, of which the numbers of a column are counts.
+    fn tick_s(&self, found: &FoundDataset, name: &str) -> Option<f64> {
+        let counts = matches!(name.to_lowercase().as_str(), "timestamp" | "timestamps");
+        let own = found.attributes.single_numbers().find(|(name, _)| *name == TIMEBASE).map(|(_, s)| s);
+        own.or(self.timebase_s).filter(|tick_s| counts && (1e-15..1.0).contains(tick_s))
+    }
+
     fn leave_out(&mut self, name: &str, why: &str) {
         self.left_out.push(OmittedPart::new(name, why));
     }
@@ -249,7 +284,13 @@ impl Hdf5TableParts {
         }
         let (rows, turned) = match found.space.shape[..] {
             _ if found.space.count() == 1 => {
-                self.leave_out(name, "a single value");
+                let number = match found.kind {
+                    DatatypeKind::Number(element) => values::single(&found, element),
+                    _ => None,
+                };
+                if !number.is_some_and(|number| self.stated.learn(name, number)) {
+                    self.leave_out(name, "a single value");
+                }
                 return Ok(());
             }
             [rows] | [rows, 1] => (rows, false),
@@ -293,10 +334,20 @@ impl Hdf5TableParts {
             }
         };
         let unit = found.attributes.units().first().map_or("", String::as_str);
-        let unit = if counted.is_some() { "" } else { unit };
+        let tick_s = self.tick_s(&found, name);
+        let unit = match (counted, tick_s) {
+            (Some(_), _) => "",
+            (None, Some(_)) => "s",
+            (None, None) => unit,
+        };
         let column = Column::new(&with_unit(name, unit)).at(found.place());
-        let scaling = found.scaling();
+        let mut scaling = found.scaling();
+        scaling.steps.extend(tick_s.map(|factor| ScalingStep::Linear { factor, offset: 0.0 }));
         self.say(&column.name, &scaling);
+        let mut own = StatedNumbers::default();
+        if found.attributes.single_numbers().filter(|(name, number)| own.learn(name, *number)).count() > 0 {
+            self.own_clocks.push((self.fields.len(), own.clock()));
+        }
         self.lanes.push(values::lane(found, rows, 1, turned, self.file_bytes)?);
         self.fields.push(RecordField { scaling, ..RecordField::new(column, cells, rows) });
         Ok(())
@@ -476,7 +527,16 @@ impl Hdf5TableParts {
             ));
         }
         let format = if self.matlab { MAT } else { FORMAT };
-        let Self { recognised, left_out, fields, lanes, file_bytes, .. } = self;
+        let Self { mut recognised, left_out, mut fields, mut lanes, file_bytes, stated, own_clocks, .. } =
+            self;
+        let mut clocks = vec![stated.clock(); fields.len()];
+        for (field, own) in own_clocks {
+            if let Some(clock) = clocks.get_mut(field).filter(|_| own.step.is_some()) {
+                *clock = own;
+            }
+        }
+        let stated_by = "attributes, and datasets of one number";
+        recognised.push_str(&settle_each(&clocks, &mut fields, &mut lanes, stated_by));
         Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
     }
 }

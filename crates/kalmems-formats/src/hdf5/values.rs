@@ -9,6 +9,7 @@ use super::heap;
 use super::layout::{Chunked, DataLayout};
 use super::objects::Object;
 use super::{FORMAT, FoundDataset, TEXTS, unsupported};
+use crate::element::Element;
 use crate::lanes::UnpackedRecords;
 use crate::records::{RecordLane, TextEncoding};
 use crate::source::SharedFile;
@@ -158,6 +159,14 @@ fn characters(found: &FoundDataset, address: u64) -> Result<Option<Vec<u8>>, For
     let mut utf8 = Vec::new();
     TextEncoding::Utf16 { big_endian: element.big_endian }.read(&raw, &mut utf8);
     Ok(Some(utf8))
+}
+
+/// The number of a dataset of one element; none where it cannot be read or was never written.
+pub(super) fn single(found: &FoundDataset, element: Element) -> Option<f64> {
+    let raw = Some(found)
+        .filter(|found| found.space.shape.len() <= 2)
+        .and_then(|found| cells(found, element.bytes).ok())?;
+    Some(element.exact(raw.get(..element.bytes)?).rounded())
 }
 
 /// All elements of a small dataset, in the order in which they are stored.

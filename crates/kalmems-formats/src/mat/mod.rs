@@ -7,6 +7,7 @@ use crate::element::Element;
 use crate::lanes::TextLane;
 use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
 use crate::source::SharedFile;
+use crate::stated_clock::StatedNumbers;
 use crate::stream::{Compression, FileStretch, StreamLane};
 use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
 use array::{COMPRESSED, Elements, FORMAT, MATRIX, MatValue, MatVariable, MemoryBudget};
@@ -17,6 +18,8 @@ const HEADER: u64 = 128;
 
 /// What MATLAB needs to be told to write what others can read.
 const TABLE_REMEDY: &str = "save `S = table2struct(T, ToScalar=true)` with `save(…, \"-struct\", \"S\")`";
+/// Bytes of a variable that is compared with its checksum before it is read.
+const VERIFIED_AT_ONCE: u64 = 1 << 20;
 /// Columns of a matrix that become columns beside others.
 const BESIDE: u64 = 64;
 
@@ -161,10 +164,28 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
         };
         limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
         let name = format!("the variable at byte {at}");
-        let stretch =
-            FileStretch { source: Arc::clone(source), format: FORMAT, name, packing, start, end, crc: None };
+        let mut stretch = FileStretch {
+            source: Arc::clone(source),
+            format: FORMAT,
+            name,
+            packing,
+            start,
+            end,
+            unpacked: end - start,
+            crc: None,
+            verified: Arc::default(),
+        };
+        if packing == Compression::Zlib {
+            // An array with its tag of eight bytes.
+            stretch.unpacked = 8 + u64::from(word(&stretch.stream().bytes(8)?[4..]));
+        }
         let mut elements = Elements { stream: stretch.stream(), big_endian };
-        found.push((stretch, elements.array(&mut budget)?));
+        let variable = elements.array(&mut budget)?;
+        // Vectors are compared with their checksum when they are read; what is used or left out by its header, now.
+        if !is_column(&variable.value) || stretch.unpacked <= VERIFIED_AT_ONCE {
+            stretch.verify()?;
+        }
+        found.push((stretch, variable));
         at = end;
     }
     Ok(found)
@@ -210,6 +231,7 @@ struct MatTableParts {
     left_out: Vec<OmittedPart>,
     fields: Vec<RecordField>,
     lanes: Vec<Box<dyn RecordLane>>,
+    stated: StatedNumbers,
 }
 
 impl MatTableParts {
@@ -249,7 +271,7 @@ impl MatTableParts {
         for (number, name) in names.iter().enumerate() {
             let lane = self.lanes.len();
             let skip = place + number as u64 * rows * element.bytes as u64;
-            self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, element.bytes, rows)));
+            self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, element.bytes)));
             let column = Column::new(name).at(format!("column {}", number + 1));
             self.fields.push(RecordField::new(column, CellKind::Numbers { lane, offset: 0, element }, rows));
         }
@@ -263,7 +285,7 @@ impl MatTableParts {
         match value {
             MatValue::Numbers { place, element, rows, columns } if !single => {
                 let rows = rows * columns;
-                self.lanes.push(Box::new(StreamLane::new(stretch.clone(), place, element.bytes, rows)));
+                self.lanes.push(Box::new(StreamLane::new(stretch.clone(), place, element.bytes)));
                 self.fields.push(RecordField::new(
                     column,
                     CellKind::Numbers { lane, offset: 0, element },
@@ -275,6 +297,8 @@ impl MatTableParts {
                 self.lanes.push(Box::new(TextLane { texts, next: 0 }));
                 self.fields.push(RecordField::new(column, CellKind::Texts { lane }, rows));
             }
+            MatValue::Numbers { place, element, rows: 1, columns: 1 }
+                if stretch.number(place, element).is_ok_and(|number| self.stated.learn(&name, number)) => {}
             MatValue::Numbers { rows, columns, .. } => {
                 self.left_out.push(OmittedPart::new(name, format!("{rows} × {columns}")));
             }
@@ -331,7 +355,8 @@ impl MatTableParts {
                     .to_owned(),
             });
         }
-        let Self { format, recognised, left_out, fields, lanes } = self;
+        let Self { format, mut recognised, left_out, mut fields, mut lanes, stated } = self;
+        recognised.push_str(&stated.settle(&mut fields, &mut lanes, "variables of one number"));
         Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
     }
 }

@@ -84,7 +84,9 @@ pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, Ma
         packing: Compression::Stored,
         start: 0,
         end: source.length(),
+        unpacked: source.length(),
         crc: None,
+        verified: Arc::default(),
     };
     let mut found = Vec::new();
     let mut at = 0;

@@ -6,6 +6,7 @@ mod zip;
 
 use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
 use crate::source::SharedFile;
+use crate::stated_clock::StatedNumbers;
 use crate::stream::{Compression, FileStretch, StreamLane};
 use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
 use header::{Cell, Descr, NpyHeader};
@@ -26,9 +27,11 @@ pub(crate) fn open_npy(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
         packing: Compression::Stored,
         start: 0,
         end: file_bytes,
+        unpacked: file_bytes,
         crc: None,
+        verified: Arc::default(),
     };
-    let array = NpyArray::open(stretch, String::new(), file_bytes)?;
+    let array = NpyArray::open(stretch, String::new())?;
     let mut table = NpyTableParts::default();
     array.add_table(hints, &mut table)?;
     table.finish(FORMAT, file_bytes)
@@ -49,9 +52,8 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
         if hints.group.as_deref().is_some_and(|wanted| wanted != name) {
             continue;
         }
-        let unpacked = member.unpacked;
         let name = name.to_owned();
-        arrays.push(NpyArray::open(member.stretch(Arc::clone(&source))?, name, unpacked)?);
+        arrays.push(NpyArray::open(member.stretch(Arc::clone(&source))?, name)?);
     }
     if let Some(wanted) = &hints.group {
         let Some(array) = arrays.into_iter().next() else {
@@ -77,6 +79,7 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
         for array in others {
             match array.names_beside().filter(|_| any) {
                 Some(names) => array.add_columns(&names, &mut table)?,
+                None if array.states_a_clock(&mut table.stated)? => {}
                 None => table.left_out.push(OmittedPart::new(&array.name, array.shape())),
             }
         }
@@ -91,6 +94,7 @@ struct NpyTableParts {
     left_out: Vec<OmittedPart>,
     fields: Vec<RecordField>,
     lanes: Vec<Box<dyn RecordLane>>,
+    stated: StatedNumbers,
 }
 
 impl NpyTableParts {
@@ -106,7 +110,8 @@ impl NpyTableParts {
         if self.recognised.is_empty() {
             self.recognised = format!("{} arrays, a column each", self.fields.len());
         }
-        let Self { recognised, left_out, fields, lanes } = self;
+        let Self { mut recognised, left_out, mut fields, mut lanes, stated } = self;
+        recognised.push_str(&stated.settle(&mut fields, &mut lanes, "arrays of one number"));
         Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
     }
 }
@@ -120,13 +125,13 @@ struct NpyArray {
 
 impl NpyArray {
     /// Reads the header and compares what it claims with the bytes that there are.
-    fn open(stretch: FileStretch, name: String, unpacked: u64) -> Result<Self, FormatError> {
+    fn open(stretch: FileStretch, name: String) -> Result<Self, FormatError> {
         let format = stretch.format;
         let mut stream = stretch.stream();
         let header = NpyHeader::read(format, &stretch.name, |count| stream.bytes(count))?;
         let (count, bytes) = header.size(format)?;
         limits::plausible_rows(format, count, stretch.source.length())?;
-        let there = unpacked.saturating_sub(header.bytes);
+        let there = stretch.unpacked.saturating_sub(header.bytes);
         // What is not read may have any length.
         let other = matches!(header.element, Descr::Plain(Cell::Other { .. }));
         if bytes != there && !other {
@@ -161,15 +166,18 @@ impl NpyArray {
             }
     }
 
-    fn lane(&self, skip: u64, record: usize, rows: u64) -> Box<dyn RecordLane> {
-        let mut stretch = self.stretch.clone();
-        // A checksum is over the whole of it.
-        if rows * record as u64
-            != self.header.shape.iter().product::<u64>() * self.header.element.bytes() as u64
-        {
-            stretch.crc = None;
+    /// Whether it is a single number that states a clock.
+    fn states_a_clock(&self, stated: &mut StatedNumbers) -> Result<bool, FormatError> {
+        match (&self.header.element, &self.header.shape[..]) {
+            (Descr::Plain(Cell::Number(element)), [] | [1]) => {
+                Ok(stated.learn(&self.name, self.stretch.number(self.header.bytes, *element)?))
+            }
+            _ => Ok(false),
         }
-        Box::new(StreamLane::new(stretch, self.header.bytes + skip, record, rows))
+    }
+
+    fn lane(&self, skip: u64, record: usize) -> Box<dyn RecordLane> {
+        Box::new(StreamLane::new(self.stretch.clone(), self.header.bytes + skip, record))
     }
 
     /// The array as a column.
@@ -178,7 +186,7 @@ impl NpyArray {
         let rows = self.header.shape.iter().product();
         let lane = table.lanes.len();
         if let Some(cells) = cells(cell, lane, 0) {
-            table.lanes.push(self.lane(0, cell.bytes(), rows));
+            table.lanes.push(self.lane(0, cell.bytes()));
             table.fields.push(RecordField::new(Column::new(&self.name), cells, rows));
         }
     }
@@ -215,7 +223,7 @@ impl NpyArray {
                     }
                     offset += cell.bytes();
                 }
-                table.lanes.push(self.lane(0, offset, shape[0]));
+                table.lanes.push(self.lane(0, offset));
                 return Ok(());
             }
             (Descr::Plain(Cell::Number(_) | Cell::Time(_) | Cell::Text { .. }), 1 | 2) => {}
@@ -268,11 +276,11 @@ impl NpyArray {
                 table.fields.push(RecordField::new(column, cells, rows));
             }
             if self.header.fortran {
-                table.lanes.push(self.lane(number as u64 * rows * size as u64, size, rows));
+                table.lanes.push(self.lane(number as u64 * rows * size as u64, size));
             }
         }
         if !self.header.fortran {
-            table.lanes.push(self.lane(0, wide, rows));
+            table.lanes.push(self.lane(0, wide));
         }
         Ok(())
     }

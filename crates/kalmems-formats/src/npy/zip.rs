@@ -13,7 +13,7 @@ const TAIL: u64 = 22 + 65_535 + 20;
 /// A file in the zip file.
 pub(super) struct ZipMember {
     pub(super) name: String,
-    pub(super) unpacked: u64,
+    unpacked: u64,
     packed: u64,
     method: u16,
     encrypted: bool,
@@ -107,14 +107,25 @@ impl ZipMember {
         if !header.starts_with(b"PK\x03\x04") {
             return Err(damaged(self.header, "no member", "a header of one"));
         }
-        let start = self.header + 30 + u64::from(u16_at(&header, 26)) + u64::from(u16_at(&header, 28));
+        // The directory and the member's own header both have its name and its method.
+        let own_name = source.bytes(FORMAT, self.header + 30, usize::from(u16_at(&header, 26)))?;
+        if String::from_utf8_lossy(&own_name) != self.name || u16_at(&header, 8) != self.method {
+            let found =
+                format!("a header of `{}`, packed by method {}", own_name.escape_ascii(), u16_at(&header, 8));
+            let expected =
+                format!("that of `{}`, packed by method {}, as the directory says", self.name, self.method);
+            return Err(damaged(self.header, &found, &expected));
+        }
+        let start = self.header + 30 + own_name.len() as u64 + u64::from(u16_at(&header, 28));
         let end = source.within(FORMAT, start, self.packed)?;
         if packing == Compression::Stored && self.packed != self.unpacked {
             return Err(damaged(self.header, "unpacked bytes of another length", "the same"));
         }
         limits::plausible_unpacked(FORMAT, &format!("`{}`", self.name), self.unpacked, self.packed)?;
         let name = format!("`{}`", self.name);
-        Ok(FileStretch { source, format: FORMAT, name, packing, start, end, crc: Some(self.crc) })
+        let (unpacked, crc) = (self.unpacked, Some(self.crc));
+        let verified = Arc::default();
+        Ok(FileStretch { source, format: FORMAT, name, packing, start, end, unpacked, crc, verified })
     }
 }
 

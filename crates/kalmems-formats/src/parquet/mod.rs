@@ -6,11 +6,15 @@ mod packing;
 mod pages;
 mod thrift;
 
+use crate::clock::{RegularTimes, SampleClock};
 use crate::decimal::Shift;
+use crate::element::{Element, ElementKind};
 use crate::limits::{self, BLOCK_BYTES};
 use crate::panics;
 use crate::records::{push_label, refuse_infinities};
+use crate::sentinels;
 use crate::source::SharedFile;
+use crate::stated_clock::{StatedNumbers, names_a_time};
 use crate::table::bytes_until;
 use crate::{
     Block, CellFault, CellFinding, Column, FormatError, Hints, Instant, Labels, OmittedPart, Table,
@@ -117,6 +121,23 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
             remedy: "write columns of numbers".to_owned(),
         });
     }
+    let clock = stated_clock(&metadata).filter(|_| {
+        !columns
+            .iter()
+            .zip(&kinds)
+            .any(|(column, leaf)| matches!(leaf.kind, ValueKind::Time(..)) || names_a_time(&column.name))
+    });
+    let of = |(column, leaf): (&Column, &SchemaLeaf)| {
+        let chunk = metadata.row_groups().first().map(|group| group.column(leaf.number));
+        (column.name.clone(), chunk.and_then(|chunk| pages::protection(&source, chunk)))
+    };
+    let protection = crate::table::protection(&columns.iter().zip(&kinds).map(of).collect::<Vec<_>>());
+    if let Some(RegularTimes { start_s, step, .. }) = &clock {
+        columns.insert(0, Column::new("time_s"));
+        kinds.insert(0, SchemaLeaf { number: 0, kind: ValueKind::Clock, levels: 0 });
+        recognised
+            .push_str(&format!("; time_s = {start_s} s + {step} for row k from 0 on, as the metadata state"));
+    }
     let description = TableDescription {
         format: FORMAT,
         recognised,
@@ -124,6 +145,7 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
         rows: Some(rows),
         evidence: TableEvidence::Format,
         left_out,
+        protection,
     };
     Ok(Box::new(ParquetTable {
         description,
@@ -135,7 +157,23 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
         file_bytes,
         wanted: Vec::new(),
         times: TimeReader::new(TimeUnit::SECOND, None),
+        clock,
     }))
+}
+
+/// The clock that keys of the metadata state.
+fn stated_clock(metadata: &ParquetMetaData) -> Option<RegularTimes> {
+    let mut stated = StatedNumbers::default();
+    for pair in metadata.file_metadata().key_value_metadata().into_iter().flatten() {
+        if let Some(number) =
+            pair.value.as_ref().and_then(|text| fast_float2::parse::<f64, _>(text.trim()).ok())
+        {
+            stated.learn(&pair.key, number);
+        }
+    }
+    let SampleClock { offset_s, step, .. } = stated.clock();
+    let step = step.filter(|step| step.is_sound())?;
+    Some(RegularTimes { row: 0, start_s: offset_s, step })
 }
 
 /// A column of the schema.
@@ -161,6 +199,8 @@ enum ValueKind {
     Time(TimeUnit, TimeKind),
     /// Numbers that f64 holds, and texts.
     Plain,
+    /// Times by the clock that the metadata state; not in the file.
+    Clock,
 }
 
 /// What a column holds, or why it is left out.
@@ -231,6 +271,18 @@ fn time(descriptor: &ColumnDescriptor) -> Option<ValueKind> {
     matches!(descriptor.physical_type(), Type::INT32 | Type::INT64).then_some(ValueKind::Time(unit, kind))
 }
 
+/// What the numbers of a column are kept in, where ends of it may say that there is none.
+fn element_of(descriptor: &ColumnDescriptor) -> Option<Element> {
+    let (kind, bytes) = match (descriptor.physical_type(), descriptor.converted_type()) {
+        (Type::FLOAT, _) => (ElementKind::Float, 4),
+        (Type::DOUBLE, _) => (ElementKind::Float, 8),
+        (_, ConvertedType::INT_16) => (ElementKind::Signed, 2),
+        (_, ConvertedType::UINT_16) => (ElementKind::Unsigned, 2),
+        _ => return None,
+    };
+    Some(Element::little(kind, bytes))
+}
+
 struct ParquetTable {
     description: TableDescription,
     source: Arc<SharedFile>,
@@ -241,6 +293,7 @@ struct ParquetTable {
     file_bytes: u64,
     wanted: Vec<ColumnCursor>,
     times: TimeReader,
+    clock: Option<RegularTimes>,
 }
 
 /// A wanted column and how far it is read.
@@ -248,6 +301,7 @@ struct ColumnCursor {
     want: WantedColumn,
     column: usize,
     leaf: SchemaLeaf,
+    element: Option<Element>,
     reader: Option<ColumnReader>,
     group: usize,
     levels: Vec<i16>,
@@ -277,19 +331,31 @@ impl Table for ParquetTable {
             let Some(leaf) = self.kinds.get(column).copied() else {
                 return Err(unsupported(format!("column {column}, which is not there,")));
             };
-            let schema = self.metadata.file_metadata().schema_descr();
-            let text = schema.column(leaf.number).physical_type() == Type::BYTE_ARRAY;
+            if leaf.kind == ValueKind::Clock && want.is_label() {
+                return Err(unsupported("the clock of the metadata as labels".to_owned()));
+            }
+            let descriptor = self.metadata.file_metadata().schema_descr().column(leaf.number);
+            let text = descriptor.physical_type() == Type::BYTE_ARRAY && leaf.kind != ValueKind::Clock;
+            let element = element_of(&descriptor);
             if text && !want.is_label() {
                 let name = &self.description.columns[column].name;
                 return Err(unsupported(format!("text where numbers belong, in column `{name}`,")));
             }
-            let cursor =
-                ColumnCursor { want: *want, column, leaf, reader: None, group: 0, levels: Vec::new() };
+            let cursor = ColumnCursor {
+                want: *want,
+                column,
+                leaf,
+                element,
+                reader: None,
+                group: 0,
+                levels: Vec::new(),
+            };
             self.wanted.push(cursor);
         }
         if let Some((column, unit, origin)) = WantedColumn::time(wanted, FORMAT)? {
             let unit = match self.kinds.get(column).map(|leaf| leaf.kind) {
                 Some(ValueKind::Time(unit, _)) => unit,
+                Some(ValueKind::Clock) => TimeUnit::SECOND,
                 _ => unit,
             };
             self.times = TimeReader::new(unit, origin);
@@ -314,16 +380,34 @@ impl Table for ParquetTable {
             match cursor.want {
                 WantedColumn::Number { .. } | WantedColumn::Time { .. } => {
                     let out = &mut block.numbers[number];
+                    if let (ValueKind::Clock, Some(clock)) = (cursor.leaf.kind, &self.clock) {
+                        let times = (self.row..self.row + rows as u64).map(|row| clock.at(row));
+                        if let WantedColumn::Number { power, .. } = cursor.want {
+                            let mut shift = Shift::new(power);
+                            out.extend(times.map(|time| shift.float(time)));
+                        } else {
+                            out.extend(times.map(|time| self.times.computed(time)));
+                        }
+                        number += 1;
+                        continue;
+                    }
                     let sink = match cursor.want {
                         WantedColumn::Number { power, .. } => Sink::Numbers { out: &mut *out, power },
                         _ => Sink::Times { out: &mut *out, times: &mut self.times },
                     };
                     let missing = cursor.read((&self.source, &self.metadata), name, rows, sink)?;
+                    let mut absent = Vec::new();
+                    if let (WantedColumn::Number { power, .. }, Some(element)) = (cursor.want, cursor.element)
+                    {
+                        sentinels::take_out(element, power, out, &mut absent);
+                    }
                     refuse_infinities(out, column, self.row, &mut block.faults);
                     // They are NaN so far, and were taken for such.
                     for fault in block.faults.iter_mut().filter(|fault| fault.column == Some(column)) {
                         if missing.get(fault.row).copied().unwrap_or(false) {
                             fault.fault = CellFinding::Missing;
+                        } else if let Ok(place) = absent.binary_search_by_key(&fault.row, |(row, _)| *row) {
+                            fault.fault = absent[place].1.clone();
                         }
                     }
                     number += 1;

@@ -59,7 +59,9 @@ impl PagePacking {
             Self::Zstd => {
                 let mut decoder = FrameDecoder::new();
                 decoder.set_max_window_size(PAGE_BYTES);
-                decoder.decode_all(packed, room).is_ok_and(|done| done == count)
+                let done = decoder.decode_all(packed, room).is_ok_and(|done| done == count);
+                let sum = decoder.get_checksum_from_data();
+                done && sum.is_none_or(|sum| decoder.get_calculated_checksum() == Some(sum))
             }
         };
         if is_whole {

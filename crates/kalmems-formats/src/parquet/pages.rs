@@ -30,6 +30,14 @@ pub(super) fn place(chunk: &ColumnChunkMetaData) -> Option<Range<u64>> {
     Some(start..start.checked_add(length)?)
 }
 
+/// Which checksum the pages of a column have, as far as the first of them shows it.
+pub(super) fn protection(source: &Arc<SharedFile>, chunk: &ColumnChunkMetaData) -> Option<&'static str> {
+    let pages = ColumnPages::of(source, chunk).ok()?;
+    let has_sum =
+        pages.packing == PagePacking::Gzip || pages.header().is_ok_and(|header| header.sum.is_some());
+    has_sum.then_some("CRC-32")
+}
+
 /// The pages of a column in a group of rows.
 pub(super) struct ColumnPages {
     source: Arc<SharedFile>,

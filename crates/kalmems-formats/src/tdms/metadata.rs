@@ -2,6 +2,7 @@
 
 use super::scales::{Properties, Property};
 use crate::FormatError;
+use crate::clock::ClockRun;
 use crate::element::{Element, ElementKind};
 use crate::limits;
 use crate::source::SharedFile;
@@ -10,6 +11,8 @@ use std::collections::HashMap;
 pub(super) const FORMAT: &str = "TDMS";
 /// Bytes before a segment's metadata.
 const LEAD_IN: u64 = 28;
+/// Versions of the format.
+const VERSIONS: [u64; 2] = [4712, 4713];
 /// Segments of a file; each is a few numbers in memory.
 const SEGMENTS: u64 = 1 << 20;
 /// Channels of all layouts together.
@@ -47,6 +50,8 @@ pub(super) struct TdmsChannel {
     pub(super) kind: Option<TdmsValue>,
     pub(super) rows: u64,
     pub(super) properties: Properties,
+    /// What is stated of its times, from which of its rows on.
+    pub(super) clocks: Vec<ClockRun>,
     /// What the last segment said of its values in one chunk.
     index: Option<RawDataIndex>,
     /// Whether it is in the list of objects of the last segment.
@@ -127,6 +132,7 @@ mod toc {
     pub(super) const INTERLEAVED: u32 = 1 << 5;
     pub(super) const BIG_ENDIAN: u32 = 1 << 6;
     pub(super) const DAQMX: u32 = 1 << 7;
+    pub(super) const ALL: u32 = METADATA | NEW_OBJECTS | RAW_DATA | INTERLEAVED | BIG_ENDIAN | DAQMX;
 }
 
 impl TdmsFile {
@@ -160,6 +166,14 @@ impl TdmsFile {
         }
         let contents = u32::from_le_bytes([lead[4], lead[5], lead[6], lead[7]]);
         let big_endian = contents & toc::BIG_ENDIAN != 0;
+        let version = number(&lead[8..12], big_endian);
+        if contents & !toc::ALL != 0 || !VERSIONS.contains(&version) {
+            return Err(damaged(
+                at,
+                format!("a segment of version {version} with the contents {contents:#x}"),
+                "version 4712 or 4713, and contents of known kinds",
+            ));
+        }
         let long = |place: usize| number(&lead[place..place + 8], big_endian);
         let (next, raw) = (long(12), long(20));
         let start = at + LEAD_IN;
@@ -285,6 +299,7 @@ impl TdmsFile {
             kind: None,
             rows: 0,
             properties: Properties::default(),
+            clocks: Vec::new(),
             index: None,
             active: false,
         });
@@ -373,6 +388,12 @@ impl TdmsFile {
         for part in parts {
             let rows = part.rows.checked_mul(chunks).and_then(|rows| rows.checked_add(cut_rows));
             let channel = &mut self.channels[part.channel];
+            if part.rows > 0 && (channel.clocks.is_empty() || channel.properties.take_clock_change()) {
+                let clock = channel.properties.clock();
+                if channel.clocks.last().is_none_or(|last| last.clock != clock) {
+                    channel.clocks.push(ClockRun { row: channel.rows, clock });
+                }
+            }
             channel.rows = rows
                 .and_then(|rows| channel.rows.checked_add(rows))
                 .ok_or_else(|| damaged(at, "more than 2⁶⁴ values".to_owned(), "fewer"))?;
@@ -477,9 +498,9 @@ impl<'a> MetadataReader<'a> {
                 element.numbers(self.take(element.bytes)?, 0, element.bytes, 1, 0, &mut number);
                 Ok(number.first().map_or(Property::Other, |number| Property::Number(*number)))
             }
-            TdmsValue::Time { .. } => {
-                self.take(16)?;
-                Ok(Property::Other)
+            TdmsValue::Time { big_endian } => {
+                let time = crate::time::labview(self.take(16)?, big_endian);
+                Ok(time.map_or(Property::Other, Property::Time))
             }
             TdmsValue::Other { bytes, .. } => {
                 self.take(bytes)?;

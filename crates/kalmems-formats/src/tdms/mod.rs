@@ -3,8 +3,9 @@
 mod metadata;
 mod scales;
 
+use crate::clock::{ClockRun, ClockedChannels};
 use crate::name::with_unit;
-use crate::records::{CellKind, RecordField, RecordLane, RecordTable, RegularClock};
+use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
 use crate::scaling::{self, Scaling};
 use crate::source::SharedFile;
 use crate::time::TimeCode;
@@ -53,10 +54,14 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         if !steps.is_empty() {
             scaled.push_str(&format!("; `{name}` = {} of the stored x", scaling::text(&steps)));
         }
-        if matches!(cells, CellKind::Numbers { .. }) {
-            let increment = channel.properties.number("wf_increment");
-            clocks.push((increment, channel.properties.number("wf_start_offset").unwrap_or(0.0)));
-        }
+        clocks.push(match (&cells, &channel.clocks[..]) {
+            // What is stated behind the values is of all of them.
+            (CellKind::Numbers { .. }, [only]) if only.clock.step.is_none() => {
+                vec![ClockRun { row: 0, clock: channel.properties.clock() }]
+            }
+            (CellKind::Numbers { .. }, runs) => runs.to_vec(),
+            _ => Vec::new(),
+        });
         let column = Column::new(&name).at(format!("{} of {group}", channel.name));
         let scaling = Scaling { missing: Vec::new(), steps };
         fields.push(RecordField { scaling, ..RecordField::new(column, cells, channel.rows) });
@@ -83,7 +88,10 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         ));
     }
     let mut recognised = format!("the channels of the group `{group}`, a column each");
-    recognised.push_str(&add_clock(&mut fields, &clocks));
+    let (fields_of, lanes_of) = (&mut fields, &mut lanes);
+    let stated_by = "wf_start_time, wf_start_offset, wf_increment";
+    let channels = ClockedChannels { fields: fields_of, lanes: lanes_of, clocks, stated_by };
+    recognised.push_str(&channels.settle());
     recognised.push_str(&scaled);
     if file.unfinished {
         recognised.push_str(&format!(
@@ -92,33 +100,6 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         ));
     }
     Ok(Box::new(RecordTable::new(FORMAT, recognised, left_out, fields, lanes, file_bytes)))
-}
-
-/// Puts the time first, where the channels agree on a clock; says what it did.
-fn add_clock(fields: &mut Vec<RecordField>, clocks: &[(Option<f64>, f64)]) -> String {
-    let Some((Some(increment), start)) = clocks.iter().find(|(increment, _)| increment.is_some()).copied()
-    else {
-        return String::new();
-    };
-    if fields.iter().any(|field| field.column.name == "time_s") {
-        return String::new();
-    }
-    if clocks.iter().any(|clock| *clock != (Some(increment), start)) {
-        return "; no time is made, because the channels differ in `wf_increment` or `wf_start_offset`"
-            .to_owned();
-    }
-    if !(increment > 0.0 && increment.is_finite() && start.is_finite()) {
-        return format!(
-            "; no time is made of a `wf_increment` of {increment} and a `wf_start_offset` of {start}"
-        );
-    }
-    let rows = fields.iter().map(|field| field.rows).max().unwrap_or(0);
-    let clock = CellKind::Clock(RegularClock::Increment { start, increment });
-    fields.insert(0, RecordField::new(Column::new("time_s"), clock, rows));
-    format!(
-        "; time_s = {start} s + k·{increment} s for row k from 0 on (wf_start_offset, wf_increment), which is not in \
-         the file"
-    )
 }
 
 /// The group that is meant.

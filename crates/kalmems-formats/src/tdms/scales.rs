@@ -1,8 +1,9 @@
 //! What the properties `NI_Scale[…]` say is to be done to the values of a channel (National Instruments, TDM Streaming
 //! in LabVIEW, scaling information).
 
-use crate::limits;
+use crate::clock::{SampleClock, SampleStep};
 use crate::scaling::ScalingStep;
+use crate::{Instant, limits};
 use std::collections::HashMap;
 
 /// Scales of a channel.
@@ -17,31 +18,56 @@ const STORED: f64 = 4_294_967_295.0;
 pub(super) enum Property {
     Text(String),
     Number(f64),
+    Time(Instant),
     Other,
 }
 
 /// The properties of an object that are looked at.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Properties(HashMap<String, Property>);
+pub(super) struct Properties {
+    known: HashMap<String, Property>,
+    /// Whether one of the clock's was stated since this was last asked for.
+    clock_changed: bool,
+}
 
 impl Properties {
     /// Keeps what will be asked for.
     pub(super) fn learn(&mut self, name: &str, value: Property) {
         let is_kept = name.starts_with("NI_") || name.starts_with("wf_") || is_unit(name);
-        if is_kept && self.0.len() < limits::COLUMNS {
-            self.0.insert(name.to_owned(), value);
+        if is_kept && self.known.len() < limits::COLUMNS {
+            self.clock_changed |= name.starts_with("wf_");
+            self.known.insert(name.to_owned(), value);
         }
     }
 
+    /// What is stated of the times of the samples.
+    pub(super) fn clock(&self) -> SampleClock {
+        let start = match self.known.get("wf_start_time") {
+            // A waveform without a time of its own begins with 1904.
+            Some(Property::Time(time)) if *time > Instant::of_seconds(crate::LABVIEW_ZERO_S) => Some(*time),
+            _ => None,
+        };
+        SampleClock {
+            start,
+            offset_s: self.number("wf_start_offset").unwrap_or(0.0),
+            step: self.number("wf_increment").map(SampleStep::Interval),
+        }
+    }
+
+    /// Whether something was stated of the times since this was last asked.
+    pub(super) fn take_clock_change(&mut self) -> bool {
+        std::mem::take(&mut self.clock_changed)
+    }
+
     pub(super) fn number(&self, name: &str) -> Option<f64> {
-        match self.0.get(name)? {
+        match self.known.get(name)? {
             Property::Number(number) => Some(*number),
             _ => None,
         }
     }
 
     pub(super) fn text(&self, name: &str) -> Option<&str> {
-        match self.0.get(name)? {
+        match self.known.get(name)? {
             Property::Text(text) => Some(text),
             _ => None,
         }
@@ -65,7 +91,7 @@ impl Properties {
             return Some(count.clamp(0.0, 1e6) as usize);
         }
         (0..SCALES)
-            .filter(|number| self.0.contains_key(&format!("NI_Scale[{number}]_Scale_Type")))
+            .filter(|number| self.known.contains_key(&format!("NI_Scale[{number}]_Scale_Type")))
             .max()
             .map(|last| last + 1)
     }

@@ -105,8 +105,9 @@ fn cells(raw: &[u8], offset: usize, stride: usize, bytes: usize, rows: usize) ->
     raw.chunks(stride.max(1)).filter_map(move |record| record.get(offset..offset + bytes)).take(rows)
 }
 
+/// A time of LabVIEW in 16 bytes.
 #[cfg(feature = "tdms")]
-fn labview(cell: &[u8], big_endian: bool) -> Option<Instant> {
+pub(crate) fn labview(cell: &[u8], big_endian: bool) -> Option<Instant> {
     let (first, second) = (cell.first_chunk::<8>()?, cell.get(8..)?.first_chunk::<8>()?);
     // The more significant half comes first where bytes do.
     if big_endian {

@@ -103,6 +103,14 @@ impl Instant {
         self >= Self::of_seconds(-seconds) && self <= Self::of_seconds(seconds)
     }
 
+    /// The nearest nanosecond.
+    pub(crate) fn to_nanosecond(self) -> Self {
+        const NANO: u64 = PARTS / 1_000_000_000;
+        let parts = (self.parts + NANO / 2) / NANO * NANO;
+        let carry = parts / PARTS;
+        Self { seconds: self.seconds.saturating_add_unsigned(carry), parts: parts % PARTS }
+    }
+
     /// Whole seconds, rounded down, and the parts of 10⁻¹⁸ s behind them.
     pub(crate) const fn seconds_and_parts(self) -> (i64, u64) {
         (self.seconds, self.parts)

@@ -11,6 +11,8 @@ mod reader;
 mod tests;
 
 pub(crate) use code::TimeCode;
+#[cfg(feature = "tdms")]
+pub(crate) use code::labview;
 pub use instant::{Instant, NoInstant};
 pub(crate) use iso::{IsoTime, parse_iso};
 pub use reader::TimeReader;

@@ -1,7 +1,10 @@
 //! The same recording from every format: `fixtures/make.py` wrote it with each format's reference tool, and as a text
 //! that the standard library parses here. Every number is compared bit by bit.
 
+mod clocks;
+mod damage;
 mod hostile;
+mod no_values;
 mod times;
 
 use kalmems_formats::{

@@ -5,7 +5,7 @@ use super::guess::{ColumnUse, GuessedColumn, guess};
 use super::kind::{FoundKind, RecordingKind, kind};
 use super::{DraftError, templates};
 use crate::config::RecordingRole;
-use crate::inspect::{Inspection, StatedTime, inspect_stated, quantity};
+use crate::inspect::{Inspection, StatedFile, inspect_stated, quantity};
 use crate::rigs::Workbench;
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -18,8 +18,8 @@ pub struct RecordingToExamine {
     pub path: PathBuf,
     /// What it was taken for, where somebody says it.
     pub role: Option<RecordingRole>,
-    /// Which column is the time, and in which unit, where somebody says it.
-    pub time: Option<StatedTime>,
+    /// How it is read, where somebody says it.
+    pub stated: StatedFile,
 }
 
 /// A recording that was looked at.
@@ -27,7 +27,7 @@ pub struct RecordingToExamine {
 pub struct ExaminedRecording {
     pub(super) path: PathBuf,
     pub(super) role: Option<RecordingRole>,
-    pub(super) time: Option<StatedTime>,
+    pub(super) stated: StatedFile,
     pub(super) inspection: Inspection,
 }
 
@@ -52,16 +52,21 @@ pub fn examine(
     recording: &RecordingToExamine,
     progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
 ) -> Result<ExaminedRecording, DraftError> {
-    let RecordingToExamine { path, role, time } = recording.clone();
-    let inspection = inspect_stated(&path, time.as_ref(), progress)?;
-    if let Some(stated) = time.as_ref().filter(|stated| inspection.time.as_ref() != Some(&stated.column)) {
+    let RecordingToExamine { path, role, stated } = recording.clone();
+    let inspection = inspect_stated(&path, &stated, progress)?;
+    if let Some(stated) = stated
+        .time
+        .as_ref()
+        .filter(|_| stated.rate_hz.is_none())
+        .filter(|stated| inspection.time.as_ref() != Some(&stated.column))
+    {
         let known = inspection.channels.iter().map(|channel| channel.column.clone()).collect();
         return Err(DraftError::TimeColumn { found: stated.column.clone(), file: path, known });
     }
     if !inspection.is_usable() {
         return Err(DraftError::Unusable { file: path });
     }
-    Ok(ExaminedRecording { path, role, time, inspection })
+    Ok(ExaminedRecording { path, role, stated, inspection })
 }
 
 impl ExaminedRecording {
@@ -149,7 +154,7 @@ impl ExaminedRecording {
         let mut sentences = self.inspection.recognised.clone();
         if let Some(longest) = self.inspection.longest_segment()
             && let (Some(rate), Some(duration)) = (longest.rate_hz, longest.duration_s)
-            && self.inspection.time.is_some()
+            && self.inspection.is_timed()
         {
             let of =
                 if self.inspection.segments.len() > 1 { "The longest of its records has" } else { "It has" };

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::config::{FROM_RECORDING, RecordingRole};
 use crate::inspect::quantity;
+use crate::recording::Hints;
 use crate::rigs::Template;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -192,6 +193,9 @@ fn recording_table(recording: &SortedRecording, wanted: &DraftRequest, place: Op
         let _ = writeln!(text, "name = \"{role}-{place}\"");
     }
     let _ = writeln!(text, "file = {}", quoted(&from_folder(&recording.examined.path, wanted.folder)));
+    if let Some(format) = format_table(&recording.examined.stated.hints, &inspection.source.format) {
+        let _ = writeln!(text, "format = {format}");
+    }
     if let Some(column) = &inspection.segment_column {
         let _ = writeln!(text, "segments = {{ column = {} }}", quoted(column));
     }
@@ -199,7 +203,7 @@ fn recording_table(recording: &SortedRecording, wanted: &DraftRequest, place: Op
     if let Some(column) = &inspection.time {
         clock.push(format!("column = {}", quoted(column)));
     }
-    if let Some(stated) = &recording.examined.time {
+    if let Some(stated) = &recording.examined.stated.time {
         clock.push(format!("unit = {}", quoted(&stated.unit_text)));
     }
     if let Some(rate) = wanted.rate {
@@ -215,6 +219,33 @@ fn recording_table(recording: &SortedRecording, wanted: &DraftRequest, place: Op
         );
     }
     text
+}
+
+/// How a file is written, as an inline table, where somebody stated something of it; `recognised` begins with its format.
+fn format_table(hints: &Hints, recognised: &str) -> Option<String> {
+    if *hints == Hints::default() {
+        return None;
+    }
+    let word = recognised.split([' ', ':']).next().unwrap_or_default().to_lowercase();
+    let kind = hints.format.map_or(word, |format| format.name().to_owned());
+    let mut keys = vec![format!("kind = {}", quoted(&kind))];
+    keys.extend(hints.group.as_ref().map(|group| format!("group = {}", quoted(group))));
+    keys.extend(hints.columns.as_ref().map(|names| {
+        let names: Vec<String> = names.iter().map(|name| quoted(name)).collect();
+        format!("columns = [{}]", names.join(", "))
+    }));
+    let csv = &hints.csv;
+    for (key, mark) in [("separator", csv.separator), ("decimal", csv.decimal)] {
+        keys.extend(mark.map(|mark| format!("{key} = {}", quoted(&mark.to_string()))));
+    }
+    for (key, line) in [
+        ("header_line", csv.header_line),
+        ("units_line", csv.units_line),
+        ("first_row_line", csv.first_row_line),
+    ] {
+        keys.extend(line.map(|line| format!("{key} = {line}")));
+    }
+    Some(format!("{{ {} }}", keys.join(", ")))
 }
 
 fn channels(assigned: &[Assigned], references: bool) -> String {

@@ -205,7 +205,12 @@ fn numbers(
         };
         match read {
             Ok(number) => Some(number),
-            Err(CellFinding::Missing | CellFinding::Nan(_) | CellFinding::Infinite(_)) => Some(f64::NAN),
+            Err(
+                CellFinding::Missing
+                | CellFinding::Nan(_)
+                | CellFinding::Overload(_)
+                | CellFinding::Infinite(_),
+            ) => Some(f64::NAN),
             Err(_) => None,
         }
     };

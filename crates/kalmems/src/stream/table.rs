@@ -137,6 +137,7 @@ impl LiveTable {
                 rows: None,
                 evidence: TableEvidence::Format,
                 left_out: Vec::new(),
+                protection: String::new(),
             },
             decoder: Decoder::new(format, &vec![0; names.len()]),
             format: format.clone(),

@@ -116,7 +116,11 @@ fn simulated_files(device: &str, folder: &Path) {
 }
 
 fn examined(path: &Path) -> ExaminedRecording {
-    let recording = RecordingToExamine { path: path.to_owned(), role: None, time: None };
+    let recording = RecordingToExamine {
+        path: path.to_owned(),
+        role: None,
+        stated: kalmems::inspect::StatedFile::default(),
+    };
     draft::examine(&recording, &mut |_, _| ControlFlow::Continue(())).unwrap()
 }
 

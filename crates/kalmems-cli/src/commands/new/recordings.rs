@@ -3,10 +3,11 @@
 use super::{ask, wrong};
 use crate::CommandEnding;
 use crate::args::NewArguments;
+use crate::commands::stated::{rate_hz, stated_time, unread};
 use crate::progress::ProgressDisplay;
 use kalmems::config::RecordingRole;
 use kalmems::draft::{self, DraftError, ExaminedRecording, RecordingToExamine};
-use kalmems::inspect::StatedTime;
+use kalmems::inspect::{StatedFile, StatedTime};
 use kalmems::progress::ReaderProgress;
 use kalmems::recording::ReadError;
 use std::path::PathBuf;
@@ -16,7 +17,8 @@ pub fn examine(
     arguments: &NewArguments,
     rate: &mut Option<String>,
 ) -> Result<Vec<ExaminedRecording>, CommandEnding> {
-    let stated = stated_time(arguments)?;
+    let stated = stated_time(arguments.time.as_ref())?;
+    let (file, rate_hz) = (arguments.file.hints(), rate_hz(rate.as_deref())?);
     let mut wanted: Vec<(PathBuf, Option<RecordingRole>)> =
         arguments.recordings.iter().map(|path| (path.clone(), None)).collect();
     for (role, file) in &arguments.further {
@@ -24,23 +26,32 @@ pub fn examine(
     }
     let mut looked_at = Vec::new();
     for (path, role) in wanted {
-        let mut recording = RecordingToExamine { path, role, time: None };
+        let mut recording = RecordingToExamine {
+            path,
+            role,
+            stated: StatedFile { hints: file.clone(), ..StatedFile::default() },
+        };
         let mut found = one(&recording)?;
         let inspection = found.inspection();
         let columns = inspection.channels.iter().map(|channel| &channel.column).chain(&inspection.time);
         if let Some(time) = &stated
             && columns.into_iter().any(|column| *column == time.column)
         {
-            recording.time = Some(time.clone());
+            recording.stated.time = Some(time.clone());
+            found = one(&recording)?;
+        }
+        if rate_hz.is_some() && !found.inspection().is_timed() {
+            recording.stated.rate_hz = rate_hz;
             found = one(&recording)?;
         }
         looked_at.push((recording, found));
     }
     // A column that no recording has is looked for in the first, whose columns are named.
     if let (Some(time), Some((first, _))) = (&stated, looked_at.first())
-        && looked_at.iter().all(|(recording, _)| recording.time.is_none())
+        && looked_at.iter().all(|(recording, _)| recording.stated.time.is_none())
     {
-        one(&RecordingToExamine { time: Some(time.clone()), ..first.clone() })?;
+        let stated = StatedFile { time: Some(time.clone()), ..first.stated.clone() };
+        one(&RecordingToExamine { stated, ..first.clone() })?;
     }
     looked_at.into_iter().map(|(recording, found)| with_time(recording, found, rate)).collect()
 }
@@ -64,7 +75,7 @@ fn with_time(
     };
     match answer {
         Some((ask::TimeAnswer::Unit(unit), column)) => {
-            recording.time = StatedTime::new(column, &unit);
+            recording.stated.time = StatedTime::new(column, &unit);
             one(&recording)
         }
         Some((ask::TimeAnswer::Rate(stated), _)) => {
@@ -81,16 +92,8 @@ fn one(recording: &RecordingToExamine) -> Result<ExaminedRecording, CommandEndin
     let mut reading = ReaderProgress::new(&bar, "reading");
     draft::examine(recording, &mut |done, total| reading.hear(done, total)).map_err(|e| match e {
         DraftError::Read(ReadError::Interrupted { .. }) => CommandEnding::Interrupted,
+        DraftError::Read(e) => unread(&e),
         e => wrong(e),
-    })
-}
-
-fn stated_time(arguments: &NewArguments) -> Result<Option<StatedTime>, CommandEnding> {
-    let Some((column, unit)) = &arguments.time else { return Ok(None) };
-    StatedTime::new(column, unit).map(Some).ok_or_else(|| {
-        CommandEnding::Wrong(format!(
-            "`--time {column}={unit}`: found `{unit}`; expected a unit of time, such as `s`, `ms`, `us` or `ns`"
-        ))
     })
 }
 

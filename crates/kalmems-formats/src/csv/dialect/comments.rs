@@ -3,6 +3,7 @@
 use super::head::cells;
 use super::marks;
 use super::units::{says_unit, unit_cell};
+use crate::time::parse_iso;
 
 /// As many are kept, the last ones.
 const KEPT: usize = 16;
@@ -41,7 +42,12 @@ impl Comments {
     pub(super) fn names(&self, separator: u8, count: usize) -> Option<CommentNames> {
         let mut last = self.lines.iter().enumerate().rev();
         last.find_map(|(index, (line, comment))| {
+            let comment = behind_key(comment, separator);
             let names = marks::names(comment, separator, count)?;
+            // A comment of as many words that holds a date or a time of day says when the file was made.
+            if names.iter().any(|name| parse_iso(name.as_bytes()).is_some()) {
+                return None;
+            }
             // Words that are separated otherwise than the rows could be a sentence; names have units.
             if cells(comment, separator).len() != count && !names.iter().any(|name| says_unit(name)) {
                 return None;
@@ -60,8 +66,24 @@ impl Comments {
     }
 }
 
-/// A comment without its mark; `None` where a line is none.
+/// What stands behind a key that announces names: `Headers, time,Ax,Ay,Az` of Gulf Coast Data Concepts.
+fn behind_key(comment: &[u8], separator: u8) -> &[u8] {
+    const KEYS: [&str; 5] = ["headers", "columns", "fields", "names", "channels"];
+    let place = comment.iter().position(|byte| *byte == separator || *byte == b':');
+    let Some((key, rest)) = place.map(|place| comment.split_at(place)) else { return comment };
+    let is_key = KEYS.iter().any(|known| key.trim_ascii().eq_ignore_ascii_case(known.as_bytes()));
+    if is_key { rest.get(1..).unwrap_or_default().trim_ascii() } else { comment }
+}
+
+/// A comment without its mark; `None` where a line is none. A semicolon marks one where it is the only one of its line: it may separate
+/// the cells of a line whose first one is empty.
 pub(super) fn unmarked(line: &[u8]) -> Option<&[u8]> {
+    if let Some(rest) = line.strip_prefix(b"//") {
+        return Some(rest.trim_ascii());
+    }
+    if let Some(rest) = line.strip_prefix(b";").filter(|rest| !rest.contains(&b';')) {
+        return Some(rest.trim_ascii());
+    }
     let mark = |byte: &u8| matches!(byte, b'#' | b'%');
     let rest = line.get(line.iter().take_while(|byte| mark(byte)).count()..)?;
     (rest.len() < line.len()).then(|| rest.trim_ascii())

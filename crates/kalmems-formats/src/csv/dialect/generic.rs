@@ -4,8 +4,9 @@ use super::comments::{Comments, unmarked};
 use super::head::{TextHead, text};
 use super::marks::is_number;
 use super::units::{column_name, unit_cell};
-use super::{ColumnOrigin, RecognizedText, RecordShape, marks};
+use super::{ColumnOrigin, RecognizedText, RecordShape, marks, preamble};
 use crate::csv::split::{BLANKS, Split};
+use crate::time::parse_iso;
 use crate::{FormatError, Hints};
 
 /// Rows that are looked at.
@@ -23,24 +24,41 @@ pub(super) fn find(
     {
         return Ok(found);
     }
+    let below =
+        match hints.csv.header_line.map_or_else(|| rows_below(head, header, hints), |_| RowsBelow::First) {
+            RowsBelow::First => None,
+            // A table may begin with rows without numbers.
+            RowsBelow::Some => preamble::find(head).unwrap_or(None),
+            RowsBelow::None => preamble::find(head)?,
+        };
+    let header = below.as_ref().map_or(header, |below| below.names);
     let separator = marks::separator(head, header, &hints.csv)?;
     let (names, header_lines) = names(head, header, separator)?;
     let after = header + header_lines;
+    let below = below.or_else(|| preamble::below_names(head, after - 1, separator, names.len()));
     let units_index = match hints.csv.units_line {
         Some(line) => Some(line_index(head, line, "units_line")?),
-        None => Some(head.filled(after)).filter(|index| is_units(head, *index, separator, &names)),
+        None => below
+            .as_ref()
+            .and_then(|below| below.units)
+            .or_else(|| Some(head.filled(after)).filter(|index| is_units(head, *index, separator, &names))),
     };
     let first_row = match hints.csv.first_row_line {
         Some(line) => line_index(head, line, "first_row_line")?,
         None if hints.columns.is_some() && names.iter().all(|name| is_number(name)) => header,
-        None => units_index.map_or(after, |index| head.filled(index + 1)),
+        None => match &below {
+            Some(below) => below.first_row,
+            None => units_index.map_or(after, |index| head.filled(index + 1)),
+        },
     };
-    if hints.csv.header_line.is_none() {
-        refuse_preamble(head, header, first_row, separator, names.len())?;
-    }
     let units = units_index.map(|index| head.cells(index, separator));
     let (cells, trailing) = width(head, first_row, separator, &names);
-    let unit = |index: usize| units.as_ref().and_then(|units| unit_cell(units.get(index)?));
+    let first = head.cells(first_row, separator);
+    // Below the unit of a date, such as TS for a time stamp, stands a date.
+    let is_date = |index: usize| first.get(index).is_some_and(|cell| parse_iso(cell.as_bytes()).is_some());
+    let unit = |index: usize| {
+        units.as_ref().filter(|_| !is_date(index)).and_then(|units| unit_cell(units.get(index)?))
+    };
     let columns: Vec<(String, ColumnOrigin)> = names
         .iter()
         .take(cells)
@@ -57,6 +75,7 @@ pub(super) fn find(
         cells,
         trailing,
         remarks: false,
+        named_cells: false,
         records: RecordShape::One,
         columns,
         units: match units_index {
@@ -95,6 +114,7 @@ fn below_comments(
         cells: count,
         trailing: false,
         remarks: false,
+        named_cells: false,
         records: RecordShape::One,
         columns,
         units: match said.units {
@@ -173,49 +193,30 @@ fn width(head: &TextHead, first_row: usize, separator: u8, names: &[String]) -> 
     (count, count > 1 && rows().next().is_some() && rows().all(one_more))
 }
 
-/// Refuses a text whose first line is no line of names, where a later one is: the experiment file has to say so.
-fn refuse_preamble(
-    head: &TextHead,
-    header: usize,
-    first_row: usize,
-    separator: u8,
-    names: usize,
-) -> Result<(), FormatError> {
+/// Which rows below a line, perhaps behind a line of units, have as many cells as it and a number in one of them.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum RowsBelow {
+    /// The first.
+    First,
+    /// Others.
+    Some,
+    None,
+}
+
+fn rows_below(head: &TextHead, header: usize, hints: &Hints) -> RowsBelow {
+    // What may be separated in two ways is refused where it is separated.
+    let Ok(separator) = marks::separator(head, header, &hints.csv) else { return RowsBelow::First };
+    let Ok((names, lines)) = names(head, header, separator) else { return RowsBelow::First };
     let fits = |row: usize| {
         let cells = head.cells(row, separator);
-        let count = cells.len() == names || cells.len() == names + 1 && names > 1;
+        let count = cells.len() == names.len() || cells.len() == names.len() + 1 && names.len() > 1;
         count && cells.iter().any(|cell| is_number(cell))
     };
-    if head.rows(first_row).take(ROWS).any(fits) {
-        return Ok(());
+    let mut rows =
+        head.rows(header + lines).take(ROWS).skip_while(|row| is_units(head, *row, separator, &names));
+    match rows.next() {
+        Some(first) if fits(first) => RowsBelow::First,
+        _ if rows.any(fits) => RowsBelow::Some,
+        _ => RowsBelow::None,
     }
-    for candidate in head.rows(header + 1) {
-        for separator in marks::BYTES.into_iter().chain([BLANKS]) {
-            let cells = head.cells(candidate, separator);
-            let rows: Vec<Vec<String>> =
-                head.rows(candidate + 1).take(4).map(|row| head.cells(row, separator)).collect();
-            let fits = |row: &Vec<String>| {
-                row.len() == cells.len() && row.iter().filter(|cell| is_number(cell)).count() * 2 > row.len()
-            };
-            let is_header = cells.len() > 1 && !cells.iter().any(|cell| is_number(cell));
-            let units = |row: &Vec<String>| {
-                row.len() == cells.len() && row.iter().all(|cell| unit_cell(cell).is_some())
-            };
-            let skip = usize::from(rows.first().is_some_and(units));
-            if is_header && rows.len() > 1 && rows.iter().skip(skip).all(fits) {
-                let line = head.number(candidate);
-                return Err(FormatError::NotRecognised {
-                    found: format!(
-                        "line {} holds no names of columns, and line {line} looks as if it did",
-                        head.number(header)
-                    ),
-                    expected: format!(
-                        "the settings to say so: `format = {{ kind = \"csv\", header_line = {line} }}` in the table \
-                         that names the file"
-                    ),
-                });
-            }
-        }
-    }
-    Ok(())
 }

@@ -1,6 +1,7 @@
 //! What separates cells, and the decimal mark.
 
 use super::head::{TextHead, cells, text};
+use crate::csv::grouped::grouped;
 use crate::csv::split::{BLANKS, Split};
 use crate::{CsvHints, FormatError};
 
@@ -30,6 +31,12 @@ pub(super) fn declared_separator(line: &[u8]) -> Option<char> {
         [byte] if BYTES.contains(byte) => Some(char::from(*byte)),
         _ => None,
     }
+}
+
+/// What stands in a cell behind the name of its column.
+pub(in crate::csv) fn behind_name(cell: &[u8]) -> &[u8] {
+    let name = cell.iter().position(|byte| *byte == b':').map_or(0, |place| place + 1);
+    cell.get(name..).unwrap_or_default().trim_ascii()
 }
 
 /// Whether a cell is a number, with whichever decimal mark.
@@ -168,6 +175,15 @@ pub(super) fn point(
     }
     let mut found = [None, None];
     let mut split = Split::default();
+    // Of `1.234,50` the last mark is the decimal one.
+    let sure = |point: u8| {
+        let both =
+            |cell: &String| grouped(cell.as_bytes(), point).is_some() && cell.contains(char::from(point));
+        head.rows(first_row).take(ROWS).any(|row| head.cells(row, separator).iter().any(both))
+    };
+    if let (true, false) | (false, true) = (sure(b','), sure(b'.')) {
+        return Ok(if sure(b',') { b',' } else { b'.' });
+    }
     for row in head.rows(first_row).take(ROWS) {
         split.row(head.line(row), separator, true);
         for cell in split.iter() {

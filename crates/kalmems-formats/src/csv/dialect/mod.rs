@@ -4,7 +4,9 @@ mod comments;
 mod generic;
 mod head;
 mod instruments;
-mod marks;
+pub(super) mod marks;
+mod named_cells;
+mod preamble;
 mod units;
 
 use super::input::CsvInput;
@@ -37,6 +39,8 @@ pub(super) struct Dialect {
     pub(super) trailing: bool,
     /// Whether remarks may stand behind that separator.
     pub(super) remarks: bool,
+    /// Whether each cell begins with the name of its column: `ax:1.5`.
+    pub(super) named_cells: bool,
     pub(super) columns: Vec<DialectColumn>,
     pub(super) records: RecordShape,
     /// By what it is known to be a table of numbers.
@@ -120,6 +124,7 @@ struct RecognizedText {
     cells: usize,
     trailing: bool,
     remarks: bool,
+    named_cells: bool,
     /// Names, units in them, and where their values come from.
     columns: Vec<(String, ColumnOrigin)>,
     /// Where the units are from, for people; empty where the names have them as a matter of course.
@@ -176,9 +181,9 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
     }
     let hints = &Hints { csv, ..hints.clone() };
     let found = match hints.csv.header_line {
-        None => match instruments::find(&head, &hints.csv)? {
-            Some(found) => found,
-            None => generic::find(&head, 0, &comments, hints)?,
+        None => match (instruments::find(&head, &hints.csv)?, named_cells::find(&head, &hints.csv)) {
+            (Some(found), _) | (None, Some(found)) => found,
+            (None, None) => generic::find(&head, 0, &comments, hints)?,
         },
         Some(header) => {
             let index = usize::try_from(header.saturating_sub(1)).ok().filter(|index| *index < head.len());
@@ -272,6 +277,7 @@ fn finish(
         cells: found.cells,
         trailing: found.trailing,
         remarks: found.remarks,
+        named_cells: found.named_cells,
         records: found.records,
         evidence,
         columns: found.columns.into_iter().zip(times).map(column).collect(),
@@ -292,6 +298,9 @@ fn evidence(head: &TextHead, found: &RecognizedText) -> TableEvidence {
         .filter(|(name, _)| counted || !marks::is_number(name))
         .filter_map(|(_, origin)| origin.cell())
         .collect();
+    if found.named_cells {
+        return TableEvidence::Rows;
+    }
     let rows = || head.rows(found.first_row).map(|row| head.cells(row, found.separator));
     let fits = |row: &Vec<String>| row.len() == found.cells || found.trailing && row.len() == found.cells + 1;
     let holds_number = |row: &Vec<String>| {
@@ -333,6 +342,7 @@ fn nothing() -> Dialect {
         cells: 0,
         trailing: false,
         remarks: false,
+        named_cells: false,
         records: RecordShape::One,
         evidence: TableEvidence::Nothing,
         columns: Vec::new(),

@@ -22,6 +22,8 @@ pub(super) fn column_name(name: &str, elsewhere: Option<&str>, index: usize) -> 
     let elsewhere = elsewhere.filter(|unit| !unit.is_empty());
     match (parts(name), elsewhere) {
         (Some((before, unit)), _) => join(&unnamed(before, &unit, index), &unit),
+        // An ending is one already.
+        (None, Some(unit)) if unit.contains('_') => join(&unnamed(name, unit, index), unit),
         (None, Some(unit)) => with_unit(&unnamed(name, unit, index), unit),
         (None, None) => name.to_owned(),
     }
@@ -56,6 +58,7 @@ mod tests {
             ("Channel A", Some("mV"), "Channel A_mV"),
             ("Channel A", None, "Channel A"),
             ("cap_V", Some("V"), "cap_V"),
+            ("Accel X", Some("m_per_s2"), "Accel X_m_per_s2"),
             ("cap_V", None, "cap_V"),
             ("CH1 (left)", None, "CH1 (left)"),
             ("drive in phase", None, "drive in phase"),

@@ -86,10 +86,14 @@ fn infiniium(text: &TextBeginning) -> Result<Option<RecognizedText>, FormatError
         }
     } else if cells == waveforms {
         let same = |cells: &[String]| cells.iter().all(|cell| number(Some(cell)) == number(cells.first()));
-        if let (Some(start), Some(step)) = (number(starts.first()), number(steps.first()))
-            && same(&starts)
-            && same(&steps)
-        {
+        if let (Some(start), Some(step)) = (number(starts.first()), number(steps.first())) {
+            if !same(&starts) || !same(&steps) {
+                return Err(FormatError::Unsupported {
+                    format: "CSV",
+                    what: "a Keysight Infiniium file of waveforms with times of their own (`XOrg`, `XInc`)".to_owned(),
+                    remedy: "save those with the same times in a file of their own, or with pairs of time and value".to_owned(),
+                });
+            }
             let unit = unit(&x_units, 0).unwrap_or_else(|| "s".to_owned());
             columns.push((column_name("time", Some(&unit), 0), ColumnOrigin::Counted { start, step }));
         }

@@ -84,6 +84,7 @@ fn found(head: &TextHead) -> Result<RecognizedText, FormatError> {
         cells: channels.cells,
         trailing: true,
         remarks: true,
+        named_cells: false,
         columns: channels.columns,
         units: "units in the header".to_owned(),
         records: if several { RecordShape::Headed(heading) } else { RecordShape::One },

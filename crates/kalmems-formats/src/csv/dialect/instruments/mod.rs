@@ -78,6 +78,7 @@ impl TextBeginning<'_> {
             cells: columns.len().max(cells.len()),
             trailing,
             remarks: false,
+            named_cells: false,
             columns,
             units: units.into(),
             records: RecordShape::One,

@@ -1,0 +1,99 @@
+//! Lines before the names: settings as `key<separator>value`, titles and marks, behind which names and rows of numbers follow.
+
+use super::head::TextHead;
+use super::marks::{self, is_number};
+use super::units::{says_unit, unit_cell};
+use crate::FormatError;
+use crate::csv::split::BLANKS;
+
+/// Rows that show that there are numbers below names.
+const ROWS: usize = 4;
+/// Lines between names and numbers: units, and how values were made of samples.
+const BELOW_NAMES: usize = 2;
+
+/// Where names, units and rows stand.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct HeaderPlace {
+    pub(super) names: usize,
+    pub(super) units: Option<usize>,
+    pub(super) first_row: usize,
+}
+
+/// The names behind a preamble: the line of words above the first rows of numbers with as many cells, where the line at the beginning
+/// has no such rows. What may be read in two ways is refused with what to write.
+pub(super) fn find(head: &TextHead) -> Result<Option<HeaderPlace>, FormatError> {
+    let separators = || marks::BYTES.into_iter().chain([BLANKS]);
+    for first_row in head.rows(1) {
+        for separator in separators() {
+            let count = head.cells(first_row, separator).len();
+            let is_row = |row: usize| {
+                let cells = head.cells(row, separator);
+                let numbers = cells.iter().filter(|cell| is_number(cell)).count();
+                cells.len() == count && numbers * 2 > count
+            };
+            let rows = || head.rows(first_row).take(ROWS);
+            if count < 2 || rows().count() < 2 || !rows().all(is_row) {
+                continue;
+            }
+            // The lines of words directly above, with as many cells.
+            let is_words = |row: &usize| {
+                let cells = head.cells(*row, separator);
+                cells.len() == count && !cells.iter().any(|cell| is_number(cell))
+            };
+            let above: Vec<usize> = (0..first_row).rev().take_while(is_words).collect();
+            let words: Vec<usize> = above.into_iter().rev().collect();
+            if words.is_empty() {
+                continue;
+            }
+            return of_words(head, separator, &words, first_row).map(Some);
+        }
+    }
+    Ok(None)
+}
+
+/// Where units and rows stand below names, where lines of words stand between these and the numbers and the first of them holds units.
+pub(super) fn below_names(head: &TextHead, names: usize, separator: u8, count: usize) -> Option<HeaderPlace> {
+    let has_number = |row: &usize| head.cells(*row, separator).iter().any(|cell| is_number(cell));
+    let first_row = head.rows(names + 1).take(BELOW_NAMES + 1).find(has_number)?;
+    let units = head.rows(names + 1).next().filter(|row| *row < first_row)?;
+    let fits = |row: usize| head.cells(row, separator).len() == count;
+    let all = head.rows(names + 1).take_while(|row| *row <= first_row).all(fits);
+    (all && has_units(head, units, separator)).then_some(HeaderPlace { names, units: Some(units), first_row })
+}
+
+/// Whether a cell of a line is a unit.
+fn has_units(head: &TextHead, row: usize, separator: u8) -> bool {
+    let known = |cell: &String| unit_cell(cell).is_some_and(|unit| !unit.is_empty());
+    head.cells(row, separator).iter().any(known)
+}
+
+/// Which of some lines of words above rows are names and units.
+fn of_words(
+    head: &TextHead,
+    separator: u8,
+    words: &[usize],
+    first_row: usize,
+) -> Result<HeaderPlace, FormatError> {
+    let cells = |row: usize| head.cells(row, separator);
+    let last = words.len() - 1;
+    let place = |names: usize, units: Option<usize>| HeaderPlace { names, units, first_row };
+    // Names with their units stand directly above the rows.
+    if cells(words[last]).iter().any(|name| says_unit(name)) || words.len() == 1 {
+        return Ok(place(words[last], None));
+    }
+    let below = words.iter().position(|row| has_units(head, *row, separator)).filter(|units| *units > 0);
+    if let Some(units) = below.filter(|units| last - (units - 1) <= BELOW_NAMES) {
+        return Ok(place(words[units - 1], Some(words[units])));
+    }
+    let line = head.number(words[last]);
+    Err(FormatError::NotRecognised {
+        found: format!(
+            "lines {} to {line} each hold as many words as the rows below hold cells, and any of them may be the names",
+            head.number(words[0])
+        ),
+        expected: format!(
+            "the settings to say which: `format = {{ kind = \"csv\", header_line = {line} }}` in the table that names the file, \
+             or `--header-line {line}`"
+        ),
+    })
+}
