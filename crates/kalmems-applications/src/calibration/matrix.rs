@@ -39,6 +39,10 @@ pub struct CalibrationMatrix {
     pub shown_part: f64,
 }
 
+/// A residual that no parameter changes: the covariance of a fit is in proportion to its sum of squares, which a single record leaves at 0, and what
+/// noise makes of it must not be 0 for that.
+const CONSTANT: f64 = 1.0;
+
 /// Beyond this standard deviation an entry of K is not known.
 const UNKNOWN: f64 = 0.3;
 
@@ -67,11 +71,11 @@ impl CalibrationMatrix {
             &FitSettings { start: found.parameters, ..settings },
         )?;
         let records = MatrixResiduals { pairs, at: found.parameters };
-        let freedom = found.degrees_of_freedom.saturating_sub(pairs.len());
+        let freedom = found.degrees_of_freedom.saturating_sub(pairs.len() + 1);
         let by_noise = found.degrees_of_freedom.max(1) as f64 / found.sum_of_squares.max(f64::MIN_POSITIVE);
         Ok(Self {
             turn_rad: pairs.iter().map(|pair| records.turn(pair, &found.parameters).arg()).collect(),
-            chi_square: found.sum_of_squares,
+            chi_square: (found.sum_of_squares - CONSTANT * CONSTANT).max(0.0),
             excitation: excitation(pairs),
             shown_part: shown_part(pairs, &found.parameters),
             by_noise: by_noise.sqrt(),
@@ -269,6 +273,7 @@ impl Regression<9> for MatrixResiduals<'_> {
                 each(residual.im);
             }
         }
+        each(CONSTANT);
     }
 
     /// The phase follows the parameters: of each column of the Jacobian, what it has of the phase's own is taken off
@@ -305,6 +310,7 @@ impl Regression<9> for MatrixResiduals<'_> {
                 }
             }
         }
+        each(CONSTANT, &[0.0; 9]);
     }
 }
 

@@ -32,6 +32,9 @@ pub struct CalibrationSummary<'a> {
     pub rest: Vec<RestSummary<'a>>,
     /// What was found in the files and does not keep them from being used.
     pub findings: &'a [String],
+    /// Those of them that say that the record at rest moves.
+    #[serde(skip)]
+    pub rest_motions: &'a [String],
 }
 
 /// One axis at rest with its deviations.
@@ -63,6 +66,7 @@ impl<'a> CalibrationSummary<'a> {
             comparisons: &found.comparisons,
             rest: rest.collect(),
             findings: &found.findings,
+            rest_motions: &found.rest_motions,
         }
     }
 
@@ -100,7 +104,8 @@ impl<'a> CalibrationSummary<'a> {
             }
         }
         for finding in self.findings {
-            text += &format!("\nnote: {finding}\n");
+            let is_motion = self.rest_motions.contains(finding);
+            text += &format!("\n{}: {finding}\n", if is_motion { "WARNING" } else { "note" });
         }
         text
     }
