@@ -63,7 +63,8 @@ extern "C" {
 // The version of the library.
 const char *kalmems_version(void);
 
-// The command `kalmems` with these arguments, of which the first is the name of the program; its exit code.
+// The command `kalmems` with these arguments, of which the first is the name of the program; its exit code. It prints to standard output and standard
+// error of the process, sets no handler of signals, and returns 2 for a null pointer and 70 for a defect of the library. One command at a time.
 int kalmems_run(int argument_count, const char *const *arguments);
 
 // What kind of error it is.
@@ -117,8 +118,12 @@ const char *kalmems_trajectory_recording(const struct KalmemsEstimate *estimate,
 // The segment that it is of. The text is the estimate's.
 const char *kalmems_trajectory_segment(const struct KalmemsEstimate *estimate, size_t trajectory);
 
-// Whether no test contradicts what its filter claims.
+// Whether its filter makes a claim and no test contradicts it.
 bool kalmems_trajectory_passes(const struct KalmemsEstimate *estimate, size_t trajectory);
+
+// How far it can be trusted: `passes`, `passes_with_remarks`, `doubtful`, `failed`, `no_estimate`, or `no_claim` of what makes none. The text is the
+// estimate's.
+const char *kalmems_trajectory_grade(const struct KalmemsEstimate *estimate, size_t trajectory);
 
 // How many columns a trajectory has.
 size_t kalmems_column_count(const struct KalmemsEstimate *estimate, size_t trajectory);

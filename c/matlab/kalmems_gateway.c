@@ -137,7 +137,7 @@ static void give(const mxArray *all, bool as_references) {
 }
 
 static mxArray *trajectories(void) {
-    static const char *const fields[] = {"name", "kind", "recording", "segment", "passes", "names", "units", "columns"};
+    static const char *const fields[] = {"name", "kind", "recording", "segment", "passes", "grade", "names", "units", "columns"};
     const size_t count = kalmems_trajectory_count(estimate);
     mxArray *all = mxCreateStructMatrix(count, 1, 8, (const char **)fields);
     for (size_t k = 0; k < count; k++) {
@@ -158,6 +158,7 @@ static mxArray *trajectories(void) {
         mxSetField(all, k, "recording", mxCreateString(kalmems_trajectory_recording(estimate, k)));
         mxSetField(all, k, "segment", mxCreateString(kalmems_trajectory_segment(estimate, k)));
         mxSetField(all, k, "passes", mxCreateLogicalScalar(kalmems_trajectory_passes(estimate, k)));
+        mxSetField(all, k, "grade", mxCreateString(kalmems_trajectory_grade(estimate, k)));
         mxSetField(all, k, "names", names);
         mxSetField(all, k, "units", units);
         mxSetField(all, k, "columns", columns);

@@ -6,6 +6,7 @@ use crate::text::{at, handed_over, owned};
 use crate::watch::{KalmemsProgress, Watch};
 use kalmems::array_experiment::PreparedExperiment;
 use kalmems::estimate::{Trajectory, TrajectoryKind};
+use kalmems::evaluate::Grade;
 use kalmems::results::{
     Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table, notices,
     parameters_table, summary_table,
@@ -36,6 +37,7 @@ struct Named {
     recording_name: CString,
     segment_label: CString,
     passes: bool,
+    grade: CString,
     columns: Vec<CString>,
     units: Vec<CString>,
 }
@@ -53,6 +55,17 @@ pub struct KalmemsColumn {
     pub count: usize,
 }
 
+const fn grade_word(grade: Option<Grade>) -> &'static str {
+    match grade {
+        None => "no_claim",
+        Some(Grade::Passes) => "passes",
+        Some(Grade::PassesWithRemarks) => "passes_with_remarks",
+        Some(Grade::Doubtful) => "doubtful",
+        Some(Grade::Failed) => "failed",
+        Some(Grade::NoEstimate) => "no_estimate",
+    }
+}
+
 impl KalmemsEstimate {
     fn of(estimated: Estimated, info: RunInfo) -> Result<Self, Failure> {
         let metrics =
@@ -65,12 +78,12 @@ impl KalmemsEstimate {
         let mut trajectories = Vec::new();
         for (recording, of_recording) in estimated.outcome.recordings.iter().enumerate() {
             for (segment, of_segment) in of_recording.segments.iter().enumerate() {
-                let judged: Vec<(&str, bool)> = estimated
+                let judged: Vec<(&str, Option<Grade>)> = estimated
                     .metrics
                     .recordings
                     .get(recording)
                     .and_then(|metrics| metrics.segments.get(segment))
-                    .map(|metrics| metrics.estimators.iter().map(|e| (e.name.as_str(), e.passes())).collect())
+                    .map(|metrics| metrics.estimators.iter().map(|e| (e.name.as_str(), e.grade)).collect())
                     .unwrap_or_default();
                 let estimate = &of_segment.estimate;
                 let signal_unit = of_recording.recording.column(&estimate.signal_column).ok();
@@ -78,6 +91,7 @@ impl KalmemsEstimate {
                 let signal_unit = signal_unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header());
                 for (place, trajectory) in estimate.trajectories.iter().enumerate() {
                     let (columns, units) = headers(trajectory, &signal_unit).into_iter().unzip();
+                    let grade = judged.iter().find(|(name, _)| *name == trajectory.name).and_then(|(_, grade)| *grade);
                     trajectories.push(Named {
                         recording,
                         segment,
@@ -86,7 +100,8 @@ impl KalmemsEstimate {
                         kind: owned(kind(trajectory.kind)),
                         recording_name: owned(&of_recording.name),
                         segment_label: owned(&estimate.segment.label),
-                        passes: judged.iter().any(|(name, passes)| *name == trajectory.name && *passes),
+                        passes: grade.is_some_and(|grade| grade < Grade::Doubtful),
+                        grade: owned(grade_word(grade)),
                         columns,
                         units,
                     });
@@ -260,7 +275,7 @@ pub unsafe extern "C" fn kalmems_trajectory_segment(
     unsafe { text_of(estimate, trajectory, |named| &named.segment_label) }
 }
 
-/// Whether no test contradicts what its filter claims.
+/// Whether its filter makes a claim and no test contradicts it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kalmems_trajectory_passes(
     estimate: *const KalmemsEstimate,
@@ -269,6 +284,17 @@ pub unsafe extern "C" fn kalmems_trajectory_passes(
     // SAFETY: null or an estimate of this library.
     let estimate = unsafe { estimate.as_ref() };
     estimate.and_then(|estimate| estimate.trajectories.get(trajectory)).is_some_and(|named| named.passes)
+}
+
+/// How far it can be trusted: `passes`, `passes_with_remarks`, `doubtful`, `failed`, `no_estimate`, or `no_claim` of what makes none. The text is the
+/// estimate's.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kalmems_trajectory_grade(
+    estimate: *const KalmemsEstimate,
+    trajectory: usize,
+) -> *const c_char {
+    // SAFETY: as the crate says of all functions.
+    unsafe { text_of(estimate, trajectory, |named| &named.grade) }
 }
 
 /// How many columns a trajectory has.

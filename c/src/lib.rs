@@ -20,10 +20,14 @@ pub extern "C" fn kalmems_version() -> *const c_char {
     concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
 }
 
-/// The command `kalmems` with these arguments, of which the first is the name of the program; its exit code.
+/// The command `kalmems` with these arguments, of which the first is the name of the program; its exit code. It prints to standard output and standard
+/// error of the process, sets no handler of signals, and returns 2 for a null pointer and 70 for a defect of the library. One command at a time.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kalmems_run(argument_count: c_int, arguments: *const *const c_char) -> c_int {
     let mut all: Vec<OsString> = Vec::new();
+    if arguments.is_null() && argument_count > 0 {
+        return 2;
+    }
     for index in 0..usize::try_from(argument_count).unwrap_or(0) {
         // SAFETY: there are as many arguments as their count says.
         let argument = unsafe { text::at(*arguments.add(index), "an argument") };
@@ -32,5 +36,10 @@ pub unsafe extern "C" fn kalmems_run(argument_count: c_int, arguments: *const *c
             Err(_) => return 2,
         }
     }
-    kalmems_cli::run_with(kalmems::rigs::published(), all).into()
+    // A panic must not go through C.
+    let ended = std::panic::catch_unwind(|| kalmems_cli::run_within(kalmems::rigs::published(), all));
+    ended.map_or(DEFECT, Into::into)
 }
+
+/// The exit code of a command that a defect ended.
+const DEFECT: c_int = 70;

@@ -1,5 +1,6 @@
 /* What a program in C sees of the library: estimates of arrays, errors with their place, a stop, and nothing that leaks. */
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -47,6 +48,13 @@ static bool stop_at_once(const char *what, uint64_t done, uint64_t total, void *
     return false;
 }
 
+static volatile sig_atomic_t signals_heard;
+
+static void count_signal(int number) {
+    (void)number;
+    signals_heard++;
+}
+
 int main(int argc, char **argv) {
     REQUIRE(argc == 3);
     KalmemsError *error = NULL;
@@ -67,10 +75,13 @@ int main(int argc, char **argv) {
     KalmemsEstimate *of_arrays = kalmems_estimate(experiment, NULL, NULL, &error);
     REQUIRE(of_arrays && !error);
     REQUIRE(kalmems_trajectory_count(of_arrays) == kalmems_trajectory_count(of_files) && kalmems_trajectory_count(of_files) > 1);
-    size_t compared = 0;
+    size_t compared = 0, claimless = 0;
     for (size_t k = 0; k < kalmems_trajectory_count(of_files); k++) {
         REQUIRE(!strcmp(kalmems_trajectory_name(of_files, k), kalmems_trajectory_name(of_arrays, k)));
         REQUIRE(kalmems_trajectory_passes(of_files, k) == kalmems_trajectory_passes(of_arrays, k));
+        /* The model alone claims nothing, so that nothing passes. */
+        REQUIRE(strcmp(kalmems_trajectory_grade(of_files, k), "no_claim") || !kalmems_trajectory_passes(of_files, k));
+        claimless += !strcmp(kalmems_trajectory_grade(of_files, k), "no_claim");
         for (size_t i = 0; i < kalmems_column_count(of_files, k); i++) {
             KalmemsColumn a, b;
             REQUIRE(kalmems_column(of_files, k, i, &a, &error) && kalmems_column(of_arrays, k, i, &b, &error));
@@ -84,6 +95,18 @@ int main(int argc, char **argv) {
         error = NULL;
     }
     REQUIRE(compared >= 2 * rows);
+    REQUIRE(claimless > 0);
+    REQUIRE(!kalmems_trajectory_grade(of_files, 1000));
+
+    /* The command leaves the handlers of its host as they are, and takes no null pointer for arguments. */
+    signal(SIGINT, count_signal);
+    const char *const version[] = {"kalmems", "schema", "experiment", "--write", "/dev/null/none"};
+    REQUIRE(kalmems_run(5, version) != 0);
+    raise(SIGINT);
+    REQUIRE(signals_heard == 1);
+    REQUIRE(kalmems_run(1, NULL) == 2);
+    const char *const nothing[] = {NULL};
+    REQUIRE(kalmems_run(1, nothing) == 2);
     REQUIRE(strstr(kalmems_estimate_metrics(of_arrays), "\"mean_nis\""));
     REQUIRE(strstr(kalmems_estimate_summary(of_arrays), "EKF"));
     REQUIRE(kalmems_estimate_notice_count(of_arrays) > 0 && kalmems_estimate_notice(of_arrays, 0));

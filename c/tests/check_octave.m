@@ -35,6 +35,8 @@ assert(~isempty(strfind(fileread(page), '<html')))
 expect('kalmems:experiment', 'no/such/file.toml', @() kalmems.estimate('no/such/file.toml'))
 expect('kalmems:argument', 'known options', @() kalmems.estimate(experiment, recording, 'Ratte', 1))
 expect('kalmems:argument', 'cap_V', @() kalmems.estimate(experiment, struct('cap_V', {{1, 2}})))
+expect('kalmems:argument', 'leave it out', @() kalmems.estimate(experiment, []))
+expect('kalmems:argument', 'structure array', @() kalmems.estimate(experiment, [recording, recording]))
 short = recording;
 short.(names{1}) = short.(names{1})(1:10);
 expect('kalmems:argument', names{1}, @() kalmems.estimate(experiment, short))

@@ -52,7 +52,8 @@ pub fn diagnose(
     })?;
     let (experiment, found) = found.map_err(|error| error.raise(py))?;
     let json = serde_json::to_string(&found).map_err(|error| failed(py, &error))?;
-    let first = found.causes.first().filter(|cause| !cause.edits.is_empty());
+    // An ambiguous set is no choice.
+    let first = found.causes.first().filter(|cause| !cause.edits.is_empty() && !found.is_ambiguous());
     let corrected = first.and_then(|cause| pasted(&experiment, cause));
     Ok((json, found.to_text(), corrected))
 }

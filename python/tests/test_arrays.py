@@ -88,6 +88,24 @@ def test_a_recording_is_its_own_and_read_only(recorded: dict[str, np.ndarray]) -
 
 
 @pytest.mark.filterwarnings("ignore::kalmems.VerdictWarning")
+def test_a_recording_does_not_change_with_the_arrays_that_it_was_made_of() -> None:
+    import pickle
+
+    values = np.linspace(0.0, 1.0, 1000)
+    masked = np.ma.MaskedArray(np.ones(1000), np.zeros(1000, dtype=bool))
+    recording = kalmems.Recording({"time_s": np.arange(1000) * 1e-6, "cap_V": values, "drive_V": masked})
+    digest = recording.sha256
+    # A buffer of an acquisition, used again.
+    values[:] = 0.0
+    masked[:] = np.ma.masked
+    assert recording["cap_V"].max() == 1.0 and recording["drive_V"].count() == 1000
+    again = pickle.loads(pickle.dumps(recording))
+    assert again.sha256 == digest == recording.sha256
+    for one in (recording, again):
+        with pytest.raises(ValueError, match="read-only"):
+            one["cap_V"][0] = 2.0
+
+
 def test_masked_and_missing_samples_are_counted_by_sample(
     scanner: kalmems.Experiment, recorded: dict[str, np.ndarray], truth: dict[str, np.ndarray]
 ) -> None:

@@ -21,7 +21,8 @@ function result = estimate(experiment, varargin)
 %      summary       the tables of the command as text
 %      notices       a cell array of sentences to read before trusting a figure
 %      trajectories  a structure array, one element for each filter and each segment: name, kind ('model', 'lock_in', 'filtered',
-%                    'smoothed'), recording, segment, passes (whether no test contradicts the claims of the filter), units, and the
+%                    'smoothed'), recording, segment, passes (whether no test contradicts the claims of the filter; false where it makes none), grade ('passes',
+%                    'passes_with_remarks', 'doubtful', 'failed', 'no_estimate', or 'no_claim'), units, and the
 %                    columns in SI as fields: time, the states (angle in rad, rate in rad/s) each with its standard deviation
 %                    (angle_sd), measured, innovation, innovation_sd, nis, log_likelihood
 %
@@ -44,7 +45,7 @@ made = cell(1, numel(found.trajectories));
 for k = 1:numel(found.trajectories)
     one = found.trajectories(k);
     trajectory = struct('name', one.name, 'kind', one.kind, 'recording', one.recording, 'segment', one.segment, ...
-        'passes', one.passes, 'units', struct());
+        'passes', one.passes, 'grade', one.grade, 'units', struct());
     for i = 1:numel(one.names)
         trajectory.(one.names{i}) = one.columns{i};
         trajectory.units.(one.names{i}) = one.units{i};

@@ -71,7 +71,7 @@ pub use description::{CurveExtension, CurvePoints, Description, Follower, NamedT
 pub use device::{Device, Named, NoiseKind, Parameter};
 pub use emit::{
     EmitDigits, EmitError, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmittedFilter,
-    FreeParameter, StateStart, StepMethod, TestSample, TestVectors,
+    FreeParameter, InputCourse, StateStart, StepMethod, TestSample, TestVectors,
 };
 pub use energy::{EnergyCheck, StatePower};
 pub use error::{EquationError, EquationFault, EquationNotice};

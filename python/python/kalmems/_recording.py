@@ -56,7 +56,9 @@ class Recording:
         if is_quantity(values):
             self._units.setdefault(name, spelled(values.units) or "1")
             values = values.magnitude
-        self._columns[name] = _plain(name, values)
+        plain, missing = _plain(name, values)
+        # The recording's own, so that neither it nor its digest changes behind its back.
+        self._columns[name] = _frozen(plain), None if missing is None else _frozen(missing)
 
     def _handed_over(self) -> _kalmems.Columns:
         columns = []
@@ -87,11 +89,7 @@ class Recording:
     def __getitem__(self, column: str) -> Any:
         """A column as it was taken over; masked where elements are missing."""
         values, missing = self._columns[column]
-        if missing is None:
-            view = values.view()
-            view.flags.writeable = False
-            return view
-        return np.ma.MaskedArray(values, missing)
+        return values if missing is None else np.ma.MaskedArray(values, missing.copy())
 
     def _repr_html_(self) -> str:
         return f"<p>{html.escape(repr(self)[1:-1])}</p>"
@@ -105,7 +103,19 @@ class Recording:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        # Pickling leaves out that an array is not to be written to.
+        for values, missing in self._columns.values():
+            values.flags.writeable = False
+            if missing is not None:
+                missing.flags.writeable = False
         self._native = self._handed_over()
+
+
+def _frozen(values: Any) -> Any:
+    """A copy that nobody can change."""
+    own = np.array(values)
+    own.flags.writeable = False
+    return own
 
 
 def _named(columns: Any) -> Iterator[tuple[str, Any]]:

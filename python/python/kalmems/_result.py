@@ -419,7 +419,7 @@ class Diagnosis:
         self.told = told
         """All that was found, as `kalmems diagnose --json` prints it."""
         self.experiment = experiment
-        """The experiment with the first cause corrected, where it could say that."""
+        """The experiment with the cause corrected, where it could say that and no other cause explains the recording with another answer."""
         self._text = text
 
     def __repr__(self) -> str:

@@ -4,8 +4,10 @@ options = struct('Units', struct(), 'Rate', NaN, 'Clock', '', 'Segments', '', 'R
 recordings = [];
 references = [];
 recording = [];
+is_given = false;
 if ~isempty(varargin) && ~ischar(varargin{1}) && ~(exist('isstring', 'builtin') && isstring(varargin{1}))
     recording = varargin{1};
+    is_given = true;
     varargin(1) = [];
 end
 if mod(numel(varargin), 2) ~= 0
@@ -18,17 +20,20 @@ for k = 1:2:numel(varargin)
     end
     options.(name) = varargin{k + 1};
 end
-if ~isempty(recording)
+if is_given
     recordings = handed_over(recording, options);
 end
-if ~isempty(options.Reference)
+if ~isequal(options.Reference, [])
     references = handed_over(options.Reference, setfield(setfield(options, 'Rate', NaN), 'Clock', ''));
 end
 end
 
 function recording = handed_over(columns, options)
 if ~isstruct(columns) && ~isobject(columns)
-    error('kalmems:argument', 'a recording is a structure or a table of vectors');
+    error('kalmems:argument', 'a recording is a structure or a table of vectors, and an empty one is none; leave it out to read the file of the experiment');
+end
+if isstruct(columns) && numel(columns) ~= 1
+    error('kalmems:argument', 'a structure array with %d elements; expected one structure of vectors, one estimate for each recording', numel(columns));
 end
 if ~isstruct(columns)
     columns = table2struct(columns, 'ToScalar', true);

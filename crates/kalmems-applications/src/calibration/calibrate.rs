@@ -5,24 +5,26 @@ use super::comparison::compared_references;
 use super::cross_check::Trials;
 use super::error::CalibrationError;
 use super::files::{InputFiles, ReferenceQuantity, ReferenceRecord, UnitRecord};
-use super::inputs::{CommonInputs, FROM_SCATTER, PROBABILITY, RecordNoise};
-use super::matrix::{CalibrationMatrix, RatePair};
+use super::inputs::{CommonInputs, FittedNumber, PROBABILITY, RecordNoise};
+use super::matrix::{CalibrationMatrix, LeaveOneOut, RatePair};
+use super::one_factor::{self, Contradiction};
 use super::outcome::{
-    CalibratedGyroscope, Calibration, Centred, InPlane, RecordFigures, ScaleFactorChange, UncertainEstimate,
+    CalibratedGyroscope, Calibration, Centred, InPlane, RecordFigures, ScaleFactorAtFrequency,
+    ScaleFactorChange, UncertainEstimate,
 };
 use super::peaks::{HALF_WINDOW, PeakToPeak};
-use super::rest_record;
+use super::rest::AxisAtRest;
+use super::rest_record::{self, MeasuredRest};
 use super::tone::{AXES, VibrationTone};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference};
 use crate::config::Key;
 use crate::fit::FitError;
-use crate::metrology::Combined;
+use crate::metrology::{Combined, coverage_factor};
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
 use crate::recording::{OF_RECORD, Purpose};
 use kalmems_core::Portable;
 use realfft::num_complex::Complex64;
-use statrs::distribution::ContinuousCDF;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -60,7 +62,7 @@ pub fn calibrate(
             results.push(against.calibrate(&known)?);
         }
     }
-    let (rest, of_rest) = rest_record::measure(&mut files)?;
+    let MeasuredRest { axes: rest, motions, remarks } = rest_record::measure(&mut files)?;
     let NamedFiles { sources, findings, .. } = files.named;
     let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
     let comparisons = compared_references(&results);
@@ -72,9 +74,51 @@ pub fn calibrate(
     }
     let contradictions =
         comparisons.iter().filter(|comparison| comparison.contradict).map(ToString::to_string);
-    let findings = contradictions.chain(findings).chain(of_rest).collect();
+    let moving = motions.iter().cloned();
+    let differing = differing_biases(&results, &rest);
+    let findings = contradictions.chain(moving).chain(differing).chain(findings).chain(remarks).collect();
     let changes = changes(&results);
-    Ok(Calibration { file: file.clone(), changes, comparisons, results, rest, sources, findings })
+    Ok(Calibration {
+        file: file.clone(),
+        changes,
+        comparisons,
+        results,
+        rest,
+        rest_motions: motions,
+        sources,
+        findings,
+    })
+}
+
+/// The probability beyond which two biases of one axis are not of one unit in one state.
+const DIFFERENT: f64 = 0.999;
+
+/// Axes whose bias under vibration is not that at rest.
+fn differing_biases(results: &[CalibratedGyroscope], rest: &[AxisAtRest]) -> Vec<String> {
+    let of_result = |result: &CalibratedGyroscope| -> Vec<String> {
+        let each = rest.iter().filter_map(|rest| {
+            let place = AXES.iter().position(|axis| *axis == rest.axis)?;
+            let (shaken, still) = (result.bias[place]?, rest.bias_estimate());
+            let difference = shaken.value - still.value;
+            let limit = [shaken, still]
+                .map(|bias| coverage_factor(DIFFERENT, bias.degrees_of_freedom) * bias.uncertainty)
+                .into_iter()
+                .fold(0.0, f64::portable_hypot);
+            (difference.abs() > limit).then(|| {
+                format!(
+                    "condition `{}`: the bias of {} under vibration lies {difference:+.3e} rad/s from that at rest, beyond what both are known to \
+                     ({limit:.1e} rad/s): a vibration that is rectified, another temperature or a bias that wanders; neither is the bias of \
+                     the other state",
+                    result.condition, rest.axis
+                )
+            })
+        });
+        each.collect()
+    };
+    // References of one condition share the gyroscope's records.
+    let mut said: Vec<String> = results.iter().flat_map(of_result).collect();
+    said.dedup();
+    said
 }
 
 /// One condition against one reference.
@@ -118,24 +162,32 @@ impl ReferenceCalibration<'_> {
             fault,
         };
         let matrix = CalibrationMatrix::fit(&pairs, axes_of_reference).map_err(failed)?;
-        let Some((scale, by_noise)) = matrix.entry(main, main) else {
+        let others = LeaveOneOut::of(&pairs, axes_of_reference);
+        let number =
+            |found: (f64, f64), columns: &[usize], of: &dyn Fn(&CalibrationMatrix) -> Option<f64>| {
+                let repeatability = others.repeatability(columns.iter().copied(), of);
+                FittedNumber { value: found.0, noise: found.1, repeatability }
+            };
+        let entry = |i: usize, j: usize| {
+            Some(number(matrix.entry(i, j)?, &[j], &|matrix| Some(matrix.entry(i, j)?.0)))
+        };
+        let Some(fitted) = entry(main, main) else {
             return Err(self.no_common_axis(axes_of_reference));
         };
-        let scatter = matrix.scatter();
+        let scale = fitted.value;
         let moved = moved_pairs(&tones, (known, self.tones));
         let of_device = moved_by_device(&moved, &pairs, axes_of_reference, (main, scale)).map_err(failed)?;
         let samples = |lengths: &mut dyn Iterator<Item = usize>| -> f64 {
             lengths.map(|samples| samples.saturating_sub(PARAMETERS) as f64).sum::<f64>().max(1.0)
         };
         let records = RecordNoise {
-            scatter,
-            freedom: matrix.freedom as f64,
             shown_part: matrix.shown_part,
             residuals: [
                 samples(&mut self.records.iter().map(|record| record.rates.time_s.len())),
                 samples(&mut known.iter().map(|record| record.signals.time_s.len())),
             ],
             wander: tones.iter().chain(self.tones).map(|tone| tone.wander_loss).fold(0.0, f64::max),
+            are_repeated: fitted.repeatability.is_some(),
         };
         let inputs = CommonInputs::of(records, &of_device, &self.reference.uncertainty);
         // By how much an entry changes with a tilt of the column's axis towards the others.
@@ -144,28 +196,40 @@ impl ReferenceCalibration<'_> {
             let others = (0..3).filter(|m| *m != j).map(|m| mixed[i][m].powi(2));
             others.sum::<f64>().sqrt()
         };
-        let budget = inputs.budget((scale, by_noise), by_tilt(main, main), true);
-        let of_scale = |found| inputs.estimate(found, 0.0, true);
-        let of_angle = |found, by_tilt| inputs.estimate(found, by_tilt, false);
-        let entries = std::array::from_fn(|i| {
+        let budget = inputs.budget(&fitted, by_tilt(main, main), true);
+        let fitted_entries: [[Option<FittedNumber>; 3]; 3] =
+            std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
+        let mut entries: [[Option<UncertainEstimate>; 3]; 3] = std::array::from_fn(|i| {
             std::array::from_fn(|j| {
-                matrix.entry(i, j).map(|found| inputs.estimate(found, by_tilt(i, j), true))
+                fitted_entries[i][j].map(|found| inputs.estimate(&found, by_tilt(i, j), true))
             })
         });
         let cross_check = match &self.file.monte_carlo {
             Some(settings) => {
                 let trials = Trials { pairs: &pairs, moved: &moved, axes_of_reference, inputs: &inputs };
-                Some(trials.cross_check(settings, (main, &entries), self.progress)?)
+                let check = trials.cross_check(settings, main, (&fitted_entries, &entries), self.progress)?;
+                check.state_intervals(main, &mut entries);
+                Some(check)
             }
             None => None,
         };
+        let of_angle = |found: (f64, f64),
+                        by_tilt: f64,
+                        columns: &[usize],
+                        of: &dyn Fn(&CalibrationMatrix) -> Option<f64>| {
+            inputs.estimate(&number(found, columns, of), by_tilt, false)
+        };
+        let contradiction = one_factor::contradiction(&pairs, &tones, main, &matrix);
         let turns = matrix.turn_rad.clone();
         let mut calibrated = CalibratedGyroscope {
             condition: self.condition.name.to_string(),
             temperature_k: self.condition.temperature.as_ref().map(crate::config::Quantity::si),
             reference: self.reference.name.to_string(),
             main,
-            scale_factor: inputs.estimate((scale, by_noise), by_tilt(main, main), true),
+            scale_factor: entries[main][main]
+                .unwrap_or_else(|| inputs.estimate(&fitted, by_tilt(main, main), true)),
+            withheld: contradiction.as_ref().map(ToString::to_string),
+            by_frequency: Vec::new(),
             matrix: entries,
             bias: std::array::from_fn(|axis| self.bias(axis)),
             budget: inputs.contributions(&budget, scale),
@@ -175,14 +239,16 @@ impl ReferenceCalibration<'_> {
             freedom: matrix.freedom,
             peak_to_peak: self.peak_to_peak(known, &tones, main),
             excitation: matrix.excitation.clone(),
-            alignment: matrix.alignment().map(|[scale, angles, mounting]| {
+            alignment: matrix.alignment().map(|found| {
                 // Non-orthogonality is a difference of two tilts, a turn of the case their mean: each of two axes.
-                let tilted = [std::f64::consts::SQRT_2, std::f64::consts::FRAC_1_SQRT_2];
-                [
-                    scale.map(of_scale),
-                    angles.map(|found| of_angle(found, tilted[0])),
-                    mounting.map(|found| of_angle(found, tilted[1])),
-                ]
+                let tilted = [0.0, std::f64::consts::SQRT_2, std::f64::consts::FRAC_1_SQRT_2];
+                std::array::from_fn(|kind| {
+                    std::array::from_fn(|axis| {
+                        let again = |matrix: &CalibrationMatrix| Some(matrix.alignment()?[kind][axis].0);
+                        let number = number(found[kind][axis], &[0, 1, 2], &again);
+                        inputs.estimate(&number, tilted[kind], kind == 0)
+                    })
+                })
             }),
             in_plane: None,
             centre: None,
@@ -193,11 +259,33 @@ impl ReferenceCalibration<'_> {
             let plane = [[0, 1], [1, 2], [0, 2]]
                 .into_iter()
                 .find_map(|axes| Some((axes, matrix.alignment_in_plane(axes)?)));
-            calibrated.in_plane = plane.map(|([a, b], [non_orthogonality, turn])| InPlane {
-                axes: [AXES[a], AXES[b]],
-                non_orthogonality: of_angle(non_orthogonality, std::f64::consts::SQRT_2),
-                turn: of_angle(turn, 1.0),
+            calibrated.in_plane = plane.map(|(axes, found)| {
+                let angle = |place: usize, by_tilt: f64| {
+                    let again = |matrix: &CalibrationMatrix| Some(matrix.alignment_in_plane(axes)?[place].0);
+                    of_angle(found[place], by_tilt, &axes, &again)
+                };
+                InPlane {
+                    axes: axes.map(|axis| AXES[axis]),
+                    non_orthogonality: angle(0, std::f64::consts::SQRT_2),
+                    turn: angle(1, 1.0),
+                }
             });
+        }
+        if let Some(Contradiction::Frequencies { groups, .. }) = &contradiction {
+            for group in groups {
+                let chosen: Vec<RatePair> = group.iter().map(|place| pairs[*place]).collect();
+                let matrix = CalibrationMatrix::fit(&chosen, axes_of_reference).map_err(failed)?;
+                let Some((value, noise)) = matrix.entry(main, main) else { continue };
+                let repeatability = LeaveOneOut::of(&chosen, axes_of_reference)
+                    .repeatability([main], |matrix| Some(matrix.entry(main, main)?.0));
+                let found = FittedNumber { value, noise, repeatability };
+                calibrated.by_frequency.push(ScaleFactorAtFrequency {
+                    frequency_hz: group.iter().map(|place| tones[*place].frequency_hz).sum::<f64>()
+                        / group.len() as f64,
+                    records: group.len(),
+                    scale_factor: inputs.estimate(&found, by_tilt(main, main), true),
+                });
+            }
         }
         if self.file.gyroscope.accelerometers.is_some() {
             calibrated.centre = Some(self.centre(&tones, &pairs, &turns).map_err(failed)?);
@@ -210,7 +298,7 @@ impl ReferenceCalibration<'_> {
                 ));
             }
         }
-        calibrated.warnings = self.warnings(&calibrated, &tones);
+        calibrated.warnings = self.warnings(&calibrated, &tones, matrix.probability());
         let has_cross_terms = calibrated.cross_terms().next().is_some();
         if has_cross_terms && !inputs.has_alignment() {
             calibrated.warnings.push(ALIGNMENT_NOT_STATED.to_owned());
@@ -245,7 +333,7 @@ impl ReferenceCalibration<'_> {
         record: &str,
     ) -> Result<(), CalibrationError> {
         let rate_hz = self.file.gyroscope.rate.si();
-        let tolerance = self.file.gyroscope.clock_tolerance.si();
+        let tolerance = self.file.gyroscope.clock_tolerance.as_ref().map_or(0.0, crate::config::Quantity::si);
         if tone.frequency_hz > 0.5 * rate_hz * (1.0 - tolerance) {
             let frequency_hz = tone.frequency_hz;
             return Err(CalibrationError::Aliased { record: record.to_owned(), frequency_hz, rate_hz });
@@ -286,14 +374,13 @@ impl ReferenceCalibration<'_> {
             .collect::<Option<_>>()?;
         let count = offsets.len() as f64;
         let value = offsets.iter().map(|(offset, _)| offset).sum::<f64>() / count;
-        let noise = offsets.iter().map(|(_, deviation)| deviation * deviation).sum::<f64>().sqrt() / count;
-        let square: f64 = offsets.iter().map(|(offset, sd)| ((offset - value) / sd).powi(2)).sum();
-        let freedom = count - 1.0;
-        let limit =
-            statrs::distribution::ChiSquared::new(freedom).map_or(f64::INFINITY, |l| l.inverse_cdf(0.99));
-        let (factor, freedom) =
-            if square > limit { ((square / freedom).sqrt(), freedom) } else { (1.0, f64::INFINITY) };
-        let combined = Combined::of(noise * factor, freedom, PROBABILITY);
+        let (uncertainty, freedom) = if offsets.len() > 1 {
+            let square: f64 = offsets.iter().map(|(offset, _)| (offset - value).powi(2)).sum();
+            ((square / (count * (count - 1.0))).sqrt(), count - 1.0)
+        } else {
+            (offsets.first()?.1, f64::INFINITY)
+        };
+        let combined = Combined::of(uncertainty, freedom, PROBABILITY);
         Some(UncertainEstimate::of(value, combined, combined))
     }
 
@@ -387,13 +474,19 @@ impl ReferenceCalibration<'_> {
         Ok(Centred { arm, chi_square: centre.chi_square, freedom: centre.freedom })
     }
 
-    fn warnings(&self, found: &CalibratedGyroscope, tones: &[VibrationTone]) -> Vec<String> {
+    fn warnings(
+        &self,
+        found: &CalibratedGyroscope,
+        tones: &[VibrationTone],
+        probability: f64,
+    ) -> Vec<String> {
         let mut warnings = Vec::new();
-        if found.freedom > 0 && found.budget.iter().any(|p| p.origin == FROM_SCATTER && p.ppm > Some(0.0)) {
+        if let Some(why) = &found.withheld {
+            warnings.push(why.clone());
+        } else if probability < 0.01 {
             warnings.push(format!(
-                "the records scatter by more than their noise explains (χ² {:.1} at {} degrees of freedom): the interval is \
-                 widened by what they scatter; one sine per record, or one scale factor for all amplitudes, is not the whole \
-                 truth",
+                "the records scatter by more than the noise within them explains (χ² {:.1} at {} degrees of freedom); the interval has what they \
+                 scatter. One sine per record, or one scale factor for all amplitudes, is not the whole truth",
                 found.chi_square, found.freedom
             ));
         }
@@ -527,6 +620,17 @@ fn not_observed(matrix: &CalibrationMatrix, axes_of_reference: [bool; 3], pairs:
             format!("the reference shows no {name}: turning about {name} is taken as none")
         };
         said.push(format!("{}: {why}", entries.join(", ")));
+    }
+    let signs: Vec<String> = rows
+        .iter()
+        .filter(|row| matrix.entry(**row, **row).is_some())
+        .map(|row| format!("k_{0}{0}", AXES[*row]))
+        .collect();
+    if !signs.is_empty() {
+        said.push(format!(
+            "the sign of {}: each instrument has its own clock, so that an axis that is mounted upside down shows the same; the diagonal is taken as positive",
+            signs.join(", ")
+        ));
     }
     let whole = (0..9).all(|k| matrix.entry(k / 3, k % 3).is_some());
     if !whole && rows.len() > 1 {

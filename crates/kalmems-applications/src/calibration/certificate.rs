@@ -3,12 +3,13 @@
 //! What the operator did not state is listed as not stated: nothing on a certificate is made up.
 
 use super::comparison::ReferenceComparison;
+use super::inputs::{OF_REPEATABILITY, OF_REPRODUCIBILITY};
 use super::outcome::{CalibratedGyroscope, Calibration, CrossCheck, UncertainEstimate};
-use super::results::{at_rest, budget, comparisons, matrix};
+use super::rest::BiasMethod;
+use super::results::{at_rest, budget, comparisons, matrix, with_uncertainty};
 use super::tone::AXES;
 use crate::metrology::Input;
 use crate::recording::RecordingSource;
-use kalmems_core::Portable;
 use kalmems_engines::topics::link;
 use kalmems_figures::{ColumnHead, Figure, NoticeSeverity, Page, PageSection, TextTable};
 use serde::Serialize;
@@ -35,7 +36,7 @@ pub struct Certificate<'a> {
     pub comparisons: &'a [ReferenceComparison],
     /// Whether the model holds for the records, check by check.
     pub validity: Vec<CertificateCheck>,
-    /// Whether all checks pass. A certificate with one that does not is none to be issued.
+    /// Whether all checks pass and nothing is left to be stated: a certificate of which that is not so is a draft.
     pub valid: bool,
     /// What is not stated and belongs on a certificate.
     pub not_stated: Vec<String>,
@@ -60,8 +61,10 @@ pub struct CertifiedResult<'a> {
     pub traceability: Option<&'a str>,
     /// The axis.
     pub axis: &'static str,
-    /// The scale factor.
-    pub scale_factor: CertifiedValue,
+    /// The scale factor; none where the records exclude one for all of them.
+    pub scale_factor: Option<CertifiedValue>,
+    /// That at each frequency, where they differ.
+    pub by_frequency: Vec<CertifiedFrequency>,
     /// Entries of K beside it, by name; of one beside the diagonal only where the alignment of the reference's axes is stated.
     pub entries: Vec<(String, CertifiedValue)>,
     /// Entries of K that have no expanded uncertainty, as the alignment is not stated.
@@ -76,6 +79,16 @@ pub struct CertifiedResult<'a> {
     pub not_in_budget: Vec<&'a str>,
     /// The same by trials, where these were asked for.
     pub cross_check: Option<&'a CrossCheck>,
+}
+
+/// A scale factor at one frequency.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CertifiedFrequency {
+    /// In Hz.
+    pub frequency_hz: f64,
+    /// The scale factor.
+    #[serde(flatten)]
+    pub scale_factor: CertifiedValue,
 }
 
 /// A number as a certificate has it.
@@ -171,7 +184,7 @@ impl<'a> Certificate<'a> {
             results,
             bias: bias.collect(),
             comparisons: &found.comparisons,
-            valid: validity.iter().all(|check| check.passes),
+            valid: validity.iter().all(|check| check.passes) && not_stated.is_empty(),
             validity,
             not_stated,
             files: &found.sources,
@@ -190,11 +203,11 @@ fn certified<'a>(found: &'a Calibration, result: &'a CalibratedGyroscope) -> Cer
     let (mut entries, mut not_certified) = (Vec::new(), Vec::new());
     for (i, row) in result.matrix.iter().enumerate() {
         for (j, entry) in row.iter().enumerate() {
-            let Some(entry) = entry else { continue };
+            let Some(entry) = entry.filter(|_| result.withheld.is_none()) else { continue };
             if i != j && !has_alignment {
                 not_certified.push(name(i, j));
             } else if (i, j) != (result.main, result.main) {
-                entries.push((name(i, j), CertifiedValue::of(entry)));
+                entries.push((name(i, j), CertifiedValue::of(&entry)));
             }
         }
     }
@@ -210,7 +223,15 @@ fn certified<'a>(found: &'a Calibration, result: &'a CalibratedGyroscope) -> Cer
         instrument: reference.and_then(|reference| reference.instrument.as_deref()),
         traceability: reference.and_then(|reference| reference.traceability.as_deref()),
         axis: AXES[result.main],
-        scale_factor: CertifiedValue::of(&result.scale_factor),
+        scale_factor: result.withheld.is_none().then(|| CertifiedValue::of(&result.scale_factor)),
+        by_frequency: result
+            .by_frequency
+            .iter()
+            .map(|at| CertifiedFrequency {
+                frequency_hz: at.frequency_hz,
+                scale_factor: CertifiedValue::of(&at.scale_factor),
+            })
+            .collect(),
         entries,
         not_certified,
         frequency_hz: ends(&|record| record.frequency_hz),
@@ -232,8 +253,32 @@ fn method(found: &Calibration) -> String {
     if found.results.iter().any(|result| result.cross_check.is_some()) {
         method += " They are checked by propagation of distributions as in JCGM 101:2008.";
     }
-    if !found.rest.is_empty() {
-        method += " The bias is the mean of a record at rest; its uncertainty is that of the means of eight pieces, which is right for noise that is white beyond an eighth of the record.";
+    let has = |name: &str| {
+        let mut inputs =
+            found.results.iter().flat_map(|result| &result.budget).filter_map(|part| part.input.as_ref());
+        inputs.any(|input| input.name == name)
+    };
+    if has(OF_REPEATABILITY) {
+        method += " What the records scatter enters as a type A evaluation, by leaving out one record after the other.";
+    }
+    if has(OF_REPRODUCIBILITY) {
+        method += " What the scale factor changes from record to record is the stated reproducibility.";
+    }
+    let differs = |check: &CrossCheck| !check.disagreements.is_empty();
+    if found.results.iter().filter_map(|result| result.cross_check.as_ref()).any(differs) {
+        method += " Where both disagree, the interval of the trials is stated, as JCGM 101 asks for.";
+    }
+    if !found.results.is_empty() {
+        method += " The sign of a scale factor is not determined.";
+    }
+    let by = |method| found.rest.iter().any(|rest| rest.bias_method == method);
+    if by(BiasMethod::NoiseFit) {
+        method += " The bias is the mean of a record at rest; its standard uncertainty is Allan's deviation at the length of the record by the noise \
+                   that was fitted to Allan's variances, with the degrees of freedom of the variance at an eighth of the record.";
+    }
+    if by(BiasMethod::MeansOfPieces) {
+        method += " The bias is the mean of a record at rest whose noise could not be fitted; its uncertainty is that of the means of eight pieces, \
+                   which is right for noise that is white beyond an eighth of the record.";
     }
     method.trim_start().to_owned()
 }
@@ -243,21 +288,27 @@ fn validity(found: &Calibration) -> Vec<CertificateCheck> {
     let mut checks = Vec::new();
     for result in &found.results {
         let place = format!("condition `{}`, reference `{}`", result.condition, result.reference);
-        let scatters =
-            result.budget.iter().any(|p| p.source == super::inputs::OF_SCATTER && p.ppm > Some(0.0));
+        let known = [OF_REPEATABILITY, OF_REPRODUCIBILITY];
+        let names =
+            || result.budget.iter().filter_map(|part| part.input.as_ref()).map(|input| input.name.as_str());
+        let scatter = names().find(|name| known.contains(name));
         checks.push(CertificateCheck {
-            what: format!("{place}: the interval has what the records scatter"),
-            passes: true,
-            found: format!(
-                "χ² {:.1} at {} degrees of freedom{}",
-                result.chi_square,
-                result.freedom,
-                if scatters {
-                    ", more than noise explains: it is in the budget, and the interval is wider"
-                } else {
-                    ""
-                }
+            what: format!("{place}: the interval has what changes from record to record"),
+            passes: scatter.is_some(),
+            found: scatter.map_or_else(
+                || "neither several records tell it nor `uncertainty.reproducibility` states it".to_owned(),
+                ToOwned::to_owned,
             ),
+        });
+        checks.push(CertificateCheck {
+            what: format!("{place}: one scale factor describes the records, or each frequency has its own"),
+            passes: result.withheld.is_none() || !result.by_frequency.is_empty(),
+            found: result.withheld.clone().unwrap_or_else(|| {
+                format!(
+                    "χ² {:.1} at {} degrees of freedom by the noise within the records",
+                    result.chi_square, result.freedom
+                )
+            }),
         });
         let worst = result.records.iter().flat_map(|record| record.distortion).fold(0.0, f64::max);
         checks.push(CertificateCheck {
@@ -266,19 +317,32 @@ fn validity(found: &Calibration) -> Vec<CertificateCheck> {
             found: format!("harmonics of at most {worst:.1e} of the amplitude"),
         });
         if let Some(check) = &result.cross_check {
-            let found = if check.disagreements.is_empty() {
-                format!("{} trials agree", check.scale_factor.propagated.trials)
-            } else {
-                check.disagreements.join("; ")
-            };
+            let all =
+                std::iter::once(&check.scale_factor).chain(check.entries.iter().map(|(_, found)| found));
+            let worst = all.max_by(|a, b| (a.accuracy / a.tolerance).total_cmp(&(b.accuracy / b.tolerance)));
             checks.push(CertificateCheck {
                 what: format!(
-                    "{place}: the expanded uncertainty agrees with the propagation of distributions"
+                    "{place}: the trials are enough to tell whether the expanded uncertainty holds"
                 ),
-                passes: check.disagreements.is_empty(),
-                found,
+                passes: worst.is_some_and(|worst| worst.accuracy <= worst.tolerance),
+                found: if check.disagreements.is_empty() {
+                    format!("{} trials agree", check.scale_factor.propagated.trials)
+                } else {
+                    check.disagreements.join("; ")
+                },
             });
         }
+    }
+    if !found.rest.is_empty() {
+        checks.push(CertificateCheck {
+            what: "the unit is still during the record at rest".to_owned(),
+            passes: found.rest_motions.is_empty(),
+            found: if found.rest_motions.is_empty() {
+                "neither a part of the record nor a line of its spectrum stands out".to_owned()
+            } else {
+                found.rest_motions.join("; ")
+            },
+        });
     }
     checks.extend(found.comparisons.iter().map(|comparison| CertificateCheck {
         what: format!(
@@ -297,14 +361,6 @@ fn validity(found: &Calibration) -> Vec<CertificateCheck> {
 /// Harmonics beyond this part of the amplitude are no sine's.
 const LARGEST_DISTORTION: f64 = 0.01;
 
-/// A number with an uncertainty: as many digits as two of the uncertainty.
-fn with_uncertainty(found: &CertifiedValue) -> [String; 2] {
-    let digits = (1.0 - found.expanded_uncertainty.abs().portable_log10().floor()).clamp(0.0, 12.0);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and 12
-    let digits = if digits.is_finite() { digits as usize } else { 6 };
-    [format!("{:.digits$}", found.value), format!("{:.digits$}", found.expanded_uncertainty)]
-}
-
 /// The page of a certificate.
 pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures: &[Figure]) -> Page {
     let title = match certificate.stated.iter().find(|(key, _)| *key == "number") {
@@ -315,12 +371,22 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
     let entries = certificate.stated.iter().filter(|(key, _)| *key != "number");
     let entries = entries.map(|(key, text)| ((*key).to_owned(), text.unwrap_or("not stated").to_owned()));
     let mut what = PageSection::new("What was calibrated").key_values(entries);
+    if !certificate.not_stated.is_empty() {
+        let missing = certificate.not_stated.join(", ");
+        what = what
+            .notice(NoticeSeverity::Warning, format!("A draft, not a certificate. Not stated: {missing}"));
+    }
     if !certificate.valid {
         let failed = certificate.validity.iter().filter(|check| !check.passes);
         for check in failed {
             what = what.notice(
                 NoticeSeverity::Failure,
-                format!("Not to be issued. Not so: {}: {}{}", check.what, check.found, link("applications")),
+                format!(
+                    "Not to be issued. This check fails: {}: {}{}",
+                    check.what,
+                    check.found,
+                    link("applications")
+                ),
             );
         }
     }
@@ -331,11 +397,11 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
              of freedom, for a coverage probability of {:.0} %.",
             100.0 * super::inputs::PROBABILITY
         )));
-        page = page.with(PageSection::new("Against what").table(references_table(certificate)));
+        page = page.with(PageSection::new("Reference standards").table(references_table(certificate)));
     }
     if !found.rest.is_empty() {
         let rests: Vec<_> = found.rest.iter().collect();
-        page = page.with(PageSection::new("At rest").table(at_rest(&rests)));
+        page = page.with(at_rest(&rests).into_iter().fold(PageSection::new("At rest"), PageSection::table));
     }
     page = page.with(PageSection::new("Method").paragraph(certificate.method.clone()));
     for result in &found.results {
@@ -358,8 +424,11 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         valid = valid.table(comparisons(certificate.comparisons));
     }
     for check in &certificate.validity {
-        let (severity, word) =
-            if check.passes { (NoticeSeverity::Ok, "") } else { (NoticeSeverity::Failure, "not so: ") };
+        let (severity, word) = if check.passes {
+            (NoticeSeverity::Ok, "")
+        } else {
+            (NoticeSeverity::Failure, "this check fails: ")
+        };
         let explained = if check.passes { String::new() } else { link("applications") };
         valid = valid.notice(severity, format!("{word}{}: {}{explained}", check.what, check.found));
     }
@@ -400,12 +469,21 @@ fn result_table(certificate: &Certificate) -> TextTable {
     ];
     let mut table = TextTable::new("Scale factor and cross-axis terms, dimensionless", columns);
     for result in &certificate.results {
-        let own = (format!("scale factor {}", result.axis), &result.scale_factor);
+        let own = result
+            .scale_factor
+            .iter()
+            .map(|value| (format!("scale factor {}, magnitude", result.axis), value));
+        let each = result.by_frequency.iter().map(|at| {
+            (
+                format!("scale factor {}, magnitude, at {:.1} Hz", result.axis, at.frequency_hz),
+                &at.scale_factor,
+            )
+        });
         let others = result.entries.iter().map(|(name, value)| (name.clone(), value));
         let [low, high] = result.frequency_hz;
         let [slow, fast] = result.rate_rad_per_s;
-        for (name, value) in std::iter::once(own).chain(others) {
-            let [number, expanded] = with_uncertainty(value);
+        for (name, value) in own.chain(each).chain(others) {
+            let [number, expanded] = with_uncertainty(value.value, value.expanded_uncertainty);
             table.push([
                 result.condition.to_owned(),
                 result.reference.to_owned(),
@@ -417,7 +495,11 @@ fn result_table(certificate: &Certificate) -> TextTable {
                     .degrees_of_freedom
                     .filter(|nu| *nu < 1e6)
                     .map_or_else(|| "∞".to_owned(), |nu| format!("{nu:.0}")),
-                format!("{low:.1} to {high:.1} Hz"),
+                if format!("{low:.1}") == format!("{high:.1}") {
+                    format!("{low:.1} Hz")
+                } else {
+                    format!("{low:.1} to {high:.1} Hz")
+                },
                 format!("{slow:.2} to {fast:.2} rad/s"),
             ]);
         }

@@ -1,9 +1,10 @@
 //! Whether two references of one condition agree.
 
-use super::inputs::{FROM_DEVICE, OF_GYROSCOPE, PROBABILITY};
+use super::inputs::{FROM_DEVICE, FROM_SCATTER, OF_GYROSCOPE, OF_REFERENCE, OF_REPEATABILITY, PROBABILITY};
+use super::matrix::effective_count;
 use super::outcome::{CalibratedGyroscope, UncertaintyContribution};
 use super::tone::AXES;
-use crate::metrology::{Budget, Evaluation, Input, coverage_factor};
+use crate::metrology::{Budget, Distribution, Evaluation, Input, coverage_factor};
 use serde::Serialize;
 use std::fmt;
 
@@ -77,13 +78,52 @@ fn is_shared(first: &Input, second: &Input) -> bool {
     same_words && (first.name == OF_GYROSCOPE || named || first.source == FROM_DEVICE)
 }
 
+/// What the quotient of both scale factors scatters from record to record.
+fn of_same_records(first: &CalibratedGyroscope, second: &CalibratedGyroscope) -> Option<Input> {
+    let quotients: Vec<(f64, f64)> = first
+        .records
+        .iter()
+        .filter_map(|record| {
+            let other = second.records.iter().find(|other| other.record == record.record)?;
+            Some((record.reference.powi(2), other.scale_factor / record.scale_factor - 1.0))
+        })
+        .collect();
+    let freedom = effective_count(quotients.iter().map(|(weight, _)| *weight)) - 1.0;
+    if quotients.len() < 2 || freedom < 0.5 {
+        return None;
+    }
+    let all: f64 = quotients.iter().map(|(weight, _)| weight).sum();
+    let mean = quotients.iter().map(|(weight, value)| weight * value).sum::<f64>() / all;
+    let square: f64 = quotients.iter().map(|(weight, value)| (weight / all * (value - mean)).powi(2)).sum();
+    let count = quotients.len() as f64;
+    Some(Input {
+        name: "differences of the records".to_owned(),
+        unit: "1",
+        value: 0.0,
+        standard_uncertainty: (square * count / (count - 1.0)).sqrt(),
+        distribution: Distribution::Normal,
+        degrees_of_freedom: freedom,
+        evaluation: Evaluation::A,
+        source: FROM_SCATTER.to_owned(),
+        sensitivity: 1.0,
+    })
+}
+
 fn compared(first: &CalibratedGyroscope, second: &CalibratedGyroscope) -> ReferenceComparison {
     let [a, b] = [first, second].map(|result| result.scale_factor.value);
     let of = |result: &CalibratedGyroscope| -> Vec<Input> {
         result.budget.iter().filter_map(|part| part.input.clone()).collect()
     };
-    let (own, mut others) = (of(first), of(second));
+    let (mut own, mut others) = (of(first), of(second));
     let mut left: Vec<Input> = Vec::new();
+    // The gyroscope's noise and what it changes from record to record are the same in both.
+    if let Some(paired) = of_same_records(first, second) {
+        let is_of_records =
+            |input: &Input| [OF_GYROSCOPE, OF_REFERENCE, OF_REPEATABILITY].contains(&input.name.as_str());
+        own.retain(|input| !is_of_records(input));
+        others.retain(|input| !is_of_records(input));
+        left.push(paired);
+    }
     let mut keep = |input: &Input, part: f64| {
         left.push(Input { sensitivity: 1.0, standard_uncertainty: part.abs(), ..input.clone() });
     };

@@ -3,7 +3,7 @@
 use super::calibrate::DirectionEffects;
 use super::error::CalibrationError;
 use super::file::MonteCarlo;
-use super::inputs::{CommonInputs, PROBABILITY};
+use super::inputs::{CommonInputs, FittedNumber, PROBABILITY};
 use super::matrix::{CalibrationMatrix, RatePair};
 use super::outcome::{CrossCheck, UncertainEstimate};
 use super::tone::AXES;
@@ -29,7 +29,8 @@ impl Trials<'_> {
     pub fn cross_check(
         &self,
         settings: &MonteCarlo,
-        (main, entries): (usize, &[[Option<UncertainEstimate>; 3]; 3]),
+        main: usize,
+        (fitted, entries): (&[[Option<FittedNumber>; 3]; 3], &[[Option<UncertainEstimate>; 3]; 3]),
         progress: &dyn Progress,
     ) -> Result<CrossCheck, CalibrationError> {
         let mut known: Vec<(usize, usize, UncertainEstimate)> = Vec::new();
@@ -39,7 +40,7 @@ impl Trials<'_> {
             }
         }
         let trial = |noise: &mut WhiteNoise| {
-            let matrix = self.trial(main, noise)?;
+            let matrix = self.trial(main, fitted, noise)?;
             Some(known.iter().map(|(i, j, _)| matrix[*i][*j]).collect())
         };
         progress.begin("trials", settings.trials as u64);
@@ -60,7 +61,8 @@ impl Trials<'_> {
             let combined = Combined::of(entry.uncertainty, entry.degrees_of_freedom, PROBABILITY);
             let comparison = compared(entry.value, &combined, found);
             let name = format!("k_{}{}", AXES[*i], AXES[*j]);
-            disagreements.extend(self.disagreement(&name, entry, &comparison));
+            let fitted = fitted[*i][*j].as_ref();
+            disagreements.extend(self.disagreement(&name, (fitted, entry), &comparison));
             if (*i, *j) == (main, main) {
                 scale_factor = Some(comparison);
             } else {
@@ -75,7 +77,7 @@ impl Trials<'_> {
     fn disagreement(
         &self,
         name: &str,
-        entry: &UncertainEstimate,
+        (fitted, entry): (Option<&FittedNumber>, &UncertainEstimate),
         found: &PropagationComparison,
     ) -> Option<String> {
         if found.agrees {
@@ -95,27 +97,38 @@ impl Trials<'_> {
                 input.name,
                 input.distribution.name()
             ),
-            None if self.inputs.records().scatter.is_some() => {
-                format!("the scatter of the records has {} degrees of freedom", self.inputs.records().freedom)
-            }
-            None => "the model is not linear over them".to_owned(),
+            None => match fitted.and_then(|fitted| self.inputs.repeatability(fitted)) {
+                Some(known) => {
+                    format!("the repeatability of the records has {:.1} degrees of freedom", known.freedom)
+                }
+                None => "the model is not linear over them".to_owned(),
+            },
         };
         let [low, high] = found.propagated.interval;
         Some(format!(
             "{name}: trials (JCGM 101) put 95 % between {low:.7} and {high:.7}, the expanded uncertainty between {:.7} and {:.7}: they differ by \
-             {:.1e} and {:.1e}, where {:.1e} are tolerated; {reason}; the trials' interval is to be stated",
+             {:.1e} and {:.1e}, where {:.1e} are tolerated; {reason}; the trials' interval is stated",
             entry.interval[0], entry.interval[1], found.differences[0], found.differences[1], found.tolerance
         ))
     }
 
     /// K of one trial; `None` where it cannot be fitted.
-    fn trial(&self, main: usize, noise: &mut WhiteNoise) -> Option<[[f64; 3]; 3]> {
-        let records = self.inputs.records();
-        let factor = records.scatter.map_or(1.0, |scatter| scatter / chi_by_freedom(records.freedom, noise));
+    fn trial(
+        &self,
+        main: usize,
+        fitted: &[[Option<FittedNumber>; 3]; 3],
+        noise: &mut WhiteNoise,
+    ) -> Option<[[f64; 3]; 3]> {
+        // What an entry scatters from record to record has the noise in it.
+        let scattered: [[Option<f64>; 3]; 3] = std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let known = self.inputs.repeatability(fitted[i][j].as_ref()?)?;
+                Some(known.uncertainty * noise.sample() / chi_by_freedom(known.freedom, noise))
+            })
+        });
         let mut pairs = self.pairs.to_vec();
         for pair in &mut pairs {
-            let mut noisy = |phasor: Complex64, deviation: f64| {
-                let size = factor * deviation;
+            let mut noisy = |phasor: Complex64, size: f64| {
                 phasor + Complex64::new(size * noise.sample(), size * noise.sample())
             };
             for axis in 0..3 {
@@ -124,15 +137,30 @@ impl Trials<'_> {
                 pair.shown[axis] = pair.shown[axis].map(|shown| noisy(shown, deviation));
             }
         }
+        let mut moved_pairs = self.pairs.to_vec();
         for (_, by) in self.moved {
             let size = noise.sample();
-            for (pair, by) in pairs.iter_mut().zip(by) {
+            for (pair, by) in pairs.iter_mut().chain(&mut moved_pairs).zip(by.iter().cycle()) {
                 for (reference, by) in pair.reference.iter_mut().zip(by) {
                     *reference += by * size;
                 }
             }
         }
-        let matrix = CalibrationMatrix::fit(&pairs, self.axes_of_reference).ok()?.mixed(main);
+        // Each fit takes most of a trial, and is made where an entry comes from it.
+        let known = || {
+            fitted.as_flattened().iter().zip(scattered.as_flattened()).filter(|(found, _)| found.is_some())
+        };
+        let fit = |pairs: &[RatePair], is_wanted: bool| -> Option<[[f64; 3]; 3]> {
+            if !is_wanted {
+                return Some([[0.0; 3]; 3]);
+            }
+            Some(CalibrationMatrix::fit(pairs, self.axes_of_reference).ok()?.mixed(main))
+        };
+        let noisy = fit(&pairs, known().any(|(_, scattered)| scattered.is_none()))?;
+        let exact = fit(&moved_pairs, known().any(|(_, scattered)| scattered.is_some()))?;
+        let matrix: [[f64; 3]; 3] = std::array::from_fn(|i| {
+            std::array::from_fn(|j| scattered[i][j].map_or(noisy[i][j], |error| exact[i][j] + error))
+        });
         let (common, correlations) = self.inputs.common();
         let normal = correlated_normals(correlations, common.len(), noise);
         let mut scale = 1.0;

@@ -1,5 +1,6 @@
 //! The calibration file of a gyroscope: its records, the motions that they are compared with, and a record at rest.
 
+use super::inputs::OF_REPRODUCIBILITY;
 use crate::ApplicationFile;
 use crate::config::FileColumns;
 use crate::config::FileFormat;
@@ -125,8 +126,10 @@ impl MonteCarlo {
 pub struct InertialUnit {
     /// Its nominal sample rate. Its clock is its own: what it really is, the calibration finds.
     pub rate: Quantity<Frequency, Positive>,
-    /// How far its clock may be off, relative to that.
-    pub clock_tolerance: Quantity<Ratio, NotNegative>,
+    /// How far its clock may be off, relative to that. Records under vibration need it; of a record at rest a column of times is held
+    /// against it where it is stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock_tolerance: Option<Quantity<Ratio, NotNegative>>,
     /// Its columns by axis, such as `{ y = "gyro_rad_per_s" }`; the axes are those of the references.
     pub channels: Channels,
     /// The columns of the accelerometers by axis, in the same file, for the centre of rotation.
@@ -224,6 +227,10 @@ pub struct StatedUncertainty {
     /// Motion about axes that the reference does not show, times the unit's cross-axis sensitivity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub off_axis: Option<StandardUncertainty<Ratio>>,
+    /// What the scale factor changes from record to record and from mounting to mounting, where that is known from elsewhere. It replaces what the
+    /// records themselves scatter; of a single record nothing else tells it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reproducibility: Option<StandardUncertainty<Ratio>>,
     /// By what angle each of the reference's axes may be off the axis that it is called, in either direction square to it. Cross-axis terms
     /// depend on it in full and have no expanded uncertainty without it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -247,7 +254,7 @@ pub struct RestRecord {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub segments: Option<Segments>,
     /// When its samples were taken; by the gyroscope's nominal rate if left out. A column of times has to show that rate within
-    /// its `clock_tolerance`.
+    /// its `clock_tolerance`, where that is stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
     /// Its columns by axis; those of the gyroscope if left out.
@@ -270,7 +277,11 @@ impl ApplicationFile for GyroscopeCalibration {
         let unit = Key::from("gyroscope");
         self.check_axes(&unit.clone().child("channels"), &self.gyroscope.channels)?;
         if let Some(channels) = &self.gyroscope.accelerometers {
-            self.check_axes(&unit.child("accelerometers"), channels)?;
+            self.check_axes(&unit.clone().child("accelerometers"), channels)?;
+        }
+        if !self.conditions.is_empty() && self.gyroscope.clock_tolerance.is_none() {
+            let why = "records under vibration need how far the gyroscope's clock may be off; expected such as `clock_tolerance = \"1 %\"`";
+            return refuse(unit.child("clock_tolerance"), why.to_owned());
         }
         if self.conditions.is_empty() && self.rest.is_none() {
             let why = "found neither records under vibration nor one at rest; expected `[[condition]]`, or `[rest]`";
@@ -431,7 +442,7 @@ impl RestRecord {
 
 impl StatedUncertainty {
     /// The keys of the relative ones, what each stands for in a budget, and what is stated of it.
-    pub fn contributions(&self) -> [(&'static str, &'static str, Option<&StandardUncertainty<Ratio>>); 7] {
+    pub fn contributions(&self) -> [(&'static str, &'static str, Option<&StandardUncertainty<Ratio>>); 8] {
         [
             ("vibrometer", "vibrometer", self.vibrometer.as_ref()),
             ("lever_arm", "lever arm", self.lever_arm.as_ref()),
@@ -440,6 +451,7 @@ impl StatedUncertainty {
             ("model", "model", self.model.as_ref()),
             ("temperature", "temperature", self.temperature.as_ref()),
             ("off_axis", "off-axis motion", self.off_axis.as_ref()),
+            ("reproducibility", OF_REPRODUCIBILITY, self.reproducibility.as_ref()),
         ]
     }
 

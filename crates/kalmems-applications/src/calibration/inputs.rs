@@ -1,6 +1,7 @@
 //! The inputs of a scale factor and of each entry of K, for a budget.
 
 use super::file::StatedUncertainty;
+use super::matrix::Repeatability;
 use super::outcome::{UncertainEstimate, UncertaintyContribution};
 use crate::metrology::{Budget, Combined, Distribution, Evaluation, Input};
 
@@ -20,22 +21,33 @@ const NOT_STATED: &str = "not stated: not in the interval";
 /// The names in a budget that others look for.
 pub const OF_GYROSCOPE: &str = "noise of the gyroscope";
 pub const OF_REFERENCE: &str = "noise of the reference";
-pub const OF_SCATTER: &str = "scatter of the records";
+pub const OF_REPEATABILITY: &str = "repeatability of the records, their noise included";
+/// What a single record does not tell.
+pub const OF_REPRODUCIBILITY: &str = "reproducibility from record to record";
 pub const OF_ALIGNMENT: &str = "alignment of the axes";
 const OF_ALIGNMENT_SQUARED: &str = "alignment of the axes, second order";
+
+/// A number that was fitted to the records, with what they tell of it.
+#[derive(Clone, Copy, Debug)]
+pub struct FittedNumber {
+    pub value: f64,
+    /// Its standard deviation by the noise within the records.
+    pub noise: f64,
+    /// What it scatters from record to record; `None` of too few records.
+    pub repeatability: Option<Repeatability>,
+}
 
 /// What the records say of their noise.
 #[derive(Clone, Copy, Debug)]
 pub struct RecordNoise {
-    /// By how much more than noise the records scatter, as a factor, where chance does not explain it; and the degrees of freedom of that.
-    pub scatter: Option<f64>,
-    pub freedom: f64,
     /// What part of the variance by noise is the gyroscope's.
     pub shown_part: f64,
     /// Samples less parameters of the fitted sines, of gyroscope and reference.
     pub residuals: [f64; 2],
     /// The part of an amplitude that the wandering of a clock may take.
     pub wander: f64,
+    /// Whether what the scale factor scatters from record to record is known.
+    pub are_repeated: bool,
 }
 
 /// The inputs that all entries of K have in common, relative to it, and what their records say.
@@ -81,14 +93,20 @@ impl CommonInputs {
         let mut places = Vec::new();
         for (key, name, stated) in stated.contributions() {
             let Some(stated) = stated else {
-                // The numbers of the model speak for it.
-                if key != "model" || of_device.is_empty() {
+                // The numbers of the model speak for it, and records for what they scatter.
+                let is_known = match key {
+                    "model" => !of_device.is_empty(),
+                    "reproducibility" => records.are_repeated,
+                    _ => false,
+                };
+                if !is_known {
                     missing.push(name);
                 }
                 continue;
             };
-            // What is too large of the reference's rate makes K too small; the last two are errors of the unit's rate.
-            let sensitivity = if matches!(key, "temperature" | "off_axis") { 1.0 } else { -1.0 };
+            // What is too large of the reference's rate makes K too small; the last three are errors of the unit's rate.
+            let is_of_unit = matches!(key, "temperature" | "off_axis" | "reproducibility");
+            let sensitivity = if is_of_unit { 1.0 } else { -1.0 };
             places.push((key, common.len()));
             common.push(Input {
                 name: name.to_owned(),
@@ -124,9 +142,10 @@ impl CommonInputs {
         self.alignment.is_some()
     }
 
-    /// What the records say.
-    pub const fn records(&self) -> &RecordNoise {
-        &self.records
+    /// What enters for what a number scatters: nothing where its reproducibility is stated instead.
+    pub fn repeatability(&self, found: &FittedNumber) -> Option<Repeatability> {
+        let is_stated = self.common.iter().any(|input| input.name == OF_REPRODUCIBILITY);
+        found.repeatability.filter(|_| !is_stated)
     }
 
     /// The relative inputs that all entries share, and their correlations.
@@ -141,7 +160,8 @@ impl CommonInputs {
 
     /// The budget of a number that changes by `by_alignment` with a radian of misalignment, and is in proportion to the common inputs where
     /// `is_scale`. The correlated inputs come first, so that the correlations' places hold.
-    pub fn budget(&self, (value, noise): (f64, f64), by_alignment: f64, is_scale: bool) -> Budget {
+    pub fn budget(&self, found: &FittedNumber, by_alignment: f64, is_scale: bool) -> Budget {
+        let FittedNumber { value, noise, .. } = *found;
         let mut budget = Budget::default();
         if is_scale {
             let scaled = self
@@ -151,8 +171,8 @@ impl CommonInputs {
             budget.inputs.extend(scaled);
             budget.correlations.clone_from(&self.correlations);
         }
-        let RecordNoise { scatter, freedom, shown_part, residuals, .. } = self.records;
-        let of_noise = |name: &str, part: f64, degrees_of_freedom: f64, source: &str| Input {
+        let RecordNoise { shown_part, residuals, .. } = self.records;
+        let of_records = |name: &str, part: f64, degrees_of_freedom: f64, source: &str| Input {
             name: name.to_owned(),
             unit: "1",
             value: 0.0,
@@ -163,14 +183,16 @@ impl CommonInputs {
             source: source.to_owned(),
             sensitivity: 1.0,
         };
-        budget.inputs.push(of_noise(OF_GYROSCOPE, noise * shown_part.sqrt(), residuals[0], FROM_NOISE));
-        let of_reference = noise * (1.0 - shown_part).max(0.0).sqrt();
-        budget.inputs.push(of_noise(OF_REFERENCE, of_reference, residuals[1], FROM_NOISE));
-        let factor = scatter.unwrap_or(1.0);
-        let beyond = noise * (factor * factor - 1.0).max(0.0).sqrt();
-        // All that the records leave has the freedom of their scatter: of its part beyond noise so much less.
-        let part = if factor > 1.0 { (1.0 - factor.powi(-2)).powi(2) } else { f64::INFINITY };
-        budget.inputs.push(of_noise(OF_SCATTER, beyond, freedom * part, FROM_SCATTER));
+        if let Some(known) = self.repeatability(found) {
+            // The noise within the records is part of what they scatter.
+            let Repeatability { uncertainty, freedom } = known;
+            budget.inputs.push(of_records(OF_REPEATABILITY, uncertainty, freedom, FROM_SCATTER));
+        } else {
+            let of_gyroscope = noise * shown_part.sqrt();
+            budget.inputs.push(of_records(OF_GYROSCOPE, of_gyroscope, residuals[0], FROM_NOISE));
+            let of_reference = noise * (1.0 - shown_part).max(0.0).sqrt();
+            budget.inputs.push(of_records(OF_REFERENCE, of_reference, residuals[1], FROM_NOISE));
+        }
         if let Some(alignment) = &self.alignment {
             let u = alignment.standard_uncertainty;
             if by_alignment != 0.0 {
@@ -192,11 +214,13 @@ impl CommonInputs {
     }
 
     /// A number with its uncertainty by the records and by all that its budget knows.
-    pub fn estimate(&self, found: (f64, f64), by_alignment: f64, is_scale: bool) -> UncertainEstimate {
+    pub fn estimate(&self, found: &FittedNumber, by_alignment: f64, is_scale: bool) -> UncertainEstimate {
         let budget = self.budget(found, by_alignment, is_scale);
-        let freedom = if self.records.scatter.is_some() { self.records.freedom } else { f64::INFINITY };
-        let by_records = Combined::of(found.1 * self.records.scatter.unwrap_or(1.0), freedom, PROBABILITY);
-        UncertainEstimate::of(found.0, by_records, budget.combined(PROBABILITY))
+        let by_records = match self.repeatability(found) {
+            Some(known) => Combined::of(known.uncertainty, known.freedom, PROBABILITY),
+            None => Combined::of(found.noise, f64::INFINITY, PROBABILITY),
+        };
+        UncertainEstimate::of(found.value, by_records, budget.combined(PROBABILITY))
     }
 
     /// The table of a scale factor's budget, in ppm of it, with what nobody stated.
@@ -204,7 +228,7 @@ impl CommonInputs {
         // What the records tell comes first.
         let origin = |input: &Input| match input.name.as_str() {
             OF_GYROSCOPE | OF_REFERENCE => FROM_NOISE,
-            OF_SCATTER => FROM_SCATTER,
+            OF_REPEATABILITY => FROM_SCATTER,
             _ if input.source == FROM_WANDER => FROM_WANDER,
             _ if input.source == FROM_DEVICE => FROM_DEVICE,
             _ => STATED,

@@ -39,6 +39,10 @@ pub struct CalibrationMatrix {
     pub shown_part: f64,
 }
 
+/// A residual that no parameter changes: the covariance of a fit is in proportion to its sum of squares, which a single record leaves at 0, and what
+/// noise makes of it must not be 0 for that.
+const CONSTANT: f64 = 1.0;
+
 /// Beyond this standard deviation an entry of K is not known.
 const UNKNOWN: f64 = 0.3;
 
@@ -67,11 +71,11 @@ impl CalibrationMatrix {
             &FitSettings { start: found.parameters, ..settings },
         )?;
         let records = MatrixResiduals { pairs, at: found.parameters };
-        let freedom = found.degrees_of_freedom.saturating_sub(pairs.len());
+        let freedom = found.degrees_of_freedom.saturating_sub(pairs.len() + 1);
         let by_noise = found.degrees_of_freedom.max(1) as f64 / found.sum_of_squares.max(f64::MIN_POSITIVE);
         Ok(Self {
             turn_rad: pairs.iter().map(|pair| records.turn(pair, &found.parameters).arg()).collect(),
-            chi_square: found.sum_of_squares,
+            chi_square: (found.sum_of_squares - CONSTANT * CONSTANT).max(0.0),
             excitation: excitation(pairs),
             shown_part: shown_part(pairs, &found.parameters),
             by_noise: by_noise.sqrt(),
@@ -89,11 +93,9 @@ impl CalibrationMatrix {
         (self.free[index] && deviation < UNKNOWN).then_some((found.value, deviation))
     }
 
-    /// Whether the records scatter by more than noise explains once in a hundred times; then by how much, as a factor on
-    /// the standard deviations.
-    pub fn scatter(&self) -> Option<f64> {
-        let limit = ChiSquared::new(self.freedom as f64).ok()?.inverse_cdf(0.99);
-        (self.chi_square > limit).then(|| (self.chi_square / self.freedom as f64).sqrt())
+    /// How often noise alone leaves a larger χ²; 1 where nothing is left over.
+    pub fn probability(&self) -> f64 {
+        ChiSquared::new(self.freedom as f64).map_or(1.0, |law| law.sf(self.chi_square))
     }
 
     /// The scales, non-orthogonality and mounting, each with its standard deviation by noise; `None` where an entry that
@@ -160,6 +162,70 @@ impl CalibrationMatrix {
     }
 }
 
+/// The fits without one record after the other, for what a number scatters from record to record.
+#[derive(Clone, Debug, Default)]
+pub struct LeaveOneOut {
+    fits: Vec<CalibrationMatrix>,
+    /// How many records of equal weight tell of each column.
+    effective: [f64; 3],
+}
+
+/// A standard uncertainty by what the records scatter (type A).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Repeatability {
+    /// The standard uncertainty of the number from all records.
+    pub uncertainty: f64,
+    /// Its degrees of freedom.
+    pub freedom: f64,
+}
+
+/// Records that tell of a column at least, by their weights.
+const FEWEST_RECORDS: f64 = 1.5;
+
+impl LeaveOneOut {
+    /// Of the records of a fit; of none that cannot do without each of its records.
+    pub fn of(pairs: &[RatePair], axes_of_reference: [bool; 3]) -> Self {
+        if pairs.len() < 2 {
+            return Self::default();
+        }
+        let without = |left_out: usize| {
+            let others = pairs.iter().enumerate().filter(|(place, _)| *place != left_out);
+            CalibrationMatrix::fit(&others.map(|(_, pair)| *pair).collect::<Vec<_>>(), axes_of_reference)
+        };
+        let fits: Result<Vec<_>, _> = (0..pairs.len()).map(without).collect();
+        let effective = std::array::from_fn(|column| {
+            effective_count(pairs.iter().map(|pair| pair.reference[column].norm_sqr()))
+        });
+        fits.map_or_else(|_| Self::default(), |fits| Self { fits, effective })
+    }
+
+    /// The jackknife of a number: n − 1 times the mean square by which it changes without a record (Tukey; for a mean it is s²/n). The degrees of
+    /// freedom are those of as many records of equal weight as tell of these columns. `None` where the number is not known without one of the
+    /// records, or one record has nearly all the weight.
+    pub fn repeatability(
+        &self,
+        columns: impl IntoIterator<Item = usize>,
+        number: impl Fn(&CalibrationMatrix) -> Option<f64>,
+    ) -> Option<Repeatability> {
+        let values: Vec<f64> = self.fits.iter().map(number).collect::<Option<_>>()?;
+        let effective =
+            columns.into_iter().map(|column| self.effective[column]).fold(f64::INFINITY, f64::min);
+        if values.len() < 2 || !(effective.is_finite() && effective >= FEWEST_RECORDS) {
+            return None;
+        }
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let square: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        Some(Repeatability { uncertainty: ((count - 1.0) / count * square).sqrt(), freedom: effective - 1.0 })
+    }
+}
+
+/// (Σw)²/Σw².
+pub(super) fn effective_count(weights: impl Iterator<Item = f64>) -> f64 {
+    let (sum, square) = weights.fold((0.0, 0.0), |(sum, square), w| (sum + w, square + w * w));
+    if square > 0.0 { sum * sum / square } else { 0.0 }
+}
+
 /// A number with its derivatives by the entries of K.
 type MatrixDual = Dual<f64, 9>;
 
@@ -207,6 +273,7 @@ impl Regression<9> for MatrixResiduals<'_> {
                 each(residual.im);
             }
         }
+        each(CONSTANT);
     }
 
     /// The phase follows the parameters: of each column of the Jacobian, what it has of the phase's own is taken off
@@ -243,6 +310,7 @@ impl Regression<9> for MatrixResiduals<'_> {
                 }
             }
         }
+        each(CONSTANT, &[0.0; 9]);
     }
 }
 

@@ -19,7 +19,9 @@ mod matrix;
 mod motion;
 mod noise_fit;
 mod noise_study;
+mod octave_covariance;
 mod off_axis;
+mod one_factor;
 mod outcome;
 mod peaks;
 mod rest;
@@ -40,16 +42,16 @@ pub use file::{
     CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
     RestRecord, StatedUncertainty,
 };
-pub use matrix::{CalibrationMatrix, RatePair};
-pub use noise_fit::NoiseFit;
+pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
+pub use noise_fit::{NoFit, NoiseFit};
 pub use noise_study::{NoiseShare, NoiseStudy};
 pub use off_axis::OffAxisMotion;
 pub use outcome::{
-    CalibratedGyroscope, Calibration, Centred, CrossCheck, InPlane, RecordFigures, ScaleFactorChange,
-    UncertainEstimate, UncertaintyContribution,
+    CalibratedGyroscope, Calibration, Centred, CrossCheck, InPlane, RecordFigures, ScaleFactorAtFrequency,
+    ScaleFactorChange, UncertainEstimate, UncertaintyContribution,
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
-pub use rest::AxisAtRest;
+pub use rest::{AxisAtRest, BiasMethod};
 #[cfg(feature = "report")]
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use simulated::{SimulatedInstrument, SimulatedUnit, Vibration};

@@ -2,7 +2,7 @@
 //!
 //! Two tests, each with a rate of false alarms of at most 1 in 1000 for noise that is white, flickers or wanders:
 //!
-//! - A motion that comes and goes: the variances about their own means of 64 pieces of the record, by the median of the 64. Of
+//! - A motion that comes and goes: the variances about their own means of 16 to 64 pieces of the record, by their median. Of
 //!   white noise they are χ² by its degrees of freedom; 30 of these at most are counted on, so that coloured noise is not taken for
 //!   motion. A piece stands out from some 2.6 times the median on: a motion as large as 1.3 standard deviations of the noise.
 //! - A motion that lasts: the bins of the longest stretch's spectrum, by the median of the bins from 1/1.25 to 1.25 of their
@@ -16,8 +16,9 @@ use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::ops::Range;
 
-/// Pieces that are compared, and samples that each has at least.
+/// Pieces that are compared, fewer of a short record, and samples that each has at least.
 const PIECES: usize = 64;
+const FEWEST_PIECES: usize = 16;
 const SHORTEST_PIECE: usize = 16;
 
 /// How often noise alone is called a motion.
@@ -62,10 +63,11 @@ pub(super) fn motions(stretches: &[&[f64]]) -> Vec<RestMotion> {
 
 fn passing(stretches: &[&[f64]]) -> Option<RestMotion> {
     let samples: usize = stretches.iter().map(|stretch| stretch.len()).sum();
-    let length = samples / PIECES;
-    if length < SHORTEST_PIECE {
+    let wanted = (samples / SHORTEST_PIECE).min(PIECES);
+    if wanted < FEWEST_PIECES {
         return None;
     }
+    let length = samples / wanted;
     // Pieces do not reach over a gap; what is left at the end of a stretch is in none.
     let mut pieces = Vec::new();
     let mut before = 0;
@@ -76,7 +78,7 @@ fn passing(stretches: &[&[f64]]) -> Option<RestMotion> {
         before += stretch.len();
     }
     let mut sorted: Vec<f64> = pieces.iter().map(|(_, variance)| *variance).collect();
-    if sorted.len() < PIECES / 2 {
+    if sorted.len() < wanted / 2 {
         return None;
     }
     let middle = sorted.len() / 2;
@@ -143,10 +145,10 @@ mod tests {
 
     #[test]
     fn noise_alone_shows_no_motion() {
-        for walk in [0.0, 0.02] {
-            let alarms = (0..300).filter(|seed| !motions(&[&noise(*seed, 4096, walk)]).is_empty()).count();
+        for (walk, samples) in [(0.0, 4096), (0.02, 4096), (0.0, 600), (0.02, 300)] {
+            let alarms = (0..300).filter(|seed| !motions(&[&noise(*seed, samples, walk)]).is_empty()).count();
             // 0.6 are expected at most; five or more come once in 2000 times.
-            assert!(alarms < 5, "walk {walk}: {alarms}");
+            assert!(alarms < 5, "walk {walk}, {samples}: {alarms}");
         }
     }
 
@@ -160,6 +162,16 @@ mod tests {
         let Some(RestMotion::Passing { samples, times }) = found.first() else { panic!("{found:?}") };
         assert!((2900..3100).contains(&samples.start) && (3100..3400).contains(&samples.end), "{samples:?}");
         assert!((2.5..4.5).contains(times), "{times}");
+    }
+
+    #[test]
+    fn a_shake_in_a_short_record_is_found() {
+        let mut values = noise(1, 700, 0.0);
+        for (i, value) in values.iter_mut().enumerate().skip(300).take(60) {
+            *value += 5.0 * (TAU * 0.07 * i as f64).sin();
+        }
+        let found = motions(&[&values]);
+        assert!(matches!(found.first(), Some(RestMotion::Passing { .. })), "{found:?}");
     }
 
     #[test]

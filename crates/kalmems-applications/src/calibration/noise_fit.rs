@@ -1,172 +1,603 @@
-//! Quantisation, white noise, flicker and a random walk, fitted to Allan's variances, with intervals.
+//! Quantisation, white noise, flicker and a random walk, fitted to Allan's variances: sizes with intervals, and whether they fit at all.
 
+use super::octave_covariance::{FLICKER, OctavePair, PARTS, QUANTISATION, WALK, WHITE, low_passed};
 use crate::signal::Confident;
-use kalmems_core::Portable;
+use kalmems_core::{Lu, Mat, Portable};
 use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::f64::consts::{LN_2, PI};
 
-/// Quantisation of the angle, white noise, flicker, and a random walk of the rate.
-const PARTS: usize = 4;
-/// Where each part is.
-const QUANTISATION: usize = 0;
-const WHITE: usize = 1;
-const FLICKER: usize = 2;
-const WALK: usize = 3;
-/// The power of the frequency in the density of each.
-const EXPONENTS: [i32; PARTS] = [2, 0, -1, -2];
-
+/// Columns of derivatives: the parts, and the time constant of the low pass.
+const COLUMNS: usize = PARTS + 1;
 /// The floor of flicker noise in Allan's variance by the square of its bias instability.
-const FLOOR: f64 = 2.0 * LN_2 / PI;
-/// Overlapping variances of neighbouring octaves have a correlation of one half, in white noise and in flicker: all of them together tell as much
-/// as if each had its degrees of freedom divided by this (2.0 in 400 records of white noise, 2.4 in 300 of flicker).
+pub(super) const FLOOR: f64 = 2.0 * LN_2 / PI;
+/// A fit that leaves more than chance does in all but so many of true ones begins at a longer averaging time.
+const SIGNIFICANCE: f64 = 0.05;
+/// Where all of them do, one that chance leaves so often is taken.
+const RARE: f64 = 1e-3;
+/// By what part the Allan variance of sampled flicker may be above that of averaged flicker, at one interval and by the square of the intervals
+/// (the integral over its spectrum up to half the sampling rate: 0.189, 0.089, 0.029, 0.0092 at 1, 2, 4 and 8), and how much of a variance's
+/// standard deviation that may be.
+const SAMPLED_FLICKER: [f64; 2] = [0.2, 0.5];
+const TOLERATED: f64 = 0.5;
+/// Octaves that a fit has at least.
+const FEWEST: usize = COLUMNS + 1;
+/// Half of what χ² of one degree of freedom exceeds in 5 of 100 cases: by so much a likelihood of independent variances may fall.
+const FALL: f64 = 3.841_458_820_694_124 / 2.0;
+/// By how much more at least: neighbouring octaves have a correlation of one half in white noise and in flicker (2.0 in 400 records of white noise,
+/// 2.4 in 300 of flicker), and parts that are 0 at the best fit are none at the end of an interval.
 const OVERLAP: f64 = 2.2;
-/// Half of what χ² of one degree of freedom exceeds in 5 of 100 cases: by so much a likelihood may fall.
-const FALL: f64 = OVERLAP * 3.841_458_820_694_124 / 2.0;
-/// Steps towards the likeliest parts.
-const STEPS: usize = 600;
+/// Rounds in which the degrees of freedom follow the parts that were found.
+const ROUNDS: usize = 3;
+/// Steps towards the likeliest parts, and halvings of one.
+const STEPS: usize = 60;
+const STEP_HALVINGS: usize = 12;
 /// Halvings of a search for the end of an interval, on a logarithmic scale.
-const HALVINGS: usize = 40;
+const HALVINGS: usize = 34;
 /// How far from the likeliest value the end of an interval is looked for, as a factor of the variance.
 const FARTHEST: f64 = 1e4;
+/// The shortest time constant that is looked for, as a part of the shortest averaging time, which is the longest one: noise with a longer
+/// memory is none of the four, and the fit begins later.
+const SHORTEST_MEMORY: f64 = 1.0 / 16.0;
+/// Time constants that are tried by factors of two, and golden sections about the best.
+const SECTIONS: usize = 24;
 
 /// What the noise of a rate at rest is made of, as far as its Allan variances tell it.
 ///
-/// The likeliest parts, none below 0, for variances that each have the distribution of χ² with their own degrees of freedom. That those of
-/// neighbouring averaging times hang together makes the intervals wider by a factor that holds for white noise and flicker.
+/// The likeliest parts, none below 0, for variances that each have the distribution of χ² with the degrees of freedom of the mixture. White noise
+/// may have passed a low pass of first order before it was sampled: at averaging times of many time constants any low pass takes the same from
+/// a variance. Quantisation and a low pass change the shortest times in opposite directions and are not told apart beyond; one of them is 0.
+/// Intervals are those of the profile of the likelihood, which falls by as much as the covariances of the variances make it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NoiseFit {
     /// The angle random walk N in rad/√s, with the interval that holds it 95 times in 100.
+    #[serde(skip)]
     pub angle_random_walk: (f64, [f64; 2]),
     /// The bias instability B of flicker in rad/s, with the same; from 0 on where the record shows none.
+    #[serde(skip)]
     pub bias_instability: (f64, [f64; 2]),
     /// The rate random walk K in rad/s/√s, with the same.
+    #[serde(skip)]
     pub rate_random_walk: (f64, [f64; 2]),
     /// The quantisation Q of the angle in rad, with the same.
+    #[serde(skip)]
     pub quantisation: (f64, [f64; 2]),
+    /// The time constant in s of the low pass before the sampling; 0 where none is seen.
+    pub time_constant_s: f64,
+    /// The averaging time in s from which the fit holds.
+    pub from_s: f64,
+    /// How many averaging times before that are not described.
+    pub left_out: usize,
+    /// How often variances of such noise would leave as much as these.
+    pub p: f64,
+    #[serde(skip)]
+    interval_s: f64,
+    /// The degrees of freedom of the variance at an eighth of the record.
+    #[serde(skip)]
+    pub(super) freedom_of_whole: f64,
+}
+
+/// Why no noise is stated.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoFit {
+    /// A record that is too short.
+    #[error("the record has {octaves} averaging times with a deviation; a fit of the noise takes {FEWEST}")]
+    TooShort {
+        /// Octaves.
+        octaves: usize,
+    },
+    /// No mixture describes it.
+    #[error(
+        "quantisation, low-passed white noise, flicker and a random walk together do not describe the deviations from any averaging time on (such \
+         noise would leave as much in {p:.1e} of records at best): no angle random walk, bias instability or rate random walk is stated. \
+         A line of the spectrum, a motion, or a drift with temperature is a likely reason"
+    )]
+    None {
+        /// The largest of the tests.
+        p: f64,
+    },
 }
 
 /// An Allan variance with its degrees of freedom, and what each part adds to it.
+#[derive(Clone)]
 struct Octave {
+    factor: usize,
+    time_s: f64,
     variance: f64,
     freedom: f64,
-    parts: [f64; PARTS],
 }
 
 impl Octave {
-    fn expected(&self, sizes: &[f64; PARTS]) -> f64 {
-        self.parts.iter().zip(sizes).map(|(part, size)| part * size).sum()
+    /// Minus the logarithm of the likelihood of the variance, by that of a perfect fit.
+    fn deviance(&self, expected: f64) -> f64 {
+        let ratio = self.variance / expected;
+        0.5 * self.freedom * (ratio - 1.0 - ratio.portable_ln())
     }
 }
 
-impl NoiseFit {
-    /// Of Allan deviations; `None` of fewer than four that are known.
-    pub fn of(deviations: &[Confident]) -> Option<Self> {
-        let octaves = octaves(deviations);
-        if octaves.len() < PARTS + 1 {
-            return None;
-        }
-        let best = likeliest(&octaves, None);
-        let of = |part: usize| (best[part].sqrt(), interval(&octaves, &best, part).map(f64::sqrt));
-        Some(Self {
-            angle_random_walk: of(WHITE),
-            bias_instability: of(FLICKER),
-            rate_random_walk: of(WALK),
-            quantisation: of(QUANTISATION),
-        })
+/// Squares of the sizes, and the time constant of the low pass.
+#[derive(Clone, Copy)]
+struct Model {
+    sizes: [f64; PARTS],
+    /// The time constant in intervals.
+    memory: f64,
+}
+
+impl Model {
+    fn correlation(self) -> f64 {
+        if self.memory > 0.0 { (-self.memory.recip()).portable_exp() } else { 0.0 }
     }
 
-    /// What each part adds to Allan's variance at an averaging time in s, with its power of the frequency.
-    pub(super) fn shares(&self, time_s: f64) -> [(i32, f64); PARTS] {
-        let sizes =
-            [self.quantisation.0, self.angle_random_walk.0, self.bias_instability.0, self.rate_random_walk.0];
-        let parts = parts(time_s);
-        std::array::from_fn(|part| (EXPONENTS[part], parts[part] * sizes[part] * sizes[part]))
+    fn expected(&self, octave: &Octave) -> f64 {
+        parts(octave, self.correlation()).iter().zip(&self.sizes).map(|(part, size)| part * size).sum()
     }
 
-    /// Allan's variance at an averaging time in s.
-    pub fn variance(&self, time_s: f64) -> f64 {
-        self.shares(time_s).iter().map(|(_, share)| share).sum()
+    fn shares(&self, octave: &Octave) -> [f64; PARTS] {
+        let parts = parts(octave, self.correlation());
+        let all = self.expected(octave);
+        std::array::from_fn(|part| parts[part] * self.sizes[part] / all)
     }
 }
 
 /// What the squares of Q, N, B and K add to Allan's variance (IEEE Std 952, annex C).
-fn parts(time_s: f64) -> [f64; PARTS] {
-    [3.0 / (time_s * time_s), time_s.recip(), FLOOR, time_s / 3.0]
+fn parts(octave: &Octave, correlation: f64) -> [f64; PARTS] {
+    let time_s = octave.time_s;
+    let white = low_passed(octave.factor, correlation) * octave.factor as f64 / time_s;
+    [3.0 / (time_s * time_s), white, FLOOR, time_s / 3.0]
+}
+
+impl NoiseFit {
+    /// Of Allan deviations over stretches of so many samples.
+    pub fn of(deviations: &[Confident], stretches: &[usize], interval_s: f64) -> Result<Self, NoFit> {
+        let octaves = octaves(deviations);
+        let duration_s = interval_s * stretches.iter().sum::<usize>() as f64;
+        let mut best: Option<(f64, usize, OctaveFit)> = None;
+        for left_out in 0..octaves.len() {
+            let rest = octaves[left_out..].to_vec();
+            if rest.len() < FEWEST {
+                break;
+            }
+            let Some(found) = OctaveFit::of(rest, stretches) else { continue };
+            let p = found.probability();
+            if best.as_ref().is_none_or(|(most, ..)| p > *most) && !found.begins_within_flicker() {
+                best = Some((p, left_out, found));
+            }
+            if best.as_ref().is_some_and(|(most, ..)| *most >= SIGNIFICANCE) {
+                break;
+            }
+        }
+        match best {
+            Some((p, left_out, found)) if p >= RARE => Ok(found.result(p, left_out, interval_s, duration_s)),
+            _ if octaves.len() < FEWEST => Err(NoFit::TooShort { octaves: octaves.len() }),
+            _ => Err(NoFit::None { p: best.map_or(0.0, |(p, ..)| p) }),
+        }
+    }
+
+    /// Allan's variance at an averaging time of so many intervals.
+    fn variance(&self, time_s: f64) -> f64 {
+        self.model().expected(&self.octave(time_s))
+    }
+
+    /// Allan's deviation at an averaging time in s.
+    pub fn deviation(&self, time_s: f64) -> f64 {
+        self.variance(time_s).sqrt()
+    }
+
+    /// The white noise and the flicker of Allan's variance at an averaging time in s.
+    pub(super) fn without_walk(&self, time_s: f64) -> f64 {
+        let mut model = self.model();
+        model.sizes[WALK] = 0.0;
+        model.expected(&self.octave(time_s))
+    }
+
+    /// The degrees of freedom of the deviation at an averaging time in s over stretches of so many samples.
+    pub(super) fn freedom(&self, time_s: f64, stretches: &[usize]) -> Option<f64> {
+        Some(2.0 / pair(&self.model(), [&self.octave(time_s); 2]).covariance(stretches)?)
+    }
+
+    /// The power of the frequency in the density of the largest noise at an averaging time in s.
+    pub(super) fn exponent(&self, time_s: f64) -> i32 {
+        let shares = self.model().shares(&self.octave(time_s));
+        let largest = (0..PARTS).max_by(|a, b| shares[*a].total_cmp(&shares[*b]));
+        [2, 0, -1, -2][largest.unwrap_or(WHITE)]
+    }
+
+    fn octave(&self, time_s: f64) -> Octave {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of samples
+        let factor = (time_s / self.interval_s).round().max(1.0) as usize;
+        Octave { factor, time_s, variance: f64::NAN, freedom: f64::NAN }
+    }
+
+    fn model(&self) -> Model {
+        let sizes = [self.quantisation, self.angle_random_walk, self.bias_instability, self.rate_random_walk];
+        Model { sizes: sizes.map(|(size, _)| size * size), memory: self.time_constant_s / self.interval_s }
+    }
 }
 
 fn octaves(deviations: &[Confident]) -> Vec<Octave> {
     let usable = |d: &&Confident| d.freedom.is_finite() && d.freedom > 0.0 && d.averaged.deviation > 0.0;
     let of = |d: &Confident| Octave {
+        factor: d.averaged.factor,
+        time_s: d.averaged.time_s,
         variance: d.averaged.deviation.powi(2),
         freedom: d.freedom,
-        parts: parts(d.averaged.time_s),
     };
     deviations.iter().filter(usable).map(of).collect()
 }
 
-/// Minus the logarithm of the likelihood.
-fn cost(octaves: &[Octave], sizes: &[f64; PARTS]) -> f64 {
-    let one = |octave: &Octave| {
-        let ratio = octave.variance / octave.expected(sizes);
-        // ln by the ratio to the variance itself, which is far from none of both.
-        0.5 * octave.freedom * (ratio - 1.0 - ratio.portable_ln())
-    };
-    octaves.iter().map(one).sum()
+fn pair(model: &Model, octaves: [&Octave; 2]) -> OctavePair {
+    let [first, second] = octaves.map(|octave| model.shares(octave));
+    OctavePair {
+        factors: octaves.map(|octave| octave.factor),
+        shares: std::array::from_fn(|part| [first[part], second[part]]),
+        memory: model.correlation(),
+    }
 }
 
-/// The likeliest squares of the parts, one of them held where that is wanted. Each step multiplies a square by the root of what its gradient has on
-/// one side over what it has on the other: the cost never rises and nothing becomes negative (Févotte, Bertin and Durrieu, Neural Computation
-/// 21, 793, 2009).
-fn likeliest(octaves: &[Octave], held: Option<(usize, f64)>) -> [f64; PARTS] {
-    // All parts begin as if each explained the variances by itself.
-    let count = octaves.len() as f64;
-    let mut sizes: [f64; PARTS] = std::array::from_fn(|part| {
-        octaves.iter().map(|octave| octave.variance / octave.parts[part]).fold(f64::INFINITY, f64::min)
-            / count
-    });
-    if let Some((part, size)) = held {
-        sizes[part] = size;
+/// The likeliest model of some octaves, and how their variances scatter about it.
+struct OctaveFit {
+    octaves: Vec<Octave>,
+    model: Model,
+    cost: f64,
+    /// Cov(A_i, A_j)/(E A_i·E A_j).
+    covariance: Vec<Vec<f64>>,
+}
+
+impl OctaveFit {
+    fn of(mut octaves: Vec<Octave>, stretches: &[usize]) -> Option<Self> {
+        let mut model = likeliest_of_all(&octaves);
+        for _ in 0..ROUNDS {
+            for octave in &mut octaves {
+                octave.freedom = 2.0 / pair(&model, [octave; 2]).covariance(stretches)?;
+            }
+            model = likeliest_of_all(&octaves);
+        }
+        let rows = octaves.iter().enumerate().map(|(i, first)| {
+            let entries = octaves.iter().enumerate().map(|(j, second)| {
+                let ordered = if i <= j { [first, second] } else { [second, first] };
+                pair(&model, ordered).covariance(stretches)
+            });
+            entries.collect::<Option<Vec<f64>>>()
+        });
+        let covariance = rows.collect::<Option<_>>()?;
+        Some(Self { cost: cost(&octaves, &model), octaves, model, covariance })
     }
-    for _ in 0..STEPS {
-        let mut up = [0.0; PARTS];
-        let mut down = [0.0; PARTS];
-        for octave in octaves {
-            let expected = octave.expected(&sizes);
-            for (part, share) in octave.parts.iter().enumerate() {
-                up[part] += octave.freedom * share * octave.variance / (expected * expected);
-                down[part] += octave.freedom * share / expected;
+
+    /// The derivatives of ln E A by the squares of the parts, each times a scale of its own, and by the logarithm of the time constant.
+    fn gradient(&self, octave: &Octave) -> [f64; COLUMNS] {
+        let parts = parts(octave, self.model.correlation());
+        let expected = self.model.expected(octave);
+        let mut gradient = [0.0; COLUMNS];
+        for (part, value) in parts.iter().enumerate() {
+            gradient[part] = value * self.scale(part) / expected;
+        }
+        if self.model.memory > 0.0 {
+            let more = Model { memory: 1.001 * self.model.memory, ..self.model };
+            gradient[PARTS] = (more.expected(octave) / expected).portable_ln() / 1.001_f64.portable_ln();
+        }
+        gradient
+    }
+
+    /// A size of a part at which it is seen: its own, or the largest that it could be.
+    fn scale(&self, part: usize) -> f64 {
+        let most = || largest_possible(&self.octaves, part, self.model.correlation());
+        if self.model.sizes[part] > 0.0 { self.model.sizes[part] } else { most() }
+    }
+
+    /// Whether the first variance has so much flicker that it matters how the samples were made of it.
+    fn begins_within_flicker(&self) -> bool {
+        self.octaves.first().is_some_and(|octave| {
+            let [most, by_square] = SAMPLED_FLICKER;
+            let off = most.min(by_square / (octave.factor as f64).powi(2));
+            self.model.shares(octave)[FLICKER] * off * (0.5 * octave.freedom).sqrt() > TOLERATED
+        })
+    }
+
+    fn is_free(&self, column: usize) -> bool {
+        if column == PARTS { self.model.memory > 0.0 } else { self.model.sizes[column] > 0.0 }
+    }
+
+    /// H⁻¹ of the cost over these columns and the covariance H⁻¹·J·H⁻¹ of the estimates, which the variances' own covariances make.
+    fn sandwich(&self, free: &[bool; COLUMNS]) -> Option<[Mat<f64, COLUMNS, COLUMNS>; 2]> {
+        let gradients: Vec<[f64; COLUMNS]> =
+            self.octaves.iter().map(|octave| self.gradient(octave)).collect();
+        let mut hessian = Mat::<f64, COLUMNS, COLUMNS>::zero();
+        let mut spread = Mat::<f64, COLUMNS, COLUMNS>::zero();
+        for (i, first) in gradients.iter().enumerate() {
+            for (j, second) in gradients.iter().enumerate() {
+                let weight = 0.25 * self.octaves[i].freedom * self.octaves[j].freedom * self.covariance[i][j];
+                for a in (0..COLUMNS).filter(|a| free[*a]) {
+                    for b in (0..COLUMNS).filter(|b| free[*b]) {
+                        spread.0[a][b] += weight * first[a] * second[b];
+                        if i == j {
+                            hessian.0[a][b] += 0.5 * self.octaves[i].freedom * first[a] * first[b];
+                        }
+                    }
+                }
             }
         }
-        for part in 0..PARTS {
-            if held.is_none_or(|(place, _)| place != part) {
-                sizes[part] *= (up[part] / down[part]).sqrt();
+        for a in (0..COLUMNS).filter(|a| !free[*a]) {
+            hessian.0[a][a] = 1.0;
+        }
+        let inverse = Lu::of(&hessian)?.inverse();
+        Some([inverse, inverse.times(&spread).times(&inverse)])
+    }
+
+    /// How often variances of such noise leave more than these: the sum of their deviances has the mean and the variance of the residuals of a
+    /// linear fit to numbers with their covariances, and about the distribution of a multiple of χ².
+    fn probability(&self) -> f64 {
+        let free: [bool; COLUMNS] = std::array::from_fn(|column| self.is_free(column));
+        let Some([inverse, _]) = self.sandwich(&free) else { return 0.0 };
+        let count = self.octaves.len();
+        let gradients: Vec<[f64; COLUMNS]> =
+            self.octaves.iter().map(|octave| self.gradient(octave)).collect();
+        // I − P, with P = G·(Gᵀ·W·G)⁻¹·Gᵀ·W.
+        let residual = |i: usize, j: usize| {
+            let mut projected = 0.0;
+            for a in (0..COLUMNS).filter(|a| free[*a]) {
+                for b in (0..COLUMNS).filter(|b| free[*b]) {
+                    projected += gradients[i][a] * inverse.0[a][b] * gradients[j][b];
+                }
             }
+            f64::from(u8::from(i == j)) - projected * 0.5 * self.octaves[j].freedom
+        };
+        let square = |of: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<f64>> {
+            (0..count).map(|i| (0..count).map(|j| of(i, j)).collect()).collect()
+        };
+        let taken = square(&residual);
+        let half = square(&|i, j| (0..count).map(|k| taken[i][k] * self.covariance[k][j]).sum());
+        // W·(I − P)·C·(I − P)ᵀ.
+        let weighted = square(&|i, j| {
+            0.5 * self.octaves[i].freedom * (0..count).map(|k| half[i][k] * taken[j][k]).sum::<f64>()
+        });
+        let mean: f64 = (0..count).map(|i| weighted[i][i]).sum();
+        let variance: f64 = 2.0
+            * (0..count)
+                .map(|i| (0..count).map(|j| weighted[i][j] * weighted[j][i]).sum::<f64>())
+                .sum::<f64>();
+        // The deviance of χ² of few degrees of freedom is larger than a square by this.
+        let deviance: f64 = self
+            .octaves
+            .iter()
+            .map(|octave| {
+                2.0 * octave.deviance(self.model.expected(octave)) / (1.0 + (3.0 * octave.freedom).recip())
+            })
+            .sum();
+        let scale = 0.5 * variance / mean;
+        ChiSquared::new(mean / scale).map_or(0.0, |law| 1.0 - law.cdf(deviance / scale))
+    }
+
+    fn result(&self, p: f64, left_out: usize, interval_s: f64, duration_s: f64) -> NoiseFit {
+        let of = |part: usize| (self.model.sizes[part].sqrt(), self.interval(part).map(f64::sqrt));
+        // What lasts longer than an eighth of the record is told by the variances at that time and beyond.
+        let within = self.octaves.iter().filter(|octave| octave.time_s <= duration_s / 8.0);
+        NoiseFit {
+            angle_random_walk: of(WHITE),
+            bias_instability: of(FLICKER),
+            rate_random_walk: of(WALK),
+            quantisation: of(QUANTISATION),
+            time_constant_s: self.model.memory * interval_s,
+            from_s: self.octaves.first().map_or(f64::NAN, |octave| octave.time_s),
+            left_out,
+            p,
+            interval_s,
+            freedom_of_whole: within.last().or(self.octaves.first()).map_or(1.0, |octave| octave.freedom),
+        }
+    }
+
+    /// By how much more than that of independent variances the likelihood may fall along a part.
+    fn inflation(&self, part: usize) -> f64 {
+        // The others are free along the profile where they are 0 at its end.
+        let seen: [bool; COLUMNS] = std::array::from_fn(|column| column == part || self.is_free(column));
+        let all = std::array::from_fn(|column| {
+            column == part || (column != QUANTISATION && column != PARTS) || seen[column]
+        });
+        let of = |free: &[bool; COLUMNS]| {
+            let found = self.sandwich(free);
+            found.map_or(f64::INFINITY, |[inverse, covariance]| {
+                covariance.0[part][part] / inverse.0[part][part]
+            })
+        };
+        of(&seen).max(of(&all)).max(OVERLAP)
+    }
+
+    /// The squares of a part that are likely enough, the others being the likeliest beside them.
+    fn interval(&self, part: usize) -> [f64; 2] {
+        let best = self.model.sizes[part];
+        let fall = FALL * self.inflation(part);
+        let near = self.model.memory;
+        let falls = |size: f64| {
+            let (_, cost) = likeliest(&self.octaves, Some((part, size)), Some(near));
+            cost - self.cost - fall
+        };
+        // A part that is nowhere seen is looked for from what it may be at most.
+        let middle = best.max(1e-12 * largest_possible(&self.octaves, part, self.model.correlation()));
+        let end = |factor: f64| {
+            let (mut near, mut far) = (middle, middle * factor);
+            if falls(far) < 0.0 {
+                return None;
+            }
+            for _ in 0..HALVINGS {
+                let size = (near * far).sqrt();
+                let place = if falls(size) < 0.0 { &mut near } else { &mut far };
+                *place = size;
+            }
+            Some((near * far).sqrt())
+        };
+        let low = if best > 0.0 { end(FARTHEST.recip()).unwrap_or(0.0) } else { 0.0 };
+        // The likeliest size is in its interval, however flat the likelihood is there.
+        [low.min(best), end(if best > 0.0 { FARTHEST } else { 1e16 }).unwrap_or(f64::INFINITY).max(best)]
+    }
+}
+
+/// The square of a part that alone explains the smallest of the variances by it.
+fn largest_possible(octaves: &[Octave], part: usize, correlation: f64) -> f64 {
+    octaves.iter().map(|o| o.variance / parts(o, correlation)[part]).fold(f64::INFINITY, f64::min)
+}
+
+fn cost(octaves: &[Octave], model: &Model) -> f64 {
+    octaves.iter().map(|octave| octave.deviance(model.expected(octave))).sum()
+}
+
+fn likeliest_of_all(octaves: &[Octave]) -> Model {
+    likeliest(octaves, None, None).0
+}
+
+/// The likeliest model with or without quantisation, one of its parts held where that is wanted; with its cost. The time constant is
+/// looked for about `near`.
+fn likeliest(octaves: &[Octave], held: Option<(usize, f64)>, near: Option<f64>) -> (Model, f64) {
+    let with = |memory: f64| {
+        let sizes = likeliest_sizes(octaves, held, memory);
+        let model = Model { sizes, memory };
+        (model, cost(octaves, &model))
+    };
+    let mut best = with(0.0);
+    // Held quantisation leaves no room for a low pass.
+    if held.is_some_and(|(part, size)| part == QUANTISATION && size > 0.0) {
+        return best;
+    }
+    let longest = octaves.first().map_or(0.0, |octave| octave.factor as f64);
+    let (low, high) = match near {
+        Some(near) if near > 0.0 => (0.25 * near, (4.0 * near).min(longest)),
+        _ => (SHORTEST_MEMORY * longest, longest),
+    };
+    let mut middle = None;
+    let mut memory = low;
+    while memory <= high {
+        let found = with(memory);
+        if found.1 < best.1 {
+            best = found;
+            middle = Some(memory);
+        }
+        memory *= 2.0;
+    }
+    let Some(middle) = middle else { return best };
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut a, mut b) = ((0.5 * middle).portable_ln(), (2.0 * middle).min(longest).portable_ln());
+    let at = |logarithm: f64| with(logarithm.portable_exp());
+    let (mut left, mut right) = (at(b - golden * (b - a)), at(a + golden * (b - a)));
+    for _ in 0..SECTIONS {
+        if left.1 < right.1 {
+            b = a + golden * (b - a);
+            right = left;
+            left = at(b - golden * (b - a));
+        } else {
+            a = b - golden * (b - a);
+            left = right;
+            right = at(a + golden * (b - a));
+        }
+    }
+    for found in [left, right] {
+        if found.1 < best.1 {
+            best = found;
+        }
+    }
+    best
+}
+
+/// The likeliest squares of the parts for a time constant, by scoring: each step is a weighted least squares with sizes of at least 0.
+fn likeliest_sizes(octaves: &[Octave], held: Option<(usize, f64)>, memory: f64) -> [f64; PARTS] {
+    let correlation = Model { sizes: [0.0; PARTS], memory }.correlation();
+    let columns: Vec<[f64; PARTS]> = octaves.iter().map(|octave| parts(octave, correlation)).collect();
+    // Quantisation and a low pass are not told apart.
+    let is_possible = |part: usize| part != QUANTISATION || memory <= 0.0;
+    let fixed = held.filter(|(part, _)| is_possible(*part));
+    let is_free = |part: usize| held.is_none_or(|(own, _)| own != part) && is_possible(part);
+    // All parts begin as if each explained the variances by itself.
+    let count = octaves.len() as f64;
+    let mut sizes: [f64; PARTS] = std::array::from_fn(|part| match fixed {
+        Some((own, size)) if own == part => size,
+        _ if is_free(part) => largest_possible(octaves, part, correlation) / count,
+        _ => 0.0,
+    });
+    let expected = |place: usize, sizes: &[f64; PARTS]| -> f64 {
+        columns[place].iter().zip(sizes).map(|(part, size)| part * size).sum()
+    };
+    let of = |sizes: &[f64; PARTS]| -> f64 {
+        octaves.iter().enumerate().map(|(place, octave)| octave.deviance(expected(place, sizes))).sum()
+    };
+    let mut least = of(&sizes);
+    for _ in 0..STEPS {
+        let each = octaves.iter().enumerate();
+        let weights: Vec<f64> =
+            each.map(|(place, octave)| octave.freedom / expected(place, &sizes).powi(2)).collect();
+        let target = bounded_least_squares(octaves, &columns, &weights, fixed, is_free);
+        let mut part_of_step = 1.0;
+        let mut next = None;
+        for _ in 0..STEP_HALVINGS {
+            let trial: [f64; PARTS] =
+                std::array::from_fn(|part| sizes[part] + part_of_step * (target[part] - sizes[part]));
+            let found = of(&trial);
+            if found < least {
+                next = Some((trial, found));
+                break;
+            }
+            part_of_step *= 0.5;
+        }
+        let Some((trial, found)) = next else { break };
+        let gained = least - found;
+        (sizes, least) = (trial, found);
+        if gained < 1e-11 * (1.0 + least) {
+            break;
         }
     }
     sizes
 }
 
-/// The squares of a part that are as likely as χ² of one degree of freedom lets them be, the others being the likeliest beside them.
-fn interval(octaves: &[Octave], best: &[f64; PARTS], part: usize) -> [f64; 2] {
-    let least = cost(octaves, best);
-    let falls = |size: f64| cost(octaves, &likeliest(octaves, Some((part, size)))) - least - FALL;
-    // A part that is nowhere seen is looked for from what it may be at most.
-    let most =
-        octaves.iter().map(|octave| octave.variance / octave.parts[part]).fold(f64::INFINITY, f64::min);
-    let middle = best[part].max(1e-12 * most);
-    let end = |factor: f64| {
-        let (mut near, mut far) = (middle, middle * factor);
-        if falls(far) < 0.0 {
-            return None;
+/// Σ w·(A − Σ p·θ)² at its least with no θ below 0: the best of all subsets of the free parts.
+fn bounded_least_squares(
+    octaves: &[Octave],
+    columns: &[[f64; PARTS]],
+    weights: &[f64],
+    fixed: Option<(usize, f64)>,
+    is_free: impl Fn(usize) -> bool,
+) -> [f64; PARTS] {
+    let start =
+        || std::array::from_fn(|part| fixed.filter(|(own, _)| *own == part).map_or(0.0, |(_, size)| size));
+    let left: Vec<f64> = octaves
+        .iter()
+        .zip(columns)
+        .map(|(octave, column)| octave.variance - fixed.map_or(0.0, |(part, size)| column[part] * size))
+        .collect();
+    let scales: [f64; PARTS] = std::array::from_fn(|part| {
+        columns.iter().zip(weights).map(|(c, w)| w * c[part] * c[part]).sum::<f64>().sqrt()
+    });
+    let (mut best, mut least) = (start(), f64::INFINITY);
+    for subset in 0_usize..1 << PARTS {
+        let chosen = |part: usize| subset >> part & 1 == 1;
+        if (0..PARTS).any(|part| chosen(part) && !is_free(part)) {
+            continue;
         }
-        for _ in 0..HALVINGS {
-            let between = (near * far).sqrt();
-            if falls(between) < 0.0 { near = between } else { far = between }
+        let mut normal = Mat::<f64, PARTS, PARTS>::identity();
+        let mut right = Mat::<f64, PARTS, 1>::zero();
+        for a in (0..PARTS).filter(|part| chosen(*part)) {
+            for b in (0..PARTS).filter(|part| chosen(*part)) {
+                let sum: f64 = columns.iter().zip(weights).map(|(c, w)| w * c[a] * c[b]).sum();
+                normal.0[a][b] = sum / (scales[a] * scales[b]);
+            }
+            let each = columns.iter().zip(weights).zip(&left);
+            right.0[a][0] = each.map(|((c, w), left)| w * c[a] * left).sum::<f64>() / scales[a];
         }
-        Some((near * far).sqrt())
-    };
-    let low = if falls(0.0) < 0.0 { Some(0.0) } else { end(1.0 / FARTHEST) };
-    // Upwards from the larger of what is likeliest and a millionth of what there may be.
-    let high = end(FARTHEST * (most / middle).max(1.0));
-    [low.unwrap_or(0.0), high.unwrap_or(f64::INFINITY)]
+        let Some(lu) = Lu::of(&normal) else { continue };
+        let solution = lu.solve(&right);
+        if (0..PARTS).any(|part| chosen(part) && solution.0[part][0] < 0.0) {
+            continue;
+        }
+        let mut sizes: [f64; PARTS] = start();
+        for part in (0..PARTS).filter(|part| chosen(*part)) {
+            sizes[part] = solution.0[part][0] / scales[part];
+        }
+        let each = columns.iter().zip(weights).zip(&left);
+        let sum: f64 = each
+            .map(|((c, w), left)| {
+                let beyond = left
+                    - (0..PARTS).filter(|part| chosen(*part)).map(|part| c[part] * sizes[part]).sum::<f64>();
+                w * beyond * beyond
+            })
+            .sum();
+        if sum < least {
+            (best, least) = (sizes, sum);
+        }
+    }
+    best
 }

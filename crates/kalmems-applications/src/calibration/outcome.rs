@@ -3,6 +3,7 @@
 use super::comparison::ReferenceComparison;
 use super::peaks::PeakToPeak;
 use super::rest::AxisAtRest;
+use super::tone::AXES;
 use crate::calibration::file::GyroscopeCalibration;
 use crate::metrology::{Combined, Input, PropagationComparison, or_null};
 use crate::recording::RecordingSource;
@@ -21,6 +22,8 @@ pub struct Calibration {
     pub comparisons: Vec<ReferenceComparison>,
     /// The record at rest, axis by axis.
     pub rest: Vec<AxisAtRest>,
+    /// Motions in it, in sentences: it is none at rest then.
+    pub rest_motions: Vec<String>,
     /// The files that were read, each once.
     pub sources: Vec<RecordingSource>,
     /// What was found in the files and does not keep them from being used.
@@ -48,7 +51,8 @@ pub struct UncertainEstimate {
     pub degrees_of_freedom: f64,
     /// By which the standard uncertainty becomes the expanded one.
     pub coverage_factor: f64,
-    /// The interval that holds it 95 times in 100: the number and its expanded uncertainty.
+    /// The interval that holds it 95 times in 100: the number and its expanded uncertainty; that of the trials where these were asked for and
+    /// disagree (JCGM 101, 8), its half being the expanded uncertainty then.
     pub interval: [f64; 2],
 }
 
@@ -69,6 +73,12 @@ impl UncertainEstimate {
         }
     }
 
+    /// States this interval instead.
+    fn state(&mut self, interval: [f64; 2]) {
+        self.interval = interval;
+        self.coverage_factor = 0.5 * (interval[1] - interval[0]) / self.uncertainty;
+    }
+
     /// U, the expanded uncertainty.
     pub fn expanded(&self) -> f64 {
         self.coverage_factor * self.uncertainty
@@ -86,8 +96,14 @@ pub struct CalibratedGyroscope {
     pub reference: String,
     /// The axis that moves most: 0 for x.
     pub main: usize,
-    /// The scale factor of that axis.
+    /// The scale factor of that axis, fitted to all records.
     pub scale_factor: UncertainEstimate,
+    /// Why it is not to be used: the records exclude one factor for all of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub withheld: Option<String>,
+    /// The factor at each frequency, where one for all is excluded.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub by_frequency: Vec<ScaleFactorAtFrequency>,
     /// K row by row; none where the records do not tell it.
     pub matrix: [[Option<UncertainEstimate>; 3]; 3],
     /// The bias of each axis in rad/s.
@@ -127,6 +143,17 @@ impl CalibratedGyroscope {
         });
         entries.filter(|(i, j, _)| i != j)
     }
+}
+
+/// The scale factor of the main axis at one frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ScaleFactorAtFrequency {
+    /// In Hz.
+    pub frequency_hz: f64,
+    /// How many records.
+    pub records: usize,
+    /// The factor.
+    pub scale_factor: UncertainEstimate,
 }
 
 /// What two columns of K tell of the geometry.
@@ -173,6 +200,25 @@ pub struct CrossCheck {
     pub entries: Vec<(String, PropagationComparison)>,
     /// Where both ways do not agree, in sentences, with the input that is the likely reason.
     pub disagreements: Vec<String>,
+}
+
+impl CrossCheck {
+    /// Puts the trials' interval in the place of that by JCGM 100 wherever the two disagree.
+    pub(super) fn state_intervals(&self, main: usize, entries: &mut [[Option<UncertainEstimate>; 3]; 3]) {
+        for (i, row) in entries.iter_mut().enumerate() {
+            for (j, entry) in row.iter_mut().enumerate() {
+                let name = format!("k_{}{}", AXES[i], AXES[j]);
+                let found = if (i, j) == (main, main) {
+                    Some(&self.scale_factor)
+                } else {
+                    self.entries.iter().find(|(own, _)| *own == name).map(|(_, found)| found)
+                };
+                if let (Some(entry), Some(found)) = (entry, found.filter(|found| !found.agrees)) {
+                    entry.state(found.propagated.interval);
+                }
+            }
+        }
+    }
 }
 
 /// One record.

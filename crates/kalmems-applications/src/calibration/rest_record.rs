@@ -12,10 +12,19 @@ use crate::recording::{SampledRecording, Segment};
 use crate::units::kind;
 use std::ops::Range;
 
-/// What the record at rest shows, axis by axis, and what its reader has to know, in sentences.
-pub(super) fn measure(files: &mut InputFiles) -> Result<(Vec<AxisAtRest>, Vec<String>), CalibrationError> {
+/// What the record at rest shows.
+#[derive(Default)]
+pub(super) struct MeasuredRest {
+    pub axes: Vec<AxisAtRest>,
+    /// Motions in it, in sentences: it is none at rest.
+    pub motions: Vec<String>,
+    /// What else its reader has to know, in sentences.
+    pub remarks: Vec<String>,
+}
+
+pub(super) fn measure(files: &mut InputFiles) -> Result<MeasuredRest, CalibrationError> {
     let file = files.file;
-    let Some(record) = &file.rest else { return Ok((Vec::new(), Vec::new())) };
+    let Some(record) = &file.rest else { return Ok(MeasuredRest::default()) };
     let (channels, layout) = (record.channels(&file.gyroscope), record.layout(&file.gyroscope));
     let path = file.resolve(&record.file, "");
     let recording = files.read(Key::from("rest").child("file"), &path, &layout)?;
@@ -24,7 +33,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<(Vec<AxisAtRest>, Vec<St
     }
     let mut remarks = Vec::new();
     let time = RestTime::of(&recording, file, &mut remarks);
-    let mut rest = Vec::new();
+    let (mut rest, mut moves) = (Vec::<AxisAtRest>::new(), Vec::new());
     for axis in AXES {
         let Some(column) = channels.column(axis) else { continue };
         let values = &recording.column_of(column, &kind::ANGULAR_RATE)?.values;
@@ -48,10 +57,29 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<(Vec<AxisAtRest>, Vec<St
         let rows: Vec<usize> = all_finite.map(|(row, _)| row).collect();
         for motion in motions(&runs) {
             let said = describe(&motion, &recording, &rows, time.interval_s);
-            remarks.push(format!("{}: the record is called one at rest, and {said}", place()));
+            moves.push(format!("{}: the record is called one at rest, and {said}", place()));
+        }
+        let found = rest.last();
+        if let Some(why) = found.and_then(|found| found.not_fitted.as_ref()) {
+            remarks.push(format!("{}: {why}.", place()));
+        }
+        if let Some(fit) = found.and_then(|found| found.noise_fit).filter(|fit| fit.left_out > 0) {
+            remarks.push(format!(
+                "{}: the fit of the noise begins at an averaging time of {:.4} s: at shorter ones the deviations are not those of \
+                 quantisation, white noise behind a low pass of first order, flicker and a random walk.",
+                place(),
+                fit.from_s
+            ));
+        }
+        if let Some(drift) = found.and_then(|found| found.drift) {
+            remarks.push(format!(
+                "{}: the second half of the record lies {drift:+.3e} rad/s from the first, more than white noise and flicker explain: the bias drifts, \
+                 as it does while a unit warms up. The fitted random walk holds for this record and not for a unit in thermal equilibrium.",
+                place()
+            ));
         }
     }
-    Ok((rest, remarks))
+    Ok(MeasuredRest { axes: rest, motions: moves, remarks })
 }
 
 /// The rows between gaps in time, and the interval of their samples in s.
@@ -124,7 +152,7 @@ fn off_nominal(place: &str, interval_s: f64, file: &GyroscopeCalibration) -> Opt
     let record = file.rest.as_ref()?;
     let Some(Clock::Column(_)) = record.clock else { return None };
     let unit = &file.gyroscope;
-    let (nominal, tolerance) = (unit.rate.si(), unit.clock_tolerance.si());
+    let (nominal, tolerance) = (unit.rate.si(), unit.clock_tolerance.as_ref()?.si());
     let off = interval_s.recip() / nominal - 1.0;
     // The rounding of a rate that is written with few digits is none of the clock.
     let is_off = off.abs() > tolerance + 1e-6;

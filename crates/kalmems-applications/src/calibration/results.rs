@@ -7,6 +7,7 @@ use crate::calibration::{
     AXES, AxisAtRest, CalibratedGyroscope, Calibration, ScaleFactorChange, UncertainEstimate,
 };
 use crate::recording::RecordingSource;
+use kalmems_core::Portable;
 use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
@@ -31,6 +32,9 @@ pub struct CalibrationSummary<'a> {
     pub rest: Vec<RestSummary<'a>>,
     /// What was found in the files and does not keep them from being used.
     pub findings: &'a [String],
+    /// Those of them that say that the record at rest moves.
+    #[serde(skip)]
+    pub rest_motions: &'a [String],
 }
 
 /// One axis at rest with its deviations.
@@ -62,6 +66,7 @@ impl<'a> CalibrationSummary<'a> {
             comparisons: &found.comparisons,
             rest: rest.collect(),
             findings: &found.findings,
+            rest_motions: &found.rest_motions,
         }
     }
 
@@ -72,7 +77,7 @@ impl<'a> CalibrationSummary<'a> {
             text += &scale_factors(self.results).to_text();
             for result in self.results {
                 text += &format!("\n{}", budget(result).to_text());
-                for table in [matrix(result), trials(result)].into_iter().flatten() {
+                for table in [by_frequency(result), matrix(result), trials(result)].into_iter().flatten() {
                     text += &format!("\n{}", table.to_text());
                 }
                 for line in sentences(result) {
@@ -94,10 +99,13 @@ impl<'a> CalibrationSummary<'a> {
         }
         let rests: Vec<&AxisAtRest> = self.rest.iter().map(|rest| rest.rest).collect();
         if !rests.is_empty() {
-            text += &format!("\n{}", at_rest(&rests).to_text());
+            for table in at_rest(&rests) {
+                text += &format!("\n{}", table.to_text());
+            }
         }
         for finding in self.findings {
-            text += &format!("\nnote: {finding}\n");
+            let is_motion = self.rest_motions.contains(finding);
+            text += &format!("\n{}: {finding}\n", if is_motion { "WARNING" } else { "note" });
         }
         text
     }
@@ -120,6 +128,17 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
     ];
     let mut table = TextTable::new("Scale factors, gyroscope by reference", columns);
     for result in results {
+        if result.withheld.is_some() {
+            let mut row = vec![
+                result.condition.clone(),
+                result.reference.clone(),
+                AXES[result.main].to_owned(),
+                "withheld".to_owned(),
+            ];
+            row.resize(11, "–".to_owned());
+            table.push(row);
+            continue;
+        }
         let found = &result.scale_factor;
         let UncertainEstimate { value, expanded_by_records, interval, .. } = *found;
         let expanded = |size: f64, k: f64, freedom: f64| {
@@ -149,6 +168,26 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         ]);
     }
     table
+}
+
+/// The scale factor at each frequency, where one for all is excluded.
+pub(super) fn by_frequency(result: &CalibratedGyroscope) -> Option<TextTable> {
+    let columns = [
+        ColumnHead::number("frequency", "Hz"),
+        ColumnHead::number("records", ""),
+        ColumnHead::number("scale factor", ""),
+        ColumnHead::number("U (95 %)", ""),
+        ColumnHead::text("k (ν)"),
+    ];
+    let caption = format!("Scale factor by frequency: {}, {}", result.condition, result.reference);
+    let mut table = TextTable::new(caption, columns);
+    for at in &result.by_frequency {
+        let found = &at.scale_factor;
+        let [value, expanded] = with_uncertainty(found.value, found.expanded());
+        let k = coverage(found.coverage_factor, found.degrees_of_freedom);
+        table.push([format!("{:.2}", at.frequency_hz), at.records.to_string(), value, expanded, k]);
+    }
+    (!result.by_frequency.is_empty()).then_some(table)
 }
 
 /// What an uncertainty is made of.
@@ -411,45 +450,96 @@ fn changes(changes: &[ScaleFactorChange]) -> TextTable {
     table
 }
 
-pub(super) fn at_rest(rests: &[&AxisAtRest]) -> TextTable {
+/// The bias of each axis, and the noise that was fitted.
+pub(super) fn at_rest(rests: &[&AxisAtRest]) -> [TextTable; 2] {
     let columns = [
         ColumnHead::text("axis"),
         ColumnHead::number("static bias", "mrad/s"),
-        ColumnHead::number("± 95 %", "mrad/s"),
+        ColumnHead::number("U", "mrad/s"),
+        ColumnHead::number("k", ""),
+        ColumnHead::number("ν", ""),
         ColumnHead::number("rms noise", "mrad/s"),
-        ColumnHead::number("angle random walk", "deg/√h"),
-        ColumnHead::number("95 %", "deg/√h"),
-        ColumnHead::number("bias instability", "deg/h"),
-        ColumnHead::number("95 %", "deg/h"),
-        ColumnHead::number("at", "s"),
     ];
-    let mut table = TextTable::new("At rest", columns);
+    let mut biases = TextTable::new("Bias at rest, with its expanded uncertainty of 95 %", columns);
+    let columns = [
+        ColumnHead::text("axis"),
+        ColumnHead::text("noise"),
+        ColumnHead::number("value", ""),
+        ColumnHead::number("95 % from", ""),
+        ColumnHead::number("to", ""),
+        ColumnHead::text("unit"),
+    ];
+    let mut noises = TextTable::new("Noise at rest, fitted to Allan's variances", columns);
     for rest in rests {
-        let half = 0.5 * (rest.bias_interval[1] - rest.bias_interval[0]);
-        let bound = if rest.floor_is_seen { "" } else { "< " };
-        let dash = || "–".to_owned();
-        table.push([
+        let estimate = rest.bias_estimate();
+        let [value, expanded] = with_uncertainty(1e3 * estimate.value, 1e3 * estimate.expanded());
+        biases.push([
             rest.axis.to_owned(),
-            format!("{:.4}", 1e3 * rest.bias),
-            format!("{:.4}", 1e3 * half),
+            value,
+            expanded,
+            format!("{:.2}", estimate.coverage_factor),
+            freedom(estimate.degrees_of_freedom),
             format!("{:.4}", 1e3 * rest.noise),
-            rest.angle_random_walk.map_or_else(dash, |walk| format!("{:.4}", walk.to_degrees() * 60.0)),
-            ends(rest.angle_random_walk_interval, 60.0, 4),
-            rest.bias_instability
-                .map_or_else(dash, |[bias, _]| format!("{bound}{:.3}", bias.to_degrees() * 3600.0)),
-            ends(rest.bias_instability_interval, 3600.0, 2),
-            rest.bias_instability.map_or_else(dash, |[_, time]| format!("{time:.3}")),
         ]);
+        let per_hour = 3600.0_f64.to_degrees();
+        let rows = [
+            (
+                "angle random walk",
+                rest.angle_random_walk,
+                rest.angle_random_walk_interval,
+                60.0_f64.to_degrees(),
+                "deg/√h",
+            ),
+            (
+                "bias instability",
+                rest.bias_instability.map(|[b, _]| b),
+                rest.bias_instability_interval,
+                per_hour,
+                "deg/h",
+            ),
+            (
+                "rate random walk",
+                rest.rate_random_walk,
+                rest.rate_random_walk_interval,
+                60.0 * per_hour,
+                "deg/h/√h",
+            ),
+            ("angle quantisation", rest.quantisation, rest.quantisation_interval, per_hour, "arcsec"),
+        ];
+        for (name, value, interval, factor, unit) in rows {
+            let Some([low, high]) = interval.map(|ends| ends.map(|end| end * factor)) else { continue };
+            let number = |number: f64| if number > 0.0 { three_digits(number) } else { "0".to_owned() };
+            let value = value.map_or_else(|| format!("< {}", number(high)), |value| number(value * factor));
+            noises.push([
+                rest.axis.to_owned(),
+                name.to_owned(),
+                value,
+                number(low),
+                number(high),
+                unit.to_owned(),
+            ]);
+        }
     }
-    table
+    [biases, noises]
 }
 
-/// An interval of 95 % in degrees, times a factor.
-fn ends(interval: Option<[f64; 2]>, factor: f64, digits: usize) -> String {
-    interval.map_or_else(
-        || "–".to_owned(),
-        |ends| ends.map(|end| format!("{:.digits$}", end.to_degrees() * factor)).join(" … "),
-    )
+/// With three significant digits.
+fn three_digits(number: f64) -> String {
+    let place = 2.0 - number.abs().portable_log10().floor();
+    if !(0.0..9.0).contains(&place) {
+        return format!("{number:.2e}");
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to 8
+    let digits = place as usize;
+    format!("{number:.digits$}")
+}
+
+/// A number with an expanded uncertainty: as many digits as two of the uncertainty.
+pub(super) fn with_uncertainty(value: f64, expanded: f64) -> [String; 2] {
+    let digits = (1.0 - expanded.abs().portable_log10().floor()).clamp(0.0, 12.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and 12
+    let digits = if digits.is_finite() { digits as usize } else { 6 };
+    [format!("{value:.digits$}"), format!("{expanded:.digits$}")]
 }
 
 /// The pictures of a calibration.
@@ -552,7 +642,7 @@ fn of_rest(rests: &[AxisAtRest]) -> Figure {
         "allan",
         "At rest",
         "Allan's deviation, overlapping, with the interval that holds the true one 95 times in 100, and the noise that was fitted to it: \
-         quantisation, white noise, flicker and a random walk.",
+         quantisation, white noise behind a low pass, flicker and a random walk.",
     );
     let per_hour = |rate: f64| rate.to_degrees() * 3600.0;
     rests.iter().fold(figure, |figure, rest| {
@@ -570,20 +660,21 @@ fn of_rest(rests: &[AxisAtRest]) -> Figure {
                 SeriesRole::Estimate,
                 known().map(|d| (d.averaged.time_s, per_hour(d.averaged.deviation))).collect::<Vec<_>>(),
             ));
-        if let Some(fit) = &rest.fit {
-            let line = known().map(|d| (d.averaged.time_s, per_hour(fit.variance(d.averaged.time_s).sqrt())));
+        if let Some(fit) = &rest.noise_fit {
+            let holds = || known().filter(|d| d.averaged.time_s >= fit.from_s).map(|d| d.averaged.time_s);
+            let line = holds().map(|time_s| (time_s, per_hour(fit.deviation(time_s))));
             panel = panel.with(Series::line("fitted noise", SeriesRole::Model, line.collect::<Vec<_>>()));
-        }
-        if let Some(walk) = rest.angle_random_walk {
-            let line = known().map(|d| (d.averaged.time_s, per_hour(walk / d.averaged.time_s.sqrt())));
-            panel = panel.with(Series::line(
-                "angle random walk alone",
-                SeriesRole::Bound,
-                line.collect::<Vec<_>>(),
-            ));
+            if let Some(walk) = rest.angle_random_walk {
+                let line = holds().map(|time_s| (time_s, per_hour(walk / time_s.sqrt())));
+                panel = panel.with(Series::line(
+                    "angle random walk alone",
+                    SeriesRole::Bound,
+                    line.collect::<Vec<_>>(),
+                ));
+            }
         }
         if let Some([bias, _]) = rest.bias_instability {
-            let floor = per_hour(bias * super::rest::FLOOR);
+            let floor = per_hour(bias * super::noise_fit::FLOOR.sqrt());
             panel = panel.with(Series::level("floor of the bias instability", SeriesRole::Bound, floor));
         }
         figure.with(panel)
@@ -732,7 +823,7 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
             PageSection::new(format!("Condition {}, reference {}", result.condition, result.reference))
                 .part(PagePart::Evidence);
         section = section.table(budget(result));
-        for table in [matrix(result), trials(result)].into_iter().flatten() {
+        for table in [by_frequency(result), matrix(result), trials(result)].into_iter().flatten() {
             section = section.table(table);
         }
         for line in sentences(result) {
@@ -750,7 +841,7 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     }
     if !found.rest.is_empty() {
         let rests: Vec<&AxisAtRest> = found.rest.iter().collect();
-        let mut section = PageSection::new("At rest").table(at_rest(&rests));
+        let mut section = at_rest(&rests).into_iter().fold(PageSection::new("At rest"), PageSection::table);
         for figure in figures.iter().filter(|figure| figure.id == "allan") {
             section = section.figure(figure.clone());
         }

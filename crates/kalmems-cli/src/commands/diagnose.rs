@@ -28,14 +28,33 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), C
         tell!("the report: {}", path.display());
     }
     let Some(beside) = beside else { return Ok(()) };
-    let text = found.causes.first().filter(|cause| !cause.edits.is_empty());
+    let cause = match (arguments.cause, found.causes.as_slice()) {
+        (Some(place), causes) => {
+            let chosen = place.get().checked_sub(1).and_then(|place| causes.get(place));
+            Some(chosen.ok_or_else(|| {
+                CommandEnding::Wrong(format!("`--cause {place}`: {} causes were found", causes.len()))
+            })?)
+        }
+        (None, _) if !found.is_ambiguous() => found.causes.first(),
+        (None, causes) => {
+            let names =
+                causes.iter().enumerate().map(|(place, cause)| format!("{}: {}", place + 1, cause.name));
+            return Err(CommandEnding::Wrong(format!(
+                "nothing is written: the recording does not tell these {} causes apart, which give different answers, and another one than the true one makes the estimate \
+                 worse; name the one to write by its place, such as `--cause 1` ({})",
+                causes.len(),
+                names.collect::<Vec<_>>().join("; ")
+            )));
+        }
+    };
+    let text = cause.filter(|cause| !cause.edits.is_empty());
     let Some(text) = text.and_then(|cause| pasted(&experiment, cause)) else {
         tell!("nothing is written: no cause was found that an experiment file can state");
         return Ok(());
     };
     beside.write(&text)?;
     let (path, name) = (beside.path(), beside.path().file_stem().unwrap_or_default());
-    tell!("the experiment with the first cause corrected: {}", path.display());
+    tell!("the experiment with the cause corrected: {}", path.display());
     tell!(
         "estimate it with: kalmems estimate {} --out {}",
         path.display(),

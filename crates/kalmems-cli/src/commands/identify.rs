@@ -6,7 +6,7 @@ use crate::progress::ProgressDisplay;
 use crate::tell::tell;
 use crate::{CommandEnding, print_result, target};
 use kalmems::config::Experiment;
-use kalmems::diagnose::{identify, with_found_numbers, with_noise};
+use kalmems::diagnose::{identify, with_found_numbers, with_noise, with_noises};
 use kalmems::results::{IdentificationSummary, ResultWriteError, RunInfo, Work, write_identification};
 use kalmems::rigs::Workbench;
 use std::time::{Instant, SystemTime};
@@ -29,9 +29,11 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), C
         let again =
             with_found_numbers(workbench, &experiment, &found.experiment, &noise).map_err(|e| wrong(&e))?;
         let again = with_noise(workbench, &again, &bar);
-        let (experiment, better) =
+        let (_, better) =
             again.map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;
-        found = identified(&experiment)?;
+        // What is found is held against the numbers of the file, with the noise that the numbers that were found leave.
+        let told = with_noises(workbench, &experiment, &better).map_err(|e| wrong(&e))?;
+        found = identified(&told)?;
         noise = better;
     }
     drop(bar);

@@ -795,15 +795,15 @@ impl<const N: usize> FilterRun<N> {
         filter.at(trajectory.time_s[k]);
         match course.correct(filter, first + k, &mut trajectory.counts)? {
             Some(innovation) if filter.watched().rejects(0) => {
-                // What is rejected is predicted as improbable as anything that is not.
-                let spared = 0.5 * (innovation.nis - filter.watched().largest_nis()).max(0.0);
-                trajectory.log_likelihood[k] = innovation.log_likelihood() + spared;
+                trajectory.log_likelihood[k] =
+                    filter.watched().log_density().unwrap_or_else(|| innovation.log_likelihood());
             }
             Some(innovation) => {
                 trajectory.innovation[k] = innovation.residual[0];
                 trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
                 trajectory.nis[k] = innovation.nis;
-                trajectory.log_likelihood[k] = innovation.log_likelihood();
+                trajectory.log_likelihood[k] =
+                    filter.watched().log_density().unwrap_or_else(|| innovation.log_likelihood());
                 trajectory.counts.updates += usize::from(innovation.taken);
             }
             None if trajectory.counts.for_start > for_start => {}

@@ -13,8 +13,9 @@
 
 use super::transition::Sensor;
 use kalmems_core::{FilterError, Innovation, Scalar};
-use statrs::function::erf::erfc_inv;
-use std::f64::consts::SQRT_2;
+use statrs::function::erf::{erf, erfc, erfc_inv};
+use statrs::function::gamma::ln_gamma;
+use std::f64::consts::{PI, SQRT_2, TAU};
 use std::sync::Arc;
 
 /// How improbable a sample of a filter that is right must be for it to be rejected, where the file does not say.
@@ -145,10 +146,36 @@ struct SignalGate {
     suspect: u32,
     /// Samples of the settling time.
     settling: u32,
+    /// All samples, and those beyond the bound.
+    samples: f64,
+    beyond: f64,
 }
 
+/// Numbers of a gate.
+const GATE_NUMBERS: usize = 7;
+
 impl SignalGate {
-    const NEW: Self = Self { share: 0.0, median: MEDIAN, is_open: false, suspect: 0, settling: 0 };
+    const NEW: Self = Self {
+        share: 0.0,
+        median: MEDIAN,
+        is_open: false,
+        suspect: 0,
+        settling: 0,
+        samples: 0.0,
+        beyond: 0.0,
+    };
+
+    /// ln p of an innovation by what the gate takes samples for: normal up to its bound and, with the share of the samples before that lay beyond,
+    /// anything beyond, with the density c/(2z²) of a number z standard deviations away. `normal` is the logarithm of the normal density.
+    fn log_density(&self, normal: f64, (nis, total): (f64, f64), bound: f64) -> f64 {
+        // Half a sample beyond is assumed before the first (Krichevsky & Trofimov): what is foreseen depends on the past alone.
+        let beyond = (self.beyond + 0.5) / (self.samples + 1.0);
+        if nis <= bound {
+            let within = 1.0 - erfc((0.5 * bound).sqrt());
+            return normal + Scalar::ln((1.0 - beyond) / within);
+        }
+        Scalar::ln(0.5 * beyond * bound.sqrt() / (nis * total.sqrt()))
+    }
 
     /// The largest z² that is no outlier.
     fn bound(&self, largest_nis: f64) -> f64 {
@@ -157,6 +184,8 @@ impl SignalGate {
 
     /// Takes notice of a sample; `forgets` is the share of the memory that one is.
     fn note(&mut self, nis: f64, (is_beyond, is_taken): (bool, bool), has_settled: bool, forgets: f64) {
+        self.samples += 1.0;
+        self.beyond += f64::from(u8::from(is_beyond));
         // At the end of the settling time the share is that of its last quarter: a filter that is lost by then is not kept so.
         let forgets = if has_settled { forgets } else { forgets.max(4.0 / (4.0 + f64::from(self.settling))) };
         self.settling = self.settling.saturating_add(u32::from(!has_settled));
@@ -203,6 +232,8 @@ pub struct SampleGate {
     now_s: f64,
     rejected: Vec<(usize, f64, f64)>,
     turned: Option<bool>,
+    /// ln p of the present sample's first signal by what it is taken for; none where that is normal.
+    log_density: Option<f64>,
 }
 
 impl SampleGate {
@@ -222,6 +253,7 @@ impl SampleGate {
             now_s: f64::NAN,
             rejected,
             turned: None,
+            log_density: None,
         }
     }
 
@@ -256,11 +288,13 @@ impl SampleGate {
     pub(super) fn adopt_decisions(&mut self, leader: &Self) {
         self.rejected.clone_from(&leader.rejected);
         self.turned = leader.turned;
+        self.log_density = leader.log_density;
     }
 
-    /// The largest normalised innovation squared of a filter that is right; infinite without a gate.
-    pub(super) fn largest_nis(&self) -> f64 {
-        self.taking.largest_nis.unwrap_or(f64::INFINITY)
+    /// ln p of the present sample's first signal by what the filter takes it for: a density, so that filters of every law are compared by the same
+    /// samples. `None` where that is the normal one of its innovation.
+    pub(super) fn log_density(&self) -> Option<f64> {
+        self.log_density
     }
 
     /// Comes to a sample.
@@ -269,6 +303,7 @@ impl SampleGate {
         self.now_s = time_s;
         self.rejected.clear();
         self.turned = None;
+        self.log_density = None;
     }
 
     /// What was rejected of the present sample: the signal, innovation and standard deviation.
@@ -290,7 +325,7 @@ impl SampleGate {
     pub(super) fn numbers(&self) -> Vec<f64> {
         let of_gate = |gate: &SignalGate| {
             let (open, suspect) = (f64::from(u8::from(gate.is_open)), f64::from(gate.suspect));
-            [gate.share, gate.median, open, suspect, f64::from(gate.settling)]
+            [gate.share, gate.median, open, suspect, f64::from(gate.settling), gate.samples, gate.beyond]
         };
         let of_events = self.events.last.iter().cycle().skip(self.events.next).take(EVENTS_BEFORE).copied();
         std::iter::once(self.from_s).chain(of_events).chain(self.gates.iter().flat_map(of_gate)).collect()
@@ -304,16 +339,18 @@ impl SampleGate {
         self.events = EventGate { last: *events, next: 0 };
         let of_gate = |numbers: &[f64]| match *numbers {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small counts
-            [share, median, open, suspect, settling] => Some(SignalGate {
+            [share, median, open, suspect, settling, samples, beyond] => Some(SignalGate {
                 share,
                 median,
                 is_open: open != 0.0,
                 suspect: suspect as u32,
                 settling: settling as u32,
+                samples,
+                beyond,
             }),
             _ => None,
         };
-        self.gates = gates.chunks(5).filter_map(of_gate).collect();
+        self.gates = gates.chunks(GATE_NUMBERS).filter_map(of_gate).collect();
     }
 
     /// Whether nothing has to be looked at.
@@ -374,6 +411,8 @@ impl SampleGate {
         };
         let law = self.taking.law;
         let mut found = update(sensor, y, variance, largest.min(law.bulk()))?;
+        let (residual, total) = (found.residual[0], found.covariance.get(0, 0));
+        let of_law = law.log_density((residual, total), variance);
         if !found.taken && law != UpdateLaw::Normal {
             let weighed = law.weigh((found.residual[0], found.covariance.get(0, 0)), variance);
             if weighed.deviance <= largest {
@@ -382,6 +421,12 @@ impl SampleGate {
             found.nis = weighed.deviance;
             found.residual[0] =
                 (weighed.deviance * found.covariance.get(0, 0)).sqrt().copysign(found.residual[0]);
+        }
+        if signal == 0 {
+            self.log_density = Some(match self.taking.largest_nis {
+                Some(_) => gate.log_density(of_law, (found.nis, total), bound),
+                None => of_law,
+            });
         }
         let is_rejected = !found.taken && found.nis > largest;
         if is_rejected {
@@ -420,6 +465,29 @@ impl UpdateLaw {
             Self::Normal => f64::INFINITY,
             Self::Huber(bound) => bound * bound,
             Self::StudentT(_) => NEVER,
+        }
+    }
+
+    /// ln p of an innovation r of the variance S, of which R is that of the noise: of Huber's law e^(−d/2) with the deviance d of
+    /// [`weigh`](Self::weigh), whose integral is √(2πS)·erf(k·√(S/2R)) + 2·√R/k·e^(−k²·S/2R); of Student's t with its scale √S.
+    fn log_density(self, (residual, total): (f64, f64), noise: f64) -> f64 {
+        let square = residual * residual / total;
+        let normal = -0.5 * (square + Scalar::ln(TAU * total));
+        match self {
+            Self::Normal => normal,
+            Self::Huber(bound) => {
+                let edge = bound * bound * total / noise;
+                let within = (TAU * total).sqrt() * erf((0.5 * edge).sqrt());
+                let beyond = 2.0 * noise.sqrt() / bound * Scalar::exp(-0.5 * edge);
+                -0.5 * self.weigh((residual, total), noise).deviance - Scalar::ln(within + beyond)
+            }
+            Self::StudentT(freedom) => {
+                let half = 0.5 * (freedom + 1.0);
+                ln_gamma(half)
+                    - ln_gamma(0.5 * freedom)
+                    - 0.5 * Scalar::ln(freedom * PI * total)
+                    - half * Scalar::ln(1.0 + square / freedom)
+            }
         }
     }
 
@@ -467,4 +535,47 @@ impl UpdateLaw {
 /// 1121, 1959): right to 0.02 up to the tails.
 fn normal_score(square: f64, freedom: f64) -> f64 {
     ((8.0 * freedom + 1.0) / (8.0 * freedom + 3.0)).powi(2) * freedom * Scalar::ln(1.0 + square / freedom)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// ∫ e^f over ±span by Simpson's rule, and twice the tail c/(2z²) beyond where there is one.
+    fn integral(f: impl Fn(f64) -> f64, span: f64) -> f64 {
+        const STEPS: u32 = 400_000;
+        let h = 2.0 * span / f64::from(STEPS);
+        let weight = |k: u32| {
+            if k == 0 || k == STEPS {
+                1.0
+            } else if k % 2 == 1 {
+                4.0
+            } else {
+                2.0
+            }
+        };
+        (0..=STEPS).map(|k| weight(k) * f(f64::from(k).mul_add(h, -span)).exp()).sum::<f64>() * h / 3.0
+    }
+
+    /// A likelihood by which filters are chosen is a density of the sample: it integrates to 1, whatever the law.
+    #[test]
+    fn what_a_sample_is_taken_for_is_a_density() {
+        for (total, noise) in [(1.0, 0.9), (4.0, 0.5)] {
+            for law in [UpdateLaw::Normal, UpdateLaw::Huber(1.5), UpdateLaw::StudentT(4.0)] {
+                let all = integral(|r| law.log_density((r, total), noise), 400.0);
+                assert!((all - 1.0).abs() < 1e-5, "{law:?} {total}: {all}");
+            }
+            let gate = SignalGate { samples: 100.0, beyond: 3.0, ..SignalGate::NEW };
+            let bound = 6.0;
+            let of = |r: f64| {
+                let nis = r * r / total;
+                gate.log_density(UpdateLaw::Normal.log_density((r, total), noise), (nis, total), bound)
+            };
+            let span = 1000.0;
+            // What is beyond the span: both tails of c/(2z²).
+            let tails = 3.5 / 101.0 * bound.sqrt() * total.sqrt() / span;
+            let all = integral(of, span) + tails;
+            assert!((all - 1.0).abs() < 2e-3, "{total}: {all}");
+        }
+    }
 }

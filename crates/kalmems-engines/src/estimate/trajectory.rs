@@ -288,7 +288,14 @@ impl Trajectory {
                 independent += overlap_s / lasts_s;
             }
         }
-        (independent > 0.0).then(|| passed_s / independent)
+        if independent > 0.0 {
+            return Some(passed_s / independent);
+        }
+        // An error is followed a part of the time: where none was within, the last one before goes on.
+        let before = self.error_spans.iter().filter(|span| span.to_s <= from_s);
+        let last = before.max_by(|a, b| a.to_s.total_cmp(&b.to_s))?;
+        let longest = last.correlation_s.iter().copied().fold(0.0, f64::max);
+        Some(last.correlation_s.get(state).copied().unwrap_or(longest)).filter(|lasts_s| *lasts_s > 0.0)
     }
 
     /// Whether it says how uncertain it is; the model alone and the lock-in do not.

@@ -78,6 +78,10 @@ impl CommonErrorShares {
 /// The share of errors within three standard deviations below which a claim does not hold.
 const WITHIN: f64 = 0.9;
 
+/// How many times as large as claimed errors are root mean square from which on a claim is doubtful, and from which on it is wrong.
+const DOUBTFUL: f64 = 1.3;
+const FAILED: f64 = 2.0;
+
 impl Claim {
     /// Holds errors against their claim: those of a state of a trajectory by its place, against a reference that says this and is
     /// so accurate. `None` of a trajectory without a claim.
@@ -95,7 +99,8 @@ impl Claim {
         let lasting_s = trajectory.error_lasts_s(state, *first, *last);
         // Samples of one span of time are no more than one each.
         let most = (count as f64).max(1.0);
-        let independent = lasting_s.map_or(most, |lasting_s| ((last - first) / lasting_s).clamp(1.0, most));
+        // Where nothing is known of how long an error lasts, all of them are one.
+        let independent = lasting_s.map_or(1.0, |lasting_s| ((last - first) / lasting_s).clamp(1.0, most));
         let own = independent;
         let common = CommonErrorShares::of(&trajectory.common_shares(state, *first, *last));
         let independent = common.worth(own).max(1.0);
@@ -128,9 +133,19 @@ impl Claim {
         Self { p_value: chi.map_or(f64::NAN, |chi| chi.sf(self.independent * self.mean_square)), ..self }
     }
 
-    /// Whether the errors are larger than claimed: too many of them, and not by chance.
+    /// Whether the errors are larger than claimed by more than chance.
+    pub fn is_contradicted(&self) -> bool {
+        self.p_value < WRONG
+    }
+
+    /// Whether they are so much larger that the claim is not to be relied on.
+    pub fn is_doubtful(&self) -> bool {
+        self.is_contradicted() && self.mean_square > DOUBTFUL * DOUBTFUL
+    }
+
+    /// Whether the claim is wrong: errors that are much larger, or too many beyond three standard deviations, and not by chance.
     pub fn fails(&self) -> bool {
-        self.within < WITHIN && self.p_value < WRONG
+        self.is_contradicted() && (self.within < WITHIN || self.mean_square > FAILED * FAILED)
     }
 
     /// Takes those of a later part in.
@@ -284,6 +299,35 @@ mod tests {
         let own = claim(|_, _| 3.5e-3, 2000.0, EXACT);
         assert!(!own.fails() && own.independent == 1.0 && own.within == 0.0, "{own:?}");
         assert!(claim(|_, _| 5.5e-3, 2000.0, EXACT).fails());
+    }
+
+    /// An error is followed a part of the time: the span before the scored part goes on, and where there is none all errors are one.
+    #[test]
+    fn errors_of_which_nobody_knows_how_long_they_last_are_one_and_not_as_many_as_there_are_samples() {
+        let (series, truth) = series(|_, z| 1.5e-3 * z);
+        let mut trajectory = lasting(2.0);
+        let of = |trajectory: &Trajectory| {
+            Claim::of(&series, &truth, (trajectory, 0), EXACT, &Interruption::never()).unwrap()
+        };
+        let within = of(&trajectory).independent;
+        trajectory.error_spans[0] = ErrorSpan { from_s: -10.0, to_s: -5.0, correlation_s: vec![2.0] };
+        assert!((of(&trajectory).independent - within).abs() < 1e-6 * within, "{within}");
+        trajectory.error_spans.clear();
+        let unknown = of(&trajectory);
+        assert!(unknown.independent == 1.0 && !unknown.is_contradicted(), "{unknown:?}");
+    }
+
+    #[test]
+    fn a_reference_that_contradicts_a_claim_is_a_remark_a_doubt_or_a_failure_by_its_size() {
+        let of = |times: f64| claim(|_, z| times * 1e-3 * z, 0.1, EXACT);
+        let judged = |own: &Claim| (own.is_contradicted(), own.is_doubtful(), own.fails());
+        assert_eq!(judged(&of(1.0)), (false, false, false));
+        assert_eq!(judged(&of(1.15)), (true, false, false));
+        // Nearly all errors are within three standard deviations, and they are half as large again as claimed.
+        let own = of(1.43);
+        assert!(own.within > 0.9 && own.p_value < 1e-6, "{own:?}");
+        assert_eq!(judged(&own), (true, true, false));
+        assert_eq!(judged(&of(2.2)), (true, true, true));
     }
 
     #[test]

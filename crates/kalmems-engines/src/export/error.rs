@@ -62,6 +62,20 @@ pub enum ExportError {
         /// How many there are before the first that is missing.
         found: usize,
     },
+    /// Its source is not the filter of the estimate.
+    #[error(
+        "the filter `{filter}` cannot be exported: in a rehearsal over the recording its source was {share:.2} claimed standard deviations of \
+         `{state}` from the filter of `kalmems estimate` with the digits that serve best, and 0.02 is the most that passes; the claim is smaller than \
+         what the numbers of the source resolve, or the source leaves out something that the filter has"
+    )]
+    Rehearsal {
+        /// The filter.
+        filter: String,
+        /// The state that was farthest.
+        state: String,
+        /// How far, in claimed standard deviations.
+        share: f64,
+    },
     /// The samples of the recording belong to another interval.
     #[error("samples of the recording are for its own interval; leave `--rate` or `--samples` out")]
     SamplesOfAnotherRate,

@@ -4,7 +4,7 @@ use super::samples::ExportSamples;
 use super::{
     ExportError, ExportRequest, ExportTask, ExportableFilter, FilterSource, SourceDigits, SourceLanguage,
 };
-use crate::config::{ConfigError, ConfigFault, Experiment, Update};
+use crate::config::{ConfigError, ConfigFault, Experiment, OutlierGate, Update};
 use crate::recording::{ReadError, RecordingLayout, SampledRecording};
 use crate::signal::quintic_middle;
 use crate::units::kind;
@@ -38,12 +38,20 @@ pub fn place_of_filter(experiment: &Experiment, request: &ExportRequest) -> Resu
         let known = filters.iter().map(|filter| format!("`{}`", filter.name)).collect();
         ExportError::NoFilter { found: request.filter.clone(), known }
     })?;
-    let (filter, update) = (filters[place].name.to_string(), filters[place].update);
-    if update != Update::Normal {
-        let why = format!("the source has no update `{}`; leave `update` out", update.word());
-        return Err(ExportError::Filter { filter, why });
-    }
-    Ok(place)
+    let table = &filters[place];
+    // What the source does not have is refused and not left out in silence; the gate that a filter has without a word of the file is named in the heading.
+    let gate = matches!(table.gate, Some(OutlierGate::FalseRejections(_)));
+    let smooths = table.smooth_lag.is_some();
+    let why = match table.update {
+        Update::Normal if gate => {
+            "the source has no gate and takes every sample; write `gate = false`, and leave outliers out before the samples get to it".to_owned()
+        }
+        Update::Normal if smooths => "the source says each sample when it comes and has no smoother; leave `smooth_lag` out".to_owned(),
+        Update::Normal if table.readout.is_some() => "the source has no states of the readout; leave `readout` out".to_owned(),
+        Update::Normal => return Ok(place),
+        update => format!("the source has no update `{}`; leave `update` out", update.word()),
+    };
+    Err(ExportError::Filter { filter: table.name.to_string(), why })
 }
 
 /// Derives the constants of the filter called `name` and writes the source. The same experiment and recording give the same

@@ -85,6 +85,9 @@ pub struct MostLikely<const P: usize, R = Innovations> {
     pub correlation: [[f64; P]; P],
     /// Σ ln p of the innovations there.
     pub log_likelihood: f64,
+    /// What ln p would still gain by the slope and the information where the search ended: less than 0.005 at a maximum. More at the end of
+    /// where `filter` can be run, at a kink, and where a step by the information gains nothing.
+    pub promised: f64,
     /// What `filter` gave there.
     pub run: R,
 }
@@ -115,6 +118,7 @@ pub fn most_likely<const P: usize, R: AsRef<Innovations>>(
     let (mut at, mut run) = (start, filter(&start)?);
     let mut likelihood = run.as_ref().log_likelihood();
     let (mut damping, mut sd, mut correlation) = (0.0, [f64::INFINITY; P], [[0.0; P]; P]);
+    let mut promised = f64::INFINITY;
     for _ in 0..ITERATIONS {
         let slopes = slopes(&at, run.as_ref(), &steps, filter);
         let mut triangle = triangle(run.as_ref(), &slopes);
@@ -124,12 +128,13 @@ pub fn most_likely<const P: usize, R: AsRef<Innovations>>(
         for (step, norm) in steps.iter_mut().zip(norms) {
             *step = if norm > 0.0 { step.min(0.3 / norm) } else { *step };
         }
+        let gain = |by: &[f64; P]| -0.5 * by.iter().zip(triangle.gradient()).map(|(d, g)| d * g).sum::<f64>();
+        promised = gain(&triangle.solve());
         let mut gained = false;
         for _ in 0..ATTEMPTS {
             let by = damped(&triangle, &norms, damping).solve();
-            let predicted: f64 = -0.5 * by.iter().zip(triangle.gradient()).map(|(d, g)| d * g).sum::<f64>();
-            if predicted < NEAR {
-                return Some(MostLikely { at, sd, correlation, log_likelihood: likelihood, run });
+            if gain(&by) < NEAR {
+                return Some(MostLikely { at, sd, correlation, log_likelihood: likelihood, promised, run });
             }
             let mut next = at;
             next.iter_mut().zip(by).for_each(|(x, d)| *x += d);
@@ -147,7 +152,7 @@ pub fn most_likely<const P: usize, R: AsRef<Innovations>>(
             break;
         }
     }
-    Some(MostLikely { at, sd, correlation, log_likelihood: likelihood, run })
+    Some(MostLikely { at, sd, correlation, log_likelihood: likelihood, promised, run })
 }
 
 /// ν' and S' by each parameter; nothing of one by which the filter cannot be run.

@@ -2,7 +2,7 @@
 
 use super::filter::FilterProgram;
 use super::interface::Interface;
-use super::request::{EmitLanguage, EmitRequest};
+use super::request::{EmitLanguage, EmitRequest, InputCourse};
 use super::{c, rust};
 use crate::device::Device;
 use std::fmt::Write as _;
@@ -18,21 +18,27 @@ struct SampleNumbers {
     names: Vec<(String, usize, usize)>,
     /// How many numbers of inputs there are, and of measurements behind them.
     counts: [usize; 2],
+    /// How each input goes between two samples.
+    courses: Vec<InputCourse>,
 }
 
 impl SampleNumbers {
     fn of(device: &Device, program: &FilterProgram, interface: &Interface) -> Self {
-        let (mut inputs, mut names) = (Vec::new(), Vec::new());
+        let (mut inputs, mut names): (Vec<_>, Vec<(String, usize, usize)>) = (Vec::new(), Vec::new());
         for input in 0..device.inputs.len() {
             let mut places = [None; 3];
             for (point, (word, _)) in POINTS.iter().enumerate() {
                 let name = program.names.input(input, word);
-                places[point] = interface.step.iter().position(|own| *own == name);
-                names.push((name, input, point));
+                // One that is held has the same name at two points.
+                if names.iter().all(|(own, ..)| *own != name) {
+                    places[point] = interface.step.iter().position(|own| *own == name);
+                    names.push((name, input, point));
+                }
             }
             inputs.push(places);
         }
-        Self { inputs, names, counts: [interface.step.len(), interface.measured.len()] }
+        let courses = (0..device.inputs.len()).map(|input| program.names.course(input)).collect();
+        Self { inputs, names, counts: [interface.step.len(), interface.measured.len()], courses }
     }
 
     /// The arguments of a prediction or a step over a part of the interval that begins at `from`, an expression, and has this length:
@@ -47,6 +53,10 @@ impl SampleNumbers {
             let (_, input, point) = self.names.iter().find(|(own, ..)| own == name)?;
             let place = format!("{from} + {}", digits(POINTS[*point].1 * length));
             let given = |k: usize| format!("given[{k}]");
+            let held = self.courses[*input] != InputCourse::Between && POINTS[*point].0 != "end";
+            if held && let Some(k) = self.inputs[*input][*point] {
+                return Some(given(k));
+            }
             Some(match self.inputs[*input] {
                 [Some(start), Some(middle), Some(end)] => {
                     format!("between({}, {}, {}, {place})", given(start), given(middle), given(end))

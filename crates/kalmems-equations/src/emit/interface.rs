@@ -91,7 +91,9 @@ impl Interface {
         let names = routine.names();
         let points = ["start", "middle", "end"];
         let all = (0..device.inputs.len()).flat_map(|k| points.map(|point| program.names.input(k, point)));
-        all.filter(|name| names.contains(name)).collect()
+        let mut inputs: Vec<String> = all.filter(|name| names.contains(name)).collect();
+        inputs.dedup();
+        inputs
     }
 
     /// What is loaded from the filter into names, with where it is.

@@ -30,8 +30,8 @@ mod values;
 
 pub use error::EmitError;
 pub use request::{
-    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart,
-    StepMethod, TestSample, TestVectors,
+    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, InputCourse,
+    StateStart, StepMethod, TestSample, TestVectors,
 };
 
 use crate::device::Device;
@@ -49,6 +49,9 @@ pub struct EmittedFilter {
     pub operations: [usize; 5],
     /// How many digits it computes with; never [`EmitDigits::AsNeeded`].
     pub digits: EmitDigits,
+    /// The farthest that a state was, in a rehearsal with these digits, from that of the library's filter, by the standard deviation that it claims
+    /// there, with the state's place; none without a rehearsal or a claim.
+    pub apart: Option<(usize, f64)>,
 }
 
 impl Device {
@@ -79,6 +82,7 @@ impl Device {
     /// let device = Device::of(&Description::read(text)?)?;
     /// let request = EmitRequest {
     ///     name: "mass".to_owned(),
+    ///     courses: vec![],
     ///     heading: vec!["Experiment `mass`.".to_owned()],
     ///     interval_s: 1e-4,
     ///     parts: 1,
@@ -102,14 +106,20 @@ impl Device {
     /// ```
     pub fn emit(&self, request: &EmitRequest, language: EmitLanguage) -> Result<EmittedFilter, EmitError> {
         let mut program = FilterProgram::of(self, request)?;
-        let digits = rehearsal::choose(self, request, &mut program);
+        let (digits, apart) = rehearsal::choose(self, request, &mut program);
         let mut files = match language {
             EmitLanguage::C => c::files(self, request, &program)?,
             EmitLanguage::Rust => rust::files(self, request, &program)?,
         };
         files.extend(trial::files(self, request, &program, language)?);
         let units = program.units.scale.iter().copied().zip(program.units.origins.iter().copied());
-        Ok(EmittedFilter { files, units: units.collect(), operations: program.operations(request), digits })
+        Ok(EmittedFilter {
+            files,
+            units: units.collect(),
+            operations: program.operations(request),
+            digits,
+            apart,
+        })
     }
 }
 

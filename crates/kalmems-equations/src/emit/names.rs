@@ -1,6 +1,6 @@
 //! Names of a device as both languages have them.
 
-use super::request::EmitRequest;
+use super::request::{EmitRequest, InputCourse};
 use crate::device::{Device, Named};
 use crate::graph::Variable;
 
@@ -16,6 +16,8 @@ pub(super) struct SourceNames {
     measures: Vec<String>,
     /// How many measurements there are.
     measured: usize,
+    /// How each input goes between two samples.
+    courses: Vec<InputCourse>,
 }
 
 impl SourceNames {
@@ -33,7 +35,13 @@ impl SourceNames {
             parameters: unique(device.parameters.iter().map(|parameter| &parameter.named)),
             measures: unique(measures.chain(events)),
             measured: request.measures.len(),
+            courses: request.courses.clone(),
         }
+    }
+
+    /// How an input goes between two samples.
+    pub(super) fn course(&self, index: usize) -> InputCourse {
+        self.courses.get(index).copied().unwrap_or(InputCourse::Between)
     }
 
     fn at(names: &[String], index: usize) -> &str {
@@ -45,8 +53,14 @@ impl SourceNames {
         format!("x_{}", Self::at(&self.states, index))
     }
 
-    /// An input at a point of the interval: `start`, `middle` or `end`.
+    /// An input at a point of the interval: `start`, `middle`, `end` as measurements see it, or `last`, the end as a prediction arrives at it.
     pub(super) fn input(&self, index: usize, point: &str) -> String {
+        let point = match (self.course(index), point) {
+            (InputCourse::HeldAtStart, "start" | "middle" | "last") => "start",
+            (InputCourse::HeldAtMiddle, "start" | "middle" | "last") => "middle",
+            (_, "last") => "end",
+            (_, point) => point,
+        };
         format!("u_{}_{point}", Self::at(&self.inputs, index))
     }
 

@@ -110,7 +110,7 @@ pub enum EmitDigits {
     /// Means, covariance and all that leads to them have 64 bits.
     Double,
     /// The first of the others with which the filter, rehearsed over these samples, comes within 10⁻⁵ of the states that they expect,
-    /// relative to the largest value of each state; the nearest one where none does.
+    /// relative to the largest value of each state, and within 0.02 of their claimed standard deviation; the nearest one where none does.
     AsNeeded(Vec<TestSample>),
 }
 
@@ -119,7 +119,7 @@ pub enum EmitDigits {
 #[derive(Clone, Debug, PartialEq)]
 pub struct TestSample {
     /// The inputs at the start, the middle and the end of the interval before the sample. Euler's method takes the first; what
-    /// measurements depend on is the last.
+    /// measurements depend on is the last, as the input is at the sample.
     pub inputs: [Vec<f64>; 3],
     /// The measurements in the order of the request.
     pub measured: Vec<f64>,
@@ -127,6 +127,19 @@ pub struct TestSample {
     pub events: Vec<Option<f64>>,
     /// The states that are expected behind the sample: predicted, corrected by the events and then by the measurements.
     pub expected: Vec<f64>,
+    /// The standard deviations that the library's filter claims of them; none where they are not known.
+    pub expected_sd: Vec<f64>,
+}
+
+/// How an input goes within the interval before a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InputCourse {
+    /// Through its values at the start, the middle and the end.
+    Between,
+    /// It stays as it was at the start; at the end it is another one, of which the measurements tell.
+    HeldAtStart,
+    /// It stays at what is given for the middle; the measurements tell of that at the end.
+    HeldAtMiddle,
 }
 
 impl TestSample {
@@ -179,6 +192,8 @@ pub struct EmitRequest {
     pub measures: Vec<EmitMeasure>,
     /// Events that are measurements.
     pub events: Vec<EmitEvent>,
+    /// How each input goes between two samples; `Between` of all where there are none.
+    pub courses: Vec<InputCourse>,
     /// Where the gain comes from.
     pub gain: EmitGain,
     /// How many digits the source computes with.

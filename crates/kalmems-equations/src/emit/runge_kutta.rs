@@ -13,7 +13,7 @@ use crate::graph::{Graph, Node, NodeId, Variable};
 
 /// The points of the inputs, how far a stage goes along the one before it, and its weight.
 const STAGES: [(&str, f64, f64); 4] =
-    [("start", 0.0, 1.0), ("middle", 0.5, 2.0), ("middle", 0.5, 2.0), ("end", 1.0, 1.0)];
+    [("start", 0.0, 1.0), ("middle", 0.5, 2.0), ("middle", 0.5, 2.0), ("last", 1.0, 1.0)];
 
 /// The prediction, and the stage where it needs one.
 pub(super) fn predict(

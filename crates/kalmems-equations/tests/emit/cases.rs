@@ -132,6 +132,7 @@ fn case(
             .map(|(measure, variance)| EmitMeasure { measure: *measure, variance: *variance })
             .collect(),
         events: vec![],
+        courses: vec![],
         gain: EmitGain::Covariance,
         digits: EmitDigits::Single,
         vectors: None,
@@ -362,6 +363,7 @@ impl Case {
                 measured,
                 events: vec![None; request.events.len()],
                 expected: vec![],
+                expected_sd: vec![],
             });
         }
         let states = host::states(&self.device, request, &samples);

@@ -13,8 +13,8 @@ use crate::Rig;
 use crate::config::{ConfigFault, Experiment, Key, Method};
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
-    AnyFilter, FilterPast, GainOf, MeanAndCovariance, SampleSelection, Sensor, Tracked, Trajectory,
-    Transition,
+    AnyFilter, FilterPast, GainOf, MeanAndCovariance, SampleSelection, Sensor, StateSeries, Tracked,
+    Trajectory, Transition,
 };
 use crate::export::{
     ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, c_name, heading, place_of_filter,
@@ -22,14 +22,18 @@ use crate::export::{
 use crate::progress::Silent;
 use crate::recording::{SampledRecording, Segment};
 use crate::units::kind;
+use kalmems_core::Nodes;
 use kalmems_equations::{
-    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, StateStart,
-    StepMethod, TestSample, TestVectors,
+    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, InputCourse,
+    StateStart, StepMethod, TestSample, TestVectors,
 };
 
 /// The largest difference from what the library's filter says, relative to the largest size of each state, with which a source still
 /// passes its own test: numbers of 32 bits have seven digits, and a covariance that has not settled costs some.
 const TOLERANCE: f64 = 1e-2;
+
+/// How far the source may be from the library's filter in its rehearsal, by the standard deviation that the filter claims.
+const APART: f64 = 0.02;
 
 /// How many samples of the recording a filter is rehearsed over, to see how many digits it needs.
 const REHEARSED: usize = 3000;
@@ -152,6 +156,7 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
             .enumerate()
             .filter_map(|(k, tracked)| free(own, tracked, model.covariance(&over, (states + k, states + k))))
             .collect(),
+        courses: own.between.iter().map(|between| course(*between)).collect(),
         vectors: (!samples.is_empty()).then_some(TestVectors { samples, tolerance: TOLERANCE }),
         measures,
         events,
@@ -167,7 +172,29 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         .device
         .emit(&emitted, language)
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;
+    if let Some((state, share)) = files.apart.filter(|(_, share)| !(*share <= APART)) {
+        let states = own.device.states().iter().map(|named| named.name.to_string());
+        let names: Vec<String> = states
+            .chain(filter.basics.parameters().iter().map(|one| one.parameter.name.to_owned()))
+            .collect();
+        return Err(ExportError::Rehearsal {
+            filter: filter.basics.name.clone(),
+            state: names.get(state).cloned().unwrap_or_default(),
+            share,
+        });
+    }
     Ok(Exported::of(experiment, request, (filter.basics.name.clone(), interval_s), files.files))
+}
+
+/// How an input goes between two samples, for the source.
+const fn course(between: Interpolation) -> InputCourse {
+    match between {
+        Interpolation::Hold => InputCourse::HeldAtStart,
+        Interpolation::Mean => InputCourse::HeldAtMiddle,
+        Interpolation::Cubic | Interpolation::Linear | Interpolation::Sine | Interpolation::BandLimited => {
+            InputCourse::Between
+        }
+    }
 }
 
 /// The places of the parameters that the program may change.
@@ -210,7 +237,9 @@ fn measures(
         some => some.to_vec(),
     };
     let of = |measure: usize| {
-        let variance = variances.get(measure).copied().flatten().filter(|variance| *variance > 0.0);
+        let noise = variances.get(measure).copied().flatten().filter(|variance| *variance > 0.0);
+        // What the filter takes a sample for, where that is not the noise.
+        let variance = noise.and(filter.signal_variance).or(noise);
         variance.map(|variance| EmitMeasure { measure, variance }).ok_or_else(|| {
             let name =
                 own.device.measures().get(measure).map(|named| named.name.to_string()).unwrap_or_default();
@@ -325,10 +354,14 @@ fn inputs_of_part(
         SegmentDrive::nodes_of_part(&between.nodes(input, k), part, parts)
     };
     let nodes: Vec<_> = data.inputs.iter().zip(between).map(of).collect();
+    // A measurement sees the input of its sample, also where a prediction holds another one.
+    let seen = |(node, input): (&Nodes<f64>, &SegmentDrive<'_>)| {
+        if part + 1 < parts { node.end } else { input.sample(k).0 }
+    };
     [
         nodes.iter().map(|n| n.start).collect(),
         nodes.iter().map(|n| n.middle).collect(),
-        nodes.iter().map(|n| n.end).collect(),
+        nodes.iter().zip(&data.inputs).map(seen).collect(),
     ]
 }
 
@@ -427,16 +460,37 @@ fn test_samples(
     let sample = |(k, part): (usize, usize)| {
         let inputs = inputs_of_part(&data, &own.between, (k, part, parts));
         if part + 1 < parts {
-            return TestSample { inputs, measured: Vec::new(), events: Vec::new(), expected: Vec::new() };
+            return TestSample {
+                inputs,
+                measured: Vec::new(),
+                events: Vec::new(),
+                expected: Vec::new(),
+                expected_sd: Vec::new(),
+            };
         }
         TestSample {
             inputs,
             measured: data.channels.iter().map(|channel| channel.signal[k]).collect(),
             events: filter.events.iter().map(|used| ago[used.event].get(k).copied().flatten()).collect(),
             expected: expected(k),
+            expected_sd: claimed_of(own, filter, trajectory, k),
         }
     };
     Ok((1..=count).flat_map(|k| (0..parts).map(move |part| (k, part))).map(sample).collect())
+}
+
+/// The standard deviations that are claimed of them.
+fn claimed_of(
+    own: &OwnDevice,
+    filter: &EquationFilterSettings,
+    trajectory: &Trajectory,
+    k: usize,
+) -> Vec<f64> {
+    let states = own.device.states().len();
+    let sd = |state: &StateSeries| state.sd.get(k).copied().unwrap_or(0.0);
+    let of_states = trajectory.states.iter().take(states).map(sd);
+    let of_parameters = trajectory.states.iter().skip(states).zip(filter.basics.parameters());
+    of_states.chain(of_parameters.map(|(state, tracked)| sd(state) * tracked.added.scale.abs())).collect()
 }
 
 /// States and values of parameters as the source has them, at a sample of a trajectory.

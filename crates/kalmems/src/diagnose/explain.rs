@@ -23,6 +23,8 @@ pub(super) struct ExaminedCause {
     pub(super) trial: DiagnosisTrial,
     /// What it makes of the answer.
     pub(super) answer: Option<AnswerChange>,
+    /// Whether its sizes are the end of a search and make nothing the likeliest.
+    pub(super) is_end_of_search: bool,
 }
 
 /// What is tried at once.
@@ -119,6 +121,18 @@ impl Explanations {
     /// Judges what was tried: the likeliest, and those as likely, are the causes if one of them leaves nothing that the tests find.
     fn of(search: &CauseSearch, mut tried: Vec<FittedCause>, tries: usize) -> Self {
         tried.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
+        // A pair is found from either of its numbers.
+        let mut seen: Vec<Vec<usize>> = Vec::new();
+        tried.retain(|tried| {
+            let Cause::Numbers(numbers) = &tried.cause else { return true };
+            let mut places: Vec<usize> = numbers.iter().map(|(place, _)| *place).collect();
+            places.sort_unstable();
+            let is_new = !seen.contains(&places);
+            if is_new {
+                seen.push(places);
+            }
+            is_new
+        });
         let needed = (tries as f64 / BY_CHANCE).portable_ln();
         let best = tried.first().map_or(0.0, |tried| tried.held_out);
         let worth = tried.iter().take_while(|tried| tried.held_out > needed).enumerate();
@@ -142,10 +156,11 @@ impl Explanations {
 impl ExaminedCause {
     /// With its sizes by all blocks.
     fn of(search: &CauseSearch, tried: &FittedCause) -> Option<Self> {
-        let (sizes, sd) = search.fit(&tried.cause, TrialBlocks::All)?;
-        let cause = tried.cause.resized(&sizes);
+        let sizes = search.fit(&tried.cause, TrialBlocks::All)?;
+        let cause = tried.cause.resized(&sizes.at);
         let trial = search.run(&cause)?;
         let answer = AnswerChange::between(search.base, &trial);
-        Some(Self { cause, sd, gain: tried.held_out, trial, answer })
+        let is_end_of_search = sizes.is_no_maximum();
+        Some(Self { cause, sd: sizes.sd, gain: tried.held_out, trial, answer, is_end_of_search })
     }
 }

@@ -33,6 +33,23 @@ pub fn with_found_numbers(
     Experiment::parse(&text(&own, experiment)?, experiment.path())
 }
 
+/// The experiment with these noises in the places of its own.
+///
+/// # Errors
+/// An experiment that cannot be written as a file.
+pub fn with_noises(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    noises: &[FoundNoise],
+) -> Result<Experiment, ConfigError> {
+    let mut own = document(experiment)?;
+    for noise in noises {
+        let (key, value) = (Key::from(noise.key.as_str()), Value::String(noise.written.clone()));
+        put(&mut own, &key, value).map_err(|fault| experiment.error(key.clone(), fault))?;
+    }
+    workbench.parse(&text(&own, experiment)?, experiment.path())
+}
+
 /// Takes the values that differ, where both have one.
 fn take(own: &mut Value, found: &Value) {
     match (own, found) {

@@ -46,7 +46,7 @@ pub use answer::AnswerChange;
 pub use check_numbers::{NumberCheck, check_numbers, check_numbers_of};
 pub use distinguish::Proposal;
 pub use error::DiagnoseError;
-pub use identified_experiment::with_found_numbers;
+pub use identified_experiment::{with_found_numbers, with_noises};
 pub use input_fault::InputFault;
 pub use invisible_parameters::ScaleNote;
 pub use likeliest::{identify, likeliest};

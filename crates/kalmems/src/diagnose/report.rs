@@ -1,6 +1,6 @@
 //! What is told of a diagnosis.
 
-use super::answer::AnswerChange;
+use super::answer::{AnswerChange, moved};
 use super::as_state;
 use super::bench::TrialBench;
 use super::cause::Cause;
@@ -39,6 +39,9 @@ pub struct Diagnosis {
     pub needed: f64,
     /// The causes that explain the recording, the likeliest first; those that it cannot tell apart.
     pub causes: Vec<CauseReport>,
+    /// Of several causes how far the answers with them are apart at most, root mean square by the standard deviation that the filter claims.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub answers_differ: Option<f64>,
     /// A recording that would tell them apart, where there are several and one was found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub proposal: Option<Proposal>,
@@ -129,6 +132,7 @@ impl Diagnosis {
             tried: explained.map_or(0, |found| found.tried),
             needed: explained.map_or(0.0, |found| found.needed),
             causes: explained.map_or_else(Vec::new, |found| reports(&found.causes)),
+            answers_differ: explained.and_then(|found| answers_differ(&found.causes)),
             proposal,
             closest: explained.map_or_else(Vec::new, |found| reports(&found.closest)),
             notes,
@@ -136,8 +140,30 @@ impl Diagnosis {
     }
 }
 
+/// The farthest that two answers of these causes are apart by what is claimed; `None` of fewer than two.
+fn answers_differ(causes: &[ExaminedCause]) -> Option<f64> {
+    let claimed = causes.iter().filter_map(|found| found.answer).map(|answer| answer.claimed);
+    let claimed = claimed.fold(f64::INFINITY, f64::min);
+    let pairs = causes.iter().enumerate().flat_map(|(place, first)| {
+        causes.iter().skip(place + 1).map(move |second| moved(&first.trial, &second.trial))
+    });
+    pairs.max_by(f64::total_cmp).map(|apart| apart / claimed)
+}
+
+/// How far answers may be apart, by what is claimed, for causes that are as good as one: with 0.3 of it an error grows by 5 %.
+const AS_ONE: f64 = 0.3;
+
+impl Diagnosis {
+    /// Whether several causes explain the recording and give different answers, so that writing one of them is a guess.
+    pub fn is_ambiguous(&self) -> bool {
+        self.causes.len() > 1 && !self.answers_differ.is_some_and(|apart| apart <= AS_ONE)
+    }
+}
+
 fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -> CauseReport {
     let changes = found.cause.changes(suspects).unwrap_or_default();
+    // The end of a search is no value, and nothing is to be written of it.
+    let is_value = !found.is_end_of_search;
     CauseReport {
         name: name(&found.cause, suspects),
         numbers: match &found.cause {
@@ -149,15 +175,48 @@ fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -
         answer: found.answer,
         answer_name: found.trial.answer_name,
         answer_unit: found.trial.answer_unit,
-        edits: edits(bench, &changes, &found.cause, (suspects, &found.sd)),
-        states: states(bench, &found.cause, suspects).unwrap_or_default(),
-        remedy: remedy(&found.cause, &changes),
+        edits: if is_value {
+            edits(bench, &changes, &found.cause, (suspects, &found.sd))
+        } else {
+            Vec::new()
+        },
+        states: states(bench, &found.cause, suspects).filter(|_| is_value).unwrap_or_default(),
+        remedy: if is_value {
+            remedy(&found.cause, &changes)
+        } else {
+            Some(end_of_search(&found.cause, suspects))
+        },
     }
+}
+
+/// What is said of a cause whose search ended where the likelihood still rises.
+fn end_of_search(cause: &Cause, suspects: &[Suspect]) -> String {
+    let sizes = match cause {
+        Cause::Numbers(numbers) => numbers
+            .iter()
+            .filter_map(|(place, size)| {
+                let suspect = suspects.get(*place)?;
+                Some(format!("{} {}", suspect.name(), suspect.size_in_words(*size)))
+            })
+            .collect(),
+        _ => Vec::new(),
+    };
+    let of = if sizes.is_empty() { String::new() } else { format!(" ({})", sizes.join(", ")) };
+    format!(
+        "the search ended where the likelihood still rises{of}: no value is determined, and none is written"
+    )
 }
 
 /// The numbers of a cause as states of the filter; `None` where one of them cannot be.
 fn states(bench: &TrialBench, cause: &Cause, suspects: &[Suspect]) -> Option<Vec<String>> {
     let Cause::Numbers(numbers) = cause else { return None };
+    // A noise is no state of a filter that is told of it.
+    if numbers
+        .iter()
+        .any(|(place, _)| suspects.get(*place).is_some_and(|own| own.is_noise_in(&bench.document)))
+    {
+        return None;
+    }
     numbers.iter().map(|(place, size)| as_state::entry(bench, suspects.get(*place)?, *size)).collect()
 }
 
@@ -262,6 +321,7 @@ fn sd_of(cause: &Cause, key: &Key, (suspects, sd): (&[Suspect], &[f64])) -> Opti
     let Cause::Numbers(numbers) = cause else { return None };
     let place = numbers.iter().position(|(place, _)| match suspects.get(*place).map(|s| &s.what) {
         Some(NumberRole::Factor(numbers)) => numbers.iter().any(|number| number.key == *key),
+        Some(NumberRole::Literal { key: own, .. }) => own == key,
         _ => false,
     })?;
     sd.get(place).copied().filter(|sd| sd.is_finite())
@@ -325,4 +385,49 @@ fn remedy(cause: &Cause, changes: &[TrialChange]) -> Option<String> {
         }
         _ => None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn diagnosis(causes: usize, answers_differ: Option<f64>) -> Diagnosis {
+        let cause = |place: usize| CauseReport {
+            name: format!("number {place}"),
+            numbers: 1,
+            gain: 100.0,
+            passes: true,
+            answer: None,
+            answer_name: "angle",
+            answer_unit: "rad",
+            edits: Vec::new(),
+            states: Vec::new(),
+            remedy: None,
+        };
+        Diagnosis {
+            experiment: String::new(),
+            rig: "",
+            filter: String::new(),
+            rows: 0,
+            duration_s: 0.0,
+            finding: DiagnosisFinding::Explained,
+            tests: Vec::new(),
+            tried: 18,
+            needed: 7.0,
+            causes: (0..causes).map(cause).collect(),
+            answers_differ,
+            proposal: None,
+            closest: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn causes_with_different_answers_are_no_choice_and_causes_with_the_same_answer_are_one() {
+        assert!(!diagnosis(1, None).is_ambiguous());
+        assert!(!diagnosis(2, Some(0.01)).is_ambiguous());
+        assert!(diagnosis(2, Some(2.0)).is_ambiguous());
+        // Where nobody knows how far they are apart, nothing is chosen.
+        assert!(diagnosis(2, None).is_ambiguous() && diagnosis(2, Some(f64::NAN)).is_ambiguous());
+    }
 }

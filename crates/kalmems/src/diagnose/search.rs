@@ -221,11 +221,18 @@ impl CauseSearch<'_> {
     }
 
     /// Sizes and their standard errors by some of the blocks.
-    pub(super) fn fit(&self, cause: &Cause, blocks: TrialBlocks) -> Option<(Vec<f64>, Vec<f64>)> {
+    pub(super) fn fit(&self, cause: &Cause, blocks: TrialBlocks) -> Option<MostLikelySizes> {
         if let Cause::Outliers { .. } = cause {
-            return Some((Vec::new(), Vec::new()));
+            let none = Vec::new;
+            return Some(MostLikelySizes {
+                at: none(),
+                sd: none(),
+                correlation: Vec::new(),
+                log_likelihood: f64::NAN,
+                promised: 0.0,
+            });
         }
-        self.most_likely(cause, blocks).map(|found| (found.at, found.sd))
+        self.most_likely(cause, blocks)
     }
 
     /// The same with the correlations of their errors.
@@ -313,6 +320,19 @@ pub(super) struct MostLikelySizes {
     pub(super) sd: Vec<f64>,
     pub(super) correlation: Vec<Vec<f64>>,
     pub(super) log_likelihood: f64,
+    /// What ln p would still gain by its slope where the search ended.
+    pub(super) promised: f64,
+}
+
+/// What ln p may still gain by its slope at what counts as its maximum: half of a standard error from it.
+const MAXIMUM: f64 = 0.125;
+
+impl MostLikelySizes {
+    /// Whether the search ended where no maximum is: at the end of what is tried, or of what the filter can be run with, or at a kink. Neither value
+    /// nor standard error means anything there.
+    pub(super) fn is_no_maximum(&self) -> bool {
+        !(self.promised <= MAXIMUM)
+    }
 }
 
 /// The most sizes that are fitted together.
@@ -338,6 +358,7 @@ pub(super) fn most_likely_sizes<R: AsRef<Innovations>>(
                         sd: found.sd.to_vec(),
                         correlation: found.correlation.iter().map(|row| row.to_vec()).collect(),
                         log_likelihood: found.log_likelihood,
+                        promised: found.promised,
                     };
                     Some((sizes, found.run))
                 })+

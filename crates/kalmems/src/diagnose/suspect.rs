@@ -25,6 +25,8 @@ pub(super) enum NumberRole {
     /// The noise of a measurement of equations, which is written as a variance in the square of this unit, is wrong by a factor, e to the
     /// size.
     Noise { key: Key, variance: f64, unit: String },
+    /// A noise that equations have as a number with its unit, `4e-6[V^2]`, is wrong by a factor, e to the size.
+    Literal { key: Key, value: f64, unit: String },
     /// A number that the device table leaves out, or has as zero: the size, in steps.
     LeftOut { key: Key, left_out: OmittedNumber },
     /// The column of an input is wrong by a factor, e to the size.
@@ -97,11 +99,19 @@ impl Suspect {
         let each = siblings.into_iter().chain(numbers.into_iter().map(|number| vec![number]));
         suspects.extend(each.map(|numbers| {
             let mut suspect = Self { what: NumberRole::Factor(numbers), sizes: sides(&FACTORS, true) };
-            if suspect.is_noise() {
+            if suspect.is_noise_in(document) {
                 suspect.sizes = sides(&NOISE_FACTORS, true);
             }
             suspect
         }));
+        if let Some(noises) =
+            equations_of(document).and_then(|equations| equations.get("noise")).and_then(Value::as_table)
+        {
+            let key = Key::from("device.equations.noise");
+            let literals =
+                noises.iter().filter_map(|(name, value)| literal(key.clone().child(name), value.as_str()?));
+            suspects.extend(literals.map(|what| Self { what, sizes: sides(&NOISE_FACTORS, true) }));
+        }
         suspects.extend(of_channels(&rig.channels(experiment), noise_sd, has_offset));
         suspects
     }
@@ -117,6 +127,10 @@ impl Suspect {
             }
             NumberRole::Noise { key, variance, unit } => {
                 let written = square(variance * Scalar::exp(size), unit);
+                vec![TrialChange::Key(key.clone(), Value::String(written))]
+            }
+            NumberRole::Literal { key, value, unit } => {
+                let written = format!("{:e}[{unit}]", value * Scalar::exp(size));
                 vec![TrialChange::Key(key.clone(), Value::String(written))]
             }
             NumberRole::LeftOut { key, left_out } => {
@@ -146,12 +160,19 @@ impl Suspect {
     /// Whether it is the noise of a measurement: what changes the gain of the filter and no prediction of a motion that is known.
     pub(super) fn is_noise(&self) -> bool {
         match &self.what {
-            NumberRole::Noise { .. } => true,
+            NumberRole::Noise { .. } | NumberRole::Literal { .. } => true,
             NumberRole::Factor(numbers) => {
                 numbers.iter().all(|number| number.key.last().starts_with("noise"))
             }
             _ => false,
         }
+    }
+
+    /// The same by where it enters the equations of a document, whatever it is called.
+    pub(super) fn is_noise_in(&self, document: &Table) -> bool {
+        let by_place =
+            |numbers: &[WrittenNumber]| numbers.iter().all(|number| is_of_noise_alone(number, document));
+        self.is_noise() || matches!(&self.what, NumberRole::Factor(numbers) if by_place(numbers))
     }
 
     /// A first step: half of the smallest size that is tried.
@@ -162,7 +183,10 @@ impl Suspect {
     /// A size in words, with its unit.
     pub(super) fn size_in_words(&self, size: f64) -> String {
         match &self.what {
-            NumberRole::Factor(_) | NumberRole::Noise { .. } | NumberRole::InputScale { .. } => {
+            NumberRole::Factor(_)
+            | NumberRole::Noise { .. }
+            | NumberRole::Literal { .. }
+            | NumberRole::InputScale { .. } => {
                 format!("{} %", significant(100.0 * size.portable_exp_m1()))
             }
             NumberRole::LeftOut { left_out, .. } => {
@@ -180,11 +204,50 @@ impl Suspect {
                 [one] => below_device(&one.key),
                 all => format!("{} of all {}", all[0].key.last(), all.len()),
             },
-            NumberRole::Noise { key, .. } | NumberRole::LeftOut { key, .. } => below_device(key),
+            NumberRole::Noise { key, .. }
+            | NumberRole::Literal { key, .. }
+            | NumberRole::LeftOut { key, .. } => below_device(key),
             NumberRole::InputScale { meaning } => format!("the scale of the {meaning}'s column"),
             NumberRole::InputEarly { meaning } => format!("the time of the {meaning}'s column"),
             NumberRole::Offset { meaning, .. } => format!("the offset of the {meaning}'s column"),
         }
+    }
+}
+
+/// Whether a parameter of equations enters the table of noises and no other expression, whatever it is called.
+fn is_of_noise_alone(number: &WrittenNumber, document: &Table) -> bool {
+    let Some(equations) = equations_of(document) else { return false };
+    let of_parameters = Key::from("device.equations.parameters").child(number.key.last());
+    let names = |value: &Value| expressions_with(value, number.key.last());
+    let others = equations.iter().filter(|(table, _)| !matches!(table.as_str(), "noise" | "parameters"));
+    number.key == of_parameters
+        && equations.get("noise").is_some_and(names)
+        && !others.into_iter().any(|(_, value)| names(value))
+        // A parameter may stand for others by an expression of its own.
+        && !equations.get("parameters").is_some_and(names)
+}
+
+/// The equations of a device of one's own.
+pub(super) fn equations_of(document: &Table) -> Option<&Table> {
+    document.get("device")?.get("equations")?.as_table()
+}
+
+/// A noise that is written as a number with its unit, such as `4e-6[V^2]`.
+fn literal(key: Key, text: &str) -> Option<NumberRole> {
+    let (number, unit) = text.trim().strip_suffix(']')?.split_once('[')?;
+    let value: f64 = number.trim().parse().ok().filter(|value| *value > 0.0)?;
+    (!unit.contains(['[', ']'])).then(|| NumberRole::Literal { key, value, unit: unit.trim().to_owned() })
+}
+
+/// Whether a text of a table has this name as a word.
+pub(super) fn expressions_with(value: &Value, name: &str) -> bool {
+    match value {
+        Value::String(text) => {
+            text.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|word| word == name)
+        }
+        Value::Table(table) => table.values().any(|value| expressions_with(value, name)),
+        Value::Array(list) => list.iter().any(|value| expressions_with(value, name)),
+        _ => false,
     }
 }
 
@@ -294,6 +357,19 @@ mod tests {
         assert_eq!(keys, ["device.stage.a", "device.stage.b", "device.stage.e[0]", "device.stage.e[1]"]);
         assert_eq!(numbers[0].times(2.0), Value::String("5e0 kHz".to_owned()));
         assert_eq!(numbers[1].times(2.0), Value::Float(0.5));
+    }
+
+    #[test]
+    fn a_number_is_a_noise_by_where_it_enters_and_not_by_its_name() {
+        let text = "[device.equations]\nderivative = { x = \"-noisy*x\" }\nnoise = { signal = \"n*(1 + noisy)\" }\n\
+                    [device.equations.parameters]\nn = \"2 V^2\"\nnoisy = \"3 1/s\"\n";
+        let document: Table = text.parse().unwrap();
+        let mut found = Vec::new();
+        collect(&document["device"], &Key::from("device"), &mut found);
+        let of = |name: &str| {
+            is_of_noise_alone(found.iter().find(|one| one.key.last() == name).unwrap(), &document)
+        };
+        assert!(of("n") && !of("noisy"));
     }
 
     #[test]

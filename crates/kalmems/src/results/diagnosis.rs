@@ -47,7 +47,16 @@ impl Diagnosis {
                      them together, with `kalmems identify`.\n";
         }
         if self.causes.iter().any(|cause| !cause.edits.is_empty()) && self.causes.len() > 1 {
-            text += "\nWrite one of them, the one that is known worst, or measure it; `--write` takes the first.\n";
+            if self.is_ambiguous() {
+                let apart = self.answers_differ.map_or_else(String::new, |apart| {
+                    format!(" With one or another of them the answer differs by up to {} of the standard deviation that the filter claims.", significant(apart))
+                });
+                text += &format!(
+                    "\nWhich of them it is, the recording does not tell.{apart} Measure one of these numbers; `--write` takes the one that `--cause` names.\n"
+                );
+            } else {
+                text += "\nWrite one of them, the one that is known worst, or measure it; `--write` takes the first.\n";
+            }
         }
         match &self.proposal {
             Some(proposal) => text += &proposal.to_text(),

@@ -694,7 +694,7 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
     let because = |why: String| Notice::new(severity, format!("{grade}: {why}")).explained_by(topic);
     // Of a motion that goes the other way the errors are what they are.
     let goes_the_other_way = estimator.verdict == Verdict::WrongSign;
-    let claims = estimator.broken_claims().filter(|_| !goes_the_other_way);
+    let claims = estimator.contradicted_claims().filter(|_| !goes_the_other_way);
     let mut why: Vec<Notice> = claims
         .map(|(name, claim)| Notice { size: claim.mean_square.sqrt(), ..because(of_the_claim(name, &claim)) })
         .collect();

@@ -96,6 +96,7 @@ impl EstimatorMetrics {
         Some(if self.broken_claims().next().is_some() || self.failing().any(is_wrong) {
             Grade::Failed
         } else if self.failing().next().is_some()
+            || self.contradicted_claims().any(|(_, claim)| claim.is_doubtful())
             || has_fault
             || self.rejections.faults().next().is_some()
             || self.innovations_smaller_by().is_some()
@@ -105,6 +106,7 @@ impl EstimatorMetrics {
         } else if self.verdict == Verdict::Consistent
             && !self.rejections.is_remarkable()
             && !self.step_errors.is_some_and(|steps| steps.is_remarkable())
+            && self.contradicted_claims().next().is_none()
             && self.lock.events.is_empty()
         {
             Grade::Passes
@@ -120,12 +122,17 @@ impl EstimatorMetrics {
             .then(|| mean_nis.sqrt().recip())
     }
 
-    /// What a reference shows to be further off than claimed, by the name of the state.
+    /// What a reference shows to be wrong, by the name of the state.
     pub fn broken_claims(&self) -> impl Iterator<Item = (&'static str, Claim)> {
+        self.contradicted_claims().filter(|(_, claim)| claim.fails())
+    }
+
+    /// What a reference shows to be further off than claimed by more than chance, by the name of the state.
+    pub fn contradicted_claims(&self) -> impl Iterator<Item = (&'static str, Claim)> {
         let angles = self.errors.iter().flat_map(MotionErrors::each).map(|e| (e.of, e.angle.claim));
         let values = self.values.iter().map(|(name, errors)| (*name, errors.claim));
         let claims = angles.chain(values).filter_map(|(name, claim)| Some((name, claim?)));
-        claims.filter(|(_, claim)| claim.fails())
+        claims.filter(|(_, claim)| claim.is_contradicted())
     }
 
     /// What the uncertain numbers of the device have in its claims, by the first state.

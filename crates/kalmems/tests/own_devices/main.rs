@@ -4,6 +4,7 @@ mod equations;
 mod events;
 mod example_devices;
 mod export;
+mod export_agreement;
 mod input_rate;
 mod measured_devices;
 mod measured_outliers;

@@ -47,8 +47,7 @@ pub fn sweep(points: &[StageSweepPoint], fitted: &SweepFit, origin: &str) -> Fig
     };
     let size = |re: f64, im: f64| re.portable_hypot(im);
     let phase = |re: f64, im: f64| im.portable_atan2(re).to_degrees();
-    let [x, y] = fitted.circle.centre();
-    let radius = fitted.circle.radius();
+    let ([x, y], radius) = fitted.circle();
     let circle: Vec<(f64, f64)> = (0..=CURVE)
         .map(|k| {
             let (sine, cosine) = (TAU * f64::from(k) / f64::from(CURVE)).portable_sin_cos();

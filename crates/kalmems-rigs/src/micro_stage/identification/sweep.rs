@@ -24,10 +24,9 @@ pub struct StageSweepPoint {
 pub struct SweepFit {
     /// By least squares on the response, with the delay of the vibrometer and modes outside of the band.
     pub response: ResonantResponse,
-    /// The circle that the rate's response is in the complex plane.
-    pub circle: Circle,
-    /// How it is passed: [phase at resonance in rad, f_n in Hz, ζ].
-    pub along: Fit<3>,
+    /// The circle that the rate's response is in the complex plane, and how it is passed, fitted together: [x and y of the centre and radius in
+    /// rad/s/V, phase at resonance in rad, f_n in Hz, ζ].
+    pub circle: Fit<6>,
 }
 
 /// Why a sweep says nothing.
@@ -77,39 +76,42 @@ pub fn fit_sweep(points: &[StageSweepPoint]) -> Result<SweepFit, SweepError> {
         .collect();
     let response = fit_response(&angles, ResponseModel::WithResidualModes)?;
     let plane: Vec<[f64; 2]> = points.iter().map(|p| [p.re, p.im]).collect();
-    let circle = fit_circle(&plane)?;
-    let along = along(points, &circle, &response)?;
-    Ok(SweepFit { response, circle, along })
+    let circle = passed_circle(points, &fit_circle(&plane)?, &response)?;
+    Ok(SweepFit { response, circle })
 }
 
-/// The angles at which the circle is passed: ψ(f) = ψ₀ − 2·atan((f/f_n − f_n/f)/(2ζ)).
-fn along(points: &[StageSweepPoint], circle: &Circle, near: &ResonantResponse) -> Result<Fit<3>, FitError> {
+/// Circle and passage together: c + R·e^{jψ(f)} with ψ(f) = ψ₀ − 2·atan((f/f_n − f_n/f)/(2ζ)). The angles alone would take centre and radius as
+/// exact, and leave the damping's interval too short by their errors.
+fn passed_circle(
+    points: &[StageSweepPoint],
+    circle: &Circle,
+    near: &ResonantResponse,
+) -> Result<Fit<6>, FitError> {
     let [x, y] = circle.centre();
     let natural = near.natural_frequency_hz().value;
     let nearest = points
         .iter()
         .min_by(|a, b| (a.frequency_hz - natural).abs().total_cmp(&(b.frequency_hz - natural).abs()));
-    let start = nearest.map_or(0.0, |p| (p.im - y).portable_atan2(p.re - x));
-    let angles: Vec<[f64; 3]> = points
-        .iter()
-        .map(|p| [p.frequency_hz, (p.im - y).portable_atan2(p.re - x), p.deviation / circle.radius()])
-        .collect();
-    let settings = FitSettings::from_start([start, natural, near.damping_ratio().value]);
-    fit(&ByDual(Passage(&angles)), &settings)
+    let phase = nearest.map_or(0.0, |p| (p.im - y).portable_atan2(p.re - x));
+    let start = [x, y, circle.radius(), phase, natural, near.damping_ratio().value];
+    fit(&ByDual(PassedCircle(points)), &FitSettings::from_start(start))
 }
 
-struct Passage<'a>(&'a [[f64; 3]]);
+struct PassedCircle<'a>(&'a [StageSweepPoint]);
 
-impl ResidualLaw<3> for Passage<'_> {
-    fn residuals<S: Over<f64>>(&self, p: &[S; 3], each: &mut impl FnMut(S)) {
-        for [frequency, angle, deviation] in self.0 {
-            let ratio = S::lift(*frequency) / p[1];
-            let detuning = (ratio - ratio.recip()) / p[2].twice();
-            // The direction from the centre at −2·atan of that, and how far beside it the step lies.
+impl ResidualLaw<6> for PassedCircle<'_> {
+    fn residuals<S: Over<f64>>(&self, p: &[S; 6], each: &mut impl FnMut(S)) {
+        for point in self.0 {
+            let ratio = S::lift(point.frequency_hz) / p[4];
+            let detuning = (ratio - ratio.recip()) / p[5].twice();
+            // Cosine and sine of 2·atan of that.
             let half = (detuning.sq() + 1.0).recip().twice();
-            let (cosine, sine) = (half - 1.0, -(half * detuning));
-            let turned = p[0] - *angle;
-            each((turned.sin() * cosine + turned.cos() * sine) * (1.0 / deviation));
+            let (cosine, sine) = (half - 1.0, half * detuning);
+            let (of_phase_cosine, of_phase_sine) = (p[3].cos(), p[3].sin());
+            let re = p[0] + p[2] * (of_phase_cosine * cosine + of_phase_sine * sine);
+            let im = p[1] + p[2] * (of_phase_sine * cosine - of_phase_cosine * sine);
+            each((re - point.re) * (1.0 / point.deviation));
+            each((im - point.im) * (1.0 / point.deviation));
         }
     }
 }
@@ -145,26 +147,29 @@ impl SweepFit {
         self.response.delay_s()
     }
 
+    /// Centre and radius of the circle in rad/s/V.
+    pub fn circle(&self) -> ([f64; 2], f64) {
+        let [x, y, radius, ..] = self.circle.parameters;
+        ([x, y], radius)
+    }
+
     /// f_n in Hz by the circle.
     pub fn circle_frequency_hz(&self) -> DerivedNumber {
-        self.along.parameter(1)
+        self.circle.parameter(4)
     }
 
     /// ζ by the circle.
     pub fn circle_damping_ratio(&self) -> DerivedNumber {
-        self.along.parameter(2)
+        self.circle.parameter(5)
     }
 
     /// b_c in rad/s²/V by the circle: its diameter is b_c/(2ζω_n).
     pub fn circle_drive_gain(&self) -> DerivedNumber {
-        let radius = self.circle.fit.parameter(2);
-        let gain = self.along.derived(|p| p[1] * p[2] * (4.0 * TAU * radius.value));
-        let relative = (gain.deviation / gain.value).portable_hypot(radius.deviation / radius.value);
-        DerivedNumber { value: gain.value, deviation: gain.value.abs() * relative }
+        self.circle.derived(|p| p[2] * p[4] * p[5] * (4.0 * TAU))
     }
 
     /// The phase of the rate at resonance in rad: 0 but for the delay of the vibrometer.
     pub fn phase_at_resonance(&self) -> DerivedNumber {
-        self.along.parameter(0)
+        self.circle.parameter(3)
     }
 }

@@ -51,6 +51,8 @@ pub(super) struct NumberJudgement {
 pub(super) enum NumberVerdict {
     /// It is written.
     Written,
+    /// The search ended where the likelihood still rises.
+    NoMaximum,
     /// The recordings do not tell it.
     Untold,
     /// It depends on another, at this place, that is not told.
@@ -88,7 +90,9 @@ impl NumberJudgement {
             let free: Vec<bool> = kept.iter().map(|kept| !kept).collect();
             sought.refit_blocks(suspects, &start, &free, TrialBlocks::All).map(|there| there.at).ok_or(())
         });
+        let no_maximum = found.is_no_maximum();
         let mut verdicts: Vec<NumberVerdict> = match standings {
+            _ if no_maximum => vec![NumberVerdict::NoMaximum; suspects.len()],
             Ok(standings) => standings.into_iter().map(NumberVerdict::from).collect(),
             // Beside what is kept there is no filter: nothing is known of the others without it.
             Err(()) => vec![NumberVerdict::Untold; suspects.len()],

@@ -218,7 +218,13 @@ impl LikelihoodSearch<'_> {
             let log_likelihood = innovations(start)?.log_likelihood();
             let none = vec![0.0; start.len()];
             let correlation = vec![none.clone(); start.len()];
-            return Some(MostLikelySizes { at: start.to_vec(), sd: none, correlation, log_likelihood });
+            return Some(MostLikelySizes {
+                at: start.to_vec(),
+                sd: none,
+                correlation,
+                log_likelihood,
+                promised: 0.0,
+            });
         }
         let of_free: Vec<f64> = places.iter().map(|place| start[*place]).collect();
         let steps: Vec<f64> = places.iter().map(|place| search.step(*place)).collect();
@@ -231,7 +237,8 @@ impl LikelihoodSearch<'_> {
                 correlation[*place][*other] = found.correlation[i][j];
             }
         }
-        Some(MostLikelySizes { at: whole(&found.at), sd, correlation, log_likelihood: found.log_likelihood })
+        let (log_likelihood, promised) = (found.log_likelihood, found.promised);
+        Some(MostLikelySizes { at: whole(&found.at), sd, correlation, log_likelihood, promised })
     }
 
     /// The numbers at which the filter arrives that has them as states, as logarithms of factors; `None` where one of them cannot be a

@@ -6,6 +6,7 @@ mod judgement;
 mod likelihood_search;
 mod outcome;
 mod prior;
+mod traded;
 
 use super::bench::{TestedRows, TrialBench};
 use super::document::{document, keep_recordings, text};
@@ -42,6 +43,9 @@ const FARTHEST: f64 = 3.0;
 /// e^{±1.96 sd} of it, that of another by the profile of the likelihood. A number that is not determined with its stated sign is tried with
 /// the other one.
 ///
+/// Together with them the size and the bandwidth of an input are sought that is modelled as a state which noise drives: what trades with them is not
+/// determined. They are not put into the experiment.
+///
 /// Numbers whose errors hang together are put into the experiment all or not at all, and only where that can do no harm: the
 /// estimate with them must not be worse on samples that did not determine them. Of what is not determined a recording is sought that would
 /// determine it.
@@ -61,7 +65,10 @@ pub fn likeliest(
     let bench = bench.behind_the_start(&base);
     let progress = &bench.stop.watching(progress);
     let (base, all) = begin(&bench).map_err(refused)?;
-    let suspects = chosen(experiment, &bench, &all)?;
+    let mut suspects = chosen(experiment, &bench, &all)?;
+    let asked = suspects.len();
+    let others = traded::traded(workbench, experiment, &all, &suspects);
+    suspects.extend(others.into_iter().take(MOST_SIZES.saturating_sub(asked)));
     progress.begin("likelihood", 0);
     let prior = FactorPrior::of(experiment, &suspects)?;
     let sought = LikelihoodSearch { workbench, bench: &bench, base: &base, prior: &prior };
@@ -79,7 +86,7 @@ pub fn likeliest(
         Some(stopped) => return Err(stopped),
         None => judgement.ok_or_else(nowhere)?,
     };
-    let outcome = LikelihoodOutcome { sought: &sought, suspects: &suspects, found, ends, judgement };
+    let outcome = LikelihoodOutcome { sought: &sought, suspects: &suspects, asked, found, ends, judgement };
     outcome.told(workbench, experiment, progress)
 }
 

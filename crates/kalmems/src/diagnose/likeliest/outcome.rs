@@ -32,6 +32,8 @@ fn with_uncertainty(value: Value, sd: f64) -> Value {
 pub(super) struct LikelihoodOutcome<'a> {
     pub(super) sought: &'a LikelihoodSearch<'a>,
     pub(super) suspects: &'a [Suspect],
+    /// How many of these are asked for; the others are sought because these trade with them.
+    pub(super) asked: usize,
     pub(super) found: MostLikelySizes,
     /// How far each size may be from its likeliest value to either side.
     pub(super) ends: Vec<[f64; 2]>,
@@ -52,7 +54,9 @@ impl LikelihoodOutcome<'_> {
 
     /// How far a size may be from its likeliest value to either side: nobody knows where the innovations contradict it.
     fn ends(&self, place: usize) -> [f64; 2] {
-        if self.is_contradicted(place) { [f64::INFINITY; 2] } else { self.ends[place] }
+        let is_nothing =
+            self.is_contradicted(place) || self.judgement.verdicts[place] == NumberVerdict::NoMaximum;
+        if is_nothing { [f64::INFINITY; 2] } else { self.ends[place] }
     }
 
     fn name(&self, place: usize) -> String {
@@ -63,6 +67,11 @@ impl LikelihoodOutcome<'_> {
     fn why_not(&self, place: usize) -> Option<String> {
         Some(match self.judgement.verdicts[place] {
             NumberVerdict::Written => return None,
+            NumberVerdict::NoMaximum => {
+                "the search ended where the likelihood still rises, at the end of what is tried or of what the filter can be run with, so that \
+                 neither the value nor a standard error means anything"
+                    .to_owned()
+            }
             NumberVerdict::Untold if self.spread(place).is_finite() => format!(
                 "the recordings determine it to {} % only, and no number is written that is known to less than {} %",
                 digits(100.0 * self.spread(place), 2),
@@ -115,6 +124,9 @@ impl LikelihoodOutcome<'_> {
         let despite = experiment.identify.as_ref().is_some_and(|identify| identify.despite_innovations);
         let (mut text, mut written) = (experiment.text().to_owned(), Vec::new());
         for (index, suspect) in self.suspects.iter().enumerate() {
+            if index >= self.asked {
+                continue;
+            }
             let NumberRole::Factor(numbers) = &suspect.what else { continue };
             let (Some(number), Some(size)) = (numbers.first(), self.found.at.get(index)) else { continue };
             let (sd, [below, above]) = (self.spread(index), self.ends(index));
@@ -179,6 +191,14 @@ impl LikelihoodOutcome<'_> {
 
     fn say(&self, found: &mut Identification, place: &str) {
         let (rows, long_s) = self.sought.bench.extent();
+        let others: Vec<String> =
+            (self.asked..self.suspects.len()).map(|index| format!("`{}`", self.name(index))).collect();
+        if !others.is_empty() {
+            found.notes.push(format!(
+                "{place}: {} of an input that nobody recorded were sought together with the others, which trade with them; they keep what the experiment says",
+                others.join(" and ")
+            ));
+        }
         let gained = self.found.log_likelihood - self.sought.base.log_likelihood(TrialBlocks::All);
         found.notes.push(format!(
             "{place}: the log-likelihood of the innovations of `{}` rose by {} over {rows} rows, {}",

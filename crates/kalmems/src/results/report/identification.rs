@@ -50,6 +50,17 @@ impl<'a> IdentificationSummary<'a> {
         let heads = ["parameter", "value", "standard error", "95 % interval", "from"];
         let mut table = TextTable::new("", heads.map(ColumnHead::text));
         for p in self.parameters {
+            let dash = || "–".to_owned();
+            if !p.standard_error.is_finite() && self.undetermined.iter().any(|one| one.what == p.name) {
+                table.push([
+                    p.name.clone(),
+                    "not determined".to_owned(),
+                    dash(),
+                    dash(),
+                    p.recording.clone(),
+                ]);
+                continue;
+            }
             let [value, error, low, high] = in_one_unit(p);
             table.push([p.name.clone(), value, error, format!("{low} … {high}"), p.recording.clone()]);
         }

@@ -3,13 +3,15 @@
 use super::{Bench, TRIAD, UNIT, about};
 use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::{
-    CalibratedGyroscope, CalibrationSummary, Certificate, GyroscopeCalibration, Vibration,
-    calibration_figures, certificate_page,
+    CalibratedGyroscope, CalibrationMatrix, CalibrationSummary, Certificate, GyroscopeCalibration,
+    LeaveOneOut, RatePair, Vibration, calibration_figures, certificate_page,
 };
-use kalmems::applications::metrology::Distribution;
+use kalmems::applications::metrology::{Distribution, coverage_factor};
 use kalmems::figures::Shape;
 use kalmems::simulate::WhiteNoise;
+use realfft::num_complex::Complex64;
 use statrs::distribution::{Binomial, DiscreteCDF};
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -35,7 +37,8 @@ fn inputs_with_distributions_and_few_degrees_of_freedom_combine_as_by_hand() {
     let [vibrometer, arm, clock] = [100e-6, 60e-6 / 3.0_f64.sqrt(), 20e-6].map(|u: f64| u * found.value);
     let variance = vibrometer.powi(2) + arm.powi(2) + clock.powi(2) + found.by_records.powi(2);
     assert!((found.uncertainty / variance.sqrt() - 1.0).abs() < 1e-6, "{found:?}");
-    let freedom = variance.powi(2) / (vibrometer.powi(4) / 4.0);
+    let freedom = variance.powi(2)
+        / (vibrometer.powi(4) / 4.0 + found.by_records.powi(4) / found.degrees_of_freedom_by_records);
     assert!(
         (found.degrees_of_freedom / freedom - 1.0).abs() < 1e-3,
         "{} {freedom}",
@@ -51,9 +54,9 @@ fn inputs_with_distributions_and_few_degrees_of_freedom_combine_as_by_hand() {
         (input("vibrometer").source.as_str(), input("vibrometer").degrees_of_freedom),
         ("certificate 17", 4.0)
     );
-    // By the records alone, as the table and the figure have it: noise of thousands of residuals.
-    assert!((found.expanded_by_records / found.by_records - 1.96).abs() < 0.01, "{found:?}");
-    assert!((found.coverage_factor_by_records - 1.96).abs() < 0.01, "{found:?}");
+    // By the records alone, as the table and the figure have it: what four records of nearly equal weight scatter, with 2.8 degrees of freedom.
+    assert!((2.7..3.0).contains(&found.degrees_of_freedom_by_records), "{found:?}");
+    assert!((3.2..3.5).contains(&found.coverage_factor_by_records), "{found:?}");
     // Text and figure say the coverage factor and the degrees of freedom of each.
     let again = bench.calibrate().unwrap();
     let of = |factor: f64, freedom: f64| {
@@ -73,6 +76,109 @@ fn inputs_with_distributions_and_few_degrees_of_freedom_combine_as_by_hand() {
         });
     let half = 1e6 * found.coverage_factor_by_records * found.by_records / found.value;
     assert!((level.unwrap() / half - 1.0).abs() < 1e-6, "{level:?} {half}");
+}
+
+/// A record of its own scale factor each, as the unit is not the same twice: how often the interval holds the factor of the unit.
+fn held_with_scatter(records: usize, relative: f64, seeds: std::ops::Range<u64>) -> usize {
+    const FACTOR: f64 = 1.01;
+    const NOISE: f64 = 1e-5;
+    let seeds = seeds.filter(|seed| {
+        let mut noise = WhiteNoise::new(*seed, 91);
+        let pairs: Vec<RatePair> = (0..records)
+            .map(|_| {
+                let turn = Complex64::from_polar(1.0, noise.uniform());
+                let factor = FACTOR + relative * NOISE * noise.sample();
+                let error = Complex64::new(NOISE * noise.sample(), NOISE * noise.sample());
+                let none = Complex64::new(0.0, 0.0);
+                RatePair {
+                    reference: [Complex64::new(1.0, 0.0), none, none],
+                    reference_deviation: [0.0; 3],
+                    shown: [Some(turn * factor + error), None, None],
+                    shown_deviation: [NOISE, 0.0, 0.0],
+                }
+            })
+            .collect();
+        let axes = [true, false, false];
+        let matrix = CalibrationMatrix::fit(&pairs, axes).unwrap();
+        let (value, _) = matrix.entry(0, 0).unwrap();
+        let known = LeaveOneOut::of(&pairs, axes).repeatability([0], |m| Some(m.entry(0, 0)?.0)).unwrap();
+        let half = coverage_factor(0.95, known.freedom) * known.uncertainty;
+        (value - FACTOR).abs() <= half
+    });
+    seeds.count()
+}
+
+#[test]
+fn an_interval_holds_a_scale_factor_that_scatters_from_record_to_record() {
+    for relative in [0.0, 1.5] {
+        // Fewer than 84 of 100 come once in 10 000 times.
+        let held = held_with_scatter(4, relative, 0..100);
+        assert!(held >= 84, "{relative}: {held}");
+    }
+}
+
+#[test]
+#[ignore = "20000 calibrations; cargo test -p kalmems --test devices -- --ignored slow_"]
+fn slow_intervals_hold_95_of_100_scale_factors_that_scatter_from_record_to_record() {
+    for records in [2, 3, 4, 8] {
+        for relative in [0.0, 1.0, 1.5, 2.5, 10.0] {
+            let held = held_with_scatter(records, relative, 1000..2000);
+            println!("{records} records, scatter of {relative} times the noise: {held} of 1000");
+            assert!((925..=972).contains(&held), "{records} {relative}: {held}");
+        }
+    }
+}
+
+/// A sensor of first order with a corner at 300 Hz, shaken from 20 to 200 Hz: one factor is withheld, and each frequency has its own.
+#[test]
+fn a_scale_factor_that_depends_on_the_frequency_is_withheld_and_stated_for_each() {
+    const CORNER_HZ: f64 = 300.0;
+    let mut bench = one_axis(30);
+    let (mut gyro, mut reference) =
+        ("record,wx_rad_per_s\n".to_owned(), "record,time_s,wx_rad_per_s\n".to_owned());
+    let mut noise = WhiteNoise::new(30, 5);
+    let frequencies = [20.0, 60.0, 100.0, 140.0, 200.0];
+    for (record, frequency) in frequencies.iter().enumerate() {
+        let turn = std::f64::consts::TAU * frequency;
+        let gain = (1.0 + (frequency / CORNER_HZ).powi(2)).sqrt().recip();
+        for k in 0..4000 {
+            let rate = gain * (turn * f64::from(k) / 8010.0 + 0.3).cos();
+            writeln!(gyro, "r{record},{:e}", rate + 1e-3 * noise.sample()).unwrap();
+        }
+        for k in 0..4000 {
+            let time = f64::from(k) / 10_000.0;
+            writeln!(reference, "r{record},{time},{:e}", (turn * time).cos() + 1e-3 * noise.sample())
+                .unwrap();
+        }
+    }
+    let folder = bench.folder.path();
+    fs::write(folder.join("gyro.csv"), gyro).unwrap();
+    fs::write(folder.join("reference.csv"), reference).unwrap();
+    bench.toml += "uncertainty = { vibrometer = \"20 ppm\" }\n";
+    bench.toml = bench.toml.replace(
+        "{ x = \"wx_rad_per_s\", y = \"wy_rad_per_s\", z = \"wz_rad_per_s\" }",
+        "{ x = \"wx_rad_per_s\" }",
+    );
+    let found = bench.calibrate().unwrap();
+    let result = &found.results[0];
+    assert!(
+        result.withheld.as_ref().is_some_and(|why| why.contains("from 20.0 to 200.0 Hz")),
+        "{:?}",
+        result.withheld
+    );
+    for (at, frequency) in result.by_frequency.iter().zip(frequencies) {
+        // The noise of one record: of the phasors that 4000 samples of 1 mrad/s give, 22 µrad/s each.
+        assert!((2e-5..4e-5).contains(&at.scale_factor.uncertainty), "{at:?}");
+        let gain = (1.0 + (frequency / CORNER_HZ).powi(2)).sqrt().recip();
+        assert!(
+            (at.scale_factor.value - gain).abs() < 2.0 * at.scale_factor.expanded(),
+            "{frequency}: {at:?}"
+        );
+    }
+    let certificate = Certificate::of(&found);
+    assert!(certificate.results[0].scale_factor.is_none() && !certificate.valid);
+    assert_eq!(certificate.results[0].by_frequency.len(), frequencies.len());
+    assert!(CalibrationSummary::of(&found).to_text().contains("withheld"));
 }
 
 #[test]
@@ -161,7 +267,11 @@ fn cross_axis_terms_have_the_alignment_of_the_axes_in_full() {
 #[test]
 fn trials_agree_where_all_is_normal_and_say_where_a_rectangular_input_makes_them_part() {
     let trials = "[monte_carlo]\ntrials = 60000\n";
-    let (bench, normal) = calibrated(one_axis(25), "vibrometer = \"50 ppm\", lever_arm = \"20 ppm\"", trials);
+    let (bench, normal) = calibrated(
+        one_axis(25),
+        "vibrometer = \"50 ppm\", lever_arm = \"20 ppm\", reproducibility = \"1 ppm\"",
+        trials,
+    );
     let check = normal.cross_check.clone().unwrap();
     assert!(check.scale_factor.agrees && check.disagreements.is_empty(), "{check:?}");
     let propagated = check.scale_factor.propagated;
@@ -177,14 +287,12 @@ fn trials_agree_where_all_is_normal_and_say_where_a_rectangular_input_makes_them
     // 95 % of the width and 1.96/√3 of it.
     let half = 0.5 * (check.scale_factor.propagated.interval[1] - check.scale_factor.propagated.interval[0]);
     assert!((half / (0.95 * 300e-6 * found.scale_factor.value) - 1.0).abs() < 0.01, "{half}");
-    assert!(
-        (found.scale_factor.expanded() / (300e-6 * 1.96 / 3.0_f64.sqrt() * found.scale_factor.value) - 1.0)
-            .abs()
-            < 0.01
-    );
+    // The trials' interval is stated, and no 1.96/√3 of the width.
+    assert!((found.scale_factor.expanded() / half - 1.0).abs() < 1e-9);
+    assert_eq!(found.scale_factor.interval, check.scale_factor.propagated.interval);
     let said = check.disagreements.join("\n");
     assert!(
-        said.contains("`vibrometer` is rectangular") && said.contains("the trials' interval is to be stated"),
+        said.contains("`vibrometer` is rectangular") && said.contains("the trials' interval is stated"),
         "{said}"
     );
     assert!(found.warnings.contains(&check.disagreements[0]));
@@ -233,9 +341,8 @@ fn references_that_contradict_each_other_are_a_finding_and_no_certificate() {
     assert!(!found.comparisons[0].contradict && found.comparisons[0].normalised_error.abs() > 0.4);
     let found = of(1.0, shared);
     assert!(!found.comparisons[0].contradict, "{:?}", found.comparisons);
-    assert!(
-        found.findings.iter().all(|finding| !finding.contains("contradict")) && Certificate::of(&found).valid
-    );
+    assert!(found.findings.iter().all(|finding| !finding.contains("contradict")));
+    assert!(Certificate::of(&found).validity.iter().all(|check| check.passes));
 }
 
 #[test]
@@ -251,7 +358,7 @@ fn a_certificate_has_what_was_stated_and_lists_what_was_not() {
     let json = serde_json::to_value(&certificate).unwrap();
     assert_eq!(json["results"][0]["instrument"], "vibrometer 12");
     assert_eq!(json["results"][0]["scale_factor"]["coverage_probability"], 0.95);
-    assert!(json["results"][0]["traceability"].is_null() && json["valid"] == true);
+    assert!(json["results"][0]["traceability"].is_null() && json["valid"] == false);
     let missing = certificate.not_stated.join("\n");
     for part in
         ["certificate.number", "certificate.traceability", "traceability of reference `table`", "lever arm"]
@@ -265,7 +372,7 @@ fn a_certificate_has_what_was_stated_and_lists_what_was_not() {
     }
     // U has two digits, and the value as many decimals.
     let value = certificate.results[0].scale_factor;
-    let digits = format!("{:.6}", value.expanded_uncertainty);
+    let digits = format!("{:.6}", value.unwrap().expanded_uncertainty);
     assert!(digits.starts_with("0.0000"), "{digits}");
 }
 
