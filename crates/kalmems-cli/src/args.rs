@@ -377,9 +377,9 @@ pub struct StreamArguments {
     pub frames: Option<PathBuf>,
     /// Send estimates and events as JSON to a program that draws them, such as PlotJuggler: `udp-json://HOST:PORT`, a datagram for each
     /// line; `udp-json://` alone is port 9870 of this machine. Or write them to an MCAP file, for Foxglove and others: `mcap://FILE`. Lines
-    /// are then written only where `--lines` is given as well.
+    /// are then written only where `--lines` is given as well. It may be given several times.
     #[arg(long, value_name = "ADDRESS")]
-    pub to: Option<String>,
+    pub to: Vec<String>,
     /// Put aside, as FILE.previous, also files that no stream wrote; what one wrote is always kept so.
     #[arg(long)]
     pub force: bool,

@@ -49,7 +49,7 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
     let own_folder = Path::new("out").join("streams");
     let own_file = own_folder.join(format!("{}.txt", experiment.name));
     let lines = lines.or(match (frames, io::stdout().is_terminal()) {
-        _ if arguments.to.is_some() => None,
+        _ if !arguments.to.is_empty() => None,
         (Some(_), _) => None,
         (None, false) => Some(standard),
         (None, true) => Some(&*own_file),
@@ -64,11 +64,12 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
         std::fs::create_dir_all(&own_folder).map_err(failed)?;
     }
     // What a reader that goes leaves unread is no reason to end what others read, and what is kept.
-    let goes_on = [lines.is_some(), frames.is_some(), arguments.to.is_some(), arguments.state.is_some()];
-    let goes_on = goes_on.into_iter().filter(|is_there| *is_there).count() > 1 || arguments.report.is_some();
+    let kept = [lines.is_some(), frames.is_some(), arguments.state.is_some(), arguments.report.is_some()];
+    let goes_on = kept.into_iter().filter(|is_there| *is_there).count() + arguments.to.len() > 1;
     let mut written = lines.map(|to| output(to, is_lines, (arguments.force, goes_on))).transpose()?;
-    let to = arguments.to.as_deref();
-    let finish = to.map(|to| watched(to, &mut written, arguments.force)).transpose()?;
+    let to = arguments.to.iter();
+    let ends: Vec<WatchEnd> =
+        to.map(|to| watched(to, &mut written, arguments.force)).collect::<Result<_, _>>()?;
     let outputs = StreamOutputs {
         lines: written,
         frames: frames.map(|to| output(to, is_frames, (arguments.force, goes_on))).transpose()?,
@@ -98,9 +99,7 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
         Err(StreamError::Read(ReadError::Io { source, .. })) => return Err(unreadable(&source)),
         ended => ended.map_err(|e| wrong(&e))?,
     };
-    if let Some(finish) = finish {
-        finish()?;
-    }
+    ends.into_iter().try_for_each(|finish| finish())?;
     if let (Some(path), Some(html)) = (&arguments.report, html) {
         write_page(path, &html, arguments.force)?;
         tell!("the report: {}", path.display());
@@ -161,18 +160,17 @@ fn output(
 
 /// Refuses two outputs that are one file, and one that is read.
 fn refuse_same_files(arguments: &StreamArguments, lines: Option<&Path>) -> Result<(), CommandEnding> {
-    let kept = arguments.to.as_deref().and_then(|to| to.strip_prefix("mcap://")).map(Path::new);
+    let kept = arguments.to.iter().filter_map(|to| to.strip_prefix("mcap://"));
     let named = [
         ("--from", Some(Path::new(&arguments.from))),
         ("the experiment", Some(arguments.experiment.as_path())),
         ("--lines", lines),
         ("--frames", arguments.frames.as_deref()),
-        ("--to", kept),
         ("--state", arguments.state.as_deref()),
         ("--report", arguments.report.as_deref()),
     ];
     let mut before: Vec<(&str, PathBuf)> = Vec::new();
-    for (option, path) in named {
+    for (option, path) in named.into_iter().chain(kept.map(|path| ("--to", Some(Path::new(path))))) {
         let Some(path) = path.filter(|path| *path != Path::new("-")) else { continue };
         let place = place_of(path);
         // What is no file, such as `/dev/null`, is not replaced.

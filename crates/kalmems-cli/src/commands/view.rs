@@ -12,9 +12,10 @@ use crate::{CommandEnding, interrupt, print};
 use answer::{HttpAnswer, Status};
 use request::{Deadline, Request, RequestError};
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4, TcpListener, TcpStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -36,7 +37,7 @@ struct Site {
     /// What the first step of every address must be.
     token: String,
     /// What stands in its place for the files of one result, of which a page may know.
-    of_results: Mutex<BTreeMap<String, Vec<String>>>,
+    of_results: Mutex<BTreeMap<String, Vec<OsString>>>,
     port: u16,
     /// How long a request may take to come.
     patience: Duration,
@@ -50,7 +51,7 @@ impl Site {
     }
 
     /// The token of the files of the result in a folder below, by its steps; a new one where it was not asked for yet.
-    fn token_of(&self, result: &[String]) -> Option<String> {
+    fn token_of(&self, result: &[OsString]) -> Option<String> {
         let mut known = self.of_results.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((token, _)) = known.iter().find(|(_, own)| *own == result) {
             return Some(token.clone());
@@ -61,7 +62,7 @@ impl Site {
     }
 
     /// The steps to the result whose files this token is of.
-    fn result_of(&self, token: &str) -> Option<Vec<String>> {
+    fn result_of(&self, token: &str) -> Option<Vec<OsString>> {
         let known = self.of_results.lock().unwrap_or_else(PoisonError::into_inner);
         known.iter().find(|(own, _)| token::is_same(token, own)).map(|(_, result)| result.clone())
     }
@@ -176,12 +177,13 @@ fn answer_to(request: &Request, site: &Site) -> HttpAnswer {
     let Some((first, rest)) = request.path.split_first() else {
         return HttpAnswer::refusal(Status::WrongToken);
     };
+    let Some(first) = first.to_str() else { return HttpAnswer::refusal(Status::WrongToken) };
     if let Some(result) = site.result_of(first) {
         // By itself a page could go wherever it says.
         if request.is_page {
             return HttpAnswer::refusal(Status::NotFound);
         }
-        let names: Vec<String> = result.into_iter().chain(rest.iter().cloned()).collect();
+        let names: Vec<OsString> = result.into_iter().chain(rest.iter().cloned()).collect();
         return HttpAnswer::file(&site.folder, &names, request.range).for_result(&request.host, first);
     }
     if !token::is_same(first, &site.token) {
@@ -189,22 +191,27 @@ fn answer_to(request: &Request, site: &Site) -> HttpAnswer {
     }
     match rest {
         [name] if name.is_empty() => HttpAnswer::page(listing::page(&site.folder)),
-        [folders @ .., name] if name.ends_with(".html") => framed(request, site, folders, name),
+        names if names.last().is_some_and(is_page) => framed(request, site, names),
         names => HttpAnswer::file(&site.folder, names, request.range),
     }
 }
 
+/// Whether a file is a page by its name.
+fn is_page(name: &OsString) -> bool {
+    Path::new(name).extension().is_some_and(|ending| ending == "html")
+}
+
 /// A page that shows another one in a frame from which it can neither read the pages around it nor go anywhere.
-fn framed(request: &Request, site: &Site, folders: &[String], name: &str) -> HttpAnswer {
-    let names: Vec<String> = folders.iter().cloned().chain([name.to_owned()]).collect();
-    let depth = match HttpAnswer::depth_of(&site.folder, &names) {
+fn framed(request: &Request, site: &Site, names: &[OsString]) -> HttpAnswer {
+    let depth = match HttpAnswer::depth_of(&site.folder, names) {
         Ok(depth) => depth,
         Err(status) => return HttpAnswer::refusal(status),
     };
     let (result, within) = names.split_at(depth);
     let Some(token) = site.token_of(result) else { return HttpAnswer::refusal(Status::TooManyConnections) };
+    let title = names.last().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let within: Vec<String> = within.iter().map(|step| listing::encoded(step)).collect();
-    HttpAnswer::frame(&request.host, &token, &within.join("/"), name)
+    HttpAnswer::frame(&request.host, &token, &within.join("/"), &title)
 }
 
 #[cfg(test)]

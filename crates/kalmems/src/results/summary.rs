@@ -2,7 +2,7 @@
 
 use super::verdict::angles_of;
 use super::{EstimatorMetrics, FilterSelection, Metrics, SegmentMetrics, Verdict};
-use crate::estimate::{LockEvent, NisConsistency, ParameterCorrelation, TrajectoryKind};
+use crate::estimate::{LockEvent, NisConsistency, ParameterCorrelation, SkippedStretch, TrajectoryKind};
 use crate::evaluate::{
     Claim, DeviceUncertainty, ErrorDecomposition, Grade, MotionErrors, ParameterAnswer, PartErrors,
     StepErrors, TestResult, nis,
@@ -311,12 +311,16 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
         let found = recording.reference_diagnosis.iter().map(|finding| note(finding.message.clone()).at(of));
         notices.extend(found.map(|found| found.explained_by("findings")));
         for left_out in &recording.stretches.first_left_out {
-            let text = format!("stretch {} is not estimated: {}", left_out.stretch, left_out.why);
+            let SkippedStretch { stretch, samples, start_s, why, .. } = left_out;
+            let from = quantity(*start_s, "s");
+            let text =
+                format!("stretch {stretch}: {samples} samples from {from} on are not estimated: {why}");
             notices.push(note(text).explained_by("findings"));
         }
         let named = recording.stretches.first_left_out.len();
         if let Some(more) = recording.stretches.left_out.checked_sub(named).filter(|more| *more > 0) {
-            notices.push(note(format!("{more} more stretches are not estimated")).at(file));
+            let text = format!("samples of {more} more stretches, or of their beginnings, are not estimated");
+            notices.push(note(text).at(file));
         }
         for segment in &recording.segments {
             let place = segment_name(&recording.name, segment);

@@ -4,7 +4,7 @@ use super::shared::{Shared, StreamCounts, StreamEnd, StreamNotice};
 use crate::evaluate::InnovationTest;
 use crate::recording::Finding;
 use serde::Serialize;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Something that happened to the stream.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -100,6 +100,8 @@ impl From<StreamNotice> for StreamEvent {
 /// How a stream fares.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Health {
+    /// The time of day, in s since 1970.
+    pub unix_s: f64,
     /// How long it has run, in s.
     pub running_s: f64,
     /// Whether the connection is there.
@@ -197,7 +199,9 @@ impl Heartbeat {
         let lag_s = self.lag.take().map(|lag| lag.as_secs_f64());
         self.last = Instant::now();
         self.received = received.order.passed;
+        let day = SystemTime::now().duration_since(UNIX_EPOCH);
         Some(Health {
+            unix_s: day.map_or(f64::NAN, |since| since.as_secs_f64()),
             running_s: self.begun.elapsed().as_secs_f64(),
             connected,
             silent_s,

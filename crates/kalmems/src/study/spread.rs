@@ -1,7 +1,7 @@
 //! A figure of the results over the repeats of each point.
 
 use super::StudyPlan;
-use crate::table::{TidyTable, number};
+use crate::table::{TidyTable, guarded, number};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
@@ -105,7 +105,7 @@ pub(super) fn write_csv(
             );
             cells.push(spread.count.to_string());
             cells.extend([spread.median, spread.lowest, spread.highest].map(|x| format!("{x:?}")));
-            csv.write_record(&cells)?;
+            csv.write_record(cells.iter().map(|cell| guarded(cell).into_owned()))?;
         }
     }
     csv.flush()

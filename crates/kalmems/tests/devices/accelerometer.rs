@@ -439,12 +439,17 @@ fn a_wrong_feedback_is_recognised() {
         panic!("a mass on its plate")
     };
     assert!((time_s - 0.05).abs() < 1e-9 && why.to_string().contains("±8.1"), "{why}");
-    // Not known at one sample: there is no law that would tell it.
+    // Not known at one sample: there is no law that would tell it. Behind it the estimate begins, where no filter has begun before.
+    let missing = |row: usize| estimate(&|k| if k == row { f64::NAN } else { feedback(k) });
     let Err(WorkflowError::Estimate(EstimateError::DriveUnknown { count: 1, .. })) =
-        estimate(&|k| if k == 77 { f64::NAN } else { feedback(k) })
+        missing(recorded.len() - 77)
     else {
         panic!("a missing feedback")
     };
+    let stretches = &missing(77).unwrap().recordings[0].stretches;
+    let [left_out] = &stretches.first_left_out[..] else { panic!("{stretches:?}") };
+    assert_eq!((stretches.left_out, left_out.samples, left_out.start_s), (1, 1024, 0.0));
+    assert!(left_out.why.contains("is not known at 1 samples"), "{left_out:?}");
 }
 
 /// Mechanics that are told 20 % wrong make a feedback with a dither look as if it had been recorded early; they are found, and a feedback that is

@@ -269,18 +269,25 @@ fn irregular_sampling_is_integrated_as_it_is() {
 }
 
 #[test]
-fn a_drive_that_is_unknown_is_refused() {
+fn a_drive_that_is_unknown_is_refused_where_filters_have_begun_and_passed_over_where_none_has() {
     // A drive that is no sine, with a hole.
-    let (_folder, experiment) = edited(|row, mut cells| {
-        let t = row as f64 * 1e-6;
-        cells[1] = format!("{}", 90.0 * (std::f64::consts::TAU * (30e3 + 2e5 * t) * t).sin());
-        if row == 700 {
-            cells[1] = String::new();
-        }
-        Some(cells)
-    });
+    let with_hole = |hole: usize| {
+        edited(move |row, mut cells| {
+            let t = row as f64 * 1e-6;
+            cells[1] = format!("{}", 90.0 * (std::f64::consts::TAU * (30e3 + 2e5 * t) * t).sin());
+            if row == hole {
+                cells[1] = String::new();
+            }
+            Some(cells)
+        })
+    };
+    let (_folder, experiment) = with_hole(20_000);
     let error = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
-    assert!(error.contains("`drive_V`") && error.contains("7e-4 s") && error.contains("split"), "{error}");
+    assert!(error.contains("`drive_V`") && error.contains("0.02 s") && error.contains("split"), "{error}");
+    let (_folder, experiment) = with_hole(700);
+    let stretches = &workflow::estimate(published(), &experiment, &Silent).unwrap().recordings[0].stretches;
+    let [left_out] = &stretches.first_left_out[..] else { panic!("{stretches:?}") };
+    assert!(left_out.samples == 1024 && left_out.why.contains("7e-4 s"), "{left_out:?}");
     let (_folder, experiment) = edited(|row, cells| (row < 8000).then_some(cells));
     let error = workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
     assert!(error.contains("settling time"), "{error}");

@@ -1,5 +1,6 @@
 //! Where `--to` sends the lines of a stream beside what they are written to.
 
+use super::NamedOutput;
 use super::viewer::{self, SCHEME as UDP, USUAL};
 use crate::CommandEnding;
 use std::io::{self, Write};
@@ -37,8 +38,10 @@ impl Watch {
             )));
         };
         *written = Some(match written.take() {
-            Some(written) => Box::new(TwoWriters(written, taker)),
-            None => taker,
+            Some(written) => {
+                Box::new(TwoWriters(written, NamedOutput { name: to.to_owned(), output: taker }))
+            }
+            None => Box::new(NamedOutput { name: to.to_owned(), output: taker }),
         });
         Ok(watch)
     }
@@ -77,7 +80,7 @@ impl Watch {
 }
 
 /// Writes to two places.
-struct TwoWriters(Box<dyn Write>, Box<dyn Write>);
+struct TwoWriters(Box<dyn Write>, NamedOutput<Box<dyn Write>>);
 
 impl Write for TwoWriters {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {

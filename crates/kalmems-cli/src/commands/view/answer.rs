@@ -4,6 +4,7 @@ use super::policy::{COMMON, Policy};
 use super::request::RequestedRange;
 use kalmems::figures::escaped;
 use kalmems::results::StoredResult;
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -104,12 +105,12 @@ impl HttpAnswer {
 
     /// A file of a result below a folder, which has no link in it, or the bytes of it that are wanted. A file that no result lists, one that a link leads to, and one
     /// that is none are not found.
-    pub fn file(folder: &Path, names: &[String], range: RequestedRange) -> Self {
+    pub fn file(folder: &Path, names: &[OsString], range: RequestedRange) -> Self {
         Self::of_file(folder, names, range).unwrap_or_else(Self::refusal)
     }
 
-    fn of_file(folder: &Path, names: &[String], range: RequestedRange) -> Result<Self, Status> {
-        let media = names.last().map(|name| media_of(name)).ok_or(Status::NotFound)?;
+    fn of_file(folder: &Path, names: &[OsString], range: RequestedRange) -> Result<Self, Status> {
+        let media = names.last().map(|name| media_of(&name.to_string_lossy())).ok_or(Status::NotFound)?;
         let (path, _) = Self::find(folder, names)?;
         let mut file = File::open(&path).map_err(|_| Status::NotFound)?;
         let length = file.metadata().map_err(|_| Status::NotFound)?.len();
@@ -123,12 +124,12 @@ impl HttpAnswer {
     }
 
     /// How many of these steps lead to the result that has the file.
-    pub fn depth_of(folder: &Path, names: &[String]) -> Result<usize, Status> {
+    pub fn depth_of(folder: &Path, names: &[OsString]) -> Result<usize, Status> {
         Ok(Self::find(folder, names)?.1)
     }
 
     /// A file of a result, and how many of these steps lead to the result.
-    fn find(folder: &Path, names: &[String]) -> Result<(PathBuf, usize), Status> {
+    fn find(folder: &Path, names: &[OsString]) -> Result<(PathBuf, usize), Status> {
         let mut path = folder.to_owned();
         let mut result = StoredResult::read(&path).map(|result| (0, result));
         for (depth, name) in (1..).zip(names) {
@@ -144,7 +145,8 @@ impl HttpAnswer {
             }
         }
         let (depth, result) = result.ok_or(Status::NotFound)?;
-        let is_own = result.files.contains(&names[depth..].join("/"));
+        let within: Option<Vec<&str>> = names[depth..].iter().map(|name| name.to_str()).collect();
+        let is_own = within.is_some_and(|within| result.files.contains(&within.join("/")));
         // Whatever the system makes of names, it is within the folder.
         let is_within = path.canonicalize().is_ok_and(|path| path.starts_with(folder));
         if !is_own || !is_within {

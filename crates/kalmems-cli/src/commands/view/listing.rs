@@ -4,6 +4,7 @@ use kalmems::figures::escaped;
 use kalmems::results::{RUN_FILE, StoredResult};
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -62,7 +63,8 @@ impl ListedResult {
             [] => folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
             steps => steps.join("/"),
         };
-        let address = steps.iter().flat_map(|step| [encoded(step), "/".to_owned()]).collect();
+        let address =
+            place.components().flat_map(|step| [encoded(step.as_os_str()), "/".to_owned()]).collect();
         let verdicts = text_of(&own, "metrics.json", &result).map_or_else(Vec::new, |text| verdicts(&text));
         let started = text_of(&own, RUN_FILE, &result).and_then(|text| started(&text));
         Self { name, address, result, started, verdicts }
@@ -95,7 +97,7 @@ impl ListedResult {
         );
         let files: Vec<String> = (self.result.files.iter())
             .map(|file| {
-                let address: Vec<String> = file.split('/').map(encoded).collect();
+                let address: Vec<String> = file.split('/').map(|step| encoded(step.as_ref())).collect();
                 format!("<a href=\"{}{}\">{}</a>", self.address, address.join("/"), escaped(file))
             })
             .collect();
@@ -191,9 +193,9 @@ fn utc(seconds: u64) -> String {
 }
 
 /// A step of a path as a part of an address.
-pub fn encoded(step: &str) -> String {
+pub fn encoded(step: &OsStr) -> String {
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
-    step.bytes()
+    (step.as_encoded_bytes().iter().copied())
         .map(|byte| if is_plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") })
         .collect()
 }

@@ -1,6 +1,7 @@
 //! A request of HTTP/1.1 without a body, read strictly: what is not as RFC 9112 has it is refused, and nothing is guessed.
 
 use super::answer::Status;
+use std::ffi::OsString;
 use std::io::{self, ErrorKind, Read};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
@@ -40,7 +41,7 @@ pub struct Request {
     /// Whether the answer's head is enough.
     pub is_head: bool,
     /// The steps of the path, decoded; the last one is empty where the path ends with `/`.
-    pub path: Vec<String>,
+    pub path: Vec<OsString>,
     /// The server that the request is for, as the client calls it.
     pub host: String,
     pub range: RequestedRange,
@@ -153,21 +154,21 @@ fn of_reading(error: &io::Error) -> RequestError {
 }
 
 /// The steps of an absolute path. A step that leads anywhere but one folder down is refused, however it is written.
-fn steps(target: &str) -> Result<Vec<String>, Status> {
+fn steps(target: &str) -> Result<Vec<OsString>, Status> {
     let path = target.strip_prefix('/').ok_or(Status::Malformed)?;
-    let steps: Vec<String> = path.split('/').map(decoded).collect::<Result<_, _>>()?;
+    let steps: Vec<OsString> = path.split('/').map(decoded).collect::<Result<_, _>>()?;
     let last = steps.len() - 1;
-    let is_place = |(place, step): (usize, &String)| match step.as_str() {
-        "" => place == last,
-        "." | ".." => false,
+    let is_place = |(place, step): (usize, &OsString)| match step.as_encoded_bytes() {
+        b"" => place == last,
+        b"." | b".." => false,
         // `\` and `:` mean something on Windows.
-        name => !name.contains(['/', '\\', ':']) && !name.contains(char::is_control),
+        name => !name.iter().any(|byte| b"/\\:".contains(byte) || byte.is_ascii_control()),
     };
     if steps.iter().enumerate().all(is_place) { Ok(steps) } else { Err(Status::NotFound) }
 }
 
 /// Text in which `%2f` and its like stand for bytes.
-fn decoded(text: &str) -> Result<String, Status> {
+fn decoded(text: &str) -> Result<OsString, Status> {
     let (mut bytes, mut rest) = (Vec::with_capacity(text.len()), text.as_bytes());
     while let [first, others @ ..] = rest {
         match (first, others) {
@@ -184,7 +185,20 @@ fn decoded(text: &str) -> Result<String, Status> {
             }
         }
     }
-    String::from_utf8(bytes).map_err(|_| Status::Malformed)
+    named(bytes)
+}
+
+/// A name of a file, which need not be text.
+#[cfg(unix)]
+#[allow(clippy::unnecessary_wraps)] // as elsewhere
+fn named(bytes: Vec<u8>) -> Result<OsString, Status> {
+    use std::os::unix::ffi::OsStringExt;
+    Ok(OsString::from_vec(bytes))
+}
+
+#[cfg(not(unix))]
+fn named(bytes: Vec<u8>) -> Result<OsString, Status> {
+    String::from_utf8(bytes).map(OsString::from).map_err(|_| Status::Malformed)
 }
 
 impl RequestedRange {
@@ -233,7 +247,7 @@ mod tests {
     fn a_request_is_read_whole_and_what_is_odd_in_it_is_refused() {
         let request =
             read("GET /token/a%20b/report.html HTTP/1.1\r\nhost: localhost:80\r\nRange: bytes=3-9\r\n\r\n");
-        let path = ["token", "a b", "report.html"].map(str::to_owned).to_vec();
+        let path = ["token", "a b", "report.html"].map(OsString::from).to_vec();
         let host = "localhost:80".to_owned();
         assert_eq!(
             request,

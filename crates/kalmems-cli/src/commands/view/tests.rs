@@ -236,6 +236,18 @@ fn a_pipe_among_the_files_of_a_result_is_not_opened() {
     assert_eq!(status(&answered.recv_timeout(Duration::from_secs(5)).expect("an answer comes")), "404");
 }
 
+#[cfg(unix)]
+#[test]
+fn a_folder_whose_name_is_no_text_is_listed_and_served() {
+    use std::os::unix::ffi::OsStrExt;
+    let served = Served::new();
+    write_result(&served.folder.path().join(std::ffi::OsStr::from_bytes(b"me\xdfung")));
+    let listing = served.own("", "");
+    assert!(listing.contains("<a href=\"me%DFung/report.html\">"), "{listing}");
+    assert_eq!(content(&served.own("me%DFung/report_samples.bin", "")), "0123456789");
+    assert_eq!(content(&served.get(&served.framed("me%DFung/report.html"), "")), "<h1>report</h1>");
+}
+
 #[test]
 fn a_range_of_an_empty_file_is_refused() {
     let served = Served::new();
