@@ -187,8 +187,13 @@ pub(super) fn followed_steps(steps: usize, StepFigure { error, mean_nis }: StepF
     if mean_nis > ASTRAY {
         return steps;
     }
-    let (mut next, mut left) = (steps, error);
-    while (error > TOO_LARGE || error.is_nan()) && !(left <= SHORT_ENOUGH) && next < MOST_STEPS {
+    // What is not a number is as large as can be.
+    let mut left = if error.is_nan() { f64::INFINITY } else { error };
+    if left <= TOO_LARGE {
+        return steps;
+    }
+    let mut next = steps;
+    while left > SHORT_ENOUGH && next < MOST_STEPS {
         (next, left) = (2 * next, left / 16.0);
     }
     next

@@ -69,20 +69,20 @@ impl StepErrors {
         self.follows_kinks |= later.follows_kinks;
     }
 
-    /// The larger of both.
+    /// The larger of both, infinite where it is not a number.
     fn worst(&self) -> f64 {
-        if self.at_the_end > self.error { self.at_the_end } else { self.error }
+        let worst = if self.at_the_end > self.error { self.at_the_end } else { self.error };
+        if worst.is_nan() { f64::INFINITY } else { worst }
     }
 
     /// Whether it is worth a word.
     pub fn is_remarkable(&self) -> bool {
-        // What is not a number is.
-        !(self.worst() <= REMARKABLE)
+        self.worst() > REMARKABLE
     }
 
     /// Whether the claim is doubtful for it.
     pub fn is_large(&self) -> bool {
-        !(self.worst() <= LARGE)
+        self.worst() > LARGE
     }
 
     /// The steps with which it would be small, where that is a number that the file may state.
