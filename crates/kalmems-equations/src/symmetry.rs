@@ -145,9 +145,8 @@ impl Parities {
 
     fn of_node(&self, graph: &mut Graph, node: &Node, states: &[usize]) -> Parity {
         match node {
-            Node::Number(_) => Parity::Even,
             Node::Variable(Variable::State(state)) if states.contains(state) => Parity::Odd,
-            Node::Variable(_) => Parity::Even,
+            Node::Number(_) | Node::Variable(_) => Parity::Even,
             Node::Sum { constant, terms } => {
                 let mut parts = terms.iter().map(|(term, _)| self.get(*term));
                 let first = if *constant == ConstantBits::ZERO { parts.next() } else { Some(Parity::Even) };
@@ -228,7 +227,7 @@ fn of_law(law: LawId, by: &[u8], arguments: usize) -> Parity {
         }
         parity = Some(of);
     }
-    let by_first = by.iter().filter(|argument| **argument == 0).count();
-    let turned = if by_first % 2 == 0 { Parity::Even } else { Parity::Odd };
+    let by_first = by.iter().filter(|argument| **argument == 0);
+    let turned = by_first.fold(Parity::Even, |parity, _| parity.times(Parity::Odd));
     parity.map_or(Parity::Neither, |parity| parity.times(turned))
 }

@@ -55,14 +55,14 @@ impl<T: Scalar, const N: usize> EtdWeights<T, N> {
         let rate = f.at(x, &u.start);
         let first: [S; N] = self.to_middle.times_vector(&rate);
         let bend_a = self.bend::<S, I, F>(&f.at(&moved(x, &first), &u.middle), &rate, &first);
-        let second = self.bent::<S, I, F>(&first, &self.bend_to_middle, &bend_a);
+        let second = bent::<T, S, I, F, N>(&first, &self.bend_to_middle, &bend_a);
         let bend_b = self.bend::<S, I, F>(&f.at(&moved(x, &second), &u.middle), &rate, &second);
         let straight: [S; N] = self.to_end.times_vector(&rate);
-        let third = self.bent::<S, I, F>(&straight, &self.bend_to_end, &bend_b);
+        let third = bent::<T, S, I, F, N>(&straight, &self.bend_to_end, &bend_b);
         let bend_c = self.bend::<S, I, F>(&f.at(&moved(x, &third), &u.end), &rate, &third);
         let middles = vector!(|i| bend_a[i] + bend_b[i]);
-        let way = self.bent::<S, I, F>(&straight, &self.bend_of_middles, &middles);
-        moved(x, &self.bent::<S, I, F>(&way, &self.bend_of_end, &bend_c))
+        let way = bent::<T, S, I, F, N>(&straight, &self.bend_of_middles, &middles);
+        moved(x, &bent::<T, S, I, F, N>(&way, &self.bend_of_end, &bend_c))
     }
 
     /// f(x + m) − f(x) − A·m: what the linear part does not describe.
@@ -81,23 +81,22 @@ impl<T: Scalar, const N: usize> EtdWeights<T, N> {
         });
         bend
     }
+}
 
-    /// A way, and what a bend adds to it by this matrix.
-    #[inline(always)]
-    fn bent<S: Over<T>, I, F: RightHandSide<S, I, N>>(
-        &self,
-        way: &[S; N],
-        matrix: &Mat<T, N, N>,
-        bend: &[S; N],
-    ) -> [S; N] {
-        let mut bent = *way;
-        unrolled!(k < N {
-            if F::bends(k) {
-                bent = vector!(|i| bent[i].mac_by(bend[k], matrix.0[i][k]));
-            }
-        });
-        bent
-    }
+/// A way, and what a bend adds to it by this matrix.
+#[inline(always)]
+fn bent<T: Scalar, S: Over<T>, I, F: RightHandSide<S, I, N>, const N: usize>(
+    way: &[S; N],
+    matrix: &Mat<T, N, N>,
+    bend: &[S; N],
+) -> [S; N] {
+    let mut bent = *way;
+    unrolled!(k < N {
+        if F::bends(k) {
+            bent = vector!(|i| bent[i].mac_by(bend[k], matrix.0[i][k]));
+        }
+    });
+    bent
 }
 
 /// x + m.

@@ -39,9 +39,9 @@ pub fn answers_of_bank(
         past.steps = Some(plan_steps(&one, &mut **first, samples));
     }
     if let Some(steps) = filter.steps.or(past.steps) {
-        courses.iter_mut().for_each(|course| {
+        for course in &mut courses {
             course.divide(steps);
-        });
+        }
     }
     let models = if let Some(models) = past.bank.take() {
         models

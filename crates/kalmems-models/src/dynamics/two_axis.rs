@@ -69,7 +69,7 @@ impl<T: Scalar> Dynamics<T, 4> for TwoAxisScanner<T> {
     type Input = T;
 
     fn bends(i: usize) -> bool {
-        i % 2 != 0
+        !i.is_multiple_of(2)
     }
 
     fn derivative<S: Over<T>>(&self, x: &[S; 4], voltage: &T) -> [S; 4] {
@@ -115,7 +115,7 @@ impl<T: Scalar> Dynamics<T, 4> for TwoAxisDriveGain<T> {
     type Input = T;
 
     fn bends(i: usize) -> bool {
-        i % 2 != 0
+        !i.is_multiple_of(2)
     }
 
     fn derivative<S: Over<T>>(&self, x: &[S; 4], voltage: &T) -> [S; 4] {

@@ -191,9 +191,11 @@ const fn course(between: Interpolation) -> InputCourse {
     match between {
         Interpolation::Hold => InputCourse::HeldAtStart,
         Interpolation::Mean => InputCourse::HeldAtMiddle,
-        Interpolation::Cubic | Interpolation::Linear | Interpolation::Sine | Interpolation::BandLimited => {
-            InputCourse::Between
-        }
+        Interpolation::Quintic
+        | Interpolation::Cubic
+        | Interpolation::Linear
+        | Interpolation::Sine
+        | Interpolation::BandLimited => InputCourse::Between,
     }
 }
 
