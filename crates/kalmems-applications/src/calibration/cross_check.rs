@@ -16,6 +16,9 @@ use crate::recording::ReadError;
 use crate::simulate::WhiteNoise;
 use realfft::num_complex::Complex64;
 
+/// A number for each entry of K that is known.
+type MatrixOf<T> = [[Option<T>; 3]; 3];
+
 /// The inputs of one condition by one reference.
 pub(super) struct Trials<'a> {
     pub pairs: &'a [RatePair],
@@ -30,7 +33,7 @@ impl Trials<'_> {
         &self,
         settings: &MonteCarlo,
         main: usize,
-        (fitted, entries): (&[[Option<FittedNumber>; 3]; 3], &[[Option<UncertainEstimate>; 3]; 3]),
+        (fitted, entries): (&MatrixOf<FittedNumber>, &MatrixOf<UncertainEstimate>),
         progress: &dyn Progress,
     ) -> Result<CrossCheck, CalibrationError> {
         let mut known: Vec<(usize, usize, UncertainEstimate)> = Vec::new();

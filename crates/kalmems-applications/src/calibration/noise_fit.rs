@@ -298,7 +298,7 @@ impl OctaveFit {
     }
 
     /// H⁻¹ of the cost over these columns and the covariance H⁻¹·J·H⁻¹ of the estimates, which the variances' own covariances make.
-    fn sandwich(&self, free: &[bool; COLUMNS]) -> Option<[Mat<f64, COLUMNS, COLUMNS>; 2]> {
+    fn sandwich(&self, free: [bool; COLUMNS]) -> Option<[Mat<f64, COLUMNS, COLUMNS>; 2]> {
         let gradients: Vec<[f64; COLUMNS]> =
             self.octaves.iter().map(|octave| self.gradient(octave)).collect();
         let mut hessian = Mat::<f64, COLUMNS, COLUMNS>::zero();
@@ -327,7 +327,7 @@ impl OctaveFit {
     /// linear fit to numbers with their covariances, and about the distribution of a multiple of χ².
     fn probability(&self) -> f64 {
         let free: [bool; COLUMNS] = std::array::from_fn(|column| self.is_free(column));
-        let Some([inverse, _]) = self.sandwich(&free) else { return 0.0 };
+        let Some([inverse, _]) = self.sandwich(free) else { return 0.0 };
         let count = self.octaves.len();
         let gradients: Vec<[f64; COLUMNS]> =
             self.octaves.iter().map(|octave| self.gradient(octave)).collect();
@@ -370,7 +370,7 @@ impl OctaveFit {
     fn result(&self, p: f64, left_out: usize, interval_s: f64, duration_s: f64) -> NoiseFit {
         let of = |part: usize| (self.model.sizes[part].sqrt(), self.interval(part).map(f64::sqrt));
         // What lasts longer than an eighth of the record is told by the variances at that time and beyond.
-        let within = self.octaves.iter().filter(|octave| octave.time_s <= duration_s / 8.0);
+        let mut within = self.octaves.iter().filter(|octave| octave.time_s <= duration_s / 8.0);
         NoiseFit {
             angle_random_walk: of(WHITE),
             bias_instability: of(FLICKER),
@@ -381,7 +381,10 @@ impl OctaveFit {
             left_out,
             p,
             interval_s,
-            freedom_of_whole: within.last().or(self.octaves.first()).map_or(1.0, |octave| octave.freedom),
+            freedom_of_whole: within
+                .next_back()
+                .or(self.octaves.first())
+                .map_or(1.0, |octave| octave.freedom),
         }
     }
 
@@ -392,13 +395,13 @@ impl OctaveFit {
         let all = std::array::from_fn(|column| {
             column == part || (column != QUANTISATION && column != PARTS) || seen[column]
         });
-        let of = |free: &[bool; COLUMNS]| {
+        let of = |free: [bool; COLUMNS]| {
             let found = self.sandwich(free);
             found.map_or(f64::INFINITY, |[inverse, covariance]| {
                 covariance.0[part][part] / inverse.0[part][part]
             })
         };
-        of(&seen).max(of(&all)).max(OVERLAP)
+        of(seen).max(of(all)).max(OVERLAP)
     }
 
     /// The squares of a part that are likely enough, the others being the likeliest beside them.

@@ -172,7 +172,7 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         .device
         .emit(&emitted, language)
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;
-    if let Some((state, share)) = files.apart.filter(|(_, share)| !(*share <= APART)) {
+    if let Some((state, share)) = files.apart.filter(|(_, share)| share.is_nan() || *share > APART) {
         let states = own.device.states().iter().map(|named| named.name.to_string());
         let names: Vec<String> = states
             .chain(filter.basics.parameters().iter().map(|one| one.parameter.name.to_owned()))

@@ -331,7 +331,7 @@ impl MostLikelySizes {
     /// Whether the search ended where no maximum is: at the end of what is tried, or of what the filter can be run with, or at a kink. Neither value
     /// nor standard error means anything there.
     pub(super) fn is_no_maximum(&self) -> bool {
-        !(self.promised <= MAXIMUM)
+        self.promised.is_nan() || self.promised > MAXIMUM
     }
 }
 
