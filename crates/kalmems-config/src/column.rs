@@ -46,8 +46,8 @@ struct ColumnTable {
 /// A column of a file: its name, or a table such as `{ column = "Ucap", unit = "V", scale = 2.5, offset = "0.1 V" }`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnChoice {
-    table: ColumnTable,
-    reading: Option<ColumnReading>,
+    table: Box<ColumnTable>,
+    reading: Option<Box<ColumnReading>>,
 }
 
 impl ColumnTable {
@@ -64,8 +64,8 @@ impl ColumnChoice {
     }
 
     /// What is said of its numbers, where that is more than the name.
-    pub const fn reading(&self) -> Option<&ColumnReading> {
-        self.reading.as_ref()
+    pub fn reading(&self) -> Option<&ColumnReading> {
+        self.reading.as_deref()
     }
 
     fn of(table: ColumnTable) -> Result<Self, String> {
@@ -107,7 +107,7 @@ impl ColumnChoice {
             (None, range) => range.as_ref().map(|ends| ends.each_ref().map(|end| end.value().clone())),
         };
         if let Some([low, high]) = &range
-            && !(low.si() < high.si())
+            && low.si() >= high.si()
         {
             return Err(format!(
                 "found a range from `{}` to `{}`; expected one that rises, such as `full_scale = \"10 V\"` or `range = \
@@ -117,8 +117,8 @@ impl ColumnChoice {
             ));
         }
         let said = unit.is_some() || scale.is_some() || offset.is_some() || range.is_some();
-        let reading = said.then_some(ColumnReading { unit, scale, offset, range });
-        Ok(Self { table, reading })
+        let reading = said.then(|| Box::new(ColumnReading { unit, scale, offset, range }));
+        Ok(Self { table: Box::new(table), reading })
     }
 
     /// As [`DeclaredColumn`] under this key, with a unit that would fit where it needs one.
@@ -127,7 +127,7 @@ impl ColumnChoice {
             column: self.name().to_owned(),
             key: key.to_owned(),
             usual_unit,
-            reading: self.reading.clone(),
+            reading: self.reading().cloned(),
         }
     }
 
@@ -160,7 +160,7 @@ pub(super) fn usual_unit(meaning: &str) -> &'static str {
 
 impl From<&str> for ColumnChoice {
     fn from(name: &str) -> Self {
-        Self { table: ColumnTable::named(name.to_owned()), reading: None }
+        Self { table: Box::new(ColumnTable::named(name.to_owned())), reading: None }
     }
 }
 

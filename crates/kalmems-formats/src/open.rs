@@ -130,6 +130,7 @@ fn open_binary(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<
     Ok(table)
 }
 
+#[allow(clippy::needless_pass_by_value)] // where no reader is built
 fn open_as(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     match format {
         #[cfg(feature = "npy")]

@@ -65,7 +65,7 @@ fn recording(arguments: &InspectArguments) -> Result<(), CommandEnding> {
     let inspection = inspect_stated(&arguments.input, &stated, &mut |done, total| reading.hear(done, total))
         .map_err(|e| match e {
             ReadError::Interrupted { .. } => CommandEnding::Interrupted,
-            e => wrong(&e),
+            e => unread(&e),
         })?;
     drop(bar);
     if let Some(path) = &arguments.png {

@@ -256,7 +256,7 @@ fn bad_input_is_named_and_leaves_nothing() {
         }),
         ("a time for a voltage", |toml, _| *toml = toml.replace("\"drive_V\"", "\"time_s\"")),
         ("a rate for an angle", |toml, _| *toml = toml.replace("\"angle_rad\"", "\"rate_rad_per_s\"")),
-        ("text for a number", |_, csv| cell(csv, 9000, 2, "overload")),
+        ("text for a number", |_, csv| cell(csv, 9000, 2, "unplugged")),
         ("time that stands still", |_, csv| cell(csv, 9000, 0, "0.008998")),
         ("times in no order", |_, csv| {
             let mut lines: Vec<&str> = csv.lines().collect();

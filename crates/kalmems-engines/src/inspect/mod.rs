@@ -244,7 +244,7 @@ fn checks(timed: bool, segments: &[SegmentSummary], left_out: &[String]) -> (Vec
     match (timed, rows) {
         (false, _) => unchecked.push("whether the times are regular, as no column is the time".to_owned()),
         (true, 0..3) => {
-            unchecked.push(format!("whether the times are regular, as no segment has more than {rows} rows"))
+            unchecked.push(format!("whether the times are regular, as no segment has more than {rows} rows"));
         }
         (true, _) => checked.push("irregular"),
     }

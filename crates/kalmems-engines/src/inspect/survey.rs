@@ -127,11 +127,11 @@ struct ColumnCounts {
     unmatched: usize,
     seen: BTreeSet<SegmentLabel>,
     returns: bool,
-    /// The first, second and last number, and whether one is no larger than the one before.
+    /// The first, second and last number, and how many are no larger than the one before.
     first: Option<f64>,
     second: Option<f64>,
     last: f64,
-    falls: bool,
+    falls: usize,
     /// Whether each number is the one before or the next whole one.
     counts: bool,
 }
@@ -275,7 +275,7 @@ impl SurveyScan {
         let of = |column: &ColumnCounts| {
             let (first, second) = (column.first?, column.second?);
             let seems = !column.has_unit && column.numbers == self.rows && second > first;
-            let step = match (self.rows.checked_sub(1), column.falls) {
+            let step = match (self.rows.checked_sub(1), column.falls > 0) {
                 (Some(steps), false) => (column.last - first) / steps as f64,
                 _ => second - first,
             };
@@ -283,7 +283,7 @@ impl SurveyScan {
         };
         let named = || self.columns.iter().filter(|column| is_named_time(&column.name)).find_map(of);
         let first = || {
-            let first = self.columns.first().filter(|first| !first.falls && self.columns.len() > 1)?;
+            let first = self.columns.first().filter(|first| first.falls == 0 && self.columns.len() > 1)?;
             of(first).filter(|time| (time.step - time.step.round()).abs() > 1e-6 * time.step)
         };
         named().or_else(first)
@@ -332,7 +332,7 @@ impl ColumnCounts {
         let label = match fault {
             None => {
                 self.numbers += 1;
-                self.falls |= self.first.is_some() && number <= self.last;
+                self.falls += usize::from(self.first.is_some() && number <= self.last);
                 self.counts &= number.fract() == 0.0
                     && (self.first.is_none() || number == self.last || number == self.last + 1.0);
                 match self.first {

@@ -365,6 +365,17 @@ fn counters_go_on_behind_their_end_and_rounded_stamps_have_the_rate_of_their_mea
     );
 }
 
+/// Times in whole intervals: a row that is missing is a gap, and none of rounding.
+#[test]
+fn a_missing_row_is_no_rounded_stamp() {
+    let mut text = "time_us,cap_V\n".to_owned();
+    (0..400).filter(|i| *i != 150).for_each(|i| writeln!(text, "{i},{}", i * 7 % 5).unwrap());
+    let found = inspected(&text).unwrap();
+    approx::assert_relative_eq!(found.segments[0].rate_hz.unwrap(), 1e6, max_relative = 1e-12);
+    let said = found.diagnosis[0].to_string();
+    assert!(said.contains("1 sample is missing where one is expected every 1e-6 s"), "{said}");
+}
+
 /// Rows of two sensors in one table have times and values that belong to neither.
 #[test]
 fn rows_of_sensors_that_take_turns_are_no_recording_and_a_state_that_changes_often_is() {

@@ -10,18 +10,18 @@ const END: f64 = 0.01;
 /// Times of a counter, to which its period is added as often as it has begun again.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CounterTimes {
-    /// From one begin of the counter to the next.
-    period_s: f64,
-    /// What is added so far, and the last time without it, counted from the counter's zero.
-    added_s: f64,
-    last_s: f64,
+    /// From one begin of the counter to the next, in s.
+    period: f64,
+    /// What is added so far, and the last time without it, counted from the counter's zero, both in s.
+    added: f64,
+    last: f64,
 }
 
 impl CounterTimes {
     /// Of a counter of this unit.
     pub(crate) fn new(unit: TimeUnit) -> Self {
         let tick_s = f64::from(unit.factor) * 10_f64.powi(unit.power);
-        Self { period_s: COUNTS * tick_s, added_s: 0.0, last_s: f64::NAN }
+        Self { period: COUNTS * tick_s, added: 0.0, last: f64::NAN }
     }
 
     /// Unwraps times that count from an origin; the places at which the counter began again.
@@ -30,22 +30,22 @@ impl CounterTimes {
         let mut begun = Vec::new();
         for (place, time) in times.iter_mut().enumerate() {
             let counted_s = *time + zero_s;
-            let near_end = self.last_s >= (1.0 - END) * self.period_s && self.last_s < self.period_s;
-            if near_end && (0.0..END * self.period_s).contains(&counted_s) {
-                self.added_s += self.period_s;
+            let near_end = self.last >= (1.0 - END) * self.period && self.last < self.period;
+            if near_end && (0.0..END * self.period).contains(&counted_s) {
+                self.added += self.period;
                 begun.push(place);
             }
             if counted_s.is_finite() {
-                self.last_s = counted_s;
+                self.last = counted_s;
             }
-            *time += self.added_s;
+            *time += self.added;
         }
         begun
     }
 
     /// From one begin of the counter to the next, in s.
     pub(crate) const fn period_s(&self) -> f64 {
-        self.period_s
+        self.period
     }
 }
 
@@ -58,7 +58,7 @@ mod tests {
         let micro = TimeUnit::decimal(-6);
         let mut times = [4294.9668, 4294.9670, f64::NAN, 0.0001, 0.0003];
         assert_eq!(CounterTimes::new(micro).unwrap(&mut times, Instant::ZERO), [3]);
-        for (time, expected) in times[3..].iter().zip([4294.967_396, 4294.967_596]) {
+        for (time, expected) in times[3..].iter().zip([4_294.967_396, 4_294.967_596]) {
             approx::assert_relative_eq!(*time, expected, max_relative = 1e-12);
         }
         let mut back = [4000.0, 4000.1, 0.0, 0.1];

@@ -188,13 +188,14 @@ impl FindingKind {
             Self::NonNumeric | Self::Missing | Self::Nan | Self::Infinite | Self::Overload => {
                 ("cell", "cells")
             }
-            Self::RepeatedTime | Self::DecreasingTime | Self::ClockBack => ("time", "times"),
+            Self::RepeatedTime | Self::DecreasingTime | Self::ClockBack | Self::CounterBeginsAgain => {
+                ("time", "times")
+            }
             Self::BlankLine => ("line", "lines"),
             Self::Gap | Self::LongGap | Self::SparseTime => ("gap", "gaps"),
             Self::IrregularTime => ("interval", "intervals"),
             Self::BurstTime => ("burst", "bursts"),
             Self::NewWaveform => ("waveform", "waveforms"),
-            Self::CounterBeginsAgain => ("time", "times"),
             Self::Saturation | Self::Stuck => ("sample", "samples"),
             _ => ("", ""),
         }
@@ -204,20 +205,24 @@ impl FindingKind {
     const fn consequence(self, purpose: Purpose) -> &'static str {
         match (self, purpose) {
             (Self::Missing | Self::Nan | Self::Infinite | Self::Overload, Purpose::Calibration) => {
-                return "no value is made up: the calibration leaves the sample out";
+                "no value is made up: the calibration leaves the sample out"
             }
             (Self::Missing | Self::Nan | Self::Infinite | Self::Overload, Purpose::Evaluation) => {
-                return "no value is made up";
+                "no value is made up"
             }
             (Self::Gap, Purpose::Calibration) => {
-                return "nothing is put in: the calibration takes the samples at their times, and no difference across the gap";
+                "nothing is put in: the calibration takes the samples at their times, and no difference across the gap"
             }
-            (Self::Gap, Purpose::Evaluation) => return "nothing is put in",
+            (Self::Gap, Purpose::Evaluation) => "nothing is put in",
             (Self::IrregularTime, Purpose::Calibration | Purpose::Evaluation) => {
-                return "the times are kept as they stand";
+                "the times are kept as they stand"
             }
-            _ => {}
+            _ => self.usual_consequence(),
         }
+    }
+
+    /// That where the purpose makes no difference.
+    const fn usual_consequence(self) -> &'static str {
         match self {
             Self::Empty | Self::HeaderOnly => {
                 "expected a line of names such as `time_s,cap_V` and rows of numbers below it"

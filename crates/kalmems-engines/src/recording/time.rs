@@ -28,8 +28,8 @@ pub(super) struct TimeCheck {
     arrivals: Option<ArrivalPattern>,
     /// To how many s the file rounds the times.
     resolution_s: f64,
-    /// Whether it wrote too few digits, and not too few bits.
-    rounded_in_text: bool,
+    /// That by which it wrote too few digits, and not too few bits.
+    digits_s: Option<f64>,
     ordered: bool,
     /// Whether all intervals are the usual one.
     regular: bool,
@@ -65,7 +65,7 @@ impl TimeCheck {
             nominal,
             arrivals: None,
             resolution_s: 0.0,
-            rounded_in_text: false,
+            digits_s: None,
             ordered: true,
             regular: true,
             tally,
@@ -137,7 +137,7 @@ impl TimeCheck {
         if self.resolution_s == 0.0
             && let Some(rounding_s) = stamps::rounding_of(head)
         {
-            (self.resolution_s, self.rounded_in_text) = (rounding_s, true);
+            (self.resolution_s, self.digits_s) = (rounding_s, Some(rounding_s));
         }
         if let Some(median) = &mut self.median
             && self.resolution_s > TIME_TOLERANCE * *median
@@ -228,7 +228,7 @@ impl TimeCheck {
             self.settle(times, &place, findings);
         }
         if let Some(detail) =
-            self.median.and_then(|median| stamps::rounded(median, self.resolution_s, self.rounded_in_text))
+            self.median.and_then(|median| stamps::rounded(median, self.resolution_s, self.digits_s.is_some()))
         {
             findings.add(Kind::RoundedTime, place(0), || detail);
         }
