@@ -108,7 +108,7 @@ fn found(
         sd_m,
         largest_m: errors().fold(0.0, |most: f64, error| most.max(error.abs())),
         snr_db: decibels(rms(record.displacement[from..].iter().copied()) / sd_m),
-        is_positive: trajectory.failure.is_none()
+        is_positive: trajectory.stops.is_empty()
             && trajectory.states.iter().all(|state| state.sd.iter().all(|sd| *sd >= 0.0)),
     })
 }

@@ -110,7 +110,7 @@ struct ContestRound {
 
 fn score(judged: &EstimatorResult, from: usize) -> ContestScore {
     let errors = judged.errors.as_ref();
-    let held = errors.filter(|e| judged.trajectory.failure.is_none() && e.angle.rmse_deg < DIVERGED_DEG);
+    let held = errors.filter(|e| judged.trajectory.stops.is_empty() && e.angle.rmse_deg < DIVERGED_DEG);
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
     let angle = judged.trajectory.state("angle").and_then(|state| state.mean.get(from..)).unwrap_or_default();
     let highest = angle.iter().copied().fold(f64::NEG_INFINITY, f64::max);

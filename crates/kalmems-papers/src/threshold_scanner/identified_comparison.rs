@@ -118,7 +118,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
 
 /// ln p of signal and crossings, of a filter that went through.
 fn likelihood(filter: &Trajectory) -> f64 {
-    if filter.failure.is_some() {
+    if !filter.stops.is_empty() {
         return f64::NEG_INFINITY;
     }
     filter.log_likelihood.iter().filter(|v| v.is_finite()).sum::<f64>() + filter.crossings_log_likelihood

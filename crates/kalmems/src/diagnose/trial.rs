@@ -82,7 +82,7 @@ impl DiagnosisTrial {
         judged: Judged,
     ) -> Option<()> {
         let trajectory = estimate.trajectories.first()?;
-        if trajectory.failure.is_some() {
+        if !trajectory.stops.is_empty() {
             return None;
         }
         let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);

@@ -148,6 +148,9 @@ fn likeliest(estimators: &[EstimatorMetrics]) -> Option<FilterSelection> {
         .filter(|e| claims(e))
         .filter_map(|e| e.log_likelihood().map(|l| (l, e)))
         .collect();
+    // A filter that has lost the signal, or had stopped, leaves the samples until it has settled again out of the sum.
+    let least_lost = all.iter().map(|(_, e)| e.counts.lost).min();
+    all.retain(|(_, e)| Some(e.counts.lost) == least_lost);
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
     let (log_likelihood, best) = *all.first()?;
     let ahead = all.get(1).map(|(next, _)| log_likelihood - next);
