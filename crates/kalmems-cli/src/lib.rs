@@ -134,20 +134,11 @@ pub fn tell_of_unexpected_panics_alone() {
 
 /// Prints a result as JSON, with a line break at its end.
 fn print_json(result: &impl serde::Serialize) -> Result<(), CommandEnding> {
-    let json = serde_json::to_string_pretty(result).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
-    // They stand within its texts alone, where they have an escape of their own.
-    let escaped = |letter: char| {
-        let mut units = [0; 2];
-        letter.encode_utf16(&mut units).iter().map(|unit| format!("\\u{unit:04x}")).collect::<String>()
-    };
-    let json = json.chars().fold(String::with_capacity(json.len()), |mut all, letter| {
-        if tell::is_command(letter) {
-            all += &escaped(letter)
-        } else {
-            all.push(letter)
-        }
-        all
-    });
+    let mut json = serde_json::to_string_pretty(result).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
+    // They stand within its texts alone, where each has an escape of its own.
+    while let Some(letter) = json.chars().find(|letter| tell::is_command(*letter)) {
+        json = json.replace(letter, &format!("\\u{:04x}", u32::from(letter)));
+    }
     print(&(json + "\n"))
 }
 

@@ -41,11 +41,10 @@ impl Policy {
                 "same-origin",
             ),
             Self::OfResult { host, token } => {
-                let scripts: String =
-                    page_scripts().iter().map(|script| format!(" '{}'", digest(script))).collect();
+                let [plots, page] = page_scripts().map(|script| digest(&script));
                 let own = format!("http://{host}/{token}/");
                 let policy = format!(
-                    "{nothing}; sandbox allow-scripts allow-downloads; script-src{scripts}; connect-src {own}; frame-ancestors http://{host}"
+                    "{nothing}; sandbox allow-scripts allow-downloads; script-src '{plots}' '{page}'; connect-src {own}; frame-ancestors http://{host}"
                 );
                 (policy, "cross-origin")
             }
