@@ -44,7 +44,7 @@ impl fmt::Display for SampleStep {
 
 /// What a file states of the times of a channel's samples: `offset_s` and so many steps after an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct SampleClock {
+pub(crate) struct ChannelClock {
     /// The instant, where one is stated.
     pub(crate) start: Option<Instant>,
     pub(crate) offset_s: f64,
@@ -55,7 +55,7 @@ pub(crate) struct SampleClock {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ClockRun {
     pub(crate) row: u64,
-    pub(crate) clock: SampleClock,
+    pub(crate) clock: ChannelClock,
 }
 
 /// Times from a row on: `start_s` and so many steps.
@@ -183,7 +183,7 @@ impl ClockedChannels<'_> {
 /// Runs as seconds after an instant; one that goes on from the one before is none of its own.
 fn regular(runs: &[ClockRun], begin: Option<Instant>) -> Vec<RegularTimes> {
     let mut regular: Vec<RegularTimes> = Vec::new();
-    for ClockRun { row, clock: SampleClock { start, offset_s, step } } in runs {
+    for ClockRun { row, clock: ChannelClock { start, offset_s, step } } in runs {
         let Some(step) = *step else { continue };
         let since = start.zip(begin).map_or(0.0, |(start, begin)| start.since(begin));
         let next = RegularTimes { row: *row, start_s: since + offset_s, step };

@@ -6,16 +6,16 @@ use crate::element::{Element, ElementKind, shortest};
 
 /// What a number or a word of the list stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Meaning {
+enum SentinelMeaning {
     /// A value beyond the range of the instrument.
     Overload,
     /// No value.
     Nothing,
 }
 
-use Meaning::{Nothing, Overload};
+use SentinelMeaning::{Nothing, Overload};
 
-impl Meaning {
+impl SentinelMeaning {
     fn finding(self, text: String) -> CellFinding {
         match self {
             Overload => CellFinding::Overload(text),
@@ -28,7 +28,7 @@ impl Meaning {
 const SMALLEST: f64 = 9.9e37;
 
 /// Numbers of either sign.
-const NUMBERS: [(f64, Meaning); 9] = [
+const NUMBERS: [(f64, SentinelMeaning); 9] = [
     // SCPI-1999, volume 1, 7.2.1.4 and 7.2.1.5: INFinity, NINFinity and NAN of all instruments that speak it.
     (9.9e37, Overload),
     (9.91e37, Nothing),
@@ -45,7 +45,7 @@ const NUMBERS: [(f64, Meaning); 9] = [
 ];
 
 /// Words in capitals, without signs and dots.
-const WORDS: [(&str, Meaning); 22] = [
+const WORDS: [(&str, SentinelMeaning); 22] = [
     // Multimeters and their programs, as they show it on their displays: a letter or a zero before the L.
     ("OL", Overload),
     ("0L", Overload),
@@ -114,8 +114,9 @@ pub(crate) fn take_out(
     absent: &mut Vec<(usize, CellFinding)>,
 ) {
     let listed = |as_kept: fn(f64) -> f64| {
-        let both =
-            |(number, meaning): (f64, Meaning)| [-1.0, 1.0].map(|sign| (sign * as_kept(number), meaning));
+        let both = |(number, meaning): (f64, SentinelMeaning)| {
+            [-1.0, 1.0].map(|sign| (sign * as_kept(number), meaning))
+        };
         NUMBERS.into_iter().flat_map(both).collect::<Vec<_>>()
     };
     let known = match (element.kind, element.bytes) {
@@ -128,7 +129,7 @@ pub(crate) fn take_out(
         _ => return,
     };
     let mut shift = Shift::new(power);
-    let known: Vec<(f64, f64, Meaning)> =
+    let known: Vec<(f64, f64, SentinelMeaning)> =
         known.into_iter().map(|(kept, meaning)| (shift.float(kept), kept, meaning)).collect();
     let least = known.iter().map(|(shifted, ..)| shifted.abs()).fold(f64::INFINITY, f64::min);
     for (row, number) in numbers.iter_mut().enumerate().filter(|(_, n)| n.abs() >= least && n.is_finite()) {

@@ -1,6 +1,6 @@
 //! Clocks that a file states by single numbers with names: `fs`, `dt`, `t0` and their kin, as variables, attributes or metadata.
 
-use crate::clock::{ClockRun, ClockedChannels, SampleClock, SampleStep};
+use crate::clock::{ChannelClock, ClockRun, ClockedChannels, SampleStep};
 use crate::records::{CellKind, RecordField, RecordLane};
 
 /// Names without case and marks: the sampling rate, the interval, and the time of the first sample.
@@ -43,7 +43,7 @@ impl StatedNumbers {
     }
 
     /// What they state; nothing where rate and interval contradict each other.
-    pub(crate) fn clock(&self) -> SampleClock {
+    pub(crate) fn clock(&self) -> ChannelClock {
         let of =
             |names: &[&str]| self.0.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, n)| *n);
         let step = match (of(&RATES), of(&INTERVALS)) {
@@ -51,7 +51,7 @@ impl StatedNumbers {
             (Some(rate), _) => Some(SampleStep::Rate(rate)),
             (None, interval) => interval.map(SampleStep::Interval),
         };
-        SampleClock { start: None, offset_s: of(&STARTS).unwrap_or(0.0), step }
+        ChannelClock { start: None, offset_s: of(&STARTS).unwrap_or(0.0), step }
     }
 
     /// Gives all columns of numbers this clock, where none of them is called a time; says what it did.
@@ -68,7 +68,7 @@ impl StatedNumbers {
 
 /// Gives each column of numbers its clock, where none of them is called a time; says what it did.
 pub(crate) fn settle_each(
-    clocks: &[SampleClock],
+    clocks: &[ChannelClock],
     fields: &mut Vec<RecordField>,
     lanes: &mut Vec<Box<dyn RecordLane>>,
     stated_by: &'static str,
@@ -79,7 +79,7 @@ pub(crate) fn settle_each(
     if fields.iter().any(is_time) {
         return String::new();
     }
-    let of = |(field, clock): (&RecordField, &SampleClock)| match field.cells {
+    let of = |(field, clock): (&RecordField, &ChannelClock)| match field.cells {
         CellKind::Numbers { .. } => vec![ClockRun { row: 0, clock: *clock }],
         _ => Vec::new(),
     };
@@ -109,7 +109,7 @@ fn plain(name: &str) -> (String, i32) {
 mod tests {
     use super::*;
 
-    fn clock(numbers: &[(&str, f64)]) -> SampleClock {
+    fn clock(numbers: &[(&str, f64)]) -> ChannelClock {
         let mut stated = StatedNumbers::default();
         for (name, number) in numbers {
             stated.learn(name, *number);
@@ -128,7 +128,7 @@ mod tests {
             (&[("fs", 1e3), ("dt", 2e-3)], None, 0.0),
             (&[("rate", 1e3), ("gain", 2.0)], None, 0.0),
         ] {
-            assert_eq!(clock(numbers), SampleClock { start: None, offset_s, step }, "{numbers:?}");
+            assert_eq!(clock(numbers), ChannelClock { start: None, offset_s, step }, "{numbers:?}");
         }
     }
 }

@@ -39,7 +39,7 @@ pub fn place_of_filter(experiment: &Experiment, request: &ExportRequest) -> Resu
         ExportError::NoFilter { found: request.filter.clone(), known }
     })?;
     let table = &filters[place];
-    // What the source does not have is refused and not left out in silence; the gate that a filter has without a word of the file is named in the heading.
+    // What the source does not have is refused and not left out in silence, but for the gate that a filter has without a word of the file.
     let gate = matches!(table.gate, Some(OutlierGate::FalseRejections(_)));
     let smooths = table.smooth_lag.is_some();
     let why = match table.update {

@@ -19,7 +19,7 @@ mod search;
 mod tree;
 mod values;
 
-use crate::clock::SampleClock;
+use crate::clock::ChannelClock;
 use crate::name::with_unit;
 use crate::records::{CellKind, RecordField, RecordLane, RecordTable, TextEncoding};
 use crate::scaling::{self, Scaling, ScalingStep};
@@ -88,7 +88,7 @@ struct Hdf5TableParts {
     /// How long a tick of the device's clock is in s, where they state it (LabOne of Zurich Instruments).
     timebase_s: Option<f64>,
     /// What each column's own attributes state, by its place among the fields.
-    own_clocks: Vec<(usize, SampleClock)>,
+    own_clocks: Vec<(usize, ChannelClock)>,
 }
 
 /// A dataset with what is needed to read it.

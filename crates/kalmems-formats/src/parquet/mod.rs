@@ -6,7 +6,7 @@ mod packing;
 mod pages;
 mod thrift;
 
-use crate::clock::{RegularTimes, SampleClock};
+use crate::clock::{ChannelClock, RegularTimes};
 use crate::decimal::Shift;
 use crate::element::{Element, ElementKind};
 use crate::limits::{self, BLOCK_BYTES};
@@ -171,7 +171,7 @@ fn stated_clock(metadata: &ParquetMetaData) -> Option<RegularTimes> {
             stated.learn(&pair.key, number);
         }
     }
-    let SampleClock { offset_s, step, .. } = stated.clock();
+    let ChannelClock { offset_s, step, .. } = stated.clock();
     let step = step.filter(|step| step.is_sound())?;
     Some(RegularTimes { row: 0, start_s: offset_s, step })
 }

@@ -1,7 +1,7 @@
 //! What the properties `NI_Scale[…]` say is to be done to the values of a channel (National Instruments, TDM Streaming
 //! in LabVIEW, scaling information).
 
-use crate::clock::{SampleClock, SampleStep};
+use crate::clock::{ChannelClock, SampleStep};
 use crate::scaling::ScalingStep;
 use crate::{Instant, limits};
 use std::collections::HashMap;
@@ -41,13 +41,13 @@ impl Properties {
     }
 
     /// What is stated of the times of the samples.
-    pub(super) fn clock(&self) -> SampleClock {
+    pub(super) fn clock(&self) -> ChannelClock {
         let start = match self.known.get("wf_start_time") {
             // A waveform without a time of its own begins with 1904.
             Some(Property::Time(time)) if *time > Instant::of_seconds(crate::LABVIEW_ZERO_S) => Some(*time),
             _ => None,
         };
-        SampleClock {
+        ChannelClock {
             start,
             offset_s: self.number("wf_start_offset").unwrap_or(0.0),
             step: self.number("wf_increment").map(SampleStep::Interval),

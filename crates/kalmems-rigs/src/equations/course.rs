@@ -93,7 +93,7 @@ impl<'a> EquationCourse<'a> {
         (channels, events): (&'a [usize], &[FilterEventUse]),
         steps: usize,
     ) -> Self {
-        let parts = (steps, model.over(data.samples.interval_s / steps as f64));
+        let parts = (steps, Interval::of(data.samples.interval_s / steps as f64));
         let nodes = [const { Vec::new() }; 3];
         let told = event_measurements(&data.events, events, (data.time_s, data.samples.interval_s));
         let way = BackwardInterval::default();
@@ -104,7 +104,7 @@ impl<'a> EquationCourse<'a> {
             channels,
             least: steps,
             parts,
-            kinks: model.has_kinks().then(|| KinkSteps::new(model, data.samples.interval_s)),
+            kinks: model.has_kinks().then(|| KinkSteps::new(data.samples.interval_s)),
             further: Vec::new(),
             nodes,
             told,
@@ -214,7 +214,7 @@ impl Course for EquationCourse<'_> {
         }
         let steps = steps.max(self.least);
         if steps != self.parts.0 {
-            self.parts = (steps, self.model.over(self.data.samples.interval_s / steps as f64));
+            self.parts = (steps, Interval::of(self.data.samples.interval_s / steps as f64));
         }
         self.model.divides()
     }
@@ -246,7 +246,7 @@ impl Course for EquationCourse<'_> {
         if !of_usual {
             counts.bridged = counts.bridged.saturating_add(bridge.missing);
         }
-        let other = (!of_usual).then(|| self.model.over(interval / steps as f64));
+        let other = (!of_usual).then(|| Interval::of(interval / steps as f64));
         let each = other.as_ref().unwrap_or(usual);
         // Over a gap each input follows its sine, where it has one; where it has none, the recording was refused.
         for step in 0..steps {

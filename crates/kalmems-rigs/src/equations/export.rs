@@ -4,7 +4,7 @@ use super::course::{EquationSegment, SegmentChannel};
 use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
 use super::interpolation::Interpolation;
-use super::model::{EquationModel, noises, steps_over};
+use super::model::{EquationModel, Interval, noises, steps_over};
 use super::segment::{EquationFilterTask, at_rest, motion, rates_of_inputs};
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
@@ -78,7 +78,7 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     let parts =
         steps_over(model.pace(), interval_s).filter(|_| method == StepMethod::RungeKutta).unwrap_or(1);
     let each_s = interval_s / parts as f64;
-    let over = model.over(each_s);
+    let over = Interval::of(each_s);
     let mut heading = heading(experiment, request, &filter.basics.name, interval_s);
     let name = c_name(&experiment.name.to_string());
     if parts > 1 {

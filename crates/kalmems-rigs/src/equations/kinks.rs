@@ -29,8 +29,8 @@ struct Led {
 
 impl KinkSteps {
     /// For this usual interval in s.
-    pub fn new(model: &EquationModel, interval_s: f64) -> Self {
-        let halved = |doublings: usize| model.over(interval_s / f64::from(1_u32 << doublings));
+    pub fn new(interval_s: f64) -> Self {
+        let halved = |doublings: usize| Interval::of(interval_s / f64::from(1_u32 << doublings));
         Self { intervals: std::array::from_fn(halved), covariance: Vec::new() }
     }
 

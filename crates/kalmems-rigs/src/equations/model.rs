@@ -116,11 +116,6 @@ impl EquationModel {
         self.motion.moving()
     }
 
-    /// What is made once for an interval in s.
-    pub fn over(&self, interval_s: f64) -> Interval {
-        Interval { length_s: interval_s, linearised: RefCell::default() }
-    }
-
     /// Whether the motion has kinks, such as that of a contact: how many steps follow it depends on where it is.
     pub fn has_kinks(&self) -> bool {
         self.rule == StepRule::Exponential && self.motion.has_kinks()
@@ -373,6 +368,13 @@ fn valued(x: &[f64], moving: usize, free: &[(f64, AddedState<f64>)]) -> StateNum
 pub struct Interval {
     length_s: f64,
     linearised: RefCell<Vec<Rc<Linearised>>>,
+}
+
+impl Interval {
+    /// Of this length in s.
+    pub fn of(length_s: f64) -> Self {
+        Self { length_s, linearised: RefCell::default() }
+    }
 }
 
 /// Places that are kept at once.

@@ -3,7 +3,7 @@
 use super::EquationColumns;
 use super::course::{EquationCourse, EquationSegment, SegmentChannel};
 use super::event_search::EventSearches;
-use super::model::{EquationModel, noises};
+use super::model::{EquationModel, Interval, noises};
 use super::names;
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::start::{most_rows, rows_before, start_of};
@@ -369,7 +369,7 @@ pub fn at_rest<R>(
     (measure, interval_s): (usize, f64),
     made: impl FnOnce(&MeanAndCovariance, &dyn Transition, &dyn Sensor) -> R,
 ) -> R {
-    let interval = model.over(interval_s);
+    let interval = Interval::of(interval_s);
     let inputs = vec![0.0; own.device.inputs().len()];
     let rest = MeanAndCovariance::apart(own.rest.iter().map(|at| (*at, 0.0)));
     let step = model.under(&interval, Nodes::held(&inputs), &rest.mean);

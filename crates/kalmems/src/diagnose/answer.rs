@@ -1,6 +1,6 @@
 //! What a change makes of the answer.
 
-use super::trial::DiagnosisTrial;
+use super::trial::{AnswerSign, DiagnosisTrial};
 use crate::estimate::are_opposite;
 use crate::evaluate::{ErrorDecomposition, ErrorSeries};
 use crate::progress::Interruption;
@@ -16,7 +16,7 @@ pub(super) fn moved(from: &DiagnosisTrial, to: &DiagnosisTrial) -> f64 {
 
 /// The sign, 1 or −1, with which the second answer is on the branch of the first one, where the signals do not tell which it is.
 fn branch(from: &DiagnosisTrial, to: &DiagnosisTrial) -> f64 {
-    if from.hides_sign && are_opposite(&from.answer, &to.answer) { -1.0 } else { 1.0 }
+    if from.sign == AnswerSign::Arbitrary && are_opposite(&from.answer, &to.answer) { -1.0 } else { 1.0 }
 }
 
 /// How an answer differs from another one of the same samples: Δx = offset + scale·x + early·ẋ and a rest.

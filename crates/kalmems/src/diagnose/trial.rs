@@ -31,6 +31,16 @@ pub(super) enum TrialBlocks {
     All,
 }
 
+/// What is known of the sign of an answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum AnswerSign {
+    /// The signals or the experiment tell it.
+    #[default]
+    Known,
+    /// Neither does.
+    Arbitrary,
+}
+
 /// One run of the filter.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DiagnosisTrial {
@@ -45,8 +55,8 @@ pub(super) struct DiagnosisTrial {
     pub(super) answer: Vec<f64>,
     pub(super) answer_sd: Vec<f64>,
     pub(super) answer_time_s: Vec<f64>,
-    /// Whether the signals do not tell the sign of the answer, and nothing else does.
-    pub(super) hides_sign: bool,
+    /// Who tells the sign of the answer.
+    pub(super) sign: AnswerSign,
     /// The name of the answer among the states, and its unit.
     pub(super) answer_name: &'static str,
     pub(super) answer_unit: &'static str,
@@ -162,7 +172,8 @@ impl DiagnosisTrial {
         let Some(state) = named.or_else(|| trajectory.states.first()) else { return };
         (self.answer_name, self.answer_unit) = (state.name, state.unit);
         let place = trajectory.states.iter().position(|one| one.name == state.name);
-        self.hides_sign = place.is_some_and(|place| trajectory.hides_sign(place));
+        let is_hidden = place.is_some_and(|place| trajectory.hides_sign(place));
+        self.sign = if is_hidden { AnswerSign::Arbitrary } else { AnswerSign::Known };
         self.answer.extend(state.mean.get(scored.clone()).unwrap_or_default());
         self.answer_sd.extend(state.sd.get(scored.clone()).unwrap_or_default());
         self.answer_time_s.extend(&trajectory.time_s[scored]);

@@ -340,7 +340,7 @@ mod tests {
         // What follows the end mark is no part of the stream.
         for (format, sample) in [
             (&format, frame(1)),
-            (&StreamFormat::Text { columns: format.columns().to_vec() }, b"1,2\n".to_vec()),
+            (&StreamFormat::Text { columns: format.columns().clone() }, b"1,2\n".to_vec()),
         ] {
             let bytes = [&sample[..], END_MARK, &sample, b"?"].concat();
             for piece in [1, 5, 1000] {

@@ -145,7 +145,7 @@ fn a_source_that_its_rehearsal_finds_apart_from_the_estimate_is_refused() {
     let text = lag("hold", "gate = false", "1e-20[V^2]").replace("1e-6[V^2/s]", "1e-22[V^2/s]");
     match exported(folder.path(), &text, SourceDigits::AsNeeded) {
         Err(ExportError::Rehearsal { filter, share, .. }) => {
-            assert!(filter == "EKF" && share > 0.02, "{share}")
+            assert!(filter == "EKF" && share > 0.02, "{share}");
         }
         other => panic!("{:?}", other.map(|exported| exported.filter)),
     }

@@ -1,6 +1,6 @@
 //! Answers: pages and files of results, or why there is none.
 
-use super::policy::{COMMON, Policy};
+use super::policy::{COMMON, PagePolicy};
 use super::request::RequestedRange;
 use kalmems::figures::escaped;
 use kalmems::results::StoredResult;
@@ -62,7 +62,7 @@ pub struct HttpAnswer {
     /// Where it is a part of a file: the first byte, and the length of the file.
     part: Option<(u64, u64)>,
     content: Box<dyn Read>,
-    policy: Policy,
+    policy: PagePolicy,
 }
 
 impl HttpAnswer {
@@ -81,7 +81,7 @@ impl HttpAnswer {
             escaped(file),
             escaped(title)
         );
-        let policy = Policy::Frame { host: host.to_owned(), token: token.to_owned() };
+        let policy = PagePolicy::Frame { host: host.to_owned(), token: token.to_owned() };
         Self { policy, ..Self::page(html) }
     }
 
@@ -89,7 +89,7 @@ impl HttpAnswer {
     #[must_use]
     pub fn for_result(self, host: &str, token: &str) -> Self {
         let (host, token) = (host.to_owned(), token.to_owned());
-        Self { policy: Policy::OfResult { host, token }, ..self }
+        Self { policy: PagePolicy::OfResult { host, token }, ..self }
     }
 
     /// A page.
@@ -100,7 +100,7 @@ impl HttpAnswer {
     fn text(status: Status, media: &'static str, text: String) -> Self {
         let length = text.len() as u64;
         let content = Box::new(io::Cursor::new(text));
-        Self { status, media, length, part: None, content, policy: Policy::Alone }
+        Self { status, media, length, part: None, content, policy: PagePolicy::Alone }
     }
 
     /// A file of a result below a folder, which has no link in it, or the bytes of it that are wanted. A file that no result lists, one that a link leads to, and one
@@ -120,7 +120,7 @@ impl HttpAnswer {
         let status = if is_part { Status::Part } else { Status::Ok };
         let part = is_part.then_some((first, length));
         let content = Box::new(file.take(count));
-        Ok(Self { status, media, length: count, part, content, policy: Policy::Alone })
+        Ok(Self { status, media, length: count, part, content, policy: PagePolicy::Alone })
     }
 
     /// How many of these steps lead to the result that has the file.

@@ -21,7 +21,7 @@ pub const COMMON: [&str; 6] = [
 
 /// Who an answer is for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Policy {
+pub enum PagePolicy {
     /// The list of results, and files that are looked at by themselves: nothing runs and nothing is loaded.
     Alone,
     /// A page with a frame, which shows files of the result of this token alone.
@@ -30,7 +30,7 @@ pub enum Policy {
     OfResult { host: String, token: String },
 }
 
-impl Policy {
+impl PagePolicy {
     /// The lines that say so.
     pub fn lines(&self) -> Vec<String> {
         let nothing = "default-src 'none'; base-uri 'none'; form-action 'none'; style-src 'unsafe-inline'; img-src data:";

@@ -151,7 +151,7 @@ fn a_hostile_report_reads_no_other_result_and_sends_nothing_away_in_chromium() {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
     let is_there = |browser: &&&str| std::process::Command::new(browser).arg("--version").output().is_ok();
     let Some(browser) = browsers.iter().find(is_there) else {
-        eprintln!("SKIPPED: there is no Chromium here");
+        let _ = writeln!(io::stderr(), "SKIPPED: there is no Chromium here");
         return;
     };
     let served = Served::new();

@@ -43,7 +43,9 @@ impl Fault {
         let wrong = &mut samples[from..from + self.length()];
         match self {
             Self::DriveOff => {
-                wrong.iter_mut().for_each(|sample| sample[1] = 0.0);
+                for sample in wrong.iter_mut() {
+                    sample[1] = 0.0;
+                }
                 (wrong[1500][1], wrong[1500][2]) = (f64::NAN, f64::NAN);
             }
             Self::Spike => wrong[0][2] = 1000.0,
@@ -90,7 +92,9 @@ impl Form {
             if matches!(self, Self::CountedFrames) {
                 bytes.extend_from_slice(&u16::try_from(number % 65_536).unwrap().to_le_bytes());
             }
-            sample.iter().for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
+            for x in sample {
+                bytes.extend_from_slice(&x.to_le_bytes());
+            }
         }
         bytes
     }
@@ -141,7 +145,9 @@ fn judge(faults: &[(Fault, usize)], form: Form, truth: &[f64]) {
     let from = ends + usize::try_from(SETTLED).unwrap();
     // A filter that began late is not judged by less than its settling time.
     let mut samples = samples(from + 12_000);
-    faults.iter().for_each(|(fault, from)| fault.apply(&mut samples, *from));
+    for (fault, from) in faults {
+        fault.apply(&mut samples, *from);
+    }
     let (summary, lines) = streamed(&samples, form);
     assert!(summary.ends_with_estimate, "{place}");
     let mut counts = [0_usize; 3];
