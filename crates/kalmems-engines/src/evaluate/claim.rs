@@ -79,7 +79,7 @@ impl CommonErrorShares {
 const WITHIN: f64 = 0.9;
 
 /// How many times as large as claimed errors are root mean square from which on a claim is doubtful, and from which on it is wrong.
-const DOUBTFUL: f64 = 1.3;
+const DOUBTFUL: f64 = 1.4;
 const FAILED: f64 = 2.0;
 
 impl Claim {

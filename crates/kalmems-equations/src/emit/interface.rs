@@ -44,7 +44,8 @@ impl Interface {
         let units = request.measures.iter().filter_map(|m| device.measures.get(m.measure));
         let method = match request.method {
             StepMethod::Euler => "Euler's method",
-            StepMethod::RungeKutta => "Runge and Kutta's method",
+            StepMethod::RungeKutta if request.linear.is_empty() => "Runge and Kutta's method",
+            StepMethod::RungeKutta => "exponential time differencing of fourth order",
         };
         let mut heading = vec![format!(
             "An extended Kalman filter, made by kalmems-equations {} from a device's equations; not to be edited.",

@@ -9,6 +9,7 @@
 mod c;
 mod error;
 mod example_program;
+mod exponential;
 mod filter;
 mod interface;
 mod laws;
@@ -81,6 +82,7 @@ impl Device {
     /// "#;
     /// let device = Device::of(&Description::read(text)?)?;
     /// let request = EmitRequest {
+    ///     linear: vec![],
     ///     name: "mass".to_owned(),
     ///     courses: vec![],
     ///     heading: vec!["Experiment `mass`.".to_owned()],

@@ -176,6 +176,9 @@ pub struct EmitRequest {
     pub parts: usize,
     /// How a step is integrated.
     pub method: StepMethod,
+    /// The linear part of the step for [`StepMethod::RungeKutta`], ∂f/∂x of the device's states in SI, row by row, as at rest: it is followed
+    /// exactly, as by [`Etdrk4`](kalmems_core::Etdrk4). None for Runge and Kutta's method itself.
+    pub linear: Vec<f64>,
     /// The values of all parameters in SI and in the device's order; those of `free` are not used.
     pub parameters: Vec<f64>,
     /// The parameters that the program may change, by their places: they stand in a structure.

@@ -1,8 +1,9 @@
-//! A step by Runge and Kutta's method with its Jacobian.
+//! A step of fourth order with its Jacobian: Runge and Kutta's, or the exponential one of `exponential`.
 //!
 //! What one stage needs of the states is a function of its own, called four times. What follows from inputs and from parameters that
 //! are states is computed outside of it, once for the start, the middle and the end of the interval.
 
+use super::exponential;
 use super::filter::{Context, OpMatrix};
 use super::lower::{ExternalValues, Operand, lower};
 use super::model::{Rarity, rarities};
@@ -48,26 +49,48 @@ pub(super) fn predict(
     stage.parameters.extend((0..held.nodes.len()).map(|k| format!("w{k}")));
     stage.outputs = ids.into_iter().enumerate().map(|(k, id)| (StorageArray::Stage, k, id)).collect();
 
+    let stages = StageSource { roots, of_stage, of_states, held, size, moving };
     let mut routine = Routine::default();
     let names = context.names;
     let x: Vec<_> = (0..moving).map(|i| routine.tape.named(names.state(i))).collect();
-    let zero = routine.tape.literal(0.0);
-    let mut last: Option<(Vec<_>, OpMatrix)> = None;
-    let mut sums = (vec![zero; moving], vec![vec![zero; size]; moving]);
-    for (number, (point, onwards, weight)) in STAGES.into_iter().enumerate() {
-        let tape = &mut routine.tape;
-        let step = tape.literal(onwards);
-        let mut at = x.clone();
-        if let Some((k, _)) = &last {
-            for (at, k) in at.iter_mut().zip(k) {
-                let moved = tape.multiply(step, *k);
-                *at = tape.add(*at, moved);
-            }
-        }
+    let (next, jacobian) = if context.request.linear.is_empty() {
+        by_runge_kutta(context, &mut routine, &stages, &x)
+    } else {
+        let weights = exponential::weights(context.request, units);
+        exponential::steps(context, &mut routine, &stages, &x, &weights)
+    };
+    context.finish_prediction(&mut routine, (&next, jacobian), units, periods);
+    (routine, (!stages.of_stage.is_empty()).then_some(stage))
+}
+
+/// What a stage is made of.
+pub(super) struct StageSource {
+    /// The rates, and behind each its derivatives by all states.
+    roots: Vec<NodeId>,
+    /// Those that a function computes, and the states that it reads.
+    of_stage: Vec<NodeId>,
+    of_states: Vec<usize>,
+    held: ExternalValues,
+    pub(super) size: usize,
+    pub(super) moving: usize,
+}
+
+impl StageSource {
+    /// The rates and their derivatives at a place, with the inputs of a point, in the stage of this number from 0 on.
+    pub(super) fn at(
+        &self,
+        context: &mut Context<'_>,
+        routine: &mut Routine,
+        (number, point): (usize, &'static str),
+        at: &[TapeId],
+    ) -> (Vec<TapeId>, OpMatrix) {
+        let (names, moving) = (context.names, self.moving);
+        let zero = routine.tape.literal(0.0);
         let output = format!("k{}", number + 1);
-        if !of_stage.is_empty() {
-            let mut arguments: Vec<TapeId> = of_states.iter().filter_map(|i| at.get(*i)).copied().collect();
-            arguments.extend(context.lower(&mut routine.tape, &held.nodes, point));
+        if !self.of_stage.is_empty() {
+            let arguments = self.of_states.iter().filter_map(|i| at.get(*i)).copied();
+            let mut arguments: Vec<TapeId> = arguments.collect();
+            arguments.extend(context.lower(&mut routine.tape, &self.held.nodes, point));
             routine.calls.push(StageCall { arguments, output: output.clone() });
         }
         let (tape, constants) = (&mut routine.tape, &mut context.constants);
@@ -77,19 +100,57 @@ pub(super) fn predict(
                 .map_or_else(|| Operand::Name(names.variable(variable, point)), |id| Operand::Id(*id)),
             _ => Operand::Name(names.variable(variable, point)),
         };
-        let inline: Vec<NodeId> = roots.iter().filter(|root| !of_stage.contains(root)).copied().collect();
+        let is_inline = |root: &&NodeId| !self.of_stage.contains(root);
+        let inline: Vec<NodeId> = self.roots.iter().filter(is_inline).copied().collect();
         let ids = lower(&mut context.model.graph, (&mut *tape, constants), &inline, moving, &of_variable);
         let mut ids = ids.into_iter();
-        let mut values = Vec::with_capacity(roots.len());
-        for root in &roots {
-            values.push(match of_stage.iter().position(|of| of == root) {
+        let mut values = Vec::with_capacity(self.roots.len());
+        for root in &self.roots {
+            values.push(match self.of_stage.iter().position(|of| of == root) {
                 Some(place) => tape.named(format!("{output}[{place}]")),
                 None => ids.next().unwrap_or(zero),
             });
         }
-        let rows: Vec<&[_]> = values.chunks(size + 1).collect();
-        let k: Vec<_> = rows.iter().filter_map(|row| row.first().copied()).collect();
-        let a: OpMatrix = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
+        let rows: Vec<&[_]> = values.chunks(self.size + 1).collect();
+        let k = rows.iter().filter_map(|row| row.first().copied()).collect();
+        let a = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
+        (k, a)
+    }
+
+    /// Whether a rate is a sum of states with numbers, which the linear part of a step describes whole.
+    pub(super) fn is_straight(&self, graph: &Graph, row: usize) -> bool {
+        let moves =
+            |id: NodeId| matches!(graph.as_variable(id), Some(Variable::State(state)) if state < self.moving);
+        self.roots.get(row * (self.size + 1)).is_some_and(|rate| match graph.node(*rate) {
+            Node::Sum { terms, .. } => terms.iter().all(|(term, _)| moves(*term)),
+            Node::Number(_) => true,
+            _ => moves(*rate),
+        })
+    }
+}
+
+/// The step by Runge and Kutta's method.
+fn by_runge_kutta(
+    context: &mut Context<'_>,
+    routine: &mut Routine,
+    stages: &StageSource,
+    x: &[TapeId],
+) -> (Vec<TapeId>, OpMatrix) {
+    let zero = routine.tape.literal(0.0);
+    let mut last: Option<(Vec<_>, OpMatrix)> = None;
+    let mut sums = (vec![zero; stages.moving], vec![vec![zero; stages.size]; stages.moving]);
+    for (number, (point, onwards, weight)) in STAGES.into_iter().enumerate() {
+        let tape = &mut routine.tape;
+        let step = tape.literal(onwards);
+        let mut at = x.to_vec();
+        if let Some((k, _)) = &last {
+            for (at, k) in at.iter_mut().zip(k) {
+                let moved = tape.multiply(step, *k);
+                *at = tape.add(*at, moved);
+            }
+        }
+        let (k, a) = stages.at(context, routine, (number, point), &at);
+        let tape = &mut routine.tape;
         let columns = onwards_along(tape, &a, last.as_ref().map(|(_, before)| before), step);
         let weight = tape.literal(weight);
         for (sum, k) in sums.0.iter_mut().zip(&k) {
@@ -102,9 +163,7 @@ pub(super) fn predict(
         }
         last = Some((k, columns));
     }
-    let (next, jacobian) = finished(&mut routine.tape, &x, sums);
-    context.finish_prediction(&mut routine, (&next, jacobian), units, periods);
-    (routine, (!of_stage.is_empty()).then_some(stage))
+    finished(&mut routine.tape, x, sums)
 }
 
 /// The derivatives of a stage: K = B + c·A·K of the stage before, where B is A itself and ∂f/∂p behind it.

@@ -255,14 +255,11 @@ impl Graph {
         self.below(&[root]).iter().filter_map(|id| self.as_variable(*id)).any(of_kind)
     }
 
-    /// Whether an expression is not smooth everywhere in the states: a choice stands in it, or a root of what is no constant.
+    /// Whether an expression is not smooth everywhere in the states, since a choice by one stands in it.
     pub(crate) fn has_kink(&self, root: NodeId) -> bool {
         let moves = |variable| matches!(variable, Variable::State(_));
-        self.below(&[root]).into_iter().any(|id| match self.node(id) {
-            Node::Choice { .. } => self.depends(id, moves),
-            Node::Call(Function::Sqrt, at) => self.depends(*at, moves),
-            _ => false,
-        })
+        let below = self.below(&[root]);
+        below.into_iter().any(|id| matches!(self.node(id), Node::Choice { .. }) && self.depends(id, moves))
     }
 
     /// As [`below`](Self::below), with a bound on how often that is done; nothing beyond it.

@@ -231,7 +231,7 @@ impl Motion {
         &self.held
     }
 
-    /// Whether a rate is not smooth everywhere: an `if`, `max`, `min`, `abs` or a root that meets 0 stands in it.
+    /// Whether a rate is not smooth everywhere: an `if`, `max`, `min` or `abs` of a state stands in it.
     pub fn has_kinks(&self) -> bool {
         self.has_kinks
     }

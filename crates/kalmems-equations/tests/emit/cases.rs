@@ -116,6 +116,7 @@ fn case(
 ) -> Case {
     let n = states.len();
     let mut request = EmitRequest {
+        linear: Vec::new(),
         name: name.to_owned(),
         heading: vec![format!("Equations `{name}`."), "sha256 of no experiment".to_owned()],
         interval_s,

@@ -4,7 +4,7 @@ use super::course::{EquationSegment, SegmentChannel};
 use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
 use super::interpolation::Interpolation;
-use super::model::{EquationModel, Interval, noises, steps_over};
+use super::model::{EquationModel, Interval, noises};
 use super::segment::{EquationFilterTask, at_rest, motion, rates_of_inputs};
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
@@ -74,9 +74,7 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     let wrong = |error| ExportError::from(refused(experiment, &error));
     let model = filter.models(own).map_err(wrong)?;
     let Some(model) = model.first() else { return refuse("it has no model") };
-    // What follows faster than the samples is predicted in parts of the interval between them.
-    let parts =
-        steps_over(model.pace(), interval_s).filter(|_| method == StepMethod::RungeKutta).unwrap_or(1);
+    let parts = filter.basics.steps.filter(|_| method == StepMethod::RungeKutta).unwrap_or(1);
     let each_s = interval_s / parts as f64;
     let over = Interval::of(each_s);
     let mut heading = heading(experiment, request, &filter.basics.name, interval_s);
@@ -144,6 +142,7 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         interval_s: each_s,
         parts,
         method,
+        linear: if method == StepMethod::RungeKutta { model.linear_at_rest() } else { Vec::new() },
         parameters: own.values.clone(),
         adjustable: adjustable(experiment, request, own)?,
         states: (0..states).map(start).collect(),

@@ -126,9 +126,8 @@ impl EquationModel {
         self.rule == StepRule::Exponential && !self.motion.is_linear()
     }
 
-    /// Where the motion is linearised for a state: at rest, with the states that no equation moves, such as a resonance, and the
-    /// parameters that are states, at their means; these are rounded, so that it is the same for many samples. A function of the state
-    /// alone.
+    /// Where the motion is linearised for a state: at rest, with the states that no equation moves, such as a resonance, at their means, which
+    /// are rounded, so that it is the same for many samples; parameters that are states are as stated. A function of the state alone.
     fn point(&self, mean: &[f64]) -> StateNumbers {
         let mut point = [0.0; MOST_STATES];
         for (to, rest) in point.iter_mut().zip(&self.rest) {
@@ -140,16 +139,6 @@ impl EquationModel {
             if let Some((to, mean)) = point.get_mut(place).zip(mean.get(place)) {
                 *to = rounded(*mean);
             }
-        }
-        let free = self.free.iter().zip(mean.iter().skip(moving));
-        for (to, ((value, added), deviation)) in point.iter_mut().skip(moving).zip(free) {
-            let off = deviation * added.scale;
-            // Exactly the stated value where it is not off.
-            *to = if *value == 0.0 {
-                rounded(off)
-            } else {
-                value + value * (GRID * off / value).round() / GRID
-            };
         }
         point
     }
@@ -192,6 +181,18 @@ impl EquationModel {
         self.motion.set_tables(&mut tables, &jacobian, interval_s);
         let (of_half, interval_s) = (OnceCell::new(), 0.5 * interval_s);
         Linearised { point, tables, half: (of_half, interval_s), jacobian, held, covariance, root }
+    }
+
+    /// ∂f/∂x of the moving states at rest, row by row: the linear part of a step there.
+    pub fn linear_at_rest(&self) -> Vec<f64> {
+        let (moving, states) = (self.moving(), self.rest.len());
+        let at_rest = self.linearised(&Interval::of(1.0), self.rest.get(..moving).unwrap_or_default());
+        at_rest
+            .jacobian
+            .chunks(states)
+            .take(moving)
+            .flat_map(|row| row.iter().take(moving).copied())
+            .collect()
     }
 
     /// The tables of half of an interval.
@@ -393,9 +394,6 @@ struct Linearised {
     covariance: Vec<f64>,
     root: Vec<f64>,
 }
-
-/// Steps of a parameter's grid in its value.
-const GRID: f64 = 4096.0;
 
 /// A number to twelve binary digits: what a step's linear part is off by then costs the step less than a thousandth of a claimed
 /// standard deviation, and is the same for many samples.

@@ -699,14 +699,16 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
     // Of a motion that goes the other way the errors are what they are.
     let goes_the_other_way = estimator.verdict == Verdict::WrongSign;
     let claims = estimator.contradicted_claims().filter(|_| !goes_the_other_way);
-    let mut why: Vec<Notice> = claims
-        .map(|(name, claim)| Notice { size: claim.mean_square.sqrt(), ..because(of_the_claim(name, &claim)) })
-        .collect();
     // Before any number of the device is blamed.
-    why.extend(estimator.step_errors.filter(StepErrors::is_remarkable).map(|steps| {
+    let steps = estimator.step_errors.filter(StepErrors::is_remarkable).map(|steps| {
         let found = because(steps.to_string());
         let severity = if steps.is_large() { found.severity } else { NoticeSeverity::Note };
         Notice { severity, size: f64::MAX, ..found }.explained_by("step")
+    });
+    let mut why: Vec<Notice> = steps.into_iter().collect();
+    why.extend(claims.map(|(name, claim)| Notice {
+        size: claim.mean_square.sqrt(),
+        ..because(of_the_claim(name, &claim))
     }));
     why.extend(estimator.parameters.iter().filter_map(|parameter| {
         let ParameterAnswer { name, end, end_sd, fault, .. } = parameter;

@@ -315,13 +315,13 @@ fn apart_in<const N: usize>(preset: &Preset, state: &str, parts: [f64; N]) -> [V
 }
 
 #[test]
-fn a_rig_and_its_equations_differ_by_the_error_of_a_step() {
+fn a_rig_and_its_equations_differ_by_the_step_of_the_rig() {
     let of = |example: &str| PRESETS.into_iter().find(|preset| preset.example == example).unwrap();
     let preset = Preset { methods: &["model", "ekf"], states: "", ..of("micro_stage/experiment.toml") };
-    let [coarse, fine, finest] = apart_in(&preset, "angle", [8.0, 16.0, 256.0]);
-    // A method of fourth order: 2⁴ times less.
-    assert!((12.0..20.0).contains(&(coarse[0] / fine[0])), "{coarse:?} {fine:?}");
-    assert!(finest.iter().all(|apart| *apart < 1e-12), "{finest:?}");
+    // Both steps are exact, whatever else is as fast as a part of an interval.
+    for apart in apart_in(&preset, "angle", [8.0, 256.0]) {
+        assert!(apart.iter().all(|apart| *apart < 1e-12), "{apart:?}");
+    }
     // Here it is the step of the rig, which is exact but for what the plates' force bends: shorter ones of the equations change nothing.
     let preset = Preset { methods: &["model"], ..of("accelerometer/simulation.toml") };
     let [coarse, fine] = apart_in(&preset, "displacement", [8.0, 32.0]);

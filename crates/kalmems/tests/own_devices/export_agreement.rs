@@ -142,7 +142,7 @@ fn the_variance_that_a_filter_takes_samples_for_is_in_the_source() {
 fn a_source_that_its_rehearsal_finds_apart_from_the_estimate_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), "hold");
-    let text = lag("hold", "gate = false", "1e-20[V^2]").replace("1e-6[V^2/s]", "1e-22[V^2/s]");
+    let text = lag("hold", "gate = false", "1e-16[V^2]").replace("1e-6[V^2/s]", "1e-17[V^2/s]");
     match exported(folder.path(), &text, SourceDigits::AsNeeded) {
         Err(ExportError::Rehearsal { filter, share, .. }) => {
             assert!(filter == "EKF" && share > 0.02, "{share}");

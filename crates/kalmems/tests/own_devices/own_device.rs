@@ -354,7 +354,6 @@ fn a_key_that_an_own_device_lacks_is_reported_with_what_to_write() {
         ),
         ("no noise of a measurement", text.replace("fast = \"1e-6[V^2]\"\n", "")),
         ("unknown channel", text.replace("channels = [\"fast\"]", "channels = [\"quick\"]")),
-        ("a time constant that is too short", text.replace("20[us]", "1[ps]")),
         ("a lock-in", text.replacen("method = \"ekf\"", "method = \"lock_in\"", 1)),
         (
             "no measurement in the recording",

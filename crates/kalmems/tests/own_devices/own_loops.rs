@@ -53,7 +53,7 @@ sensitivity = "0.2 V/um"
 [simulate]
 duration = "300 ms"
 sampling_rate = "200 kHz"
-integration_rate = "400 kHz"
+integration_rate = "4 MHz"
 start = { x = "0 m", v = "0 m/s", turn = "0 rad", along = "0 m", across = "0 m", summed = "0 V" }
 seed = 5
 [simulate.drive.inputs.level.feedback]
