@@ -79,7 +79,7 @@ impl CommonErrorShares {
 const WITHIN: f64 = 0.9;
 
 /// How many times as large as claimed errors are root mean square from which on a claim is doubtful, and from which on it is wrong.
-const DOUBTFUL: f64 = 1.4;
+const DOUBTFUL: f64 = 1.3;
 const FAILED: f64 = 2.0;
 
 impl Claim {
@@ -129,8 +129,7 @@ impl Claim {
     }
 
     fn judged(self) -> Self {
-        let chi = ChiSquared::new(self.independent);
-        Self { p_value: chi.map_or(f64::NAN, |chi| chi.sf(self.independent * self.mean_square)), ..self }
+        Self { p_value: self.p_value_of(self.independent), ..self }
     }
 
     /// Whether the errors are larger than claimed by more than chance.
@@ -138,9 +137,15 @@ impl Claim {
         self.p_value < WRONG
     }
 
-    /// Whether they are so much larger that the claim is not to be relied on.
+    /// Whether they are so much larger that the claim is not to be relied on, even if only half of the errors were independent: their
+    /// correlation is predicted without the errors of parameters, which last.
     pub fn is_doubtful(&self) -> bool {
-        self.is_contradicted() && self.mean_square > DOUBTFUL * DOUBTFUL
+        self.p_value_of(0.5 * self.independent) < WRONG && self.mean_square > DOUBTFUL * DOUBTFUL
+    }
+
+    /// How probable so large errors are if so many are independent.
+    fn p_value_of(&self, independent: f64) -> f64 {
+        ChiSquared::new(independent).map_or(f64::NAN, |chi| chi.sf(independent * self.mean_square))
     }
 
     /// Whether the claim is wrong: errors that are much larger, or too many beyond three standard deviations, and not by chance.
