@@ -190,7 +190,7 @@ fn decoded(text: &str) -> Result<OsString, Status> {
 
 /// A name of a file, which need not be text.
 #[cfg(unix)]
-#[allow(clippy::unnecessary_wraps)] // as elsewhere
+#[allow(clippy::unnecessary_wraps)] // where names are not bytes, this can fail
 fn named(bytes: Vec<u8>) -> Result<OsString, Status> {
     use std::os::unix::ffi::OsStringExt;
     Ok(OsString::from_vec(bytes))
