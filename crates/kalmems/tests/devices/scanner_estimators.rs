@@ -292,6 +292,10 @@ fn on_the_reference_recording_the_filters_reach_what_independent_ones_reached() 
     let head = &text[..text.find("[[estimate.filter]]").unwrap()];
     let parameters = "gain = { start_sd = \"5 %\", drift = \"1e-8 1/s\" }, offset = { start_sd = \"50 mV\", drift = \"1e-8 V^2/s\" }";
     let stiffness = "stiffness = { start_sd = \"1 %\", drift = \"1e-7 1/s\" }";
+    // The expected values were reached by one step of Runge and Kutta's method a sample and a drive from four points, which
+    // alone change the smoothed phase by a tenth where the process noise is small. The same filters with a converged step:
+    let converged: serde_json::Value =
+        serde_json::from_str(include_str!("../independent/scanner_filters.json")).unwrap();
     let mut compared = 0;
     for power in [2, 4, 6, 7, 8, 9] {
         let noise = format!("process_noise = {{ angular_acceleration = \"1e{power} rad^2/s^3\" }}\n");
@@ -318,10 +322,26 @@ fn on_the_reference_recording_the_filters_reach_what_independent_ones_reached() 
                 Some(key) => (key, "rts_"),
                 None => (estimator.key.as_str(), ""),
             };
-            let Some(theirs) = expected["achieved"].get(format!("{prefix}{key}_q1e+0{power}")) else {
-                continue;
-            };
+            let name = format!("{prefix}{key}_q1e+0{power}");
             let errors = estimator.errors.as_ref().unwrap();
+            if let Some(theirs) = converged.get(&name) {
+                // Peaks are found in different ways where the rate is noisy.
+                let phase = if power < 6 { 0.01 } else { 0.025 };
+                for (ours, name, within) in [
+                    (errors.angle.rmse_deg, "angle_rmse_deg", 0.01),
+                    (errors.peak_phase_rmse_deg.unwrap(), "peak_phase_rmse_deg", phase),
+                ] {
+                    let theirs = theirs[name].as_f64().unwrap();
+                    println!("{:40} q=1e{power} {name:26} {ours:.6} converged {theirs:.6}", estimator.key);
+                    assert!(
+                        (ours / theirs - 1.0).abs() < within,
+                        "{} {name}: {ours} {theirs}",
+                        estimator.key
+                    );
+                    compared += 1;
+                }
+            }
+            let Some(theirs) = expected["achieved"].get(&name) else { continue };
             let ours = [
                 (errors.angle.rmse_deg, "angle_rmse_deg"),
                 (errors.peak_phase_rmse_deg.unwrap(), "peak_phase_rmse_deg"),
@@ -336,6 +356,9 @@ fn on_the_reference_recording_the_filters_reach_what_independent_ones_reached() 
                     estimator.key,
                     100.0 * (ours / theirs - 1.0)
                 );
+                if power < 6 && name != "mean_nis" {
+                    continue;
+                }
                 // Their mean NIS takes the settling time in, ours does not; the UKF starts far off.
                 let within = if name == "mean_nis" { 0.1 } else { 0.03 };
                 assert!((ours / theirs - 1.0).abs() < within, "{} {name}: {ours} {theirs}", estimator.key);
@@ -349,7 +372,7 @@ fn on_the_reference_recording_the_filters_reach_what_independent_ones_reached() 
             }
         }
     }
-    assert!(compared > 80, "{compared}");
+    assert!(compared > 120, "{compared}");
 }
 
 #[test]
