@@ -91,7 +91,10 @@ impl KalmemsEstimate {
                 let signal_unit = signal_unit.map_or_else(|| "1".to_owned(), |unit| unit.si_header());
                 for (place, trajectory) in estimate.trajectories.iter().enumerate() {
                     let (columns, units) = headers(trajectory, &signal_unit).into_iter().unzip();
-                    let grade = judged.iter().find(|(name, _)| *name == trajectory.name).and_then(|(_, grade)| *grade);
+                    let grade = judged
+                        .iter()
+                        .find(|(name, _)| *name == trajectory.name)
+                        .and_then(|(_, grade)| *grade);
                     trajectories.push(Named {
                         recording,
                         segment,

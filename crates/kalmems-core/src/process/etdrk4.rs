@@ -1,6 +1,6 @@
 //! The step of all devices: exact for what is linear, of fourth order in the rest.
 
-use super::stepper::{AsGiven, RightHandSide, VariedDynamics};
+use super::stepper::{AsGiven, RightHandSide, VariedDynamics, held_dynamics};
 use super::{Dynamics, Nodes, Process, ProcessNoise};
 use crate::augmentation::{ParametricDynamics, ParametricProcess};
 use crate::discretize::{discretize, phi_functions};
@@ -160,17 +160,7 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Etdrk4<D, T
 }
 
 impl<T: Scalar, D: ParametricDynamics<T, N>, const N: usize> ParametricProcess<T, N> for Etdrk4<D, T, N> {
-    type Model = D;
-
-    #[inline(always)]
-    fn model(&self) -> &D {
-        &self.dynamics
-    }
-
-    #[inline(always)]
-    fn interval(&self) -> T {
-        self.interval
-    }
+    held_dynamics!();
 
     #[inline(always)]
     fn step_of<S: Over<T>>(&self, varied: &D::Of<S>, x: &[S; N], u: &Nodes<D::Input>) -> [S; N] {

@@ -47,6 +47,7 @@ macro_rules! held_dynamics {
         }
     };
 }
+pub(super) use held_dynamics;
 
 /// The classical Runge–Kutta method of fourth order, one step per interval.
 ///

@@ -457,7 +457,6 @@ fn test_samples(
         .follow(&mut FilterPast::default())
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;
     let Some(trajectory) = found.first() else { return Err(ExportError::NoInterval { file: file() }) };
-    let expected = |k: usize| expected_of(own, filter, trajectory, k);
     let sample = |(k, part): (usize, usize)| {
         let inputs = inputs_of_part(&data, &own.between, (k, part, parts));
         if part + 1 < parts {
@@ -469,44 +468,34 @@ fn test_samples(
                 expected_sd: Vec::new(),
             };
         }
+        let (expected, expected_sd) = answer_at(own, filter, trajectory, k);
         TestSample {
             inputs,
             measured: data.channels.iter().map(|channel| channel.signal[k]).collect(),
             events: filter.events.iter().map(|used| ago[used.event].get(k).copied().flatten()).collect(),
-            expected: expected(k),
-            expected_sd: claimed_of(own, filter, trajectory, k),
+            expected,
+            expected_sd,
         }
     };
     Ok((1..=count).flat_map(|k| (0..parts).map(move |part| (k, part))).map(sample).collect())
 }
 
-/// The standard deviations that are claimed of them.
-fn claimed_of(
+/// States and values of parameters as the source has them, at a sample of a trajectory, and the standard deviations that are claimed of
+/// them.
+fn answer_at(
     own: &OwnDevice,
     filter: &EquationFilterSettings,
     trajectory: &Trajectory,
     k: usize,
-) -> Vec<f64> {
+) -> (Vec<f64>, Vec<f64>) {
     let states = own.device.states().len();
-    let sd = |state: &StateSeries| state.sd.get(k).copied().unwrap_or(0.0);
-    let of_states = trajectory.states.iter().take(states).map(sd);
-    let of_parameters = trajectory.states.iter().skip(states).zip(filter.basics.parameters());
-    of_states.chain(of_parameters.map(|(state, tracked)| sd(state) * tracked.added.scale.abs())).collect()
-}
-
-/// States and values of parameters as the source has them, at a sample of a trajectory.
-fn expected_of(
-    own: &OwnDevice,
-    filter: &EquationFilterSettings,
-    trajectory: &Trajectory,
-    k: usize,
-) -> Vec<f64> {
-    let states = own.device.states().len();
-    let own_states = trajectory.states.iter().take(states).map(|state| state.mean[k]);
-    let values =
-        trajectory.states.iter().skip(states).zip(filter.basics.parameters()).map(|(state, tracked)| {
-            let value = own.device.parameter(tracked.parameter.name).and_then(|place| own.values.get(place));
-            value.copied().unwrap_or(f64::NAN) + state.mean[k] * tracked.added.scale
-        });
-    own_states.chain(values).collect()
+    let answer = |state: &StateSeries| (state.mean[k], state.sd.get(k).copied().unwrap_or(0.0));
+    let of_states = trajectory.states.iter().take(states).map(answer);
+    let tracked = trajectory.states.iter().skip(states).zip(filter.basics.parameters());
+    let of_parameters = tracked.map(|(state, tracked)| {
+        let stated = own.device.parameter(tracked.parameter.name).and_then(|place| own.values.get(place));
+        let ((mean, sd), scale) = (answer(state), tracked.added.scale);
+        (stated.copied().unwrap_or(f64::NAN) + mean * scale, sd * scale.abs())
+    });
+    of_states.chain(of_parameters).unzip()
 }
