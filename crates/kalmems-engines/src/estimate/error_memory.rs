@@ -23,6 +23,10 @@ const FORGOTTEN: f64 = 0.05;
 /// For how many times as long as it was followed an error is assumed to last in the same way, before another one is followed.
 const REST: u32 = 3;
 
+/// The part of its variances at the beginning below which an error that is followed says nothing of those of now: a filter that settles forgets
+/// the error of its start at once, while that of a parameter which it has learnt meanwhile lasts.
+const SETTLED: f64 = 0.25;
+
 /// Updates of a span at least.
 const SPAN: u32 = 1024;
 
@@ -94,6 +98,10 @@ impl<const N: usize> ErrorMemory<N> {
         }
         self.updates += 1;
         match (self.state, link, before) {
+            (MemoryState::Follows(_), ..) if self.has_settled(after) => {
+                self.end(time_s);
+                self.begin(time_s, after);
+            }
             (MemoryState::Follows(steps), Some(link), Some(before)) => {
                 let lasts = self.carry(link, before, after, time_s - self.before_s);
                 self.state = MemoryState::Follows(steps.saturating_add(1));
@@ -102,7 +110,9 @@ impl<const N: usize> ErrorMemory<N> {
                     self.state = MemoryState::Rests(steps.saturating_add(1).saturating_mul(REST));
                 }
             }
-            (MemoryState::Rests(left), ..) if left > 0 => self.state = MemoryState::Rests(left - 1),
+            (MemoryState::Rests(left), ..) if left > 0 && !self.has_settled(after) => {
+                self.state = MemoryState::Rests(left - 1)
+            }
             _ => self.begin(time_s, after),
         }
         self.before_s = time_s;
@@ -112,13 +122,17 @@ impl<const N: usize> ErrorMemory<N> {
     /// What is known of the way since what was given last, at the end of a part. An error that has not gone away yet lasts, as far
     /// as is known, from its beginning to here.
     pub(super) fn rest(&mut self, time_s: f64) -> Option<ErrorSpan> {
-        if self.followed_s > 0.0 {
-            return Some(self.give(time_s));
-        }
         let mut until_now = self.clone();
         until_now.end(time_s);
-        (self.span_began_s, self.updates) = (time_s, 0);
+        (self.span_began_s, self.updates, self.followed_s) = (time_s, 0, 0.0);
+        self.independent = [0.0; FOLLOWED];
         (until_now.followed_s > 0.0).then(|| until_now.give(time_s))
+    }
+
+    /// Whether all variances are far below those at the beginning of the error that is, or was last, followed. In an oscillation some of them
+    /// are at any time.
+    fn has_settled(&self, covariance: &Covariance<f64, N>) -> bool {
+        self.variance.iter().take(N).enumerate().all(|(i, then)| covariance.get(i, i) < SETTLED * then)
     }
 
     fn begin(&mut self, time_s: f64, covariance: &Covariance<f64, N>) {
