@@ -8,8 +8,7 @@ use kalmems::array_experiment::PreparedExperiment;
 use kalmems::estimate::{Trajectory, TrajectoryKind};
 use kalmems::evaluate::Grade;
 use kalmems::results::{
-    Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table, notices,
-    parameters_table, summary_table,
+    Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, notices, summary_text,
 };
 use kalmems::rigs::published;
 use std::ffi::{CString, c_char, c_void};
@@ -70,10 +69,7 @@ impl KalmemsEstimate {
     fn of(estimated: Estimated, info: RunInfo) -> Result<Self, Failure> {
         let metrics =
             serde_json::to_string(&estimated.metrics).map_err(|error| Failure::estimation(&error))?;
-        let further = [parameters_table(&estimated.metrics), budget_table(&estimated.metrics)];
-        let all =
-            std::iter::once(summary_table(&estimated.metrics, false)).chain(further.into_iter().flatten());
-        let summary: Vec<String> = all.map(|table| table.to_text()).collect();
+        let summary = summary_text(&estimated.metrics, false);
         let told = notices(&estimated.metrics).into_iter().map(|notice| owned(&notice.text)).collect();
         let mut trajectories = Vec::new();
         for (recording, of_recording) in estimated.outcome.recordings.iter().enumerate() {
@@ -114,7 +110,7 @@ impl KalmemsEstimate {
         Ok(Self {
             info,
             metrics: owned(&metrics),
-            summary: owned(&summary.join("\n")),
+            summary: owned(&summary),
             notices: told,
             trajectories,
             estimated,

@@ -12,8 +12,8 @@ use kalmems::estimate::{Trajectory, TrajectoryKind};
 use kalmems::figures::Figure;
 use kalmems::recording::RecordingSource;
 use kalmems::results::{
-    Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table, notices,
-    parameters_table, summary_table,
+    Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, answers, budget_table, notices,
+    parameters_table, summary_table, summary_text,
 };
 use kalmems::rigs::published;
 use kalmems::workflow::{RecordingOutcome, SegmentOutcome};
@@ -125,12 +125,14 @@ impl Outcome {
             .collect()
     }
 
-    /// The same as text.
+    /// What the command prints: the answers, and behind them the tables.
     fn summary(&self) -> String {
-        let metrics = &self.estimated.metrics;
-        let further = [parameters_table(metrics), budget_table(metrics)];
-        let all = std::iter::once(summary_table(metrics, true)).chain(further.into_iter().flatten());
-        all.map(|table| table.to_text()).collect::<Vec<String>>().join("\n")
+        summary_text(&self.estimated.metrics, true)
+    }
+
+    /// The motion and how well it is known, a sentence for each quantity.
+    fn answers(&self) -> Vec<String> {
+        answers(&self.estimated.metrics)
     }
 
     /// The experiment as it was understood, every default written out.

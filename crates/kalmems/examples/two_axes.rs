@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let output =
         Output::begin(&simulated, &Work::of_file("simulate", experiment.path(), experiment.files()))?;
-    write_simulation(&experiment, simulation.as_ref(), &output, info, &Silent)?;
+    write_simulation(&experiment, &TwoAxesRig, simulation.as_ref(), &output, info, &Silent)?;
     output.commit()?;
     let outcome =
         workflow::estimate(published(), &published().load(&simulated.join("experiment.toml"))?, &Silent)?;

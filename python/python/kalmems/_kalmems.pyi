@@ -46,6 +46,11 @@ class Outcome:
     What came of an experiment; its arrays are views of what is held here.
     """
 
+    def answers(self, /) -> list[str]:
+        """
+        The motion and how well it is known, a sentence for each quantity.
+        """
+
     def experiment_toml(self, /) -> str:
         """
         The experiment as it was understood, every default written out.
@@ -93,7 +98,7 @@ class Outcome:
 
     def summary(self, /) -> str:
         """
-        The same as text.
+        What the command prints: the answers, and behind them the tables.
         """
 
     def tables(self, /) -> list[tuple[list[str], list[list[str]]]]:

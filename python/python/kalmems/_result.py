@@ -227,6 +227,8 @@ class Result:
         self.sources: list[tuple[str, str, int]] = state["sources"]
         """What was read: file, SHA-256 and number of bytes of each."""
         self._tables: list[tuple[list[str], list[list[str]]]] = state["tables"]
+        self.answers: list[str] = state["answers"]
+        """The motion and how well it is known, a sentence for each quantity."""
         self._summary: str = state["summary"]
         self._toml: str = state["toml"]
 
@@ -242,6 +244,7 @@ class Result:
                 "segments": segments,
                 "sources": outcome.sources(),
                 "tables": outcome.tables(),
+                "answers": outcome.answers(),
                 "summary": outcome.summary(),
                 "toml": outcome.experiment_toml(),
             }
@@ -276,7 +279,7 @@ class Result:
         return self._toml
 
     def summary(self) -> str:
-        """The tables that `kalmems estimate` prints."""
+        """The answers and tables that `kalmems estimate` prints."""
         return self._summary
 
     def _native(self) -> _kalmems.Outcome:
@@ -333,6 +336,7 @@ class Result:
     def _repr_html_(self) -> str:
         parts = [f"<h4>{html.escape(str(self.metrics['experiment']))}</h4>"]
         colours = {"failure": "#b00020", "warning": "#9a5b00", "note": "#555555", "ok": "#1b6e3c"}
+        parts.extend(f"<p><b>{html.escape(answer)}</b></p>" for answer in self.answers)
         for notice in self.notices:
             colour = colours.get(notice.severity, "#555555")
             text = re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(notice.text))

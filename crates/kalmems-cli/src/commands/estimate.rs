@@ -8,8 +8,8 @@ use crate::{CommandEnding, print, print_json, target};
 use kalmems::config::Experiment;
 use kalmems::diagnose::FoundNoise;
 use kalmems::results::{
-    Estimated, LongEstimate, Metrics, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table,
-    is_unexplained, notices_in_short, number_check, parameters_table, summary_table,
+    Estimated, LongEstimate, Metrics, Output, ResultWriteError, RunInfo, Work, WriteOptions, is_unexplained,
+    notices_in_short, number_check, summary_text,
 };
 use kalmems::rigs::Workbench;
 use kalmems::workflow::{self, PartsError, WorkflowError};
@@ -31,10 +31,7 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), C
     if arguments.json {
         print_json(&metrics)?;
     } else {
-        let mut text = summary_table(&metrics, true).to_text();
-        for table in [parameters_table(&metrics), budget_table(&metrics)].into_iter().flatten() {
-            text += &format!("\n{}", table.to_text());
-        }
+        let mut text = summary_text(&metrics, true);
         for notice in notices_in_short(&metrics) {
             text += &format!("\n{notice}\n");
         }

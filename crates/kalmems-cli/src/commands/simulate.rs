@@ -26,17 +26,18 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), C
     let output = arguments.folder.begin(&["simulated", &experiment.name.to_string()], work)?;
     let bar = ProgressDisplay::default();
     let info = || RunInfo { started, took: clock.elapsed() };
-    let summary = write_simulation(&experiment, &*simulation, &output, info, &bar).map_err(|e| match e {
-        SimulationWriteError::Simulate(SimulateError::Interrupted) => CommandEnding::Interrupted,
-        e => wrong(&e),
-    })?;
+    let summary =
+        write_simulation(&experiment, rig, &*simulation, &output, info, &bar).map_err(|e| match e {
+            SimulationWriteError::Simulate(SimulateError::Interrupted) => CommandEnding::Interrupted,
+            e => wrong(&e),
+        })?;
     drop(bar);
     let out = target::finish(output)?;
 
     if arguments.json {
         print_json(&summary)?;
     } else {
-        let outlook = summary.outlook.map_or_else(String::new, |outlook| format!("{outlook}\n"));
+        let outlook = summary.outlook.as_ref().map_or_else(String::new, |outlook| format!("{outlook}\n"));
         let column = simulation.truth().first().map_or("deflection", |channel| channel.column);
         let unit = ColumnHeader::parse(column).unit_text;
         let name = column.strip_suffix(&unit).map_or(column, |name| name.trim_end_matches('_'));
@@ -44,7 +45,8 @@ pub fn run(workbench: &Workbench, arguments: &SimulateArguments) -> Result<(), C
         let largest = format!("largest {name} {}", quantity(summary.largest, &unit));
         let text = format!("{outlook}{} samples, {largest}, seed {}\n", summary.samples, summary.seed);
         print(&with_short_numbers(&text))?;
-        for line in &summary.told {
+        let integration = summary.integration_sentence();
+        for line in integration.iter().chain(&summary.told) {
             print(&with_short_numbers(&format!("{line}\n")))?;
         }
     }

@@ -318,7 +318,10 @@ fn text(summary: &StreamSummary) -> String {
     let quantiles = [0.5, 0.9, 0.99, 0.999].map(|share| latency.quantile(share).map(micro));
     if let [Some(half), Some(ninth), Some(hundredth), Some(thousandth)] = quantiles {
         text += &format!(
-            "from arrival to estimate: half within {half}, 90 % {ninth}, 99 % {hundredth}, 99.9 % {thousandth}, all {}\n",
+            "from arrival to estimate, which waits for the next {} sample{}: half within {half}, 90 % {ninth}, 99 % {hundredth}, 99.9 % {thousandth}, \
+             all {}\n",
+            summary.waits_for,
+            if summary.waits_for == 1 { "" } else { "s" },
             micro(latency.longest())
         );
         let most = latency.filled().map(|(_, count)| count).max().unwrap_or(1).max(1);

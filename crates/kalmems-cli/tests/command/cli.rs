@@ -901,7 +901,11 @@ fn samples_come_from_a_file_a_pipe_or_a_connection() {
     let from_file = run(&["stream", STREAM, "--from", recording.to_str().unwrap()]);
     let said = text(&from_file.stderr);
     assert_eq!(from_file.status.code(), Some(0), "{said}");
-    assert!(said.contains("24001 samples estimated") && said.contains("from arrival to estimate"), "{said}");
+    assert!(
+        said.contains("24001 samples estimated")
+            && said.contains("from arrival to estimate, which waits for the next 2 samples:"),
+        "{said}"
+    );
     let lines = text(&from_file.stdout);
     assert!(lines.contains("\nevent,{\"event\":\"zero_phase\""), "{said}");
     let same = |other: &str| {

@@ -2,7 +2,7 @@
 
 use super::answers::AnswerRun;
 use super::bank::BankFilters;
-use super::driven::DrivePast;
+use super::driven::{DrivePast, InterpolationLag};
 use super::gate::{Decisions, SampleGate};
 use super::lock::LockJudge;
 use super::lock_in::OpenWindow;
@@ -24,6 +24,7 @@ pub struct Past {
     /// What the rig keeps in numbers; they are written, so that another run has them too.
     pub numbers: Vec<f64>,
     filters: Vec<FilterPast>,
+    lag: InterpolationLag,
 }
 
 impl Past {
@@ -32,11 +33,38 @@ impl Past {
         Self { start_s, ..Self::default() }
     }
 
+    /// Begins a segment at this time in s.
+    pub fn begin(&mut self, start_s: f64) {
+        let lag = self.lag;
+        *self = Self::from(start_s);
+        self.wait_for(lag);
+    }
+
+    /// Goes on from where another run was.
+    pub(crate) fn resume(&mut self, state: &PastState) {
+        let lag = self.lag;
+        *self = Self::resumed(state);
+        self.wait_for(lag);
+    }
+
+    /// Waits for so many samples behind an interval before the inputs in it are said.
+    pub(crate) fn wait_for(&mut self, lag: InterpolationLag) {
+        self.lag = lag;
+        for input in std::iter::once(&mut self.drive).chain(&mut self.further_drives) {
+            input.lag = lag;
+        }
+    }
+
+    /// For how many samples behind an interval it waits.
+    pub const fn lag(&self) -> InterpolationLag {
+        self.lag
+    }
+
     /// What is kept of one of several inputs, of which the first is the drive.
     pub fn input(&mut self, index: usize) -> &mut DrivePast {
         let Some(further) = index.checked_sub(1) else { return &mut self.drive };
         while self.further_drives.len() <= further {
-            self.further_drives.push(DrivePast::default());
+            self.further_drives.push(DrivePast::waiting_for(self.lag));
         }
         &mut self.further_drives[further]
     }
@@ -180,6 +208,7 @@ impl Past {
             numbers: numbers(&state.numbers),
             motion_rate: state.motion_rate.map(f64::from),
             filters: filters.collect(),
+            lag: InterpolationLag::default(),
         }
     }
 }

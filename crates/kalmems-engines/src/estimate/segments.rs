@@ -157,7 +157,7 @@ impl<'a> SignalSegment<'a> {
             return Err(EstimateError::NoSignal { place, column: column.to_owned() });
         }
         if begins {
-            *past = Past::from(segment.time.start_s());
+            past.begin(segment.time.start_s());
         }
         Ok(Self {
             recording,

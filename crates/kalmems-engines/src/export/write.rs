@@ -196,7 +196,7 @@ fn sampled(
     }
     let middle = |to: usize| match to {
         0 => drive[0],
-        _ => quintic_middle(&time_s, |i| drive[i], to),
+        _ => quintic_middle(&time_s, |i| drive[i], to, 2),
     };
     let samples = ExportSamples {
         drive: drive[..asked].to_vec(),

@@ -2,6 +2,7 @@
 
 use super::{Estimator, Rig};
 use crate::config::{Experiment, VariedExperiment};
+use crate::estimate::driven::InterpolationLag;
 use crate::estimate::{
     DeviceParameter, DirectionInformation, EstimateError, NumberBits, Past, PastState, RowsAround,
     SegmentEstimate, SegmentPart, Trajectory, TrajectoryKind, is_at,
@@ -20,6 +21,11 @@ pub(super) fn considering<'a>(
     experiment: &'a Experiment,
     make: &EstimatorMaker<'_, 'a>,
 ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+    let make = |told: &'a Experiment| {
+        let mut estimator = make(told)?;
+        estimator.past().wait_for(InterpolationLag::of(told));
+        Ok(estimator)
+    };
     let own = make(experiment)?;
     let varied = experiment.varied()?;
     if varied.is_empty() {

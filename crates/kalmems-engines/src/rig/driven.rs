@@ -7,7 +7,7 @@ use crate::config::{
 };
 use crate::estimate::driven::{
     BLOCK, ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, ParameterPlaces, ParametricReadout,
-    PlainModel, Plant, SegmentDrive, WithParameters, side_by_side,
+    PlainModel, Plant, WithParameters, side_by_side,
 };
 use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, DeviceParameter, EstimateError, FilterBasics, FilterPast,
@@ -287,7 +287,7 @@ impl<D: DrivenDevice<M>, const M: usize> Estimator for DrivenEstimator<'_, D, M>
         let again = self.settings.filters.iter().map(|filter| filter.rows_to_start_again::<D>(motion));
         let again = again.fold(0, usize::max);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        let (before, after) = SegmentDrive::ROWS_AROUND;
+        let (before, after) = self.past.lag().rows_around();
         RowsAround {
             head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
             before: before + again,

@@ -327,7 +327,7 @@ pub trait Estimator {
 
     /// Goes on from where another run was, before any part has been taken.
     fn resume(&mut self, state: &PastState) {
-        *self.past() = Past::resumed(state);
+        self.past().resume(state);
     }
 
     /// What the filters say of the new rows of a part: the first of a segment, or that which follows the last one.

@@ -1,5 +1,7 @@
 //! What a densely sampled signal was between its samples.
 
+use std::ops::Range;
+
 /// Lagrange's polynomial through up to four samples around the interval that ends at sample `to`, at a time in it.
 ///
 /// For samples that may be irregular, and many per cycle: at 32 per cycle the error is below 4 · 10⁻⁵ of the amplitude. For
@@ -20,16 +22,24 @@ pub fn quintic_between(time_s: &[f64], sample: impl Fn(usize) -> f64, to: usize,
 /// How far an interval may be from the one that ends at the sample, relative to it, for samples to be taken as evenly spaced.
 const EVEN: f64 = 1e-6;
 
-/// The same in the middle of the interval, quickly where the samples are evenly spaced.
+/// The same in the middle of the interval, quickly where the samples are evenly spaced, through two samples behind `to` or through one and four
+/// before: of a sine the error is then 1.4 times as large.
 #[inline]
-pub fn quintic_middle(time_s: &[f64], sample: impl Fn(usize) -> f64, to: usize) -> f64 {
-    let at_s = || time_s[to - 1].midpoint(time_s[to]);
-    let around = to.checked_sub(3).and_then(|first| time_s.get(first..to + 3));
-    let Some(around) = around else { return quintic_between(time_s, sample, to, at_s()) };
+pub fn quintic_middle(time_s: &[f64], sample: impl Fn(usize) -> f64, to: usize, behind: usize) -> f64 {
     let interval = time_s[to] - time_s[to - 1];
-    let bound = EVEN * interval;
-    if around.windows(2).any(|pair| (pair[1] - pair[0] - interval).abs() > bound) {
-        return quintic_between(time_s, sample, to, at_s());
+    let is_even = |around: &&[f64]| {
+        around.windows(2).all(|pair| (pair[1] - pair[0] - interval).abs() <= EVEN * interval)
+    };
+    let first = (to + behind).checked_sub(5);
+    let around = first.and_then(|first| time_s.get(first..first + 6)).filter(is_even);
+    if around.is_none() {
+        let last = (to + behind + 1).min(time_s.len());
+        let rows = last.saturating_sub(6)..last.max(time_s.len().min(6));
+        return polynomial_through(rows, time_s, sample, time_s[to - 1].midpoint(time_s[to]));
+    }
+    if behind == 1 {
+        let early = 3.0 * (7.0 * sample(to - 3) - sample(to - 4)) - 70.0 * sample(to - 2);
+        return (early + 210.0 * sample(to - 1) + 105.0 * sample(to) - 7.0 * sample(to + 1)) * (1.0 / 256.0);
     }
     let pair = |away: usize| sample(to - 1 - away) + sample(to + away);
     (3.0 * pair(2) - 25.0 * pair(1) + 150.0 * pair(0)) * (1.0 / 256.0)
@@ -47,8 +57,12 @@ pub fn polynomial_between(
 ) -> f64 {
     let n = time_s.len();
     let first = to.saturating_sub(points / 2).min(n.saturating_sub(points));
-    let last = (first + points).min(n);
-    let t = &time_s[first..last];
+    polynomial_through(first..(first + points).min(n), time_s, sample, at_s)
+}
+
+/// Lagrange's polynomial through these samples.
+fn polynomial_through(rows: Range<usize>, time_s: &[f64], sample: impl Fn(usize) -> f64, at_s: f64) -> f64 {
+    let (t, first) = (&time_s[rows.clone()], rows.start);
     (0..t.len())
         .map(|i| {
             let weight: f64 =
@@ -102,5 +116,21 @@ mod tests {
                 max_relative = 1e-14
             );
         }
+    }
+
+    #[test]
+    fn the_middle_of_an_interval_is_on_the_polynomial_through_six_samples() {
+        let polynomial = |t: f64| ((((0.3 * t - 1.0) * t + 0.5) * t - 2.0) * t + 1.0) * t - 4.0;
+        let even: Vec<f64> = (0..9).map(|k| f64::from(k) * 0.25).collect();
+        let uneven: Vec<f64> = even.iter().map(|t| t + 0.01 * (9.0 * t).sin()).collect();
+        for (time_s, behind) in [(&even, 1), (&even, 2), (&uneven, 1), (&uneven, 2)] {
+            for to in 1..time_s.len() {
+                let middle = time_s[to - 1].midpoint(time_s[to]);
+                let found = quintic_middle(time_s, |k| polynomial(time_s[k]), to, behind);
+                assert!((found - polynomial(middle)).abs() < 1e-12, "{behind} {to}");
+            }
+        }
+        // Two samples, of which a line is all that is known.
+        assert!((quintic_middle(&[0.0, 1.0], |k| k as f64, 1, 2) - 0.5).abs() < 1e-15);
     }
 }

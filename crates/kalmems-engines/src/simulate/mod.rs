@@ -12,6 +12,7 @@ mod converter;
 mod drive;
 mod floquet;
 mod input;
+mod integration;
 mod noise;
 mod recording;
 mod response;
@@ -29,6 +30,7 @@ pub use converter::Converter;
 pub use drive::{Drive, Interruptions, Tone, parts_of_all};
 pub use floquet::{floquet_exponent, monodromy};
 pub use input::{SimulatedInput, input_of};
+pub use integration::IntegrationError;
 pub use noise::WhiteNoise;
 pub use recording::{Papers, RunFile, SimulateError, SimulatedColumn, SimulatedSample, Simulation};
 pub use response::{

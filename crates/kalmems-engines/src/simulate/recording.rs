@@ -72,6 +72,11 @@ pub trait Simulation {
     /// How many samples there will be.
     fn samples(&self) -> u64;
 
+    /// How many steps it takes per second, where these are not as many as the experiment states.
+    fn steps_per_s(&self) -> Option<f64> {
+        None
+    }
+
     /// Files that it is made from.
     fn sources(&self) -> &[RecordingSource] {
         &[]

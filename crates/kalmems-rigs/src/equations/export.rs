@@ -11,7 +11,7 @@ use super::table::refused;
 use super::{EquationColumns, names};
 use crate::Rig;
 use crate::config::{ConfigFault, Experiment, Key, Method};
-use crate::estimate::driven::SegmentDrive;
+use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::estimate::{
     AnyFilter, FilterPast, GainOf, MeanAndCovariance, SampleSelection, Sensor, StateSeries, Tracked,
     Trajectory, Transition,
@@ -427,10 +427,11 @@ fn test_samples(
     if count == 0 {
         return Ok(Vec::new());
     }
-    let mut drives: Vec<SegmentDrive<'_>> =
-        volts.iter().map(|values| SegmentDrive::new(&time_s[..rows], &values[..rows], interval_s)).collect();
+    let lag = InterpolationLag::of(experiment);
+    let sampled = |values| SegmentDrive::new(&time_s[..rows], values, interval_s).waiting_for(lag);
+    let mut drives: Vec<SegmentDrive<'_>> = volts.iter().map(|values| sampled(&values[..rows])).collect();
     let rates = rates_of_inputs(&own.device, &drives, interval_s);
-    drives.extend(rates.iter().map(|values| SegmentDrive::new(&time_s[..rows], values, interval_s)));
+    drives.extend(rates.iter().map(|values| sampled(values)));
     let motion = motion(own, drives.iter().find_map(SegmentDrive::first_sine), interval_s);
     let place = file();
     let data = EquationSegment {

@@ -2,7 +2,7 @@
 
 use super::ordered::Ordered;
 use crate::config::inline_schema;
-use crate::estimate::driven::SegmentDrive;
+use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::signal::band_limited;
 use kalmems_core::Nodes;
 use schemars::{JsonSchema, json_schema};
@@ -39,10 +39,10 @@ const REACH: usize = 16;
 
 impl Interpolation {
     /// The rows before and behind the new ones of a part that it asks for.
-    pub fn rows_around(self) -> (usize, usize) {
+    pub fn rows_around(self, lag: InterpolationLag) -> (usize, usize) {
         match self {
             Self::BandLimited => (REACH, REACH),
-            Self::Quintic | Self::Sine => SegmentDrive::ROWS_AROUND,
+            Self::Quintic | Self::Sine => lag.rows_around(),
             Self::Cubic | Self::Linear | Self::Hold | Self::Mean => (4, 1),
         }
     }

@@ -11,7 +11,7 @@ use super::table::refused;
 use crate::Estimator;
 use crate::config::{ConfigFault, Experiment, Key, Method};
 use crate::crossings::RowsNeeded;
-use crate::estimate::driven::{BLOCK, DrivePast, HYBRID_STEPS, SegmentDrive};
+use crate::estimate::driven::{BLOCK, DrivePast, HYBRID_STEPS, InterpolationLag, SegmentDrive};
 use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
     RowsAround, SampleSelection, SegmentEstimate, SegmentPart, Sensor, SignalSegment, StartedCourse,
@@ -26,8 +26,10 @@ use kalmems_equations::{Device, EquationError};
 const STARTING_CYCLES: f64 = 40.0;
 
 /// The rows before and behind the new ones that the rates of inputs and the polynomial through six of them ask for.
-const ROWS_FOR_RATES: (usize, usize) =
-    (SegmentDrive::ROWS_AROUND.0 + SLOPE_REACH, SegmentDrive::ROWS_AROUND.1 + SLOPE_REACH);
+const fn rows_for_rates(lag: InterpolationLag) -> (usize, usize) {
+    let (before, after) = lag.rows_around();
+    (before + SLOPE_REACH, after + SLOPE_REACH)
+}
 
 /// The rates of those inputs whose rates the equations need, at each sample.
 pub fn rates_of_inputs(device: &Device, inputs: &[SegmentDrive<'_>], interval_s: f64) -> Vec<Vec<f64>> {
@@ -132,8 +134,9 @@ impl Estimator for EquationEstimator<'_> {
         let rows = from_signal.map(|prior| most_rows((own, &prior), interval_s)).fold(rows, usize::max);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         let RowsNeeded { before, after } = self.settings.needed(interval_s).with_a_margin();
-        let around = self.settings.own.between.iter().map(|between| between.rows_around());
-        let rates = self.settings.own.device.rated_inputs().iter().map(|_| ROWS_FOR_RATES);
+        let lag = self.past.lag();
+        let around = self.settings.own.between.iter().map(|between| between.rows_around(lag));
+        let rates = self.settings.own.device.rated_inputs().iter().map(|_| rows_for_rates(lag));
         let (before, after) = around
             .chain(rates)
             .fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));

@@ -341,6 +341,11 @@ impl Simulation for EquationSimulation {
         self.simulate.samples()
     }
 
+    fn steps_per_s(&self) -> Option<f64> {
+        let rate_hz = self.simulate.integration_rate.si();
+        steps_over(self.own.pace(), rate_hz.recip()).map(|parts| rate_hz * parts as f64)
+    }
+
     fn sources(&self) -> &[RecordingSource] {
         &self.sources
     }

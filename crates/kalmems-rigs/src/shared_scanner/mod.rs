@@ -25,7 +25,7 @@ pub mod two_axes;
 use super::{Estimator, NumberForm, OmittedNumber, Rig, StateDensity, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment, Method, RecordingRole};
-use crate::estimate::driven::{BLOCK, DrivenSegment, SegmentDrive};
+use crate::estimate::driven::{BLOCK, DrivenSegment, InterpolationLag};
 use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SideOutputs,
     SignalSegment, rows_for_start, rows_to_start_again,
@@ -227,7 +227,8 @@ impl Estimator for ScannerEstimator<'_> {
     fn around(&self, interval_s: f64) -> RowsAround {
         let cycle_s = 1.0 / self.settings.hardware.natural_hz();
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
-        let around = around_driven(interval_s, self.settings.skip_s + STARTING_CYCLES * cycle_s, smooths);
+        let start_s = self.settings.skip_s + STARTING_CYCLES * cycle_s;
+        let around = around_driven(interval_s, start_s, smooths, self.past.lag());
         let by_batch = self.settings.filters.iter().filter(|filter| filter.by_batch);
         let rows = by_batch.map(|filter| rows_for_start((cycle_s, interval_s), filter.states().len()));
         let again = self.settings.filters.iter().map(|filter| filter.states().len());
@@ -283,10 +284,10 @@ const STARTING_CYCLES: f64 = 4.0;
 
 /// What the estimators of driven scanners need around the new rows: at first what shows the sine of the drive and the motion
 /// for this long in s.
-fn around_driven(interval_s: f64, start_s: f64, smooths: bool) -> RowsAround {
+fn around_driven(interval_s: f64, start_s: f64, smooths: bool, lag: InterpolationLag) -> RowsAround {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
     let rows = (start_s / interval_s).ceil() as usize;
-    let (before, after) = SegmentDrive::ROWS_AROUND;
+    let (before, after) = lag.rows_around();
     RowsAround { head: rows.max(BLOCK), before, after, smooths }
 }
 

@@ -2,15 +2,13 @@
 
 use super::settings::ScannerSettings;
 use crate::config::{ConfigError, ConfigFault, Experiment, Key, Method, TriggerDirection};
+use crate::estimate::driven::InterpolationLag;
 use crate::estimate::{PhasePrediction, PhasePredictor, SideOutputs};
 use std::f64::consts::TAU;
 
 /// The amplitude from which there are zero phases, in widths of the comb: far below any motion that is used, far above what
 /// a filter makes of noise.
 const LEAST: f64 = 0.01;
-
-/// Samples behind its own that an estimate needs: the drive is interpolated through the next one.
-const BEHIND: u32 = 1;
 
 /// What the table `stream` of the file wants, checked.
 pub fn of(experiment: &Experiment, settings: &ScannerSettings) -> Result<SideOutputs, ConfigError> {
@@ -41,7 +39,7 @@ pub fn of(experiment: &Experiment, settings: &ScannerSettings) -> Result<SideOut
     }
     let prediction = PhasePrediction {
         ahead_s: trigger.ahead.si(),
-        behind: BEHIND,
+        behind: InterpolationLag::of(experiment).samples(),
         directions: trigger.direction.map_or([true; 2], |direction| {
             [direction == TriggerDirection::Rising, direction == TriggerDirection::Falling]
         }),

@@ -5,10 +5,9 @@ use super::{BatchContent, BatchError, BatchRecording};
 use crate::array_experiment::{ArrayExperiment, PreparedExperiment};
 use crate::config::Experiment;
 use crate::diagnose::{DiagnoseError, FoundNoise};
-use crate::estimate::TrajectoryKind;
 use crate::journal::{digest_of, hex};
 use crate::progress::Progress;
-use crate::results::{Metrics, PooledMetrics, SegmentMetrics, TrajectoryFile, number_check};
+use crate::results::{Metrics, PooledMetrics, TrajectoryFile, number_check};
 use crate::rigs::Workbench;
 use crate::rows::rows;
 use crate::workflow::{self, PartOutcome, PartsError, WorkflowError};
@@ -94,7 +93,7 @@ pub(super) fn finish(
     let segments = || metrics.recordings.iter().flat_map(|recording| &recording.segments);
     let mut rows = rows(&metrics);
     let estimators = segments().flat_map(|segment| {
-        let trusted = to_be_trusted(segment);
+        let trusted = segment.best_key();
         segment.estimators.iter().map(move |one| Some(one.key.as_str()) == trusted)
     });
     let findings: usize = metrics.recordings.iter().map(|recording| recording.diagnosis.len()).sum();
@@ -105,18 +104,10 @@ pub(super) fn finish(
         row.insert("findings".to_owned(), Value::String(findings.to_string()));
     }
     let doubtful = segments().any(|segment| {
-        let trusted = to_be_trusted(segment);
+        let trusted = segment.best_key();
         segment.estimators.iter().any(|one| Some(one.key.as_str()) == trusted && !one.passes())
     });
     Ok(BatchPiece { key: key.to_owned(), trajectories: hex(&trajectories), doubtful, rows })
-}
-
-/// The filter whose answer stands for a segment in the summary: that which predicts best, else the first of the best grade.
-fn to_be_trusted(segment: &SegmentMetrics) -> Option<&str> {
-    segment.trusted().or_else(|| {
-        let filters = segment.estimators.iter().filter(|one| one.kind == TrajectoryKind::Filtered);
-        filters.filter(|one| one.grade.is_some()).min_by_key(|one| one.grade).map(|one| one.key.as_str())
-    })
 }
 
 /// Estimates the one recording of an experiment, of any length, and writes its trajectories; its figures.

@@ -1,6 +1,6 @@
 //! The figures of an estimate.
 
-use super::Verdict;
+use super::{Answer, Verdict};
 use crate::diagnose::{FoundNoise, InputFault, NumberCheck, ScaleNote};
 use crate::estimate::{
     Lock, NisConsistency, ParameterCorrelation, SampleCounts, SegmentEstimate, StretchSummary, Trajectory,
@@ -208,6 +208,9 @@ pub struct EstimatorMetrics {
     /// What of its claims is due to what, by the state; where something of the device is stated as uncertain.
     #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_state")]
     pub uncertainty_budget: Vec<UncertaintyBudget>,
+    /// What it says of what the device is for, after the settling time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub answer: Vec<Answer>,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
     pub errors: Option<MotionErrors>,
     /// The errors of states that are no angles, by the name of the state, against the reference after the settling time.
@@ -257,6 +260,20 @@ impl SegmentMetrics {
             .map(|likeliest| likeliest.key.as_str())
     }
 
+    /// The filter whose answer comes first: of the best grade, then the likeliest where one is, then the one with the fewest parameters as
+    /// states.
+    pub fn best(&self) -> Option<&EstimatorMetrics> {
+        let is_trusted = |one: &EstimatorMetrics| self.trusted() == Some(one.key.as_str());
+        let smoothed = |one: &EstimatorMetrics| one.kind != TrajectoryKind::Filtered;
+        let judged = self.estimators.iter().filter(|one| one.grade.is_some());
+        judged.min_by_key(|one| (one.grade, !is_trusted(one), smoothed(one), one.parameters.len()))
+    }
+
+    /// The key of the filter whose answer comes first.
+    pub fn best_key(&self) -> Option<&str> {
+        self.best().map(|best| best.key.as_str())
+    }
+
     /// Takes those of the segment's next part in.
     pub(super) fn pool(&mut self, later: Self) {
         self.duration_s += later.duration_s;
@@ -297,6 +314,11 @@ impl EstimatorMetrics {
             (Some(errors), Some(later)) => errors.pool(later),
             (None, Some(_)) => self.errors.clone_from(&later.errors),
             (_, None) => {}
+        }
+        if self.answer.is_empty() {
+            self.answer.clone_from(&later.answer);
+        } else {
+            self.answer.iter_mut().zip(&later.answer).for_each(|(own, later)| own.pool(later));
         }
         for (name, errors) in later.values {
             match self.values.get_mut(name) {
@@ -361,7 +383,7 @@ impl Metrics {
             reference_diagnosis: (recording.reference.as_ref())
                 .map_or_else(Vec::new, |r| texts(r.recording().diagnosis())),
             stretches: recording.stretches.clone(),
-            segments: recording.segments.iter().map(segment).collect(),
+            segments: recording.segments.iter().map(|one| segment(one, recording.values)).collect(),
         });
         Self {
             schema_version: Self::SCHEMA_VERSION,
@@ -435,13 +457,18 @@ pub(super) fn without_findings(recordings: &[RecordingMetrics]) -> Vec<String> {
 }
 
 /// Those of a segment, or of a part of one.
-pub(super) fn segment(outcome: &SegmentOutcome) -> SegmentMetrics {
+pub(super) fn segment(outcome: &SegmentOutcome, values: &[ValueState]) -> SegmentMetrics {
     let estimate = &outcome.estimate;
     let time = &estimate.segment.time;
     let errors = outcome.errors.iter().zip(&outcome.values);
     let estimators: Vec<EstimatorMetrics> = (estimate.trajectories.iter().zip(errors))
         .enumerate()
-        .map(|(i, (trajectory, errors))| estimator(trajectory, errors, outcome.judgements.get(i), estimate))
+        .map(|(i, (trajectory, errors))| {
+            let mut metrics = estimator(trajectory, errors, outcome.judgements.get(i), estimate);
+            let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
+            metrics.answer = Answer::all_of(trajectory, &scored, values, estimate);
+            metrics
+        })
         .collect();
     SegmentMetrics {
         label: estimate.segment.label.clone(),
@@ -511,6 +538,7 @@ fn estimator(
         parameters,
         parameter_correlations: trajectory.parameter_correlations.clone(),
         uncertainty_budget: budgets,
+        answer: Vec::new(),
         errors: errors.clone(),
         values: values.clone(),
         consistency: consistency(trajectory, estimate),

@@ -1,5 +1,6 @@
 //! Results: what is computed from an outcome, and the files and pictures that it becomes.
 
+mod answer;
 mod diagnosis;
 mod in_memory;
 mod marks;
@@ -15,6 +16,7 @@ mod tracks;
 mod trajectories;
 mod verdict;
 
+pub use answer::{Answer, AnsweredMotion, answers, summary_text};
 #[cfg(feature = "report")]
 pub use diagnosis::diagnosis_page;
 pub use in_memory::{Estimated, number_check, number_check_of};

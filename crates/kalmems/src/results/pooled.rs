@@ -34,7 +34,8 @@ impl PooledMetrics {
             });
         }
         let outcome = part.outcome.segments.first()?;
-        let (figures, time) = (segment(outcome), &outcome.estimate.segment.time);
+        let figures = segment(outcome, part.outcome.values);
+        let time = &outcome.estimate.segment.time;
         if part.begins {
             self.began_s = time.start_s();
         }

@@ -140,6 +140,7 @@ impl<'a> LiveEstimate<'a> {
             ahead: None,
             broken: None,
             interrupted: false,
+            waits_for: 0,
             latency: LatencyHistogram::default(),
         };
         Self {

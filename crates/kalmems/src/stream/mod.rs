@@ -140,6 +140,8 @@ pub struct StreamSummary {
     pub broken: Option<StreamEnd>,
     /// Whether it was stopped.
     pub interrupted: bool,
+    /// How many later samples each estimate waits for; that time is in the latency.
+    pub waits_for: usize,
     /// How long each sample took from its arrival to its estimate.
     #[serde(skip)]
     pub latency: LatencyHistogram,
@@ -266,6 +268,7 @@ fn estimated(
     let seen = live.tracks();
     let mut summary = live.finish(if ended { diagnosis } else { Vec::new() })?;
     summary.origin = origin;
+    summary.waits_for = whole.after;
     summary.ahead = summary.ahead.filter(|_| described.trigger.is_some());
     Ok((summary, seen))
 }

@@ -5,7 +5,7 @@ use kalmems::evaluate::Grade;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics, notices};
 use kalmems::rigs::published;
-use kalmems::simulate::{ComputedRecording, described};
+use kalmems::simulate::{ComputedRecording, IntegrationError, described};
 use kalmems::workflow::estimate_computed;
 use std::path::Path;
 
@@ -91,6 +91,68 @@ fn steps_are_read_and_refused_by_their_number() {
         let refused = published().parse(&text, Path::new("nowhere/experiment.toml")).unwrap_err().to_string();
         assert!(refused.contains("steps"), "{wrong}: {refused}");
     }
+}
+
+/// Through the four samples up to an interval's beginning and the two from its end on, the drive is 1.4 times as far off.
+#[test]
+fn a_filter_that_waits_for_one_sample_is_as_good_as_it_claims() {
+    for (per_cycle, seed) in [(26.0, 41), (26.0, 42), (32.0, 43), (64.0, 44)] {
+        let [one, two] = [1, 2].map(|lag| {
+            let lag = format!("[estimate]\ninterpolation_lag = {lag}");
+            let metrics = metrics(&scanner(per_cycle, seed, "").replace("[estimate]", &lag));
+            let found = only(&metrics);
+            assert!(found.grade.unwrap() <= Grade::PassesWithRemarks, "{per_cycle}: {:?}", notices(&metrics));
+            let errors = found.errors.as_ref().unwrap();
+            (errors.angle.rmse_deg, errors.angle.claim.unwrap().mean_square)
+        });
+        println!("{per_cycle} a cycle: {one:?} {two:?}");
+        // Another answer, by errors of the drive that have another sign.
+        assert!(one != two && one.1 < 2.0 && two.1 < 2.0, "{one:?} {two:?}");
+    }
+    for wrong in ["0", "3", "-1", "1.5"] {
+        let text =
+            scanner(64.0, 1, "").replace("[estimate]", &format!("[estimate]\ninterpolation_lag = {wrong}"));
+        let refused = published().parse(&text, Path::new("nowhere/experiment.toml")).unwrap_err().to_string();
+        assert!(refused.contains("interpolation_lag"), "{wrong}: {refused}");
+    }
+}
+
+/// The scanner with 32 samples in a cycle, from its motion on.
+fn swinging() -> String {
+    let (still, swinging) = (
+        "angle = \"1e-4 rad\", rate = \"0 rad/s\" } # from",
+        "angle = \"0.117 rad\", rate = \"12.8e3 rad/s\" } # from",
+    );
+    let text = scanner(32.0, 3, "");
+    assert!(text.contains(still), "{text}");
+    text.replace(still, swinging)
+}
+
+/// Steps of the simulation are compared without noise and converter, by the same motion at another rate.
+#[test]
+fn a_simulation_tells_what_its_integration_steps_change() {
+    let rig = |experiment: &Experiment| published().rig(experiment).unwrap().simulate(experiment);
+    let found: Vec<IntegrationError> = [1.0, 2.0, 4.0]
+        .map(|steps: f64| {
+            let text = swinging();
+            let line = text.lines().find(|line| line.starts_with("integration_rate")).unwrap();
+            let rate = format!("integration_rate = \"{:.6} kHz\"", 32.0 * MOTION_KHZ * steps);
+            IntegrationError::of(&parse(&text.replace(line, &rate)), &rig).unwrap().unwrap()
+        })
+        .into();
+    println!("{found:?}");
+    // A method of fourth order: twice as many steps take 15 of 16 parts off.
+    for pair in found.windows(2) {
+        let ratio = pair[0].largest / pair[1].largest;
+        assert!((12.0..20.0).contains(&ratio), "{found:?}");
+    }
+    // The noise of a sample is 13.9 mV.
+    let noise = found[0].largest / found[0].in_noise_sd.unwrap();
+    assert!((noise / 1.92e-4_f64.sqrt() - 1.0).abs() < 0.05 && found[0].column == "cap_V", "{found:?}");
+    assert!(found[0].is_remarkable() && !found[2].is_remarkable(), "{found:?}");
+    let quiet = swinging().replace("seed = 3", "noise = false\nseed = 3");
+    let quiet = IntegrationError::of(&parse(&quiet), &rig).unwrap().unwrap();
+    assert!(quiet.in_noise_sd.is_none() && quiet.largest > 0.0, "{quiet:?}");
 }
 
 /// A lag behind a lag, without process noise: its covariance falls below any rounding.

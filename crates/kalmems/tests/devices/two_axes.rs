@@ -436,7 +436,8 @@ fn the_example_from_end_to_end() {
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let simulation = TwoAxesRig.simulate(&experiment).unwrap();
     let output = Output::begin(&target, &Work::named("simulate", "two axes")).unwrap();
-    let summary = write_simulation(&experiment, simulation.as_ref(), &output, info, &Silent).unwrap();
+    let summary =
+        write_simulation(&experiment, &TwoAxesRig, simulation.as_ref(), &output, info, &Silent).unwrap();
     output.commit().unwrap();
     assert!(summary.outlook.unwrap().contains("band plan: clear"));
     let simulated = published().load(&target.join("experiment.toml")).unwrap();
@@ -543,7 +544,7 @@ fn a_lost_axis_is_named() {
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let simulation = TwoAxesRig.simulate(&experiment).unwrap();
     let output = Output::begin(&target, &Work::named("simulate", "two axes")).unwrap();
-    write_simulation(&experiment, simulation.as_ref(), &output, info, &Silent).unwrap();
+    write_simulation(&experiment, &TwoAxesRig, simulation.as_ref(), &output, info, &Silent).unwrap();
     output.commit().unwrap();
     let simulated = published().load(&target.join("experiment.toml")).unwrap();
     let mut outcome = workflow::estimate(published(), &simulated, &Silent).unwrap();

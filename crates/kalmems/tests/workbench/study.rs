@@ -280,7 +280,15 @@ fn what_is_not_written_is_read_as_if_it_were() {
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let out = folder.path("simulated");
     let output = Output::begin(&out, &Work::named("simulate", "simulated")).unwrap();
-    write_simulation(&experiment, &*simulation, &output, info, &Silent).unwrap();
+    write_simulation(
+        &experiment,
+        published().rig(&experiment).unwrap(),
+        &*simulation,
+        &output,
+        info,
+        &Silent,
+    )
+    .unwrap();
     output.commit().unwrap();
     let unwritten = ComputedRecording::of(&*simulation, &Silent).unwrap();
     let layout = |columns: &[&str]| RecordingLayout {
@@ -442,7 +450,15 @@ fn a_recording_can_be_studied() {
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let output = Output::begin(&folder.path("written"), &Work::named("simulate", "written")).unwrap();
-    write_simulation(&experiment, &*simulation, &output, info, &Silent).unwrap();
+    write_simulation(
+        &experiment,
+        published().rig(&experiment).unwrap(),
+        &*simulation,
+        &output,
+        info,
+        &Silent,
+    )
+    .unwrap();
     output.commit().unwrap();
     let rows = table(&folder.results("out", 2), "results.csv");
     let nis = |i: usize| rows[i]["consistency.mean_nis"].parse::<f64>().unwrap();

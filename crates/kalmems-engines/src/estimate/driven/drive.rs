@@ -1,5 +1,6 @@
 //! The recorded drive, between its samples and where samples are missing.
 
+use crate::config::Experiment;
 use crate::estimate::SampleSelection;
 use crate::progress::Interruption;
 use crate::recording::{RecordingColumn, Segment};
@@ -26,6 +27,34 @@ pub struct SegmentDrive<'a> {
     /// What the drive will do, by the rows from which on.
     coming: Vec<(usize, Option<Sine>)>,
     unknown: Option<(f64, usize)>,
+    lag: InterpolationLag,
+}
+
+/// How many samples behind an interval are waited for, to know the drive in its middle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InterpolationLag(u32);
+
+impl Default for InterpolationLag {
+    fn default() -> Self {
+        Self(2)
+    }
+}
+
+impl InterpolationLag {
+    /// As an experiment states it.
+    pub fn of(experiment: &Experiment) -> Self {
+        experiment.estimate.as_ref().map_or(Self::default(), |estimate| Self(estimate.interpolation_lag))
+    }
+
+    /// The samples behind an interval that are waited for.
+    pub const fn samples(self) -> u32 {
+        self.0
+    }
+
+    /// The rows before and behind the new ones of a part that the drive between its samples asks for.
+    pub const fn rows_around(self) -> (usize, usize) {
+        (5, self.0 as usize)
+    }
 }
 
 /// Rows of a recording's column from one on.
@@ -67,6 +96,7 @@ pub struct DrivePast {
     stand_ins: Vec<(usize, Sine)>,
     /// Whether it is asked what the drive will do; and the sine that tells, by the rows of the segment from which on.
     pub foresees: bool,
+    pub(in crate::estimate) lag: InterpolationLag,
     coming: Vec<(usize, Option<Sine>)>,
 }
 
@@ -117,6 +147,11 @@ fn level(volts: &[f64]) -> Option<Sine> {
 }
 
 impl DrivePast {
+    /// Of a segment that begins, where so many samples behind an interval are waited for.
+    pub(crate) fn waiting_for(lag: InterpolationLag) -> Self {
+        Self { lag, ..Self::default() }
+    }
+
     /// Of a segment that goes on from where another run left it, when its drive followed this sine.
     pub(crate) fn resumed(sine: Option<Sine>) -> Self {
         let (fitted, coming) = (OnceCell::from(sine), vec![(BLOCK, sine)]);
@@ -203,6 +238,12 @@ impl<'a> SegmentDrive<'a> {
         Self::of(time_s, volts, &samples, &mut DrivePast::default(), &Interruption::never())
     }
 
+    /// The same with as many samples behind an interval as are waited for.
+    #[must_use]
+    pub fn waiting_for(self, lag: InterpolationLag) -> Self {
+        Self { lag, ..self }
+    }
+
     /// Takes the samples of a part of a segment; those that are new go on where the past left off. What it gives where it is stopped means
     /// nothing.
     pub fn of(
@@ -280,7 +321,8 @@ impl<'a> SegmentDrive<'a> {
         }
         let coming = past.coming.iter().map(|(row, sine)| (row.saturating_sub(first), *sine)).collect();
         let (sine, first_sine) = (past.sine, past.first_sine);
-        let mut drive = Self { time_s, volts, column, sine, first_sine, stand_ins, coming, unknown: None };
+        let mut drive =
+            Self { time_s, volts, column, sine, first_sine, stand_ins, coming, unknown: None, lag: past.lag };
         let mut unknown = fresh.clone().filter(|k| missing(k) > 0 && drive.substitute(*k).is_none());
         if let Some(first) = unknown.next() {
             let count = missing(&first) + unknown.map(|k| missing(&k)).sum::<usize>();
@@ -370,10 +412,10 @@ impl<'a> SegmentDrive<'a> {
 
     /// The drive at the ends and in the middle of the interval that ends at sample `to`.
     ///
-    /// In the middle it is on the polynomial through the six samples around it; a drive that is held between samples, and even the cubic
+    /// In the middle it is on the polynomial through six samples, as many behind it as are waited for; a drive that is held between samples, and even the cubic
     /// through four, costs far more than the integrator does (see [`Nodes`]).
     pub fn nodes(&self, to: usize) -> Nodes<f64> {
-        let middle = quintic_middle(self.time_s, |k| self.sample(k).0, to);
+        let middle = quintic_middle(self.time_s, |k| self.sample(k).0, to, self.lag.0 as usize);
         Nodes { start: self.sample(to - 1).0, middle, end: self.sample(to).0 }
     }
 
@@ -384,14 +426,11 @@ impl<'a> SegmentDrive<'a> {
         Nodes { start: self.sample(to - 1).0, middle, end: self.sample(to).0 }
     }
 
-    /// The rows before and behind the new ones of a part that this asks for.
-    pub const ROWS_AROUND: (usize, usize) = (5, 2);
-
     /// The same with the middle on this sine, corrected by the polynomial through what the samples differ from it.
     pub fn nodes_along(&self, sine: &Sine, to: usize) -> Nodes<f64> {
         let middle = self.time_s[to - 1].midpoint(self.time_s[to]);
         let beside = |k: usize| self.sample(k).0 - sine.at(self.time_s[k]);
-        let middle = sine.at(middle) + quintic_middle(self.time_s, beside, to);
+        let middle = sine.at(middle) + quintic_middle(self.time_s, beside, to, self.lag.0 as usize);
         Nodes { start: self.sample(to - 1).0, middle, end: self.sample(to).0 }
     }
 

@@ -9,7 +9,7 @@ mod segment;
 mod turning_gain;
 
 pub use course::{DrivenCourse, HYBRID_STEPS, PHASE};
-pub use drive::{BLOCK, DrivePast, SegmentDrive};
+pub use drive::{BLOCK, DrivePast, InterpolationLag, SegmentDrive};
 pub use models::{ParameterPlaces, combinations, shifted, side_by_side};
 pub use parameters::{OfMotion, ParameterAugmentedStep, ParameterStep, ParametricReadout};
 pub use plant::{ByEuler, PlainModel, Plant, WithParameters, step};

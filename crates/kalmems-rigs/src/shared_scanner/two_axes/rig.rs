@@ -180,7 +180,7 @@ impl Estimator for TwoAxesEstimator<'_> {
         let open = self.settings.filters.iter().any(|filter| filter.basics.method == Method::LockIn);
         let open_s = if open { WINDOW_S } else { 0.0 };
         let started_s = (self.settings.skip_s + STARTING_CYCLES / slowest_hz + open_s).max(WINDOW_S);
-        let around = around_driven(interval_s, started_s, smooths);
+        let around = around_driven(interval_s, started_s, smooths, self.past.lag());
         let motion = (slowest_hz.recip(), interval_s);
         let states = self.settings.filters.iter().map(|filter| filter.basics.states(&STATES).len());
         let states = states.fold(0, usize::max);

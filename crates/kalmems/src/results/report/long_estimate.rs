@@ -164,7 +164,7 @@ impl<'a> LongEstimate<'a> {
         }
         let prefix = self.prefix(part, &outcome.estimate.segment);
         let judged = self.pooled.segment(part.index);
-        let trusted = judged.and_then(SegmentMetrics::trusted);
+        let trusted = judged.and_then(SegmentMetrics::best_key);
         let mut all = SegmentFigures::of(&part.outcome, outcome, &self.tracks, &prefix, trusted);
         if self.parts.len() > 1 {
             all.answer.insert(0, course(&self.parts, &prefix));

@@ -9,8 +9,8 @@ use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
 use crate::results::summary::{segment_name, shown, summary_grades, without_repeats};
 use crate::results::tracks::Tracks;
 use crate::results::{
-    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, is_unexplained,
-    notices, parameters_table, summary_table,
+    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, answers, budget_table,
+    is_unexplained, notices, parameters_table, summary_table,
 };
 use crate::topics::explained;
 use crate::workflow::{Outcome, SegmentOutcome};
@@ -26,7 +26,7 @@ pub(in crate::results) fn page(outcome: &Outcome, metrics: &Metrics) -> (Page, V
             }
             let prefix = prefix(outcome, recording, own);
             let tracks = Tracks::of(recording, segment, &prefix);
-            SegmentFigures::of(recording, segment, &tracks, &prefix, judged.trusted())
+            SegmentFigures::of(recording, segment, &tracks, &prefix, judged.best_key())
         };
         recording.segments.iter().zip(&judged.segments).map(of).collect()
     });
@@ -99,6 +99,9 @@ fn verdict(metrics: &Metrics) -> PageSection {
     }
     notes.push("What the verdicts mean: `kalmems help verdict`".to_owned());
     let mut section = PageSection::new("Verdict").part(PagePart::Verdict);
+    for answer in answers(metrics) {
+        section = section.paragraph(answer);
+    }
     for notice in reasons {
         section = section.notice(notice.severity, notice.sentence());
     }

@@ -1,12 +1,16 @@
 //! The files of a simulation.
 
 use crate::config::Experiment;
+use crate::inspect::quantity;
 use crate::progress::Progress;
 use crate::recording::RecordingSource;
 use crate::results::{Output, OutputError, RunInfo, RunTiming, way_from};
+use crate::rigs::Rig;
 use crate::simulate::{
-    RECORDING, REFERENCE, SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise, described,
+    IntegrationError, RECORDING, REFERENCE, SimulateError, SimulatedColumn, SimulatedSample, Simulation,
+    WhiteNoise, described,
 };
+use crate::units::ColumnHeader;
 use kalmems_figures::{
     Axis, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole, Track,
 };
@@ -28,8 +32,31 @@ pub struct SimulationSummary {
     /// What the run tells beside its samples, a line each.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub told: Vec<String>,
+    /// What integration steps of half the length change; not there where nothing depends on them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub integration: Option<IntegrationError>,
     /// The seed of the noise.
     pub seed: u64,
+}
+
+impl SimulationSummary {
+    /// What the integration steps change, in words, and what to write where that shows.
+    pub fn integration_sentence(&self) -> Option<String> {
+        let IntegrationError { column, largest, in_noise_sd, samples } = self.integration.as_ref()?;
+        let unit = ColumnHeader::parse(column).unit_text;
+        let change = match in_noise_sd {
+            Some(sds) => format!("{sds:.1e} standard deviations of the noise of a sample"),
+            None => quantity(*largest, &unit),
+        };
+        let remedy = if self.integration.as_ref().is_some_and(IntegrationError::is_remarkable) {
+            "; raise `simulate.integration_rate`"
+        } else {
+            ""
+        };
+        Some(format!(
+            "integration steps of half the length change `{column}` by at most {change} over the first {samples} samples{remedy}"
+        ))
+    }
 }
 
 /// Why a simulation is not there.
@@ -50,15 +77,18 @@ pub enum SimulationWriteError {
 ///
 /// `recording.csv` has what a laboratory would have recorded and `reference.csv` the true motion; `experiment.toml`
 /// is the experiment with this recording in the place of its own, ready to be estimated; `run.toml` says what it was
-/// made from; `report.html` shows it. Samples are written as they come.
+/// made from; `report.html` shows it. Samples are written as they come. The rig, which made the simulation, simulates the beginning again in
+/// steps of half the length, to say what these change.
 pub fn write_simulation(
     experiment: &Experiment,
+    rig: &dyn Rig,
     simulation: &dyn Simulation,
     output: &Output,
     info: impl FnOnce() -> RunInfo,
     progress: &dyn Progress,
 ) -> Result<SimulationSummary, SimulationWriteError> {
     let input_id = input_id(experiment, simulation);
+    let integration = IntegrationError::of(experiment, &|other| rig.simulate(other))?;
     progress.begin("simulating", simulation.samples());
     let mut largest = 0.0_f64;
     let (mut recorded, mut truth) =
@@ -110,7 +140,7 @@ pub fn write_simulation(
         output.write(&format!("{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
     }
     let (samples, outlook, told) = (simulation.samples(), simulation.outlook(), papers.lines);
-    let summary = SimulationSummary { samples, largest, outlook, told, seed };
+    let summary = SimulationSummary { samples, largest, outlook, told, integration, seed };
     let html = simulation_page(experiment, simulation, &summary, [&recorded, &truth])?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     Ok(summary)
@@ -130,6 +160,9 @@ fn simulation_page(
         PageSection::new("What was simulated").part(PagePart::Verdict).notice(NoticeSeverity::Note, text);
     for line in outlook.iter().chain(told) {
         verdict = verdict.paragraph(line.as_str());
+    }
+    if let Some(sentence) = summary.integration_sentence() {
+        verdict = verdict.paragraph(format!("Integration: {sentence}."));
     }
     let figure = |id: &str, title: &str, caption: &str, role, channels: &[SimulatedColumn], track: &Track| {
         let panels = channels.iter().enumerate().map(|(place, channel)| {

@@ -27,14 +27,15 @@ fn experiment(changes: &[(&str, &str)]) -> Experiment {
 
 #[test]
 fn a_stream_equals_the_estimate_sample_by_sample() {
-    let experiment = experiment(&[("every = 10", "every = 1")]);
-    let rig = published().rig(&experiment).unwrap();
     let path = example("recording.csv");
-    let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
     let bytes = std::fs::read(&path).unwrap();
-    for longest in [60, 100_000] {
+    for (longest, waits_for) in [(60, 2), (100_000, 2), (60, 1)] {
+        let lag = format!("[estimate]\ninterpolation_lag = {waits_for}");
+        let experiment = experiment(&[("every = 10", "every = 1"), ("[estimate]", &lag)]);
+        let rig = published().rig(&experiment).unwrap();
+        let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
         let (events, summary) = same_bits_in_a_stream(&experiment, &recording, (&bytes, longest));
-        assert_eq!(summary.estimated, 24_001);
+        assert_eq!((summary.estimated, summary.waits_for), (24_001, waits_for));
         assert_eq!(summary.latency.count(), 24_001);
         // The motion passes zero twice in a cycle, 16 ms long, in each of the two answers.
         let count = |kind: &str| events.iter().filter(|event| event["event"] == kind).count();
@@ -318,8 +319,10 @@ fn zero_phases_are_told_before_they_happen_each_once() {
     let bytes = std::fs::read(example("recording.csv")).unwrap();
     let passages = passages(&truth());
     // A sixth of a cycle, and more than four.
-    for (text, ahead_s) in [("10 us", 10e-6), ("270 us", 270e-6)] {
-        let experiment = prediction(text, "", &[]);
+    for (text, ahead_s, waits_for) in [("10 us", 10e-6, 2.0), ("270 us", 270e-6, 2.0), ("10 us", 10e-6, 1.0)]
+    {
+        let lag = format!("[estimate]\ninterpolation_lag = {waits_for}");
+        let experiment = prediction(text, "", &[("[estimate]", &lag)]);
         let mut whole = None;
         for longest in [60, 1000, 100_000] {
             let (events, summary) = run(&experiment, Pieces::of(bytes.clone(), longest));
@@ -327,12 +330,13 @@ fn zero_phases_are_told_before_they_happen_each_once() {
             let counts = summary.ahead.unwrap().counts;
             let h = 1e-6;
             // Begun at the end of the settling time, the first come with less than was asked for.
-            let short = told.iter().filter(|told| told.time_s - told.told_s < ahead_s + h).count();
+            let short =
+                told.iter().filter(|told| told.time_s - told.told_s < ahead_s + waits_for * h).count();
             assert!(told.iter().take(short).all(|told| told.told_s < 8e-3 + 64e-6), "{short}");
             assert_eq!((counts.told, counts.late), (told.len() as u64, short as u64));
             assert_eq!((counts.missed, counts.without_drive), (0, 0));
             let longest_s = told.iter().map(|told| told.time_s - told.told_s).fold(0.0, f64::max);
-            assert!(longest_s < ahead_s + 2.6 * h, "{longest_s}");
+            assert!(longest_s < ahead_s + (waits_for + 1.6) * h, "{longest_s}");
             let errors = normalised(&told, &passages, (8e-3, 24e-3));
             assert!((500..504).contains(&errors.len()), "{}", errors.len());
             let within = errors.iter().filter(|e| e.abs() <= 3.0).count() as f64 / errors.len() as f64;

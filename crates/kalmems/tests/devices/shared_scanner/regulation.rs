@@ -120,7 +120,15 @@ fn a_run_is_written_whole_and_the_same_again() {
         let target = folder.path().join(name);
         let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
         let output = Output::begin(&target, &Work::named("simulate", name)).unwrap();
-        let summary = write_simulation(&experiment, &*simulation, &output, info, &Silent).unwrap();
+        let summary = write_simulation(
+            &experiment,
+            published().rig(&experiment).unwrap(),
+            &*simulation,
+            &output,
+            info,
+            &Silent,
+        )
+        .unwrap();
         output.commit().unwrap();
         assert!(summary.told[0].starts_with("regulated from"), "{:?}", summary.told);
         assert!(summary.outlook.unwrap().contains("phase margin"));

@@ -1,0 +1,303 @@
+//! What an estimate says of the motion, in one sentence.
+
+use super::summary::{budget_table, parameters_table, segment_name, shown, summary_table};
+use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics};
+use crate::estimate::{SegmentEstimate, StateSeries, Trajectory};
+use crate::evaluate::{Grade, ValueState};
+use crate::inspect::quantity;
+use crate::signal::{Sine, fit_sine_near};
+use crate::units::kind;
+use serde::Serialize;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// What a filter says of one quantity after the settling time, and how well it claims to know it; in SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Answer {
+    /// The quantity, by its name among the states.
+    pub quantity: &'static str,
+    /// Its SI unit as column names have it.
+    pub unit: &'static str,
+    /// How it moves.
+    #[serde(flatten)]
+    pub motion: AnsweredMotion,
+    /// The root mean square of its claimed standard deviations; `None` of a method that claims none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub known_to: Option<f64>,
+    #[serde(skip)]
+    is_angle: bool,
+    #[serde(skip)]
+    samples: f64,
+}
+
+/// How a quantity moves.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AnsweredMotion {
+    /// As a steady sine.
+    Oscillation {
+        /// Its mean.
+        mean: f64,
+        /// Its amplitude.
+        amplitude: f64,
+        /// Its frequency in Hz.
+        frequency_hz: f64,
+        /// The part of its cycle, in degrees, by which its peaks come after those of the drive, where that is a steady sine of the same frequency
+        /// or of twice this.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        after_drive_deg: Option<f64>,
+    },
+    /// In any other way.
+    Course {
+        /// Its mean.
+        mean: f64,
+        /// Its smallest value.
+        lowest: f64,
+        /// Its largest value.
+        highest: f64,
+    },
+}
+
+/// Samples that a sine is fitted to at most, evenly from all there are.
+const FITTED: usize = 2048;
+
+/// The root mean square of what a sine leaves, in amplitudes of it, up to which a motion is one.
+const STEADY: f64 = 0.1;
+
+impl Answer {
+    /// What a trajectory says between these samples of what its device is for: its first value that is no angle, or its angles.
+    pub(super) fn all_of(
+        trajectory: &Trajectory,
+        scored: &Range<usize>,
+        values: &[ValueState],
+        estimate: &SegmentEstimate,
+    ) -> Vec<Self> {
+        let is_meant = |name: &str, is_angle: bool| match values.first() {
+            Some(value) => value.name == name,
+            None => is_angle,
+        };
+        let states = trajectory.states.iter().take(trajectory.own_states);
+        let of = |state: &StateSeries| {
+            let is_angle = state.kind.name == kind::ANGLE.name;
+            let mean = state.mean.get(scored.clone()).filter(|_| is_meant(state.name, is_angle))?;
+            let time_s = trajectory.time_s.get(scored.clone())?;
+            let finite = || mean.iter().copied().filter(|value| value.is_finite());
+            let samples = finite().count() as f64;
+            let motion = oscillation(time_s, mean, estimate).or_else(|| {
+                let [lowest, highest] =
+                    [finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max)];
+                let mean = finite().sum::<f64>() / samples;
+                (samples > 0.0).then_some(AnsweredMotion::Course { mean, lowest, highest })
+            })?;
+            let sds = state.sd.get(scored.clone()).unwrap_or_default();
+            let (count, squares) = sds
+                .iter()
+                .filter(|sd| sd.is_finite())
+                .fold((0.0, 0.0), |(count, squares), sd| (count + 1.0, squares + sd * sd));
+            let known_to = (count > 0.0).then(|| f64::sqrt(squares / count));
+            Some(Self { quantity: state.name, unit: state.unit, motion, known_to, is_angle, samples })
+        };
+        states.filter_map(of).collect()
+    }
+
+    /// Takes what a later part of the segment says in.
+    pub(super) fn pool(&mut self, later: &Self) {
+        let (own, others) = (self.samples, later.samples);
+        let mean_of = |a: f64, b: f64| (a * own + b * others) / (own + others);
+        self.motion = match (self.motion, later.motion) {
+            (
+                AnsweredMotion::Oscillation { mean, amplitude, frequency_hz, after_drive_deg },
+                AnsweredMotion::Oscillation {
+                    mean: later_mean,
+                    amplitude: later_amplitude,
+                    frequency_hz: later_hz,
+                    after_drive_deg: later_deg,
+                },
+            ) => AnsweredMotion::Oscillation {
+                mean: mean_of(mean, later_mean),
+                amplitude: mean_of(amplitude, later_amplitude),
+                frequency_hz: mean_of(frequency_hz, later_hz),
+                after_drive_deg: after_drive_deg.zip(later_deg).map(|(a, b)| {
+                    // The shorter way round.
+                    let turn = (b - a) - 360.0 * ((b - a) / 360.0).round();
+                    (a + turn * others / (own + others)).rem_euclid(360.0)
+                }),
+            },
+            (a, b) => {
+                let ([mean, low, high], [later_mean, later_low, later_high]) = (a.course(), b.course());
+                AnsweredMotion::Course {
+                    mean: mean_of(mean, later_mean),
+                    lowest: low.min(later_low),
+                    highest: high.max(later_high),
+                }
+            }
+        };
+        self.known_to = self.known_to.zip(later.known_to).map(|(a, b)| mean_of(a * a, b * b).sqrt());
+        self.samples += others;
+    }
+
+    /// The sentence: `angle: amplitude 8.922 deg at 15.675 kHz, known to ± 0.008 deg`.
+    pub fn sentence(&self) -> String {
+        // Of those that take a prefix, in SI; angles in degrees and accelerations as tables have them.
+        let (unit, factor) = match self.unit {
+            _ if self.is_angle => ("deg", 1_f64.to_degrees()),
+            "F" | "m" | "m_per_s" => (self.unit, 1.0),
+            unit => shown(unit),
+        };
+        let unit = unit.replace("_per_", "/").replace('_', " ");
+        let shown = |value: f64| quantity(value * factor, &unit);
+        let motion = match self.motion {
+            AnsweredMotion::Oscillation { mean, amplitude, frequency_hz, after_drive_deg } => {
+                let mut text = format!("amplitude {} at {}", shown(amplitude), quantity(frequency_hz, "Hz"));
+                if mean.abs() > 1e-3 * amplitude {
+                    text += &format!(" about {}", shown(mean));
+                }
+                if let Some(degrees) = after_drive_deg {
+                    text += &format!(", peaks {degrees:.1}° of its cycle after those of the drive");
+                }
+                text
+            }
+            AnsweredMotion::Course { mean, lowest, highest } => {
+                format!("{} on average, from {} to {}", shown(mean), shown(lowest), shown(highest))
+            }
+        };
+        let known = self.known_to.map_or_else(
+            || ", without a claim of how well it is known".to_owned(),
+            |sd| {
+                format!(
+                    ", known to ± {} (one standard deviation, as claimed)",
+                    quantity(two_digits(sd * factor), &unit)
+                )
+            },
+        );
+        format!("{}: {motion}{known}", self.quantity)
+    }
+}
+
+impl AnsweredMotion {
+    /// Mean, smallest and largest value.
+    fn course(self) -> [f64; 3] {
+        match self {
+            Self::Oscillation { mean, amplitude, .. } => [mean, mean - amplitude, mean + amplitude],
+            Self::Course { mean, lowest, highest } => [mean, lowest, highest],
+        }
+    }
+}
+
+/// The sine that these samples follow near the frequency of the motion, where they follow one.
+fn oscillation(time_s: &[f64], mean: &[f64], estimate: &SegmentEstimate) -> Option<AnsweredMotion> {
+    let every = mean.len().div_ceil(FITTED).max(1);
+    let thinned = |values: &[f64]| values.iter().step_by(every).copied().collect::<Vec<f64>>();
+    let sine = fit_sine_near(&thinned(time_s), &thinned(mean), estimate.motion.frequency_hz)
+        .filter(|sine| sine.residual_rms < STEADY * sine.amplitude)?;
+    let after_drive_deg = estimate.drive.as_ref().and_then(|drive| after_drive_deg(&sine, drive));
+    Some(AnsweredMotion::Oscillation {
+        mean: sine.offset,
+        amplitude: sine.amplitude,
+        frequency_hz: sine.frequency_hz,
+        after_drive_deg,
+    })
+}
+
+/// The part of a motion's cycle, in degrees, from a peak of its drive to the next of its own peaks.
+fn after_drive_deg(motion: &Sine, drive: &Sine) -> Option<f64> {
+    let ratio = drive.frequency_hz / motion.frequency_hz;
+    let cycles = ratio.round();
+    if !(1.0..=2.0).contains(&cycles) || (ratio - cycles).abs() > 1e-3 {
+        return None;
+    }
+    // Times of peaks in cycles of the motion.
+    let (own, of_drive) = (-motion.phase_rad / TAU, -drive.phase_rad / (TAU * cycles));
+    Some(360.0 * (own - of_drive).rem_euclid(1.0 / cycles))
+}
+
+fn two_digits(value: f64) -> f64 {
+    format!("{value:.1e}").parse().unwrap_or(value)
+}
+
+/// Segments whose answers are said.
+const SAID: usize = 4;
+
+/// The answers of a result, a sentence each, of the filter of each segment that comes first by its grade; where there are many segments, of the first.
+pub fn answers(metrics: &Metrics) -> Vec<String> {
+    let segments =
+        || metrics.recordings.iter().flat_map(|one| one.segments.iter().map(move |segment| (one, segment)));
+    let count = segments().count();
+    let of = |(recording, segment): (&RecordingMetrics, &SegmentMetrics)| {
+        let best = segment.best().filter(|best| best.grade < Some(Grade::NoEstimate));
+        let grade = best.and_then(|best| best.grade).map_or("", Grade::words);
+        let place = if count > 1 { segment_name(&recording.name, segment) + ": " } else { String::new() };
+        let said = best.into_iter().flat_map(|best| best.answer.iter().map(move |one| (best, one)));
+        let sentence = |(best, one): (&EstimatorMetrics, &Answer)| {
+            format!("{place}{} ({}: {grade})", one.sentence(), best.name)
+        };
+        said.map(sentence).collect::<Vec<String>>()
+    };
+    let mut said: Vec<String> = segments().take(SAID).flat_map(of).collect();
+    if count > SAID {
+        said.push(format!("{} further segments: `metrics.json`, key `answer`", count - SAID));
+    }
+    said
+}
+
+/// What a run prints: its answers, and behind them its tables.
+pub fn summary_text(metrics: &Metrics, with_durations: bool) -> String {
+    let tables =
+        [Some(summary_table(metrics, with_durations)), parameters_table(metrics), budget_table(metrics)];
+    let answers = answers(metrics).join("\n");
+    let answers = (!answers.is_empty()).then(|| answers + "\n");
+    let tables = tables.into_iter().flatten().map(|table| table.to_text());
+    answers.into_iter().chain(tables).collect::<Vec<String>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sine(frequency_hz: f64, phase_rad: f64) -> Sine {
+        Sine { offset: 0.0, amplitude: 1.0, frequency_hz, phase_rad, residual_rms: 0.0 }
+    }
+
+    #[test]
+    fn peaks_are_counted_from_those_of_the_drive_in_cycles_of_the_motion() {
+        // cos(2πft + φ) has its peak at −φ/(2πf).
+        let close = |a: Option<f64>, b: f64| (a.unwrap() - b).abs() < 1e-9;
+        assert!(close(after_drive_deg(&sine(100.0, -TAU / 4.0), &sine(100.0, 0.0)), 90.0));
+        assert!(close(after_drive_deg(&sine(100.0, TAU / 4.0), &sine(100.0, 0.0)), 270.0));
+        // Two peaks of the drive in a cycle of the motion.
+        assert!(close(after_drive_deg(&sine(100.0, -TAU / 4.0 - 0.1), &sine(200.0, -0.2)), 90.0));
+        assert!(close(after_drive_deg(&sine(100.0, TAU / 4.0), &sine(200.0, 0.0)), 90.0));
+        assert_eq!(after_drive_deg(&sine(100.0, 0.0), &sine(130.0, 0.0)), None);
+    }
+
+    #[test]
+    fn parts_are_pooled_by_their_samples() {
+        let part = |amplitude: f64, degrees: f64, known_to: f64, samples: f64| Answer {
+            quantity: "angle",
+            unit: "rad",
+            motion: AnsweredMotion::Oscillation {
+                mean: 0.0,
+                amplitude,
+                frequency_hz: 1e3,
+                after_drive_deg: Some(degrees),
+            },
+            known_to: Some(known_to),
+            is_angle: true,
+            samples,
+        };
+        let mut own = part(0.1, 350.0, 1e-3, 300.0);
+        own.pool(&part(0.2, 10.0, 3e-3, 100.0));
+        let AnsweredMotion::Oscillation { amplitude, after_drive_deg, .. } = own.motion else {
+            panic!("{own:?}")
+        };
+        assert!((amplitude - 0.125).abs() < 1e-12 && (after_drive_deg.unwrap() - 355.0).abs() < 1e-9);
+        let said = own.sentence();
+        assert_eq!(
+            said,
+            "angle: amplitude 7.162 deg at 1 kHz, peaks 355.0° of its cycle after those of the drive, known to ± 0.099 deg (one standard \
+             deviation, as claimed)"
+        );
+        // 75 % with 1e-3, 25 % with 3e-3: √(0.75 + 2.25)·1e-3.
+        assert!((own.known_to.unwrap() - 3_f64.sqrt() * 1e-3).abs() < 1e-12);
+    }
+}
