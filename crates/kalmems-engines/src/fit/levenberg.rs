@@ -155,9 +155,6 @@ pub fn fit_until<R: Regression<P>, const P: usize>(
     })
 }
 
-/// A step that is no more than rounding, relative to the parameters.
-const ROUNDING: f64 = 1e-14;
-
 /// A few full Gauss–Newton steps at the minimum: where the sum of squares does not tell two points apart any more,
 /// its gradient still does, and gives the parameters about twice as many digits.
 fn finish<R: Regression<P>, const P: usize>(
@@ -173,12 +170,7 @@ fn finish<R: Regression<P>, const P: usize>(
         let step = at.triangle.restricted(&free).solve();
         let next: [f64; P] = std::array::from_fn(|i| if free[i] { x[i] + step[i] } else { x[i] });
         let inside = (0..P).all(|i| settings.bounds[i].low <= next[i] && next[i] <= settings.bounds[i].high);
-        let (moved, size) = (length(&norms, &step), length(&norms, &x));
-        // Rounding has no gradient.
-        if moved <= ROUNDING * size {
-            break;
-        }
-        let small = moved <= 1e-6 * size;
+        let small = length(&norms, &step) <= 1e-6 * length(&norms, &x);
         let same = (cost(regression, &next) - at.cost).abs() <= 1e-9 * at.cost;
         if !(inside && small && same) {
             break;
@@ -206,6 +198,7 @@ fn check<const P: usize>(settings: &FitSettings<P>) -> Result<(), FitError> {
     Ok(())
 }
 
+#[allow(clippy::needless_range_loop)] // a row for each sample: an adapter of iterators is a call
 fn linearize<R: Regression<P>, const P: usize>(
     regression: &R,
     x: &[f64; P],
@@ -216,7 +209,6 @@ fn linearize<R: Regression<P>, const P: usize>(
     regression.linearize(x, &mut |residual, gradient| {
         let mut is_finite = residual.is_finite();
         let mut row = [0.0; P];
-        // With an index: this is done for each sample, and an adapter of arrays would be a call.
         for i in 0..P {
             is_finite &= gradient[i].is_finite();
             row[i] = if settings.free[i] { gradient[i] } else { 0.0 };

@@ -495,6 +495,7 @@ impl UnderInputs<'_> {
 }
 
 /// Writes the inputs over one of so many parts of an interval.
+#[allow(clippy::needless_range_loop)] // for each step: an adapter of iterators is a call
 pub fn set_part(
     Nodes { start, middle, end }: &Nodes<&[f64]>,
     (step, steps): (usize, usize),
