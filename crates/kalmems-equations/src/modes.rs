@@ -202,9 +202,11 @@ pub fn modes(matrix: &[f64], size: usize) -> Option<Vec<Mode>> {
     Some(paired(found))
 }
 
-/// Makes rows and columns of about the same size, by powers of two.
-fn balance(a: &mut [Vec<f64>]) {
+/// Makes rows and columns of about the same size, by powers of two, and returns these: row i is divided by its own, and column i multiplied
+/// by it.
+pub(crate) fn balance(a: &mut [Vec<f64>]) -> Vec<f64> {
     let n = a.len();
+    let mut scales = vec![1.0; n];
     for _ in 0..32 {
         let mut settled = true;
         for i in 0..n {
@@ -223,6 +225,7 @@ fn balance(a: &mut [Vec<f64>]) {
             }
             if by != 1.0 {
                 settled = false;
+                scales[i] *= by;
                 for entry in &mut a[i] {
                     *entry /= by;
                 }
@@ -232,9 +235,10 @@ fn balance(a: &mut [Vec<f64>]) {
             }
         }
         if settled {
-            return;
+            break;
         }
     }
+    scales
 }
 
 /// To a form with zeros below the first subdiagonal, by elimination with pivots.

@@ -86,7 +86,7 @@ impl Device {
                 roots.push(slope);
             }
         }
-        let program = self.program(&mut graph, &roots, free, key)?;
+        let program = self.program(&mut graph, &roots, free, key)?.with_first_results(1);
         let outputs = program.outputs();
         let value = outputs.first().copied().unwrap_or_default();
         let slopes = columns.into_iter().zip(outputs.iter().skip(1).copied()).collect();
@@ -137,24 +137,12 @@ impl ReadoutProgram {
 
     /// The value at a state under inputs; not a finite number outside of the domain.
     pub fn read(&self, work: &mut ProgramNumbers, x: &[f64], inputs: &[f64]) -> f64 {
-        if !self.free.is_empty() {
-            for (parameter, value) in self.free.iter().zip(x.iter().skip(self.states)) {
-                self.program.set_parameter(work, *parameter, *value);
-            }
-            self.program.begin_step(work);
-        }
-        Program::set_inputs(work, inputs);
-        match self.states {
-            0..=2 => self.program.stage(work, &padded::<2>(x, self.states), true),
-            3..=5 => self.program.stage(work, &padded::<5>(x, self.states), true),
-            _ => self.program.stage(work, &padded::<MOST_STATES>(x, self.states), true),
-        }
-        work.get(self.value)
+        self.at::<false>(work, x, inputs)
     }
 
     /// The value, and its derivatives by the states.
     pub fn linearize(&self, work: &mut ProgramNumbers, x: &[f64], inputs: &[f64], slopes: &mut [f64]) -> f64 {
-        let value = self.read(work, x, inputs);
+        let value = self.at::<true>(work, x, inputs);
         slopes.fill(0.0);
         for (column, register) in &self.slopes {
             if let Some(slope) = slopes.get_mut(*column) {
@@ -162,6 +150,30 @@ impl ReadoutProgram {
             }
         }
         value
+    }
+
+    /// The value, with the derivatives computed or not.
+    fn at<const LINEAR: bool>(&self, work: &mut ProgramNumbers, x: &[f64], inputs: &[f64]) -> f64 {
+        if !self.free.is_empty() {
+            for (k, parameter) in self.free.iter().enumerate() {
+                if let Some(value) = x.get(self.states + k) {
+                    self.program.set_parameter(work, *parameter, *value);
+                }
+            }
+            self.program.begin_step(work);
+        }
+        Program::set_inputs(work, inputs);
+        match self.states {
+            0..=2 => self.stage::<2, LINEAR>(work, x),
+            3..=5 => self.stage::<5, LINEAR>(work, x),
+            _ => self.stage::<MOST_STATES, LINEAR>(work, x),
+        }
+        work.get(self.value)
+    }
+
+    fn stage<const N: usize, const LINEAR: bool>(&self, work: &mut ProgramNumbers, x: &[f64]) {
+        let x = padded::<N>(x, self.states);
+        if LINEAR { self.program.stage(work, &x, true) } else { self.program.first_stage(work, &x, true) }
     }
 
     /// The states that it depends on at some point.

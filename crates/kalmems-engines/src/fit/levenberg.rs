@@ -31,6 +31,10 @@ pub struct FitSettings<const P: usize> {
     pub tolerance: f64,
     /// The most Jacobians that are computed.
     pub iterations: usize,
+    /// How far the first step may go from parameters that are all 0, where each is measured by the length of its column.
+    pub first_radius: f64,
+    /// Steps at the minimum that give the parameters more digits than the sum of squares tells, at most.
+    pub polishes: usize,
 }
 
 impl<const P: usize> FitSettings<P> {
@@ -42,6 +46,8 @@ impl<const P: usize> FitSettings<P> {
             bounds: [ParameterBounds::FREE; P],
             tolerance: 1e-14,
             iterations: 1000,
+            first_radius: 100.0,
+            polishes: 3,
         }
     }
 }
@@ -82,7 +88,7 @@ pub fn fit_until<R: Regression<P>, const P: usize>(
         let free = free_to_move(&at, &x, settings);
         let triangle = at.triangle.restricted(&free);
         let size = length(&d, &x);
-        let mut delta: f64 = radius.unwrap_or(if size > 0.0 { 100.0 * size } else { 100.0 });
+        let mut delta: f64 = radius.unwrap_or(if size > 0.0 { 100.0 * size } else { settings.first_radius });
 
         // Cosine of the angle between the residuals and each column: zero at a minimum.
         let gradient = triangle.gradient();
@@ -158,7 +164,7 @@ fn finish<R: Regression<P>, const P: usize>(
     settings: &FitSettings<P>,
     mut iterations: usize,
 ) -> Result<Fit<P>, FitError> {
-    for _ in 0..3 {
+    for _ in 0..settings.polishes {
         let free = free_to_move(&at, &x, settings);
         let norms = at.triangle.column_norms();
         let step = at.triangle.restricted(&free).solve();
@@ -192,6 +198,7 @@ fn check<const P: usize>(settings: &FitSettings<P>) -> Result<(), FitError> {
     Ok(())
 }
 
+#[allow(clippy::needless_range_loop)] // a row for each sample: an adapter of iterators is a call
 fn linearize<R: Regression<P>, const P: usize>(
     regression: &R,
     x: &[f64; P],
@@ -200,10 +207,15 @@ fn linearize<R: Regression<P>, const P: usize>(
     let mut at = Linearized { triangle: Triangle::new(), cost: 0.0, count: 0 };
     let mut bad = None;
     regression.linearize(x, &mut |residual, gradient| {
-        if !(residual.is_finite() && gradient.iter().all(|g| g.is_finite())) {
+        let mut is_finite = residual.is_finite();
+        let mut row = [0.0; P];
+        for i in 0..P {
+            is_finite &= gradient[i].is_finite();
+            row[i] = if settings.free[i] { gradient[i] } else { 0.0 };
+        }
+        if !is_finite {
             bad.get_or_insert(at.count);
         }
-        let row = std::array::from_fn(|i| if settings.free[i] { gradient[i] } else { 0.0 });
         at.triangle.push(row, residual);
         at.cost += residual * residual;
         at.count += 1;

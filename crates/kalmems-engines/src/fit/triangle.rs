@@ -20,6 +20,7 @@ impl<const P: usize> Triangle<P> {
     }
 
     /// Adds a row.
+    #[allow(clippy::needless_range_loop)] // a row for each sample: an adapter of iterators is a call
     pub fn push(&mut self, mut row: [f64; P], mut value: f64) {
         for i in 0..P {
             if row[i] == 0.0 {
@@ -27,10 +28,10 @@ impl<const P: usize> Triangle<P> {
             }
             let length = self.r[i][i].portable_hypot(row[i]);
             let (c, s) = (self.r[i][i] / length, row[i] / length);
-            for (upper, lower) in self.r[i][i..].iter_mut().zip(&mut row[i..]) {
-                let (above, below) = (*upper, *lower);
-                *upper = c * above + s * below;
-                *lower = c * below - s * above;
+            for j in i..P {
+                let (above, below) = (self.r[i][j], row[j]);
+                self.r[i][j] = c * above + s * below;
+                row[j] = c * below - s * above;
             }
             let (above, below) = (self.z[i], value);
             self.z[i] = c * above + s * below;

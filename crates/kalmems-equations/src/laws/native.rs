@@ -104,6 +104,13 @@ impl LawForm for Tilting {
     fn slope<S: Scalar>(a: &LawArguments<S>) -> S {
         tilting(a).slope(a[0])
     }
+    fn along_first(a: &LawArguments<f64>) -> [f64; 3] {
+        // Of the angle alone: the plate is not seeded.
+        let plate = tilting(a);
+        let slope = plate.slope(Dual::<f64, 1>::variable(a[0], 0));
+        let [bend] = slope.gradient();
+        [plate.capacitance(a[0]), slope.value(), bend]
+    }
 }
 
 struct CarrierLaw;

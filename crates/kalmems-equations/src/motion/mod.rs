@@ -1,5 +1,6 @@
 //! How a device moves: rates, their derivatives, and steps.
 
+mod grid;
 mod step;
 mod tables;
 
@@ -39,7 +40,7 @@ pub struct Motion {
     /// The rows of the rates that are not linear in the states with constant slopes, or that inputs enter.
     bent: Vec<usize>,
     is_linear: bool,
-    /// The states that no equation moves.
+    /// The states that no equation moves and on which slopes of the rates by states depend.
     held: Vec<usize>,
     has_kinks: bool,
 }
@@ -68,7 +69,6 @@ impl Device {
         let mut roots = self.rates.clone();
         roots.push(Graph::ZERO);
         let mut places = Vec::new();
-        let held = (0..states).filter(|state| self.rates.get(*state) == Some(&Graph::ZERO)).collect();
         for (row, rate) in self.rates.iter().enumerate() {
             for (column, variable) in variables(states, free).enumerate() {
                 let slope = graph.derivative(*rate, variable);
@@ -87,13 +87,21 @@ impl Device {
             slopes.any(|((of, _), slope)| *of == row && graph.depends(*slope, is_free))
         };
         let varying: Vec<bool> = (0..states).map(varies).collect();
+        let of_states =
+            || places.iter().zip(roots.iter().skip(states + 1)).filter(|((_, column), _)| *column < states);
+        let is_held = |state: &usize| {
+            let shapes = |variable| variable == Variable::State(*state);
+            self.rates.get(*state) == Some(&Graph::ZERO)
+                && of_states().any(|(_, slope)| graph.depends(*slope, shapes))
+        };
+        let held = (0..states).filter(is_held).collect();
         let is_linear = !varying.contains(&true);
         let is_input = |variable| matches!(variable, Variable::Input(_));
         let rows = self.rates.iter().zip(varying).enumerate();
         let bent = rows.filter(|(_, (rate, varies))| *varies || graph.depends(**rate, is_input));
         let bent = bent.map(|(row, _)| row).collect();
         let has_kinks = self.rates.iter().any(|rate| graph.has_kink(*rate));
-        let program = self.program(&mut graph, &roots, free, "derivative")?;
+        let program = self.program(&mut graph, &roots, free, "derivative")?.with_first_results(states);
         let (own, rest) = program.outputs().split_at(states);
         let (zero, registers) = rest.split_first().unwrap_or((&0, &[]));
         let size = SIZES.into_iter().find(|size| *size >= states).unwrap_or(MOST_STATES);
@@ -194,7 +202,12 @@ impl Motion {
     pub fn rates(&self, work: &mut ProgramNumbers, x: &[f64], inputs: &[f64], to: &mut [f64]) -> bool {
         self.begin(work, x);
         Program::set_inputs(work, inputs);
-        self.program.stage(work, &padded::<MOST_STATES>(x, self.states), true);
+        self.program.first_stage(work, &padded::<MOST_STATES>(x, self.states), true);
+        self.take_rates(work, to)
+    }
+
+    /// The rates that a stage has led to.
+    fn take_rates(&self, work: &ProgramNumbers, to: &mut [f64]) -> bool {
         for (index, rate) in to.iter_mut().enumerate() {
             let register = self.rates.get(index).filter(|_| index < self.states);
             *rate = register.map_or(0.0, |register| work.get(*register));
@@ -211,7 +224,10 @@ impl Motion {
         to: &mut [f64],
         jacobian: &mut [f64],
     ) -> bool {
-        let finite = self.rates(work, x, inputs, to);
+        self.begin(work, x);
+        Program::set_inputs(work, inputs);
+        self.program.stage(work, &padded::<MOST_STATES>(x, self.states), true);
+        let finite = self.take_rates(work, to);
         jacobian.fill(0.0);
         let columns = self.states();
         for (row, column) in self.sparsity.iter().copied() {
@@ -224,11 +240,6 @@ impl Motion {
             }
         }
         finite && are_finite(jacobian)
-    }
-
-    /// The states that no equation moves, such as a resonance that is one.
-    pub fn held(&self) -> &[usize] {
-        &self.held
     }
 
     /// Whether a rate is not smooth everywhere: an `if`, `max`, `min` or `abs` of a state stands in it.
@@ -271,8 +282,10 @@ impl Motion {
     #[inline]
     fn begin(&self, work: &mut ProgramNumbers, x: &[f64]) {
         if !self.free.is_empty() {
-            for (parameter, value) in self.free.iter().zip(x.iter().skip(self.states)) {
-                self.program.set_parameter(work, *parameter, *value);
+            for (k, parameter) in self.free.iter().enumerate() {
+                if let Some(value) = x.get(self.states + k) {
+                    self.program.set_parameter(work, *parameter, *value);
+                }
             }
             self.program.begin_step(work);
         }
@@ -284,14 +297,17 @@ impl Motion {
 #[allow(clippy::inline_always)] // its size is known where it is called, and not to a function of its own
 pub(crate) fn padded<const N: usize>(x: &[f64], count: usize) -> [f64; N] {
     let mut padded = [0.0; N];
-    for (padded, x) in padded.iter_mut().zip(x.iter().take(count)) {
-        *padded = *x;
-    }
+    let count = count.min(N).min(x.len());
+    padded[..count].copy_from_slice(&x[..count]);
     padded
 }
 
 /// Whether all are: 0·x is 0 or not a number.
 #[inline]
 pub(crate) fn are_finite(values: &[f64]) -> bool {
-    values.iter().map(|value| value * 0.0).sum::<f64>() == 0.0
+    let mut sum = 0.0;
+    for value in values {
+        sum += value * 0.0;
+    }
+    sum == 0.0
 }

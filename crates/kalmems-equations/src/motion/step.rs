@@ -18,11 +18,14 @@ impl Motion {
         to: &mut [f64],
         jacobian: &mut [f64],
     ) -> bool {
+        // Where the linear part is all of the slopes, the Jacobian of the step is known with its matrices.
+        let is_constant = self.is_linear && self.active.is_empty() && !over.1.is_runge_kutta();
+        let is_known = jacobian.is_empty() || is_constant;
         macro_rules! by_size {
             ($($size:literal)+) => {
                 match (self.size, self.room) {
                     $(
-                        ($size, _) if jacobian.is_empty() => self.chain::<$size, 0, false>(work, x, over, to, jacobian),
+                        ($size, _) if is_known => self.chain::<$size, 0, false>(work, x, over, to, jacobian),
                         ($size, 0) => self.chain::<$size, 0, true>(work, x, over, to, jacobian),
                         ($size, 2) => self.chain::<$size, 2, true>(work, x, over, to, jacobian),
                         ($size, _) => self.chain::<$size, MOST_STATES, true>(work, x, over, to, jacobian),
@@ -37,7 +40,8 @@ impl Motion {
     /// The step of [`Etdrk4`](kalmems_core::Etdrk4) and its Jacobian for N states, of which the last may not be there, and at most F
     /// parameters that the rates depend on.
     ///
-    /// Rows of the rates that the linear part describes whole have no bend, so that all that is nonlinear costs by the rows that are.
+    /// Rows of the rates that the linear part describes whole have no bend, so that all that is nonlinear costs by the rows that are. Without
+    /// `LINEAR` nothing is differentiated, and the Jacobian that is written where there is room for it is that of the linear part.
     #[inline(never)]
     fn chain<const N: usize, const F: usize, const LINEAR: bool>(
         &self,
@@ -89,32 +93,29 @@ impl Motion {
             of_parameters.end(&matrices, bent, &linear.slopes, &linear.by_parameter);
         }
 
-        let states = self.states.min(N);
-        for (i, next) in to.iter_mut().enumerate() {
-            *next = if i < states {
-                at[i] + (straight[i] + (middles[i] + end[i]))
-            } else {
-                x.get(i).copied().unwrap_or_default()
-            };
+        let states = self.states.min(N).min(to.len());
+        for i in 0..states {
+            to[i] = at[i] + (straight[i] + (middles[i] + end[i]));
         }
-        if !LINEAR {
+        for i in states..to.len() {
+            to[i] = x.get(i).copied().unwrap_or_default();
+        }
+        if jacobian.is_empty() {
             return are_finite(to);
         }
         let columns = self.states();
         jacobian.fill(0.0);
-        for (i, row) in jacobian.chunks_exact_mut(columns.max(1)).enumerate() {
+        let by_states = if LINEAR { &of_states.straight } else { matrices.straight_to_end() };
+        for i in 0..columns.min(jacobian.len() / columns.max(1)) {
+            let row = &mut jacobian[i * columns..(i + 1) * columns];
             // What is held depends on itself.
-            if let Some(entry) = row.get_mut(i) {
-                *entry = 1.0;
-            }
+            row[i] = 1.0;
             if i < states {
-                for (entry, moved) in row.iter_mut().zip(&of_states.straight[i]).take(states) {
-                    *entry += moved;
+                for j in 0..states {
+                    row[j] += by_states[i][j];
                 }
-                for (column, moved) in self.active.iter().zip(&of_parameters.straight[i]) {
-                    if let Some(entry) = row.get_mut(*column) {
-                        *entry = *moved;
-                    }
+                for k in 0..self.active.len().min(F) {
+                    row[self.active[k]] = of_parameters.straight[i][k];
                 }
             }
         }
@@ -131,22 +132,26 @@ impl Motion {
         x: &[f64; N],
         new_inputs: bool,
     ) -> ([f64; N], StageJacobians<N, F>) {
-        self.program.stage(work, x, new_inputs);
-        let mut rates = [0.0; N];
-        for (rate, register) in rates.iter_mut().zip(&self.rates) {
-            *rate = work.get(*register);
-        }
-        let mut linear = StageJacobians::NONE;
+        let (mut rates, mut linear) = ([0.0; N], StageJacobians::NONE);
         if LINEAR {
-            for (slope, register) in linear.slopes.as_flattened_mut().iter_mut().zip(&self.slopes) {
-                *slope = work.get(*register);
-            }
-            for (slope, register) in linear.by_parameter.as_flattened_mut().iter_mut().zip(&self.by_parameter)
-            {
-                *slope = work.get(*register);
-            }
+            self.program.stage(work, x, new_inputs);
+            take(work, &self.slopes, linear.slopes.as_flattened_mut());
+            take(work, &self.by_parameter, linear.by_parameter.as_flattened_mut());
+        } else {
+            self.program.first_stage(work, x, new_inputs);
         }
+        take(work, &self.rates, &mut rates);
         (rates, linear)
+    }
+}
+
+/// Registers, one number after the other. A loop with an index is inlined, and an adapter of iterators is a call.
+#[inline(always)]
+fn take(work: &ProgramNumbers, registers: &[u16], to: &mut [f64]) {
+    let count = registers.len().min(to.len());
+    let (registers, to) = (&registers[..count], &mut to[..count]);
+    for k in 0..count {
+        to[k] = work.get(registers[k]);
     }
 }
 

@@ -75,6 +75,11 @@ impl StepTables {
         }
     }
 
+    /// Whether they are those of Runge and Kutta's method, without a linear part.
+    pub(super) const fn is_runge_kutta(&self) -> bool {
+        self.is_runge_kutta
+    }
+
     /// The matrices for a step of N states; `None` for those of another size.
     #[inline]
     pub(super) fn of<const N: usize>(&self) -> Option<StepMatrices<'_, N>> {

@@ -1,6 +1,7 @@
 //! Expressions as instructions over registers, run without allocation.
 
 mod lower;
+mod needs;
 mod op;
 mod run;
 mod sums;
@@ -27,8 +28,10 @@ pub struct ProgramNumbers {
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
     code: StratumCode,
-    /// The instructions of the inputs, and behind them those of the states.
+    /// The instructions of the inputs, and behind them those of the states: first those that the first results need.
     stage: Vec<Instruction>,
+    /// How many of these the first results need, where some are asked for alone.
+    of_first: usize,
     counts: RegisterCounts,
     tables: Tables,
 }
@@ -43,10 +46,10 @@ impl Program {
         curves: &Arc<[Curve]>,
     ) -> Option<Self> {
         let code = lower(graph, roots, counts, free)?;
-        let stage =
+        let stage: Vec<_> =
             [Stratum::Input, Stratum::State].into_iter().flat_map(|of| code.of(of)).copied().collect();
         let tables = Tables { arguments: code.arguments.clone(), curves: curves.clone() };
-        Some(Self { code, stage, counts, tables })
+        Some(Self { of_first: stage.len(), code, stage, counts, tables })
     }
 
     /// Registers with these values of the parameters, and all that follows from them alone.
@@ -93,20 +96,40 @@ impl Program {
         states: &[f64; N],
         new_inputs: bool,
     ) {
+        self.stage_of(work, states, new_inputs, self.stage.len());
+    }
+
+    /// The same for the first results alone.
+    #[inline]
+    pub(crate) fn first_stage<const N: usize>(
+        &self,
+        work: &mut ProgramNumbers,
+        states: &[f64; N],
+        new_inputs: bool,
+    ) {
+        self.stage_of(work, states, new_inputs, self.of_first);
+    }
+
+    #[inline]
+    fn stage_of<const N: usize>(
+        &self,
+        work: &mut ProgramNumbers,
+        states: &[f64; N],
+        new_inputs: bool,
+        end: usize,
+    ) {
         const { assert!(N <= STATES, "behind the states are the inputs") };
         if let Some(registers) = work.registers.first_chunk_mut::<N>() {
             *registers = *states;
         }
         let skipped = if new_inputs { 0 } else { self.code.of(Stratum::Input).len() };
-        run(self.stage.get(skipped..).unwrap_or_default(), &mut work.registers, &self.tables);
+        run(self.stage.get(skipped..end).unwrap_or_default(), &mut work.registers, &self.tables);
     }
 
     #[inline]
     fn put(work: &mut ProgramNumbers, start: usize, values: &[f64]) {
         if let Some(registers) = work.registers.get_mut(start..start + values.len()) {
-            for (register, value) in registers.iter_mut().zip(values) {
-                *register = *value;
-            }
+            registers.copy_from_slice(values);
         }
     }
 

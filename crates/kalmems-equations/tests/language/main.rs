@@ -4,6 +4,7 @@ mod bounds;
 #[path = "../common/mod.rs"]
 mod common;
 mod energy;
+mod held;
 mod laws;
 mod mistakes;
 mod published;

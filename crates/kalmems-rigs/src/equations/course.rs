@@ -171,12 +171,15 @@ fn set_nodes<'a>(
     inputs: impl Iterator<Item = (&'a SegmentDrive<'a>, Interpolation)>,
     of: impl Fn(&SegmentDrive<'_>, Interpolation) -> Nodes<f64>,
 ) {
-    nodes.iter_mut().for_each(Vec::clear);
+    let [starts, middles, ends] = nodes;
+    starts.clear();
+    middles.clear();
+    ends.clear();
     for (input, between) in inputs {
         let Nodes { start, middle, end } = of(input, between);
-        for (list, value) in nodes.iter_mut().zip([start, middle, end]) {
-            list.push(value);
-        }
+        starts.push(start);
+        middles.push(middle);
+        ends.push(end);
     }
 }
 

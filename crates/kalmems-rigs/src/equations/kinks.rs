@@ -1,7 +1,6 @@
 //! Steps through kinks: as many as a sample needs.
 
-use super::model::{EquationModel, Interval, chain};
-use crate::estimate::driven::SegmentDrive;
+use super::model::{EquationModel, Interval, chain, set_part};
 use crate::estimate::{Filtering, SampleCounts, Transition};
 use kalmems_core::{FilterError, Nodes};
 use kalmems_equations::MOST_STATES;
@@ -19,19 +18,24 @@ pub struct KinkSteps {
     /// Steps of 1, 1/2, 1/4, … of the usual interval.
     intervals: [Interval; DOUBLINGS + 1],
     covariance: Vec<f64>,
+    /// Where some steps lead to, and where twice as many do; and room for the Jacobian of one.
+    ways: [Led; 2],
+    one: Vec<f64>,
 }
 
 /// The mean and the Jacobian that some steps lead to.
+#[derive(Default)]
 struct Led {
-    mean: [f64; MOST_STATES],
-    slopes: [f64; MOST_STATES * MOST_STATES],
+    mean: Vec<f64>,
+    slopes: Vec<f64>,
 }
 
 impl KinkSteps {
     /// For this usual interval in s.
     pub fn new(interval_s: f64) -> Self {
         let halved = |doublings: usize| Interval::of(interval_s / f64::from(1_u32 << doublings));
-        Self { intervals: std::array::from_fn(halved), covariance: Vec::new() }
+        let (covariance, one) = (Vec::new(), Vec::new());
+        Self { intervals: std::array::from_fn(halved), covariance, ways: Default::default(), one }
     }
 
     /// Predicts over the usual interval under inputs.
@@ -44,47 +48,57 @@ impl KinkSteps {
     ) -> Result<(), FilterError> {
         let states = filter.mean().len();
         self.covariance.resize(states * states, 0.0);
+        self.one.resize(states * states, 0.0);
         filter.covariance(&mut self.covariance);
         let mut sd = [0.0; MOST_STATES];
         for (i, sd) in sd.iter_mut().enumerate().take(states) {
             *sd = self.covariance[i * (states + 1)].max(0.0).sqrt();
         }
+        let Self { intervals, ways: [coarse, fine], one, .. } = self;
         let mut doublings = 0;
-        let mut coarse = self.led(model, filter.mean(), (inputs, doublings));
+        coarse.lead((model, &intervals[0]), filter.mean(), (inputs, 0), one);
         while doublings < DOUBLINGS {
-            let fine = self.led(model, filter.mean(), (inputs, doublings + 1));
-            if are_alike(&coarse, &fine, &sd[..states]) {
+            fine.lead((model, &intervals[doublings + 1]), filter.mean(), (inputs, doublings + 1), one);
+            if are_alike(coarse, fine, &sd[..states]) {
                 break;
             }
-            coarse = fine;
+            std::mem::swap(coarse, fine);
             doublings += 1;
         }
         counts.unresolved_kinks += usize::from(doublings == DOUBLINGS);
         each_step((inputs, doublings), |nodes| {
-            let step = model.under(&self.intervals[doublings], nodes, filter.mean());
+            let step = model.under(&intervals[doublings], nodes, filter.mean());
             filter.predict(&step)
         })
     }
+}
 
-    /// Where so many steps lead from a mean.
-    fn led(&self, model: &EquationModel, from: &[f64], inputs: (Nodes<&[f64]>, usize)) -> Led {
+impl Led {
+    /// Goes so many steps from a mean; `one` has room for the Jacobian of a step.
+    fn lead(
+        &mut self,
+        (model, interval): (&EquationModel, &Interval),
+        from: &[f64],
+        inputs: (Nodes<&[f64]>, usize),
+        one: &mut [f64],
+    ) {
         let n = from.len();
-        let mut led = Led { mean: [0.0; MOST_STATES], slopes: [0.0; MOST_STATES * MOST_STATES] };
-        led.mean[..n].copy_from_slice(from);
-        for (place, entry) in led.slopes[..n * n].iter_mut().enumerate() {
-            *entry = f64::from(u8::from(place % (n + 1) == 0));
+        self.mean.clear();
+        self.mean.extend_from_slice(from);
+        self.slopes.clear();
+        self.slopes.resize(n * n, 0.0);
+        for i in 0..n {
+            self.slopes[i * (n + 1)] = 1.0;
         }
-        let mut one = [0.0; MOST_STATES * MOST_STATES];
         // It has no end of its own.
         let _ = each_step(inputs, |nodes| -> Result<(), FilterError> {
-            let (at, mut next) = (led.mean, [0.0; MOST_STATES]);
-            let step = model.under(&self.intervals[inputs.1], nodes, &at[..n]);
-            step.linearize(&at[..n], &mut next[..n], &mut one[..n * n]);
-            chain(&mut led.slopes[..n * n], &one[..n * n], n, n);
-            led.mean = next;
+            let mut next = [0.0; MOST_STATES];
+            let step = model.under(interval, nodes, &self.mean);
+            step.linearize(&self.mean, &mut next[..n], one);
+            chain(&mut self.slopes, one, n, n);
+            self.mean.copy_from_slice(&next[..n]);
             Ok(())
         });
-        led
     }
 }
 
@@ -96,13 +110,7 @@ fn each_step<E>(
     let (steps, count) = (1_usize << doublings, inputs.start.len().min(MOST_STATES));
     let mut nodes = [[0.0; MOST_STATES]; 3];
     for step in 0..steps {
-        for k in 0..count {
-            let whole = Nodes { start: inputs.start[k], middle: inputs.middle[k], end: inputs.end[k] };
-            let part = SegmentDrive::nodes_of_part(&whole, step, steps);
-            for (list, value) in nodes.iter_mut().zip([part.start, part.middle, part.end]) {
-                list[k] = value;
-            }
-        }
+        set_part(&inputs, (step, steps), &mut nodes);
         let [start, middle, end] = &nodes;
         each(Nodes { start: &start[..count], middle: &middle[..count], end: &end[..count] })?;
     }

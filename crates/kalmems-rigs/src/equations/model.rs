@@ -43,6 +43,8 @@ pub struct EquationModel {
     periods: Vec<(usize, f64)>,
     /// Where the noise is linearised.
     rest: Vec<f64>,
+    /// The states that no equation moves and on which the linear part of a step depends, each with what it is rounded to at least.
+    held: Vec<(usize, f64)>,
     inputs: usize,
     rule: StepRule,
     /// Steps per second that follow its motion.
@@ -63,16 +65,17 @@ fn apart(motion: &Motion, event: &ReadoutProgram) -> Vec<bool> {
 }
 
 /// One number for each state, with those that are parameters.
-type StateNumbers = [f64; MOST_STATES];
+pub type StateNumbers = [f64; MOST_STATES];
 
 impl EquationModel {
-    /// With these values of all parameters; noise is discretised for the motion at `rest` under no input.
+    /// With these values of all parameters; noise is discretised for the motion at `rest` under no input, and `about` is that place with a
+    /// resonance that is a state where a filter of it begins.
     pub fn new(
         device: &Device,
         values: &[f64],
         tracked: &[Tracked],
         (density, rule): (Vec<f64>, StepRule),
-        (rest, pace): (&[f64], f64),
+        (rest, about, pace): (&[f64], &[f64], f64),
     ) -> Result<Self, EquationError> {
         let places: Vec<usize> =
             tracked.iter().filter_map(|tracked| device.parameter(tracked.parameter.name)).collect();
@@ -92,8 +95,10 @@ impl EquationModel {
         let apart = events.iter().map(|event| apart(&motion, event)).collect();
         let mut work = vec![motion.work(values)];
         work.extend(readouts.iter().chain(&events).map(|readout| readout.work(values)));
-        let rest = rest.iter().copied().chain(free.iter().map(|(value, _)| *value)).collect();
+        let rest: Vec<f64> = rest.iter().copied().chain(free.iter().map(|(value, _)| *value)).collect();
         let (periods, inputs) = (device.periods(values)?, device.inputs().len());
+        let at: Vec<f64> = about.iter().chain(rest.iter().skip(about.len())).copied().collect();
+        let held = motion.held(&mut work[0], &at, &vec![0.0; inputs]);
         Ok(Self {
             motion,
             readouts,
@@ -105,6 +110,7 @@ impl EquationModel {
             density,
             periods,
             rest,
+            held,
             inputs,
             rule,
             pace,
@@ -130,14 +136,11 @@ impl EquationModel {
     /// are rounded, so that it is the same for many samples; parameters that are states are as stated. A function of the state alone.
     fn point(&self, mean: &[f64]) -> StateNumbers {
         let mut point = [0.0; MOST_STATES];
-        for (to, rest) in point.iter_mut().zip(&self.rest) {
-            *to = *rest;
-        }
-        let moving = self.moving();
-        let held = self.motion.held().iter().copied();
-        for place in held.filter(|place| *place < moving) {
-            if let Some((to, mean)) = point.get_mut(place).zip(mean.get(place)) {
-                *to = rounded(*mean);
+        let states = self.rest.len().min(MOST_STATES);
+        point[..states].copy_from_slice(&self.rest[..states]);
+        for (place, step) in &self.held {
+            if let Some((to, mean)) = point.get_mut(*place).zip(mean.get(*place)) {
+                *to = rounded(*mean, *step);
             }
         }
         point
@@ -145,17 +148,25 @@ impl EquationModel {
 
     /// What an interval is linearised to for a state with this mean.
     fn linearised(&self, interval: &Interval, mean: &[f64]) -> Rc<Linearised> {
-        let point = self.point(mean);
-        let known = interval.linearised.borrow().iter().find(|one| one.point == point).cloned();
-        known.unwrap_or_else(|| {
-            let made = Rc::new(self.linearise(point, interval.length_s));
-            let mut kept = interval.linearised.borrow_mut();
-            if kept.len() == MOST_LINEARISED {
-                kept.remove(0);
+        let mut kept = interval.linearised.borrow_mut();
+        if self.held.is_empty() {
+            if kept.is_empty() {
+                kept.push(Rc::new(self.linearise(self.point(mean), interval.length_s)));
             }
-            kept.push(made.clone());
-            made
-        })
+            return kept[0].clone();
+        }
+        let point = self.point(mean);
+        let is_here =
+            |one: &Rc<Linearised>| self.held.iter().all(|(place, _)| one.point[*place] == point[*place]);
+        if let Some(known) = kept.iter().find(|one| is_here(one)) {
+            return known.clone();
+        }
+        let made = Rc::new(self.linearise(point, interval.length_s));
+        if kept.len() == MOST_LINEARISED {
+            kept.remove(0);
+        }
+        kept.push(made.clone());
+        made
     }
 
     fn linearise(&self, point: StateNumbers, interval_s: f64) -> Linearised {
@@ -317,8 +328,11 @@ impl EquationModel {
 
     /// Derivatives by the values of parameters that are states as those by their deviations.
     pub fn scale_parameters(&self, slopes: &mut [f64]) {
-        for (slope, (_, added)) in slopes.iter_mut().skip(self.moving()).zip(&self.free) {
-            *slope *= added.scale;
+        let moving = self.moving();
+        for (k, (_, added)) in self.free.iter().enumerate() {
+            if let Some(slope) = slopes.get_mut(moving + k) {
+                *slope *= added.scale;
+            }
         }
     }
 
@@ -356,11 +370,12 @@ impl EquationModel {
 /// The states, of which those behind the first so many are the deviations of parameters, with their values in the deviations' place.
 fn valued(x: &[f64], moving: usize, free: &[(f64, AddedState<f64>)]) -> StateNumbers {
     let mut valued = [0.0; MOST_STATES];
-    for (to, x) in valued.iter_mut().zip(x) {
-        *to = *x;
-    }
-    for (to, (value, added)) in valued.iter_mut().skip(moving).zip(free) {
-        *to = value + *to * added.scale;
+    let count = x.len().min(MOST_STATES);
+    valued[..count].copy_from_slice(&x[..count]);
+    for (k, (value, added)) in free.iter().enumerate() {
+        if let Some(to) = valued.get_mut(moving + k) {
+            *to = value + *to * added.scale;
+        }
     }
     valued
 }
@@ -395,10 +410,14 @@ struct Linearised {
     root: Vec<f64>,
 }
 
-/// A number to twelve binary digits: what a step's linear part is off by then costs the step less than a thousandth of a claimed
-/// standard deviation, and is the same for many samples.
-fn rounded(x: f64) -> f64 {
+/// A number to twelve binary digits, or to a multiple of a step where that is coarser: what a step's linear part is off by then costs the step
+/// less than a thousandth of a claimed standard deviation, and is the same for many samples.
+fn rounded(x: f64, step: f64) -> f64 {
     const DROPPED: u32 = f64::MANTISSA_DIGITS - 12;
+    const STEPS: f64 = 2048.0;
+    if x.abs() < STEPS * step {
+        return (x / step).round() * step;
+    }
     let half = 1_u64 << (DROPPED - 1);
     f64::from_bits((x.to_bits() + half) & !((1 << DROPPED) - 1))
 }
@@ -432,10 +451,14 @@ impl UnderInputs<'_> {
         if finite != Some(true) {
             to.fill(f64::NAN);
         }
-        for (to, turns) in to.iter_mut().zip(&self.turns) {
-            *to -= turns;
+        for (state, _) in &self.model.periods {
+            if let Some(to) = to.get_mut(*state) {
+                *to -= self.turns[*state];
+            }
         }
-        self.linearised.held.advance(self.model.moving(), x, to);
+        if !self.model.free.is_empty() {
+            self.linearised.held.advance(self.model.moving(), x, to);
+        }
     }
 
     /// The inputs over one of so many parts of the interval.
@@ -445,15 +468,8 @@ impl UnderInputs<'_> {
         steps: usize,
         nodes: &'b mut [StateNumbers; 3],
     ) -> Nodes<&'b [f64]> {
-        let Nodes { start, middle, end } = self.inputs;
-        let count = start.len().min(MOST_STATES);
-        for (k, ((start, middle), end)) in start.iter().zip(middle).zip(end).take(count).enumerate() {
-            let whole = Nodes { start: *start, middle: *middle, end: *end };
-            let part = SegmentDrive::nodes_of_part(&whole, step, steps);
-            for (list, value) in nodes.iter_mut().zip([part.start, part.middle, part.end]) {
-                list[k] = value;
-            }
-        }
+        set_part(&self.inputs, (step, steps), nodes);
+        let count = self.inputs.start.len().min(MOST_STATES);
         let [start, middle, end] = nodes;
         Nodes { start: &start[..count], middle: &middle[..count], end: &end[..count] }
     }
@@ -478,17 +494,38 @@ impl UnderInputs<'_> {
     }
 }
 
+/// Writes the inputs over one of so many parts of an interval.
+#[allow(clippy::needless_range_loop)] // for each step: an adapter of iterators is a call
+pub fn set_part(
+    Nodes { start, middle, end }: &Nodes<&[f64]>,
+    (step, steps): (usize, usize),
+    nodes: &mut [StateNumbers; 3],
+) {
+    for k in 0..start.len().min(MOST_STATES) {
+        let whole = Nodes { start: start[k], middle: middle[k], end: end[k] };
+        let part = SegmentDrive::nodes_of_part(&whole, step, steps);
+        nodes[0][k] = part.start;
+        nodes[1][k] = part.middle;
+        nodes[2][k] = part.end;
+    }
+}
+
 /// The derivatives of two steps, from those of the first and those of the one behind it, column by column; the rows of states that
 /// do not move stay.
+#[allow(clippy::needless_range_loop)] // for each step: an adapter of iterators is a call
 pub fn chain(before: &mut [f64], step: &[f64], moving: usize, size: usize) {
     let mut column = [0.0; MOST_STATES];
     for j in 0..size {
-        for (k, entry) in column.iter_mut().enumerate().take(size) {
-            *entry = before[k * size + j];
+        for k in 0..size {
+            column[k] = before[k * size + j];
         }
         for i in 0..moving {
             let row = &step[i * size..(i + 1) * size];
-            before[i * size + j] = row.iter().zip(&column).map(|(a, b)| a * b).sum();
+            let mut sum = row[0] * column[0];
+            for k in 1..size {
+                sum += row[k] * column[k];
+            }
+            before[i * size + j] = sum;
         }
     }
 }
@@ -500,13 +537,14 @@ impl Transition for UnderInputs<'_> {
 
     fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
         self.moved(x, to, jacobian);
-        let moving = self.model.moving();
-        for row in jacobian.chunks_exact_mut(x.len().max(1)).take(moving) {
-            for (slope, (_, added)) in row.iter_mut().skip(moving).zip(&self.model.free) {
-                *slope *= added.scale;
-            }
+        let (moving, states) = (self.model.moving(), x.len());
+        if self.model.free.is_empty() {
+            return;
         }
-        self.linearised.held.linearize(moving, x.len(), jacobian);
+        for row in 0..moving {
+            self.model.scale_parameters(&mut jacobian[row * states..(row + 1) * states]);
+        }
+        self.linearised.held.linearize(moving, states, jacobian);
     }
 
     fn advance_in_halves(&self, x: &[f64], to: &mut [f64]) -> bool {

@@ -17,7 +17,7 @@ use crate::estimate::{
     refuse_demodulator,
 };
 use crate::units::{Dimension, kind};
-use kalmems_equations::{Device, EquationError, Mode, modes};
+use kalmems_equations::{Device, EquationError, Mode, Motion, modes};
 use std::sync::Arc;
 
 /// A device with the values of its parameters, and how it moves when it is left alone.
@@ -30,7 +30,9 @@ pub struct OwnDevice {
     pub rest: Vec<f64>,
     /// Whether it rests there.
     pub rests: bool,
-    /// How a small motion about that place goes.
+    /// The states that rest wherever they are: those that come round, and those whose rate no state changes, such as a resonance.
+    held: Vec<bool>,
+    /// How a small motion about that place goes, with a resonance that is a state where a filter of the experiment says that it is.
     pub modes: Vec<Mode>,
     /// How each input goes between two samples.
     pub between: Vec<Interpolation>,
@@ -48,13 +50,15 @@ impl OwnDevice {
         // The rate of an input that jumps is as good or bad as its samples are dense.
         let rates = device.rated_inputs().iter().map(|_| Interpolation::default());
         let between = stated.chain(rates).collect();
-        Self::with(device, values, between).map_err(|error| refused(experiment, &error))
+        let about = stated_starts(experiment, &device);
+        Self::with(device, values, between, &about).map_err(|error| refused(experiment, &error))
     }
 
     fn with(
         device: Arc<Device>,
         values: Vec<f64>,
         between: Vec<Interpolation>,
+        about: &[Option<f64>],
     ) -> Result<Self, EquationError> {
         let motion = device.motion(&[])?;
         let mut work = motion.work(&values);
@@ -71,11 +75,31 @@ impl OwnDevice {
         let found = motion.rest(&mut work, &vec![0.0; states], &held, &inputs);
         let rests = found.is_some();
         let rest = found.unwrap_or_else(|| vec![0.0; states]);
-        let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
-        motion.linearize(&mut work, &rest, &inputs, &mut rates, &mut jacobian);
-        let modes = modes(&jacobian, states).unwrap_or_default();
         let hidden_signs = device.hidden_signs();
-        Ok(Self { device, values, rest, rests, modes, between, hidden_signs })
+        let modes = Vec::new();
+        let mut own = Self { device, values, rest, rests, held, modes, between, hidden_signs };
+        let about =
+            about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest)).collect::<Vec<_>>();
+        own.modes = modes_of(&own.linear_about(&motion, &about), states);
+        Ok(own)
+    }
+
+    /// Where it rests, with the states that rest wherever they are at these values.
+    pub fn rest_about(&self, about: &[f64]) -> Vec<f64> {
+        let mut rest = self.rest.clone();
+        for ((rest, about), _) in rest.iter_mut().zip(about).zip(&self.held).filter(|(_, held)| **held) {
+            *rest = *about;
+        }
+        rest
+    }
+
+    /// The slopes of its rates there, row by row, without an input.
+    pub fn linear_about(&self, motion: &Motion, about: &[f64]) -> Vec<f64> {
+        let states = self.rest.len();
+        let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
+        let (at, inputs) = (self.rest_about(about), vec![0.0; self.device.inputs().len()]);
+        motion.linearize(&mut motion.work(&self.values), &at, &inputs, &mut rates, &mut jacobian);
+        jacobian
     }
 
     /// The frequency of its free motion in Hz: that of its slowest oscillation; of a device that does not oscillate, one by its
@@ -121,6 +145,28 @@ impl OwnDevice {
     pub fn states(&self) -> Vec<StateName> {
         names::states(&self.device)
     }
+}
+
+/// The modes of a linear motion; none where they are not known.
+pub fn modes_of(linear: &[f64], states: usize) -> Vec<Mode> {
+    modes(linear, states).unwrap_or_default()
+}
+
+/// Where the first filter that says so has each state at the start, be it `start` or `start_about`; what is wrong with it is found where that filter
+/// is read.
+fn stated_starts(experiment: &Experiment, device: &Device) -> Vec<Option<f64>> {
+    let filters = experiment.estimate.iter().flat_map(|estimate| estimate.filters.iter().enumerate());
+    let one = |entry: &crate::config::ExpectedEntry| {
+        filters.clone().find_map(|(index, filter)| {
+            let values = match &filter.start {
+                Some(FilterStart::Values(values)) => values,
+                Some(FilterStart::FromSignal) | None => &filter.start_about,
+            };
+            let key = Key::from("estimate").child("filter").index(index).child(entry.name);
+            experiment.value(key, values.get(entry.name)?, entry.kind, entry.sign).ok()
+        })
+    };
+    names::entries(device, Sign::Any).iter().map(one).collect()
 }
 
 /// What the file says of the filters.
@@ -310,12 +356,21 @@ impl EquationFilterSettings {
         Some(MeanAndCovariance::apart(own.chain(parameters)))
     }
 
+    /// Where it begins, or where the search for its start does.
+    fn about(&self, own: &OwnDevice) -> Vec<f64> {
+        match &self.start {
+            EquationStart::Stated { mean, .. } => mean.clone(),
+            EquationStart::Signal { about, .. } => {
+                about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest)).collect()
+            }
+        }
+    }
+
     /// What is known of the states before the first sample, where the start comes from the signal: that they are about rest, or where the
     /// file says, as far as it says how far.
     pub fn prior(&self, own: &OwnDevice) -> Option<Vec<StatePrior>> {
-        let EquationStart::Signal { about, sd } = &self.start else { return None };
-        let mean = about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest));
-        let states = mean.zip(sd).map(|(mean, sd)| StatePrior { mean, sd: *sd });
+        let EquationStart::Signal { sd, .. } = &self.start else { return None };
+        let states = self.about(own).into_iter().zip(sd).map(|(mean, sd)| StatePrior { mean, sd: *sd });
         Some(states.chain(self.basics.priors()).collect())
     }
 
@@ -349,7 +404,8 @@ impl EquationFilterSettings {
         let rule =
             if self.basics.method == Method::EulerEkf { StepRule::Euler } else { StepRule::Exponential };
         let tracked: &[Tracked] = self.basics.parameters();
-        EquationModel::new(&own.device, &values, tracked, (density, rule), (&own.rest, own.pace()))
+        let about = own.rest_about(&self.about(own));
+        EquationModel::new(&own.device, &values, tracked, (density, rule), (&own.rest, &about, own.pace()))
     }
 }
 

@@ -3,7 +3,7 @@
 use super::course::EquationCourse;
 use super::model::EquationModel;
 use super::segment::EquationFilterTask;
-use super::settings::OwnDevice;
+use super::settings::{OwnDevice, modes_of};
 use crate::estimate::{
     BatchStart, EstimateError, SignalStart, StartAgain, StartSearch, StatePrior, rows_for_start,
     rows_to_start_again, start_again_from_signal, start_from_signal,
@@ -15,15 +15,37 @@ use std::f64::consts::TAU;
 const OSCILLATES: f64 = 0.3;
 /// Oscillations whose phases are sought; the amplitudes of the faster ones follow by themselves.
 const MOST_SHAPES: usize = 3;
-fn oscillating(own: &OwnDevice) -> impl Iterator<Item = &Mode> {
-    own.modes.iter().filter(|mode| mode.rate > OSCILLATES * mode.size())
+
+/// The modes of a device where a search begins: a resonance that is a state is where the file says that it is.
+struct FreeMotion {
+    /// The slopes of the rates there, row by row.
+    linear: Vec<f64>,
+    modes: Vec<Mode>,
+}
+
+impl FreeMotion {
+    fn about(own: &OwnDevice, prior: &[StatePrior]) -> Self {
+        let states = own.device.states().len();
+        let about: Vec<f64> = prior.iter().take(states).map(|prior| prior.mean).collect();
+        let Ok(motion) = own.device.motion(&[]) else {
+            return Self { linear: Vec::new(), modes: Vec::new() };
+        };
+        let linear = own.linear_about(&motion, &about);
+        let modes = modes_of(&linear, states);
+        Self { linear, modes }
+    }
+
+    fn oscillating(&self) -> impl Iterator<Item = &Mode> {
+        self.modes.iter().filter(|mode| mode.rate > OSCILLATES * mode.size())
+    }
 }
 
 /// The period of its slowest free oscillation in s, or, without one, how long a state that comes round takes where the search begins, or
 /// else its longest time constant.
 fn cycle_s(own: &OwnDevice, prior: &[StatePrior]) -> f64 {
-    let period_s = oscillating(own).map(|mode| TAU / mode.rate).fold(0.0, f64::max);
-    let decays = own.modes.iter().map(Mode::size).filter(|size| *size > 0.0);
+    let free = FreeMotion::about(own, prior);
+    let period_s = free.oscillating().map(|mode| TAU / mode.rate).fold(0.0, f64::max);
+    let decays = free.modes.iter().map(Mode::size).filter(|size| *size > 0.0);
     if period_s > 0.0 {
         return period_s;
     }
@@ -54,13 +76,11 @@ fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
     let mut search = StartSearch { prior, ..StartSearch::default() };
     search.periods = own.device.periods(&own.values).unwrap_or_default();
     let Ok(motion) = own.device.motion(&[]) else { return search };
-    let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
-    let inputs = vec![0.0; own.device.inputs().len()];
-    motion.linearize(&mut motion.work(&own.values), &own.rest, &inputs, &mut rates, &mut jacobian);
-    let mut slowest: Vec<&Mode> = oscillating(own).collect();
+    let free = FreeMotion::about(own, &search.prior);
+    let mut slowest: Vec<&Mode> = free.oscillating().collect();
     slowest.sort_by(|a, b| a.rate.total_cmp(&b.rate));
     let shapes = slowest.into_iter().take(MOST_SHAPES);
-    search.shapes = shapes.filter_map(|mode| shape(&jacobian, states, mode)).collect();
+    search.shapes = shapes.filter_map(|mode| shape(&free.linear, states, mode)).collect();
     let known: Vec<(usize, usize)> = motion.sparsity().collect();
     search.mirrored = groups(own.device.own_states().min(states), &known);
     search

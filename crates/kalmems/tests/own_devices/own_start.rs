@@ -174,3 +174,50 @@ fn a_start_that_the_signal_does_not_determine_is_reported_with_what_to_write() {
     assert!((trajectory.state("hidden").unwrap().sd[0] - 20.0).abs() < 1e-6);
     assert!(trajectory.state("x").unwrap().sd[0] < 1e-9);
 }
+
+/// A free oscillation whose resonance is a state, behind a lag of the readout.
+const LAGGED: &str = r#"
+name = "lagged"
+[device.equations]
+states = { x = "m", v = "m/s", f0 = "Hz" }
+[device.equations.derivative]
+x = "v"
+v = "-(2*pi*f0)^2*x - 200[1/s]*v"
+f0 = "0[Hz/s]"
+[device.equations.lag]
+output = { of = "(1[V/um])*x in V", time = "4[us]" }
+[device.equations.measure]
+signal = "output in V"
+[device.equations.noise]
+signal = "1e-6[V^2]"
+f0 = "1[Hz^2/s]"
+[simulate]
+duration = "20 ms"
+sampling_rate = "500 kHz"
+integration_rate = "2 MHz"
+start = { x = "1.3 um", v = "20 mm/s", f0 = "10.02 kHz" }
+[simulate.drive.inputs]
+[estimate]
+skip = "5 ms"
+"#;
+
+#[test]
+fn a_resonance_that_is_a_state_is_the_motion_and_not_the_pole_of_a_lag() {
+    let about = "start_about = { f0 = \"10 kHz\" }\nstart_sd = { f0 = \"50 Hz\" }\n";
+    let (experiment, all) = simulated(&format!("{LAGGED}{FROM_SIGNAL}{about}"));
+    let rig = published().rig(&experiment).unwrap();
+    let estimate =
+        rig.estimate(&experiment, 0, &recording(&experiment, &all), &Silent).unwrap().swap_remove(0);
+    assert!((estimate.motion.frequency_hz / 1e4 - 1.0).abs() < 1e-3, "{}", estimate.motion.frequency_hz);
+    let trajectory = &estimate.trajectories[0];
+    // Some cycles of 50 samples tell the start, and none of them is used twice.
+    assert!((1..2000).contains(&trajectory.counts.for_start), "{:?}", trajectory.counts);
+    assert!(trajectory.lock.held(), "{:?}", trajectory.lock);
+    let f0 = trajectory.state("f0").unwrap();
+    for k in [0, trajectory.time_s.len() - 1] {
+        assert!((f0.mean[k].abs() - 10_020.0).abs() < 5.0 * f0.sd[k], "{}: {} ± {}", k, f0.mean[k], f0.sd[k]);
+    }
+    assert!(f0.sd.last().unwrap() < &5.0);
+    let nis = trajectory.consistency(trajectory.scored(5e-3)).unwrap().mean_nis;
+    assert!((0.95..1.05).contains(&nis), "{nis}");
+}
