@@ -119,13 +119,12 @@ fn open_binary(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<
     if let Some(name) = hints.columns.iter().flatten().find(|name| !known(name)) {
         let names: Vec<String> =
             table.description().columns.iter().map(|column| format!("`{}`", column.name)).collect();
-        return Err(FormatError::Unsupported {
-            format: table.description().format,
-            what: format!("a name `{name}` for a file with names of its own ({})", limits::list(&names)),
-            remedy: "name a column as the file does where it is used, with its unit, such as \
-                     `{ column = \"Ucap\", unit = \"V\" }`, and write in `columns` nothing that the file does not have"
-                .to_owned(),
-        });
+        return Err(FormatError::unsupported(
+            table.description().format,
+            format!("a name `{name}` for a file with names of its own ({})", limits::list(&names)),
+            "name a column as the file does where it is used, with its unit, such as \
+                     `{ column = \"Ucap\", unit = \"V\" }`, and write in `columns` nothing that the file does not have",
+        ));
     }
     Ok(table)
 }
@@ -151,11 +150,11 @@ fn open_as(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn 
         #[cfg(feature = "wav")]
         Format::Wav => crate::wav::open(source, hints),
         #[allow(unreachable_patterns)] // where all are built
-        _ => Err(FormatError::Unsupported {
-            format: format.name(),
-            what: "a format that this program was built without".to_owned(),
-            remedy: "build it with all features".to_owned(),
-        }),
+        _ => Err(FormatError::unsupported(
+            format.name(),
+            "a format that this program was built without",
+            "build it with all features",
+        )),
     }
 }
 
@@ -176,26 +175,25 @@ fn recognise(source: &SharedFile, name: &str, hints: &Hints) -> Result<Format, F
         (RecognizedContent::Known(format, _), Some(promised)) if format == promised => Ok(format),
         // Version 7.3 keeps the ending and is HDF5 inside.
         (RecognizedContent::Known(Format::Hdf5, _), Some(Format::Mat)) => Ok(Format::Hdf5),
-        (RecognizedContent::Known(format, begins), Some(promised)) => Err(FormatError::NotRecognised {
-            found: format!("named as {} and begins as {begins}", promised.name()),
-            expected: format!(
+        (RecognizedContent::Known(format, begins), Some(promised)) => Err(FormatError::not_recognised(
+            format!("named as {} and begins as {begins}", promised.name()),
+            format!(
                 "the two to agree: rename the file, or write `format = {{ kind = \"{}\" }}` if it is that",
                 format.name()
             ),
-        }),
+        )),
         (RecognizedContent::Text, None | Some(Format::Csv)) => Ok(Format::Csv),
-        (RecognizedContent::Text, Some(promised)) => Err(FormatError::NotRecognised {
-            found: format!("named as {} and begins as text", promised.name()),
-            expected: format!(
+        (RecognizedContent::Text, Some(promised)) => Err(FormatError::not_recognised(
+            format!("named as {} and begins as text", promised.name()),
+            format!(
                 "what {} begins with; if it is text with a row a line, write `format = {{ kind = \"csv\" }}`",
                 promised.name()
             ),
-        }),
-        (RecognizedContent::Other(what), _) => Err(FormatError::NotRecognised {
-            found: by_ending(name)
-                .map_or_else(|| what.clone(), |of| format!("{what}; by its name it is {of}")),
-            expected: "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV".to_owned(),
-        }),
+        )),
+        (RecognizedContent::Other(what), _) => Err(FormatError::not_recognised(
+            by_ending(name).map_or_else(|| what.clone(), |of| format!("{what}; by its name it is {of}")),
+            "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV",
+        )),
     }
 }
 

@@ -182,7 +182,7 @@ impl RecordTable {
     }
 
     fn unsupported(&self, what: String, remedy: &str) -> FormatError {
-        FormatError::Unsupported { format: self.description.format, what, remedy: remedy.to_owned() }
+        FormatError::unsupported(self.description.format, what, remedy)
     }
 
     /// The rows that all wanted columns have.

@@ -144,12 +144,12 @@ impl StretchReader {
 
     /// What is wrong at this place.
     pub(crate) fn damaged(&self, found: impl Into<String>, expected: impl Into<String>) -> FormatError {
-        FormatError::Damaged {
-            format: self.stretch.format,
-            place: format!("byte {} of {}", self.position, self.stretch.name),
-            found: found.into(),
-            expected: expected.into(),
-        }
+        FormatError::damaged(
+            self.stretch.format,
+            format!("byte {} of {}", self.position, self.stretch.name),
+            found.into(),
+            expected.into(),
+        )
     }
 
     /// Reads all of `buffer`.

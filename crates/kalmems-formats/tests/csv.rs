@@ -223,21 +223,20 @@ fn dialects_of_instruments() {
         ),
         (
             "yokogawa_dlm.csv",
-            "written by a Yokogawa oscilloscope, separated by commas, names in line 5, units in the header, `time_s` \
-             from -1.6e-6 on in steps of 8e-7, as the header says",
+            "written by a Yokogawa oscilloscope, separated by commas, names in line 5, units in the preamble, \
+             `time_s` from -1.6e-6 on in steps of 8e-7, as the header says",
             "time_s CH1_V CH2_V",
             &[&[-1.6e-6, 1.25, -0.25], &[-1.6e-6 + 8e-7, 1.5, -0.225], &[0.0, 1.75, -0.2]],
         ),
         (
             "rigol_clock_in_names.csv",
-            "written by a Rigol oscilloscope, separated by commas, units in the names",
+            "separated by commas, units in the names",
             "Time_s CH1_V CH2_V",
             &[&[-1e-3, 1.25, 0.25], &[-9.98e-4, 1.5, 0.225]],
         ),
         (
             "rigol_without_times.csv",
-            "written by a Rigol oscilloscope, separated by commas, units in the names, `time_s` from -0.001 on in steps \
-             of 2e-6, as the header says",
+            "separated by commas, units in the names, `time_s` from -0.001 on in steps of 2e-6, as the header says",
             "time_s CH1_V CH2_V",
             &[&[-1e-3, 1.25, 0.25], &[-1e-3 + 2e-6, 1.5, 0.225]],
         ),
@@ -331,7 +330,6 @@ fn what_has_two_readings_is_refused_with_what_to_write() {
         ),
         ("LabOne sweep", "chunk;timestamp;size;fieldname;v1;v2\n0;0;2;frequency;100;10\n0;0;2;realz;20;30\n"),
         ("words above blanks", "time cap left\n0 1\n1 2\n"),
-        ("Yokogawa without its lines", "\"Header Size\",x\n\"TraceName\",\"CH1\"\n,1\n"),
         ("NUL", "time_s,cap_V\n0,1\n\0\0\n"),
         ("LabVIEW without end", "LabVIEW Measurement\t\nSeparator\tTab\n1\t2\n"),
     ] {
@@ -343,13 +341,12 @@ two separators: the names in line 1 could be separated by commas or semicolons; 
 which: `format = { kind = \"csv\", separator = \",\" }` in the table that names the file
 two decimal marks: `2.5` in line 3 and `1,5` in line 2; expected one decimal mark, which the settings can say: \
 `format = { kind = \"csv\", decimal = \",\" }` in the table that names the file
-waveforms with times of their own: CSV: a Keysight Infiniium file of waveforms with times of their own (`XOrg`, `XInc`) is not read; \
-save those with the same times in a file of their own, or with pairs of time and value
+waveforms with times of their own: CSV: a file of a Keysight Infiniium oscilloscope with times of its own for each waveform (`XOrg`, \
+`XInc`) is not read; save those with the same times in a file of their own, or with pairs of time and value
 LabOne sweep: CSV: a LabOne file with a line for each field, such as sweeps are saved in, is not read; save samples \
 (`chunk;timestamp;x;y;…`), or as HDF5
 words above blanks: 3 words in line 1 above rows of 2 numbers between blanks; expected a name for each column, in the \
 file or in the settings: `format = { kind = \"csv\", columns = [\"time_s\", …] }` in the table that names the file
-Yokogawa without its lines: damaged Yokogawa at header: x; expected the number of its lines
 NUL: a byte that is no text, 17 bytes from line 1 on; expected text
 LabVIEW without end: damaged LabVIEW measurement at header: no end; expected `***End_of_Header***` twice, once for the \
 file and once for the channels
@@ -639,6 +636,7 @@ fn texts_of_loggers_and_spreadsheets_are_read() {
         \"2026-03-08 12:00:00\",0,0.5,21.5\n\"2026-03-08 12:00:00.05\",1,0.25,21.5\n";
     let gcdc = ";Title, http://www.example.com, X16\n;Start_time, 2026-11-02, 09:00:06\n;SampleRate, 400,Hz\n\
         ;Headers, time,Ax,Ay\n0.0000,1,-1\n0.0026,11,-6\n";
+    let gcdc_title = &gcdc.replace("http://www.example.com", "http://www.gcdataconcepts.com");
     let nanonis = "Experiment\tbias spectroscopy\t\nDate\t02.11.2026\t\nX (m)\t1E-9\t\n\n[DATA]\nBias calc (V)\tCurrent (A)\n\
         0.1\t1E-12\n0.2\t2E-12\n";
     let xsens = "// Start Time: Unknown\n// Sample rate: 100.0Hz\nPacketCounter\tAcc_X\n1\t0.5\n2\t0.25\n";
@@ -647,9 +645,16 @@ fn texts_of_loggers_and_spreadsheets_are_read() {
     for (file, columns, first, rows) in [
         (toa5, "TIMESTAMP RECORD Accel_X_m_per_s2 PTemp_degC", &[f64::NAN, 0.0, 0.5, 21.5][..], 2),
         (gcdc, "time Ax Ay", &[0.0, 1.0, -1.0], 2),
+        (gcdc_title, "time_s Ax Ay", &[0.0, 1.0, -1.0], 2),
         (nanonis, "Bias calc_V Current_A", &[0.1, 1e-12], 2),
-        (xsens, "PacketCounter Acc_X", &[1.0, 0.5], 2),
-        (sigrok, "A0_V A1_V", &[0.5, 1.0], 2),
+        (xsens, "time_s PacketCounter Acc_X_m_per_s2", &[0.0, 1.0, 0.5], 2),
+        (sigrok, "time_s A0_V A1_V", &[0.0, 0.5, 1.0], 2),
+        // What states a clock is used, and what has times keeps them.
+        ("Sample rate (kHz): 2\nstart;now;then\nx;y\n1;2\n3;4\n", "time_s x y", &[0.0, 1.0, 2.0], 2),
+        ("# dt = 0.5 ms\nA,B\n1,2\n3,4\n", "time_s A B", &[0.0, 1.0, 2.0], 2),
+        ("# dt = 0.5 ms\nclock,B\n1,2\n3,4\n", "clock B", &[1.0, 2.0], 2),
+        ("# dt = 0.5 ms\nn_us,B\n1,2\n3,4\n", "n_us B", &[1.0, 2.0], 2),
+        ("# dt = 0.5 furlong\nA,B\n1,2\n3,4\n", "A B", &[1.0, 2.0], 2),
         (titled, "Time_s CH1_V", &[0.1, 1.5], 2),
         ("ax:0.5\tay:-2\nax:1.5\tay:3\n", "ax ay", &[0.5, -2.0], 2),
         ("ax:0.5,ay_V:-2\nax:1.5,ay_V:3\n", "ax ay_V", &[0.5, -2.0], 2),
@@ -667,6 +672,11 @@ fn texts_of_loggers_and_spreadsheets_are_read() {
         for (column, number) in block.numbers.iter().zip(first) {
             assert_eq!(column[0].to_bits(), number.to_bits(), "{file}");
         }
+    }
+    // The second row comes one interval later.
+    for (file, second) in [(xsens, 0.01), (sigrok, 1e-6), ("# fs_kHz: 4\nA,B\n1,2\n3,4\n", 0.25e-3)] {
+        let block = whole(text(file, &CsvHints::default()).unwrap(), 3).unwrap();
+        approx::assert_relative_eq!(block.numbers[0][1], second, max_relative = 1e-15);
     }
     // The line of the names may be said as well.
     let table = text(toa5, &CsvHints { header_line: Some(2), ..CsvHints::default() }).unwrap();

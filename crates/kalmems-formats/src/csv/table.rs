@@ -479,6 +479,7 @@ impl Table for CsvTable {
             match (want, usage) {
                 (WantedColumn::Number { power, .. }, Some(usage)) => {
                     (usage.power, usage.limit) = (Some(*power), sentinels::limit(*power));
+                    usage.groups.are_sure = cell.is_some_and(|cell| self.dialect.grouped.contains(&cell));
                 }
                 // The header's own clock counts from where it says.
                 (WantedColumn::Time { column, unit, .. }, Some(usage)) => {

@@ -31,12 +31,8 @@ pub(super) struct ChunkGrid {
 impl ChunkGrid {
     /// Refuses chunks that are too large, too many, or none.
     pub(super) fn check(&self, place: &str) -> Result<(), FormatError> {
-        let damaged = |found: String| FormatError::Damaged {
-            format: FORMAT,
-            place: place.to_owned(),
-            found,
-            expected: "chunks of at least one element".to_owned(),
-        };
+        let damaged =
+            |found: String| FormatError::damaged(FORMAT, place, found, "chunks of at least one element");
         if self.chunk_rows == 0 || self.chunk_columns == 0 || self.element == 0 {
             return Err(damaged("chunks without an element".to_owned()));
         }
@@ -86,12 +82,7 @@ pub(super) struct LaneProgress {
 
 impl ChunkLane {
     fn damaged(&self, found: String, expected: &str) -> FormatError {
-        FormatError::Damaged {
-            format: FORMAT,
-            place: self.path.clone(),
-            found,
-            expected: expected.to_owned(),
-        }
+        FormatError::damaged(FORMAT, self.path.clone(), found, expected)
     }
 
     /// Looks up where the chunks are.
@@ -139,15 +130,15 @@ impl ChunkLane {
         for beside in 0..across {
             let place = self.progress.chunks.get(small(number * across + beside)).copied().flatten();
             let Some(place) = place else {
-                return Err(FormatError::Unsupported {
-                    format: FORMAT,
-                    what: format!(
+                return Err(FormatError::unsupported(
+                    FORMAT,
+                    format!(
                         "`{}`, whose rows from {} on were never written,",
                         self.path,
                         number * grid.chunk_rows + 1
                     ),
-                    remedy: "write all of its values".to_owned(),
-                });
+                    "write all of its values",
+                ));
             };
             let is_edge = (number + 1) * grid.chunk_rows > grid.rows
                 || (beside + 1) * grid.chunk_columns > grid.columns;

@@ -76,12 +76,12 @@ impl Hdf5File {
         };
         let (length, end) = (file.source.length(), end.saturating_sub(stored_base).saturating_add(base));
         if length < end {
-            return Err(FormatError::Damaged {
-                format: FORMAT,
-                place: "the end of the file".to_owned(),
-                found: format!("{length} bytes"),
-                expected: format!("{end}, as its beginning says: it was cut, or not closed"),
-            });
+            return Err(FormatError::damaged(
+                FORMAT,
+                "the end of the file",
+                format!("{length} bytes"),
+                format!("{end}, as its beginning says: it was cut, or not closed"),
+            ));
         }
         file.root = root;
         Ok(file)
@@ -120,12 +120,7 @@ fn superblock(source: &SharedFile) -> Result<u64, FormatError> {
         }
         place = if place == 0 { 512 } else { place * 2 };
     }
-    Err(FormatError::Damaged {
-        format: FORMAT,
-        place: "the file".to_owned(),
-        found: "no beginning".to_owned(),
-        expected: "\\x89HDF at byte 0, 512, 1024, …".to_owned(),
-    })
+    Err(FormatError::damaged(FORMAT, "the file", "no beginning", "\\x89HDF at byte 0, 512, 1024, …"))
 }
 
 /// A block of metadata that is being read.
@@ -144,12 +139,12 @@ impl<'a> MetadataCursor<'a> {
     }
 
     pub(super) fn damaged(&self, found: impl Into<String>, expected: &str) -> FormatError {
-        FormatError::Damaged {
-            format: FORMAT,
-            place: format!("byte {}", self.place.saturating_add(self.at as u64)),
-            found: found.into(),
-            expected: expected.to_owned(),
-        }
+        FormatError::damaged(
+            FORMAT,
+            format!("byte {}", self.place.saturating_add(self.at as u64)),
+            found.into(),
+            expected,
+        )
     }
 
     pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], FormatError> {

@@ -176,11 +176,8 @@ impl<'a> FractalHeap<'a> {
 
     /// The block that an offset is in: where it begins in the heap, its bytes and its place.
     fn find(&self, offset: u64) -> Result<(u64, Vec<u8>, u64), FormatError> {
-        let lost = || FormatError::Damaged {
-            format: FORMAT,
-            place: "a heap".to_owned(),
-            found: format!("an object at its byte {offset}"),
-            expected: "a block there".to_owned(),
+        let lost = || {
+            FormatError::damaged(FORMAT, "a heap", format!("an object at its byte {offset}"), "a block there")
         };
         let mut place = self.root.ok_or_else(lost)?;
         let (mut start, mut rows) = (0_u64, self.root_rows);

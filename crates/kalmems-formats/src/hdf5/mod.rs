@@ -48,7 +48,7 @@ const BESIDE: u64 = 64;
 const TABLE_REMEDY: &str = "save it with `S = table2struct(T, ToScalar=true); save(…, \"-struct\", \"S\")`";
 
 fn unsupported(what: String, remedy: &str) -> FormatError {
-    FormatError::Unsupported { format: FORMAT, what, remedy: remedy.to_owned() }
+    FormatError::unsupported(FORMAT, what, remedy)
 }
 
 pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
@@ -104,11 +104,13 @@ struct FoundDataset {
 impl FoundDataset {
     fn look(object: Object, header: ObjectHeader, path: &str) -> Result<Self, FormatError> {
         let file = &object.file;
-        let lacks = |what: &str| FormatError::Damaged {
-            format: FORMAT,
-            place: path.to_owned(),
-            found: format!("a dataset without {what}"),
-            expected: "its type, its shape and its layout".to_owned(),
+        let lacks = |what: &str| {
+            FormatError::damaged(
+                FORMAT,
+                path,
+                format!("a dataset without {what}"),
+                "its type, its shape and its layout",
+            )
         };
         let kind = header.first(file, Message::Datatype, datatype::read)?.ok_or_else(|| lacks("a type"))?;
         let space =

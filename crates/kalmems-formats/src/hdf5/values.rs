@@ -47,12 +47,12 @@ pub(super) fn lane(
         }
         DataLayout::Compact(raw) => {
             if raw.len() as u64 != bytes {
-                return Err(FormatError::Damaged {
-                    format: FORMAT,
-                    place: path,
-                    found: format!("{} bytes", raw.len()),
-                    expected: format!("{bytes}"),
-                });
+                return Err(FormatError::damaged(
+                    FORMAT,
+                    path,
+                    format!("{} bytes", raw.len()),
+                    format!("{bytes}"),
+                ));
             }
             let bytes = if turned && columns > 1 { turn(&raw, element, &whole) } else { raw };
             Ok(Box::new(Memory { bytes, record, row: 0 }))
@@ -63,12 +63,12 @@ pub(super) fn lane(
                 [first] if space.shape.len() == 1 => (first, 1),
                 [first, second] if space.shape.len() == 2 => (first, second),
                 _ => {
-                    return Err(FormatError::Damaged {
-                        format: FORMAT,
-                        place: path,
-                        found: format!("chunks of {} axes", chunked.shape.len()),
-                        expected: format!("{}, as the dataset has", space.shape.len()),
-                    });
+                    return Err(FormatError::damaged(
+                        FORMAT,
+                        path,
+                        format!("chunks of {} axes", chunked.shape.len()),
+                        format!("{}, as the dataset has", space.shape.len()),
+                    ));
                 }
             };
             let (chunk_rows, chunk_columns) = if turned { (second, first) } else { (first, second) };

@@ -95,11 +95,11 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
                 }
                 return table.finish(source.length());
             }
-            return Err(FormatError::Unsupported {
+            return Err(FormatError::unsupported(
                 format,
-                what: "several tables at a time".to_owned(),
-                remedy: format!("write `group` as one of {}", limits::list(&names)),
-            });
+                "several tables at a time",
+                format!("write `group` as one of {}", limits::list(&names)),
+            ));
         }
     }
     table.finish(source.length())
@@ -130,12 +130,12 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
         [1, 0, b'M', b'I'] => true,
         [0, 1, b'I', b'M'] => false,
         _ => {
-            return Err(FormatError::Damaged {
-                format: FORMAT,
-                place: "byte 124".to_owned(),
-                found: format!("`{}`", header[124..128].escape_ascii()),
-                expected: "version 0x0100 and the order of bytes, IM or MI".to_owned(),
-            });
+            return Err(FormatError::damaged(
+                FORMAT,
+                "byte 124",
+                format!("`{}`", header[124..128].escape_ascii()),
+                "version 0x0100 and the order of bytes, IM or MI",
+            ));
         }
     };
     let mut budget = MemoryBudget { text_bytes: limits::HEADER_BYTES, arrays: 4 * limits::COLUMNS as u64 };
@@ -154,12 +154,12 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
             MATRIX => (Compression::Stored, at),
             COMPRESSED => (Compression::Zlib, start),
             _ => {
-                return Err(FormatError::Damaged {
-                    format: FORMAT,
-                    place: format!("byte {at}"),
-                    found: format!("an element of type {kind}"),
-                    expected: "an array (14), or one that is packed (15)".to_owned(),
-                });
+                return Err(FormatError::damaged(
+                    FORMAT,
+                    format!("byte {at}"),
+                    format!("an element of type {kind}"),
+                    "an array (14), or one that is packed (15)",
+                ));
             }
         };
         limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
@@ -197,10 +197,12 @@ fn at_path(
     found: Vec<(FileStretch, MatVariable)>,
     path: &str,
 ) -> Result<(FileStretch, MatValue), FormatError> {
-    let missing = |name: &str| FormatError::Unsupported {
-        format,
-        what: format!("`{name}` of `{path}`, which is not in the file,"),
-        remedy: "write the name of a variable that is, or `struct.field`".to_owned(),
+    let missing = |name: &str| {
+        FormatError::unsupported(
+            format,
+            format!("`{name}` of `{path}`, which is not in the file,"),
+            "write the name of a variable that is, or `struct.field`",
+        )
     };
     let mut words = path.split('.');
     let first = words.next().unwrap_or_default();
@@ -323,8 +325,7 @@ impl MatTableParts {
         hints: &Hints,
     ) -> Result<(), FormatError> {
         let format = self.format;
-        let unsupported =
-            |what: String, remedy: &str| FormatError::Unsupported { format, what, remedy: remedy.to_owned() };
+        let unsupported = |what: String, remedy: &str| FormatError::unsupported(format, what, remedy);
         let MatValue::Numbers { place, element, rows, columns } = matrix.value else {
             let what = format!("`{}`, which is no struct and no matrix of numbers,", matrix.name);
             return Err(unsupported(what, "write the name of one that is"));
@@ -347,13 +348,12 @@ impl MatTableParts {
 
     fn finish(self, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
         if self.fields.is_empty() {
-            return Err(FormatError::Unsupported {
-                format: self.format,
-                what: format!("a file without a column of numbers or labels ({})", limits::list(&self.left_out)),
-                remedy: "save one vector for each column, or name a struct or matrix by `group`; a table becomes a \
-                         struct by `table2struct(T, ToScalar=true)`"
-                    .to_owned(),
-            });
+            return Err(FormatError::unsupported(
+                self.format,
+                format!("a file without a column of numbers or labels ({})", limits::list(&self.left_out)),
+                "save one vector for each column, or name a struct or matrix by `group`; a table becomes a \
+                         struct by `table2struct(T, ToScalar=true)`",
+            ));
         }
         let Self { format, mut recognised, left_out, mut fields, mut lanes, stated } = self;
         recognised.push_str(&stated.settle(&mut fields, &mut lanes, "variables of one number"));

@@ -94,11 +94,13 @@ pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, Ma
     while at < source.length() {
         limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
         let bytes = source.bytes(FORMAT, at, 20)?;
-        let header = Mat4Header::read(&bytes).ok_or_else(|| FormatError::Damaged {
-            format: FORMAT,
-            place: format!("byte {at}"),
-            found: format!("`{}`", bytes.escape_ascii()),
-            expected: "the header of a matrix".to_owned(),
+        let header = Mat4Header::read(&bytes).ok_or_else(|| {
+            FormatError::damaged(
+                FORMAT,
+                format!("byte {at}"),
+                format!("`{}`", bytes.escape_ascii()),
+                "the header of a matrix",
+            )
         })?;
         let name = source.bytes(FORMAT, at + HEADER, header.name_bytes)?;
         let name = String::from_utf8_lossy(name.strip_suffix(&[0]).unwrap_or(&name)).into_owned();

@@ -57,11 +57,11 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
     }
     if let Some(wanted) = &hints.group {
         let Some(array) = arrays.into_iter().next() else {
-            return Err(FormatError::Unsupported {
-                format: FORMAT,
-                what: format!("an array `{wanted}`, which is not in the file,"),
-                remedy: "write the name of one that is".to_owned(),
-            });
+            return Err(FormatError::unsupported(
+                FORMAT,
+                format!("an array `{wanted}`, which is not in the file,"),
+                "write the name of one that is",
+            ));
         };
         array.add_table(hints, &mut table)?;
         return table.finish(FORMAT, file_bytes);
@@ -100,12 +100,11 @@ struct NpyTableParts {
 impl NpyTableParts {
     fn finish(mut self, format: &'static str, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
         if self.fields.is_empty() {
-            return Err(FormatError::Unsupported {
+            return Err(FormatError::unsupported(
                 format,
-                what: format!("a file without a column of numbers or labels ({})", limits::list(&self.left_out)),
-                remedy: "write one array for each column, or name a 2-D one by `group` and its columns by `columns`"
-                    .to_owned(),
-            });
+                format!("a file without a column of numbers or labels ({})", limits::list(&self.left_out)),
+                "write one array for each column, or name a 2-D one by `group` and its columns by `columns`",
+            ));
         }
         if self.recognised.is_empty() {
             self.recognised = format!("{} arrays, a column each", self.fields.len());
@@ -136,12 +135,12 @@ impl NpyArray {
         let other = matches!(header.element, Descr::Plain(Cell::Other { .. }));
         if bytes != there && !other {
             let place = stretch.name.clone();
-            return Err(FormatError::Damaged {
+            return Err(FormatError::damaged(
                 format,
                 place,
-                found: format!("{there} bytes behind the header"),
-                expected: format!("{bytes}, for the shape {}", shape_text(&header.shape)),
-            });
+                format!("{there} bytes behind the header"),
+                format!("{bytes}, for the shape {}", shape_text(&header.shape)),
+            ));
         }
         Ok(Self { name, header, stretch })
     }
@@ -203,11 +202,8 @@ impl NpyArray {
     /// The array as a table: fields with names, or columns that are named in the experiment.
     fn add_table(self, hints: &Hints, table: &mut NpyTableParts) -> Result<(), FormatError> {
         let NpyHeader { shape, element, .. } = &self.header;
-        let unsupported = |what: String, remedy: &str| FormatError::Unsupported {
-            format: self.stretch.format,
-            what,
-            remedy: remedy.to_owned(),
-        };
+        let unsupported =
+            |what: String, remedy: &str| FormatError::unsupported(self.stretch.format, what, remedy);
         match (element, shape.len()) {
             (Descr::Fields(fields), 1) => {
                 table.recognised = format!("an array of {} rows with {} fields", shape[0], fields.len());

@@ -5,7 +5,10 @@ use super::marks::{self, is_number};
 use super::units::{says_unit, unit_cell};
 use crate::FormatError;
 use crate::csv::split::BLANKS;
+use crate::stated_clock::StatedNumbers;
 
+/// Bytes of a line that is looked at.
+const LONGEST: usize = 256;
 /// Rows that show that there are numbers below names.
 const ROWS: usize = 4;
 /// Lines between names and numbers: units, and how values were made of samples.
@@ -61,6 +64,29 @@ pub(super) fn below_names(head: &TextHead, names: usize, separator: u8, count: u
     (all && has_units(head, units, separator)).then_some(HeaderPlace { names, units: Some(units), first_row })
 }
 
+/// What lines such as `SampleRate, 400,Hz`, `// Sample rate: 100.0Hz` or `tInc = 2e-06` state of a clock.
+pub(super) fn stated_numbers<'a>(lines: impl Iterator<Item = &'a [u8]>) -> StatedNumbers {
+    let mut stated = StatedNumbers::default();
+    lines.for_each(|line| _ = learn(line, &mut stated));
+    stated
+}
+
+/// Learns what a line of a key, a mark and a number with its unit states of a clock; whether it does.
+pub(super) fn learn(line: &[u8], stated: &mut StatedNumbers) -> bool {
+    let line = String::from_utf8_lossy(line.get(..line.len().min(LONGEST)).unwrap_or_default());
+    let line = line.trim_matches(|c: char| matches!(c, '#' | '%' | '/') || c.is_whitespace());
+    let is_mark = |c: char| matches!(c, ':' | '=' | ',' | ';' | '\t');
+    let Some((key, value)) = line.split_once(is_mark) else { return false };
+    let value = value.trim_start_matches(|c: char| is_mark(c) || c.is_whitespace() || c == '"');
+    let Ok((number, digits)) = fast_float2::parse_partial::<f64, _>(value) else { return false };
+    let behind = value.get(digits..).unwrap_or_default();
+    let behind = behind.trim_start_matches(|c: char| is_mark(c) || c.is_whitespace());
+    let unit: String = behind.chars().take_while(|c| c.is_alphabetic()).collect();
+    // The unit stands behind the number, or behind the key in brackets.
+    let key = key.replace(['(', '['], "_").replace([')', ']', '"'], "");
+    if unit.is_empty() { stated.learn(&key, number) } else { stated.learn(&format!("{key}_{unit}"), number) }
+}
+
 /// Whether a cell of a line is a unit.
 fn has_units(head: &TextHead, row: usize, separator: u8) -> bool {
     let known = |cell: &String| unit_cell(cell).is_some_and(|unit| !unit.is_empty());
@@ -86,14 +112,14 @@ fn of_words(
         return Ok(place(words[units - 1], Some(words[units])));
     }
     let line = head.number(words[last]);
-    Err(FormatError::NotRecognised {
-        found: format!(
+    Err(FormatError::not_recognised(
+        format!(
             "lines {} to {line} each hold as many words as the rows below hold cells, and any of them may be the names",
             head.number(words[0])
         ),
-        expected: format!(
+        format!(
             "the settings to say which: `format = {{ kind = \"csv\", header_line = {line} }}` in the table that names the file, \
              or `--header-line {line}`"
         ),
-    })
+    ))
 }
