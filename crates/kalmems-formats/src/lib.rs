@@ -46,6 +46,7 @@ mod stated_clock;
 #[cfg(any(feature = "mat", feature = "npy"))]
 mod stream;
 mod table;
+mod table_parts;
 #[cfg(feature = "tdms")]
 mod tdms;
 mod time;

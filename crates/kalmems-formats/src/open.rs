@@ -224,39 +224,29 @@ const POINTERS: [(&[u8], &str); 2] = [
     (b"/annex/objects/", "is a pointer of git-annex, not the file itself: fetch it with `git annex get`"),
 ];
 
-/// Files of instruments in formats of their own: what they begin with from a place on, and what to export in the place of them.
-const INSTRUMENTS: [(usize, &[u8], &str); 11] = [
+/// A kind of file by any of these bytes, each from a place on, and what to do with it.
+type KnownBeginning = (&'static [(usize, &'static [u8])], &'static str);
+
+/// Files of instruments in formats of their own: what they begin with, and what to export in the place of them.
+const INSTRUMENTS: [KnownBeginning; 6] = [
     (
-        2,
-        b":WFM#",
+        &[(2, b":WFM#")],
         "is a Tektronix `.wfm`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv), or convert it with TekScope",
     ),
     (
-        0,
-        b":WFMP",
+        &[(0, b":WFMP"), (0, b":CURV")],
         "is a Tektronix `.isf`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv)",
     ),
     (
-        0,
-        b":CURV",
-        "is a Tektronix `.isf`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv)",
-    ),
-    (
-        11,
-        b"WAVEDESC",
+        &[(11, b"WAVEDESC"), (0, b"WAVEDESC")],
         "is a LeCroy `.trc`: save the trace as Excel or MathCad text on the oscilloscope (File, Save Waveform), or as MATLAB",
     ),
     (
-        0,
-        b"WAVEDESC",
-        "is a LeCroy `.trc`: save the trace as Excel or MathCad text on the oscilloscope (File, Save Waveform), or as MATLAB",
+        &[(0, b"AG10"), (0, b"AG01"), (0, b"AG03")],
+        "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)",
     ),
-    (0, b"AG10", "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)"),
-    (0, b"AG01", "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)"),
-    (0, b"AG03", "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)"),
-    (0, b"RG01", "is a Rigol `.bin`: save it as CSV on the oscilloscope (Storage, CSV)"),
-    (0, b"RG03", "is a Rigol `.bin`: save it as CSV on the oscilloscope (Storage, CSV)"),
-    (0, b"\xa5\xa5", "is a Rigol `.wfm`: save it as CSV on the oscilloscope (Storage, CSV)"),
+    (&[(0, b"RG01"), (0, b"RG03")], "is a Rigol `.bin`: save it as CSV on the oscilloscope (Storage, CSV)"),
+    (&[(0, b"\xa5\xa5")], "is a Rigol `.wfm`: save it as CSV on the oscilloscope (Storage, CSV)"),
 ];
 
 /// The same by the ending of a name, of files whose content says nothing.
@@ -287,7 +277,8 @@ fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent
     let at = |place: usize, magic: &[u8]| beginning.get(place..).is_some_and(|rest| rest.starts_with(magic));
     let text = is_text(beginning);
     let pointer = POINTERS.iter().find(|(magic, _)| at(0, magic)).map(|(_, what)| *what);
-    let instrument = INSTRUMENTS.iter().find(|(place, magic, _)| at(*place, magic)).map(|(.., what)| *what);
+    let begins = |begin: &KnownBeginning| begin.0.iter().any(|(place, magic)| at(*place, magic));
+    let instrument = INSTRUMENTS.iter().find(|known| begins(known)).map(|(_, what)| *what);
     if let Some(what) = pointer.or(instrument) {
         return Ok(RecognizedContent::Other(what.to_owned()));
     }

@@ -68,17 +68,6 @@ impl StatedNumbers {
         let step = step.filter(|step| step.is_sound())?;
         Some(RegularTimes { row: 0, start_s: offset_s, step })
     }
-
-    /// Gives all columns of numbers this clock, where none of them is called a time; says what it did.
-    pub(crate) fn settle(
-        &self,
-        fields: &mut Vec<RecordField>,
-        lanes: &mut Vec<Box<dyn RecordLane>>,
-        stated_by: &'static str,
-    ) -> String {
-        let clock = self.clock();
-        settle_each(&vec![clock; fields.len()], fields, lanes, stated_by)
-    }
 }
 
 /// Gives each column of numbers its clock, where none of them is called a time; says what it did.

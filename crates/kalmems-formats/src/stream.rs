@@ -43,6 +43,13 @@ pub(crate) struct FileStretch {
 }
 
 impl FileStretch {
+    /// A whole file as it is.
+    pub(crate) fn stored(source: Arc<SharedFile>, format: &'static str, name: &str) -> Self {
+        let (end, name) = (source.length(), name.to_owned());
+        let (packing, verified) = (Compression::Stored, Arc::default());
+        Self { source, format, name, packing, start: 0, end, unpacked: end, crc: None, verified }
+    }
+
     /// Begins at its front.
     pub(crate) fn stream(&self) -> StretchReader {
         let inflate = match self.packing {

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 struct Expected {
     /// How the file was damaged, where it was.
     fault: Option<String>,
+    /// What the refusal says, of a file that is whole and is not read.
+    refused: Option<String>,
     hints: Hints,
     columns: Vec<(String, Vec<String>)>,
 }
@@ -21,6 +23,7 @@ impl Expected {
             let mut cells = line.split('\t').map(str::to_owned);
             match cells.next().as_deref() {
                 Some("fault") => expected.fault = cells.next(),
+                Some("refused") => expected.refused = cells.next(),
                 Some("group") => expected.hints.group = cells.next(),
                 Some("columns") => expected.hints.columns = Some(cells.collect()),
                 Some("column") => {
@@ -86,6 +89,13 @@ fn differences(path: &Path) -> Result<(), String> {
     let expected = Expected::read(path);
     let file = path.with_extension("");
     let open = || open(&file, &expected.hints).map_err(|error| error.to_string());
+    if let Some(refused) = &expected.refused {
+        return match open() {
+            Err(error) if error.contains(refused) => Ok(()),
+            Err(error) => Err(error),
+            Ok(table) => Err(format!("it is read: {}", table.description().recognised)),
+        };
+    }
     for (name, values) in &expected.columns {
         let mut table = match open() {
             Err(_) if expected.fault.is_some() => return Ok(()),

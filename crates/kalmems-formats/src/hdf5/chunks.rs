@@ -140,9 +140,7 @@ impl ChunkLane {
                     "write all of its values",
                 ));
             };
-            let is_edge = (number + 1) * grid.chunk_rows > grid.rows
-                || (beside + 1) * grid.chunk_columns > grid.columns;
-            let chunk = self.chunk(place, is_edge)?;
+            let chunk = self.chunk(place)?;
             let first = small(beside) * chunk_columns;
             let width = chunk_columns.min(columns - first);
             if !grid.turned && width == columns && width == chunk_columns {
@@ -164,7 +162,7 @@ impl ChunkLane {
         Ok(())
     }
 
-    fn chunk(&self, place: Chunk, is_edge: bool) -> Result<Vec<u8>, FormatError> {
+    fn chunk(&self, place: Chunk) -> Result<Vec<u8>, FormatError> {
         let bytes = self.grid.chunk_bytes();
         // What does not pack is a little longer than it was.
         limits::at_most(
@@ -175,8 +173,7 @@ impl ChunkLane {
         )?;
         #[allow(clippy::cast_possible_truncation)] // bounded by the line above
         let packed = self.file.source.bytes(FORMAT, place.address, place.bytes as usize)?;
-        let filters = if is_edge && self.chunked.plain_edges { &[][..] } else { &self.filters };
-        filters::undo(filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
+        filters::undo(&self.filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
             self.damaged(
                 format!("in its chunk at byte {} {found}", place.address),
                 "a chunk as it was written",

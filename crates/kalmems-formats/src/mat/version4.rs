@@ -4,7 +4,7 @@
 use super::array::{MatValue, MatVariable};
 use crate::element::{Element, ElementKind};
 use crate::source::SharedFile;
-use crate::stream::{Compression, FileStretch};
+use crate::stream::FileStretch;
 use crate::{FormatError, limits};
 use std::sync::Arc;
 
@@ -77,17 +77,7 @@ impl Mat4Header {
 
 /// All matrices, and the stretch that they are in.
 pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>, FormatError> {
-    let stretch = FileStretch {
-        source: Arc::clone(source),
-        format: FORMAT,
-        name: "the file".to_owned(),
-        packing: Compression::Stored,
-        start: 0,
-        end: source.length(),
-        unpacked: source.length(),
-        crc: None,
-        verified: Arc::default(),
-    };
+    let stretch = FileStretch::stored(Arc::clone(source), FORMAT, "the file");
     let mut found = Vec::new();
     let mut at = 0;
     let mut text_bytes = limits::HEADER_BYTES;

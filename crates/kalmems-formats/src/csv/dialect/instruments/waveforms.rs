@@ -93,11 +93,11 @@ pub(super) fn find(
 /// What follows a key, behind its colon or in cells of their own, in a line of those that begin with it.
 fn values(text: &TextBeginning, key: &str, nth: usize) -> Vec<String> {
     let lines = (0..text.head.len()).map(|line| text.head.cells(line, text.separator));
-    let keyed = lines.filter_map(|cells| {
+    let mut keyed = lines.filter_map(|cells| {
         let (first, others) = cells.split_first()?;
         let (found, behind) = first.split_once(':').unwrap_or((first, ""));
         let all = std::iter::once(behind.trim().to_owned()).chain(others.iter().cloned());
         (found == key && !key.is_empty()).then(|| all.filter(|value| !value.is_empty()).collect())
     });
-    keyed.skip(nth).next().unwrap_or_default()
+    keyed.nth(nth).unwrap_or_default()
 }
