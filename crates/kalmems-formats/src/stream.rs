@@ -10,6 +10,9 @@ use std::sync::{Arc, OnceLock};
 /// Packed bytes that are read together.
 const INPUT: usize = 64 << 10;
 
+/// Bytes of a stretch that is compared with its checksum when it is found, and not only when it is read.
+pub(crate) const VERIFIED_AT_ONCE: u64 = 1 << 20;
+
 /// How a stretch is packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compression {

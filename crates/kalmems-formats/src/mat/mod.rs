@@ -7,7 +7,7 @@ use crate::element::Element;
 use crate::lanes::TextLane;
 use crate::records::CellKind;
 use crate::source::SharedFile;
-use crate::stream::{Compression, FileStretch, StreamLane};
+use crate::stream::{Compression, FileStretch, StreamLane, VERIFIED_AT_ONCE};
 use crate::table_parts::TableParts;
 use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
 use array::{COMPRESSED, Elements, FORMAT, MATRIX, MatValue, MatVariable, MemoryBudget};
@@ -18,8 +18,6 @@ const HEADER: u64 = 128;
 
 /// What MATLAB needs to be told to write what others can read.
 const TABLE_REMEDY: &str = "save `S = table2struct(T, ToScalar=true)` with `save(…, \"-struct\", \"S\")`";
-/// Bytes of a variable that is compared with its checksum before it is read.
-const VERIFIED_AT_ONCE: u64 = 1 << 20;
 /// Columns of a matrix that become columns beside others.
 const BESIDE: u64 = 64;
 

@@ -187,6 +187,23 @@ fn slow_ten_thousand_turned_bits_of_each_format_are_refused_or_in_bytes_without_
     compare(10_000);
 }
 
+/// A turned bit in the header of an array may make it one that is left out, whose numbers nobody compares later.
+#[test]
+fn every_turned_bit_in_the_header_of_an_array_is_refused() {
+    const HEADER: usize = 128;
+    let (whole, hints) = (std::fs::read(fixture("stored.npz")).unwrap(), Hints::default());
+    let expected = everything(&whole, "stored.npz", &hints).unwrap();
+    for range in members(&whole) {
+        for (place, bit) in range.take(HEADER).flat_map(|place| (0..8).map(move |bit| (place, bit))) {
+            let mut bytes = whole.clone();
+            bytes[place] ^= 1 << bit;
+            if let Ok(found) = everything(&bytes, "stored.npz", &hints) {
+                assert_eq!(found, expected, "bit {bit} of byte {place}");
+            }
+        }
+    }
+}
+
 /// The numbers of a variable are refused as a whole: not one is given before the checksum behind them is compared.
 #[test]
 fn no_number_of_a_damaged_variable_is_given() {
