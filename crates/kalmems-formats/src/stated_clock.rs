@@ -4,7 +4,7 @@ use crate::clock::{ChannelClock, ClockRun, ClockedChannels, RegularTimes, Sample
 use crate::records::{CellKind, RecordField, RecordLane};
 
 /// Names without case and marks: the sampling rate, the interval, and the time of the first sample.
-const RATES: [&str; 7] = [
+const RATES: [&str; 8] = [
     "fs",
     "samplerate",
     "samplingrate",
@@ -12,6 +12,7 @@ const RATES: [&str; 7] = [
     "samplingfrequency",
     "samplefreq",
     "acquisitionrate",
+    "updaterate",
 ];
 const INTERVALS: [&str; 13] = [
     "dt",

@@ -214,6 +214,9 @@ fn rows_below(head: &TextHead, header: usize, hints: &Hints) -> RowsBelow {
     // What may be separated in two ways is refused where it is separated.
     let Ok(separator) = marks::separator(head, header, &hints.csv) else { return RowsBelow::First };
     let Ok((names, lines)) = names(head, header, separator) else { return RowsBelow::First };
+    if names.first().is_some_and(|name| preamble::is_key(name)) {
+        return RowsBelow::None;
+    }
     let fits = |row: usize| {
         let cells = head.cells(row, separator);
         let count = cells.len() == names.len() || cells.len() == names.len() + 1 && names.len() > 1;
@@ -221,8 +224,15 @@ fn rows_below(head: &TextHead, header: usize, hints: &Hints) -> RowsBelow {
     };
     let mut rows =
         head.rows(header + lines).take(ROWS).skip_while(|row| is_units(head, *row, separator, &names));
+    // A word and a number may be a setting, or a label and its value.
+    let is_setting = |row: usize| {
+        let cells = head.cells(row, separator);
+        let numbers = cells.iter().filter(|cell| is_number(cell)).count();
+        2 * numbers <= cells.len() && cells.first().is_some_and(|cell| !is_number(cell))
+    };
     match rows.next() {
-        Some(first) if fits(first) => RowsBelow::First,
+        Some(first) if fits(first) && !is_setting(first) => RowsBelow::First,
+        Some(first) if fits(first) => RowsBelow::Some,
         _ if rows.any(fits) => RowsBelow::Some,
         _ => RowsBelow::None,
     }

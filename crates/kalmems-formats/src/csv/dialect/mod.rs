@@ -22,6 +22,8 @@ use std::collections::BTreeSet;
 
 /// As many lines are looked at, or as many bytes where lines are long.
 const LINES: usize = 128;
+/// The same where nothing but settings is in them.
+const LONGEST: usize = 1024;
 const BYTES: usize = 1 << 20;
 
 /// A text with more columns is not read.
@@ -173,11 +175,19 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
         line += 1;
     }
     let said = hints.csv.header_line.map_or(0, |line| usize::try_from(line).unwrap_or(LINES).min(1 << 16));
-    let wanted = LINES + said + instruments::lines(&TextHead::new(input.lines(), line, 2));
-    while input.lines().len() < BYTES
-        && memchr::memchr_iter(b'\n', input.lines()).count() < wanted
-        && input.more()?
-    {}
+    let mut wanted = LINES + said + instruments::lines(&TextHead::new(input.lines(), line, 2));
+    loop {
+        let count = || memchr::memchr_iter(b'\n', input.lines()).count();
+        if count() >= wanted {
+            let goes_on = preamble::goes_on(&TextHead::new(input.lines(), line, wanted));
+            if !goes_on || wanted >= LONGEST {
+                break;
+            }
+            wanted += LINES;
+        } else if input.lines().len() >= BYTES || !input.more()? {
+            break;
+        }
+    }
     if let Some(place) = memchr::memchr(0, input.lines()) {
         return Err(FormatError::not_recognised(
             format!("a byte that is no text, {place} bytes from line {line} on"),

@@ -32,7 +32,8 @@ pub(super) fn find(head: &TextHead) -> Result<Option<HeaderPlace>, FormatError> 
             let is_row = |row: usize| {
                 let cells = head.cells(row, separator);
                 let numbers = cells.iter().filter(|cell| is_number(cell)).count();
-                cells.len() == count && numbers * 2 > count
+                let is_setting = cells.first().is_some_and(|cell| is_key(cell));
+                cells.len() == count && numbers * 2 > count && !is_setting
             };
             let rows = || head.rows(first_row).take(ROWS);
             if count < 2 || rows().count() < 2 || !rows().all(is_row) {
@@ -52,6 +53,22 @@ pub(super) fn find(head: &TextHead) -> Result<Option<HeaderPlace>, FormatError> 
         }
     }
     Ok(None)
+}
+
+/// Whether a cell is the key of a setting, by the mark behind it.
+pub(super) fn is_key(cell: &str) -> bool {
+    cell.trim_end().ends_with(['=', ':'])
+}
+
+/// Whether the last lines are none of numbers, so that a preamble may go on behind them.
+pub(super) fn goes_on(head: &TextHead) -> bool {
+    let is_row = |row: usize| {
+        marks::BYTES.into_iter().chain([BLANKS]).any(|separator| {
+            let cells = head.cells(row, separator);
+            2 * cells.iter().filter(|cell| is_number(cell)).count() > cells.len()
+        })
+    };
+    !head.rows(head.len().saturating_sub(ROWS)).any(is_row)
 }
 
 /// Where units and rows stand below names, where lines of words stand between these and the numbers and the first of them holds units.

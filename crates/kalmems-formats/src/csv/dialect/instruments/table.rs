@@ -44,7 +44,7 @@ pub(super) enum NamePlace {
 /// Where the units of columns stand.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum UnitPlace {
-    /// So many lines behind the names, where each of them is one.
+    /// So many lines behind the names, where each of its cells is one or holds one in brackets.
     Line(usize),
     /// Behind keys: that of the first column, and those of the others.
     Keys(&'static str, &'static str),
@@ -67,7 +67,7 @@ use Signature::{Cells, Comment, Line};
 use TextLayout::{BesideRows, Plain, Titled, Waveforms};
 
 /// The first that fits counts.
-pub(in crate::csv::dialect) const ALL: [InstrumentDialect; 16] = [
+pub(in crate::csv::dialect) const ALL: [InstrumentDialect; 17] = [
     // DS1000 and its kin: `X,CH1,Start,Increment,`, then `Sequence,Volt,-3e-04,1e-07`. What newer ones write is known as any text.
     InstrumentDialect {
         name: "a Rigol oscilloscope",
@@ -76,6 +76,16 @@ pub(in crate::csv::dialect) const ALL: [InstrumentDialect; 16] = [
             first_cells: &["X"],
             names: HeaderBeforeClock("Start", "Increment"),
             units: UnitPlace::Line(1),
+        },
+    },
+    // UltraScope: `"Number of Data points =",8192,` and lines of settings, the channels behind `"Channel Data"`.
+    InstrumentDialect {
+        name: "a Rigol oscilloscope",
+        signature: Cells(&[(0, "Number of Data points =")]),
+        layout: Titled {
+            first_cells: &["Time (s)"],
+            names: NamePlace::Keys(&["Channel Data"]),
+            units: UnitPlace::Line(0),
         },
     },
     // InfiniiVision: `x-axis,1,2`, then `second,Volt,Volt`.

@@ -5,6 +5,7 @@ use super::table::{NamePlace, UnitPlace};
 use super::{DialectSearch, TextBeginning, number, unit_of};
 use crate::FormatError;
 use crate::csv::dialect::{ColumnOrigin, RecognizedText, RecordShape};
+use crate::name::parts;
 use crate::unit_spellings::unit_ending;
 
 /// The dialect; `None` where the text lacks what its instrument writes.
@@ -57,8 +58,10 @@ fn below(
             let (mut units, _) = text.filled(header + below);
             units.truncate(names.len());
             // Beside a clock the first cell says what is counted.
-            let known = |unit: &String| unit_ending(unit).is_some();
-            if units.len() != names.len() || !units.iter().skip(usize::from(clock.is_some())).all(known) {
+            for unit in units.iter_mut().skip(usize::from(clock.is_some())) {
+                *unit = unit_ending(unit).or_else(|| Some(parts(unit)?.1))?;
+            }
+            if units.len() != names.len() {
                 return None;
             }
             let line = text.head.number(header + below);
