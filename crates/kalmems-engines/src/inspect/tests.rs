@@ -291,6 +291,18 @@ fn indices_of_names_are_no_units() {
     assert_eq!(units, ["", "", "", "", "1"]);
 }
 
+/// An angle in degrees is no suggestion for a temperature.
+#[test]
+fn degrees_celsius_are_kept_as_they_stand() {
+    let mut text = "time_s,board_degC\n".to_owned();
+    (0..50).for_each(|i| writeln!(text, "{i},{}", i * 7 % 5).unwrap());
+    let said = inspected(&text).unwrap().diagnosis[0].to_string();
+    assert!(
+        said.starts_with("line 1, column `board_degC`: degrees Celsius count from another zero"),
+        "{said}"
+    );
+}
+
 #[test]
 fn waveforms_of_a_file_are_stretches_with_rates_of_their_own() {
     let inspection = fixture("waveforms.tdms");
