@@ -347,9 +347,9 @@ impl ColumnCounts {
             Some(CellFinding::Text(text)) => {
                 // A number that can be read in two ways is refused, and not passed over as text.
                 if may_be_grouped(text) {
-                    self.numbers += 1
+                    self.numbers += 1;
                 } else {
-                    self.texts += 1
+                    self.texts += 1;
                 }
                 SegmentLabel::Text(text.clone().into_bytes())
             }
