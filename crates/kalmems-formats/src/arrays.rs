@@ -124,9 +124,7 @@ impl Arrays {
     /// # Errors
     /// Where they differ in length, where two have one name, and where there are no numbers of such a length.
     pub fn new(arrays: Vec<Array>) -> Result<Self, FormatError> {
-        let refuse = |what: String, remedy: &str| {
-            Err(FormatError::Unsupported { format: FORMAT, what, remedy: remedy.to_owned() })
-        };
+        let refuse = |what: String, remedy: &str| Err(FormatError::unsupported(FORMAT, what, remedy));
         limits::at_most(FORMAT, "the number of columns", arrays.len() as u64, limits::COLUMNS as u64)?;
         let rows = arrays.first().map_or(0, Array::rows);
         let mut names = BTreeSet::new();

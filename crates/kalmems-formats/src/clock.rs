@@ -25,7 +25,7 @@ impl SampleStep {
         self.interval_s() > 0.0 && self.interval_s().is_finite()
     }
 
-    fn interval_s(self) -> f64 {
+    pub(crate) fn interval_s(self) -> f64 {
         match self {
             Self::Interval(interval_s) => interval_s,
             Self::Rate(rate_hz) => rate_hz.recip(),

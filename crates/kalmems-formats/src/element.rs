@@ -98,12 +98,21 @@ impl Element {
         macro_rules! widen {
             ($type:ty, $widen:expr) => {{
                 const BYTES: usize = size_of::<$type>();
-                let cells = records(raw, offset, stride, BYTES).take(rows);
                 let widen = $widen;
+                // Iterators of known lengths, so that no number asks whether there is room for it.
+                let cells = raw.chunks_exact(stride.max(1)).take(rows);
+                let cell = |record: &[u8]| record.get(offset..)?.first_chunk::<BYTES>().copied();
                 if self.big_endian {
-                    out.extend(cells.map(|b| widen(<$type>::from_be_bytes(array::<BYTES>(b)))));
+                    out.extend(cells.map(|record| {
+                        cell(record).map_or(f64::NAN, |cell| widen(<$type>::from_be_bytes(cell)))
+                    }));
+                } else if stride == BYTES {
+                    let cells = raw.as_chunks::<BYTES>().0.iter().take(rows);
+                    out.extend(cells.map(|cell| widen(<$type>::from_le_bytes(*cell))));
                 } else {
-                    out.extend(cells.map(|b| widen(<$type>::from_le_bytes(array::<BYTES>(b)))));
+                    out.extend(cells.map(|record| {
+                        cell(record).map_or(f64::NAN, |cell| widen(<$type>::from_le_bytes(cell)))
+                    }));
                 }
             }};
         }

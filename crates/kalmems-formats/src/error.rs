@@ -51,3 +51,29 @@ pub enum FormatError {
         limit: u64,
     },
 }
+
+impl FormatError {
+    /// Nothing that is known.
+    pub(crate) fn not_recognised(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self::NotRecognised { found: found.into(), expected: expected.into() }
+    }
+
+    /// What is wrong at a place of a file, and what should be there.
+    pub(crate) fn damaged(
+        format: &'static str,
+        place: impl Into<String>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Damaged { format, place: place.into(), found: found.into(), expected: expected.into() }
+    }
+
+    /// What is not read, and what to do.
+    pub(crate) fn unsupported(
+        format: &'static str,
+        what: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Self::Unsupported { format, what: what.into(), remedy: remedy.into() }
+    }
+}

@@ -46,6 +46,7 @@ mod stated_clock;
 #[cfg(any(feature = "mat", feature = "npy"))]
 mod stream;
 mod table;
+mod table_parts;
 #[cfg(feature = "tdms")]
 mod tdms;
 mod time;
@@ -55,7 +56,7 @@ mod wav;
 
 pub use arrays::{Array, ArrayType, Arrays};
 pub use block::{Block, CellFault, CellFinding, Labels};
-pub use csv::{CellReader, CsvHints, open_csv, read_csv};
+pub use csv::{CellReader, CsvHints, may_be_grouped, open_csv, read_csv};
 pub use decimal::Shift;
 pub use error::FormatError;
 pub use length::has_more_rows;

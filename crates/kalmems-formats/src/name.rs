@@ -56,6 +56,12 @@ pub(crate) fn parts(name: &str) -> Option<(&str, String)> {
     if let Some(inside) = name.strip_prefix("in ") {
         return Some(("", unit_ending(inside)?));
     }
+    // As Rigol writes: `CH1V`.
+    if let Some(channel) = name.strip_suffix('V')
+        && channel.strip_prefix("CH").is_some_and(|digits| digits.parse::<u8>().is_ok())
+    {
+        return Some((channel, "V".to_owned()));
+    }
     if let Some((before, after)) = name.rsplit_once(" in ").or_else(|| name.rsplit_once(", ")) {
         return Some((before, unit_ending(after)?));
     }

@@ -119,13 +119,12 @@ fn open_binary(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<
     if let Some(name) = hints.columns.iter().flatten().find(|name| !known(name)) {
         let names: Vec<String> =
             table.description().columns.iter().map(|column| format!("`{}`", column.name)).collect();
-        return Err(FormatError::Unsupported {
-            format: table.description().format,
-            what: format!("a name `{name}` for a file with names of its own ({})", limits::list(&names)),
-            remedy: "name a column as the file does where it is used, with its unit, such as \
-                     `{ column = \"Ucap\", unit = \"V\" }`, and write in `columns` nothing that the file does not have"
-                .to_owned(),
-        });
+        return Err(FormatError::unsupported(
+            table.description().format,
+            format!("a name `{name}` for a file with names of its own ({})", limits::list(&names)),
+            "name a column as the file does where it is used, with its unit, such as \
+                     `{ column = \"Ucap\", unit = \"V\" }`, and write in `columns` nothing that the file does not have",
+        ));
     }
     Ok(table)
 }
@@ -151,11 +150,11 @@ fn open_as(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn 
         #[cfg(feature = "wav")]
         Format::Wav => crate::wav::open(source, hints),
         #[allow(unreachable_patterns)] // where all are built
-        _ => Err(FormatError::Unsupported {
-            format: format.name(),
-            what: "a format that this program was built without".to_owned(),
-            remedy: "build it with all features".to_owned(),
-        }),
+        _ => Err(FormatError::unsupported(
+            format.name(),
+            "a format that this program was built without",
+            "build it with all features",
+        )),
     }
 }
 
@@ -176,26 +175,25 @@ fn recognise(source: &SharedFile, name: &str, hints: &Hints) -> Result<Format, F
         (RecognizedContent::Known(format, _), Some(promised)) if format == promised => Ok(format),
         // Version 7.3 keeps the ending and is HDF5 inside.
         (RecognizedContent::Known(Format::Hdf5, _), Some(Format::Mat)) => Ok(Format::Hdf5),
-        (RecognizedContent::Known(format, begins), Some(promised)) => Err(FormatError::NotRecognised {
-            found: format!("named as {} and begins as {begins}", promised.name()),
-            expected: format!(
+        (RecognizedContent::Known(format, begins), Some(promised)) => Err(FormatError::not_recognised(
+            format!("named as {} and begins as {begins}", promised.name()),
+            format!(
                 "the two to agree: rename the file, or write `format = {{ kind = \"{}\" }}` if it is that",
                 format.name()
             ),
-        }),
+        )),
         (RecognizedContent::Text, None | Some(Format::Csv)) => Ok(Format::Csv),
-        (RecognizedContent::Text, Some(promised)) => Err(FormatError::NotRecognised {
-            found: format!("named as {} and begins as text", promised.name()),
-            expected: format!(
+        (RecognizedContent::Text, Some(promised)) => Err(FormatError::not_recognised(
+            format!("named as {} and begins as text", promised.name()),
+            format!(
                 "what {} begins with; if it is text with a row a line, write `format = {{ kind = \"csv\" }}`",
                 promised.name()
             ),
-        }),
-        (RecognizedContent::Other(what), _) => Err(FormatError::NotRecognised {
-            found: by_ending(name)
-                .map_or_else(|| what.clone(), |of| format!("{what}; by its name it is {of}")),
-            expected: "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV".to_owned(),
-        }),
+        )),
+        (RecognizedContent::Other(what), _) => Err(FormatError::not_recognised(
+            by_ending(name).map_or_else(|| what.clone(), |of| format!("{what}; by its name it is {of}")),
+            "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV",
+        )),
     }
 }
 
@@ -226,39 +224,29 @@ const POINTERS: [(&[u8], &str); 2] = [
     (b"/annex/objects/", "is a pointer of git-annex, not the file itself: fetch it with `git annex get`"),
 ];
 
-/// Files of instruments in formats of their own: what they begin with from a place on, and what to export in the place of them.
-const INSTRUMENTS: [(usize, &[u8], &str); 11] = [
+/// A kind of file by any of these bytes, each from a place on, and what to do with it.
+type KnownBeginning = (&'static [(usize, &'static [u8])], &'static str);
+
+/// Files of instruments in formats of their own: what they begin with, and what to export in the place of them.
+const INSTRUMENTS: [KnownBeginning; 6] = [
     (
-        2,
-        b":WFM#",
+        &[(2, b":WFM#")],
         "is a Tektronix `.wfm`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv), or convert it with TekScope",
     ),
     (
-        0,
-        b":WFMP",
+        &[(0, b":WFMP"), (0, b":CURV")],
         "is a Tektronix `.isf`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv)",
     ),
     (
-        0,
-        b":CURV",
-        "is a Tektronix `.isf`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv)",
-    ),
-    (
-        11,
-        b"WAVEDESC",
+        &[(11, b"WAVEDESC"), (0, b"WAVEDESC")],
         "is a LeCroy `.trc`: save the trace as Excel or MathCad text on the oscilloscope (File, Save Waveform), or as MATLAB",
     ),
     (
-        0,
-        b"WAVEDESC",
-        "is a LeCroy `.trc`: save the trace as Excel or MathCad text on the oscilloscope (File, Save Waveform), or as MATLAB",
+        &[(0, b"AG10"), (0, b"AG01"), (0, b"AG03")],
+        "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)",
     ),
-    (0, b"AG10", "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)"),
-    (0, b"AG01", "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)"),
-    (0, b"AG03", "is a Keysight `.bin`: save it as CSV or HDF5 on the oscilloscope (Save, Format)"),
-    (0, b"RG01", "is a Rigol `.bin`: save it as CSV on the oscilloscope (Storage, CSV)"),
-    (0, b"RG03", "is a Rigol `.bin`: save it as CSV on the oscilloscope (Storage, CSV)"),
-    (0, b"\xa5\xa5", "is a Rigol `.wfm`: save it as CSV on the oscilloscope (Storage, CSV)"),
+    (&[(0, b"RG01"), (0, b"RG03")], "is a Rigol `.bin`: save it as CSV on the oscilloscope (Storage, CSV)"),
+    (&[(0, b"\xa5\xa5")], "is a Rigol `.wfm`: save it as CSV on the oscilloscope (Storage, CSV)"),
 ];
 
 /// The same by the ending of a name, of files whose content says nothing.
@@ -289,7 +277,8 @@ fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent
     let at = |place: usize, magic: &[u8]| beginning.get(place..).is_some_and(|rest| rest.starts_with(magic));
     let text = is_text(beginning);
     let pointer = POINTERS.iter().find(|(magic, _)| at(0, magic)).map(|(_, what)| *what);
-    let instrument = INSTRUMENTS.iter().find(|(place, magic, _)| at(*place, magic)).map(|(.., what)| *what);
+    let begins = |begin: &KnownBeginning| begin.0.iter().any(|(place, magic)| at(*place, magic));
+    let instrument = INSTRUMENTS.iter().find(|known| begins(known)).map(|(_, what)| *what);
     if let Some(what) = pointer.or(instrument) {
         return Ok(RecognizedContent::Other(what.to_owned()));
     }

@@ -77,12 +77,12 @@ impl SharedFile {
         if filled == buffer.len() {
             return Ok(());
         }
-        Err(FormatError::Damaged {
+        Err(FormatError::damaged(
             format,
-            place: format!("byte {offset}"),
-            found: format!("{filled} bytes and the end of the file"),
-            expected: format!("{} bytes", buffer.len()),
-        })
+            format!("byte {offset}"),
+            format!("{filled} bytes and the end of the file"),
+            format!("{} bytes", buffer.len()),
+        ))
     }
 
     /// Reads a few bytes, such as a header. The caller bounds their number.
@@ -102,12 +102,12 @@ impl SharedFile {
     pub(crate) fn within(&self, format: &'static str, offset: u64, count: u64) -> Result<u64, FormatError> {
         match offset.checked_add(count) {
             Some(end) if end <= self.length => Ok(end),
-            _ => Err(FormatError::Damaged {
+            _ => Err(FormatError::damaged(
                 format,
-                place: format!("byte {offset}"),
-                found: format!("the end of the file after {} bytes", self.length),
-                expected: format!("{count} bytes from there on"),
-            }),
+                format!("byte {offset}"),
+                format!("the end of the file after {} bytes", self.length),
+                format!("{count} bytes from there on"),
+            )),
         }
     }
 }

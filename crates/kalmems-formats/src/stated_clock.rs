@@ -1,12 +1,20 @@
 //! Clocks that a file states by single numbers with names: `fs`, `dt`, `t0` and their kin, as variables, attributes or metadata.
 
-use crate::clock::{ChannelClock, ClockRun, ClockedChannels, SampleStep};
+use crate::clock::{ChannelClock, ClockRun, ClockedChannels, RegularTimes, SampleStep};
 use crate::records::{CellKind, RecordField, RecordLane};
 
 /// Names without case and marks: the sampling rate, the interval, and the time of the first sample.
-const RATES: [&str; 6] =
-    ["fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "samplefreq"];
-const INTERVALS: [&str; 12] = [
+const RATES: [&str; 8] = [
+    "fs",
+    "samplerate",
+    "samplingrate",
+    "samplefrequency",
+    "samplingfrequency",
+    "samplefreq",
+    "acquisitionrate",
+    "updaterate",
+];
+const INTERVALS: [&str; 13] = [
     "dt",
     "deltat",
     "timestep",
@@ -15,8 +23,9 @@ const INTERVALS: [&str; 12] = [
     "sampleperiod",
     "samplingperiod",
     "sampletime",
-    // PicoScope, Tektronix and Keysight, LabVIEW.
+    // PicoScope, Rigol, Tektronix and Keysight, LabVIEW.
     "tinterval",
+    "tinc",
     "xincrement",
     "xinc",
     "wfincrement",
@@ -54,15 +63,11 @@ impl StatedNumbers {
         ChannelClock { start: None, offset_s: of(&STARTS).unwrap_or(0.0), step }
     }
 
-    /// Gives all columns of numbers this clock, where none of them is called a time; says what it did.
-    pub(crate) fn settle(
-        &self,
-        fields: &mut Vec<RecordField>,
-        lanes: &mut Vec<Box<dyn RecordLane>>,
-        stated_by: &'static str,
-    ) -> String {
-        let clock = self.clock();
-        settle_each(&vec![clock; fields.len()], fields, lanes, stated_by)
+    /// The times of rows by what they state, from the first on.
+    pub(crate) fn regular_times(&self) -> Option<RegularTimes> {
+        let ChannelClock { offset_s, step, .. } = self.clock();
+        let step = step.filter(|step| step.is_sound())?;
+        Some(RegularTimes { row: 0, start_s: offset_s, step })
     }
 }
 

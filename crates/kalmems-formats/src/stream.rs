@@ -10,6 +10,9 @@ use std::sync::{Arc, OnceLock};
 /// Packed bytes that are read together.
 const INPUT: usize = 64 << 10;
 
+/// Bytes of a stretch that is compared with its checksum when it is found, and not only when it is read.
+pub(crate) const VERIFIED_AT_ONCE: u64 = 1 << 20;
+
 /// How a stretch is packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compression {
@@ -43,6 +46,13 @@ pub(crate) struct FileStretch {
 }
 
 impl FileStretch {
+    /// A whole file as it is.
+    pub(crate) fn stored(source: Arc<SharedFile>, format: &'static str, name: &str) -> Self {
+        let (end, name) = (source.length(), name.to_owned());
+        let (packing, verified) = (Compression::Stored, Arc::default());
+        Self { source, format, name, packing, start: 0, end, unpacked: end, crc: None, verified }
+    }
+
     /// Begins at its front.
     pub(crate) fn stream(&self) -> StretchReader {
         let inflate = match self.packing {
@@ -144,12 +154,12 @@ impl StretchReader {
 
     /// What is wrong at this place.
     pub(crate) fn damaged(&self, found: impl Into<String>, expected: impl Into<String>) -> FormatError {
-        FormatError::Damaged {
-            format: self.stretch.format,
-            place: format!("byte {} of {}", self.position, self.stretch.name),
-            found: found.into(),
-            expected: expected.into(),
-        }
+        FormatError::damaged(
+            self.stretch.format,
+            format!("byte {} of {}", self.position, self.stretch.name),
+            found.into(),
+            expected.into(),
+        )
     }
 
     /// Reads all of `buffer`.

@@ -138,11 +138,11 @@ impl WantedColumn {
         });
         let first = times.next();
         if times.next().is_some() {
-            return Err(FormatError::Unsupported {
+            return Err(FormatError::unsupported(
                 format,
-                what: "a second column as the times of the rows".to_owned(),
-                remedy: "name one".to_owned(),
-            });
+                "a second column as the times of the rows",
+                "name one",
+            ));
         }
         Ok(first)
     }

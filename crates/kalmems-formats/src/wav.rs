@@ -21,11 +21,11 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         None => (1..=channels).map(|channel| format!("channel{channel}_1")).collect(),
         Some(names) if names.len() == channels => names.clone(),
         Some(names) => {
-            return Err(FormatError::Unsupported {
-                format: FORMAT,
-                what: format!("{channels} channels with {} names", names.len()),
-                remedy: "write as many names in `columns` as there are channels".to_owned(),
-            });
+            return Err(FormatError::unsupported(
+                FORMAT,
+                format!("{channels} channels with {} names", names.len()),
+                "write as many names in `columns` as there are channels",
+            ));
         }
     };
     let record = channels * sound.element.bytes;
@@ -198,11 +198,11 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
         if chunk[26..40] != *b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
             || (valid != bits && valid != 0)
         {
-            return Err(FormatError::Unsupported {
-                format: FORMAT,
-                what: format!("a kind of sample of its own, {valid} of {bits} bits,"),
-                remedy: "convert it to PCM or floating-point numbers with all bits in use".to_owned(),
-            });
+            return Err(FormatError::unsupported(
+                FORMAT,
+                format!("a kind of sample of its own, {valid} of {bits} bits,"),
+                "convert it to PCM or floating-point numbers with all bits in use",
+            ));
         }
     }
     let element = match (code, bits) {
@@ -210,11 +210,11 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
         (1, 16 | 24 | 32) => Element::little(ElementKind::Pcm, usize::from(bits / 8)),
         (3, 32 | 64) => Element::little(ElementKind::Float, usize::from(bits / 8)),
         _ => {
-            return Err(FormatError::Unsupported {
-                format: FORMAT,
-                what: format!("code {code} with {bits} bits"),
-                remedy: "convert it to PCM of 8, 16, 24 or 32 bits or to floating-point numbers".to_owned(),
-            });
+            return Err(FormatError::unsupported(
+                FORMAT,
+                format!("code {code} with {bits} bits"),
+                "convert it to PCM of 8, 16, 24 or 32 bits or to floating-point numbers",
+            ));
         }
     };
     if channels == 0 || rate == 0 || frame != channels * element.bytes {
@@ -244,10 +244,5 @@ fn u32_at(bytes: &[u8], place: usize) -> u32 {
 }
 
 fn damaged(place: u64, found: String, expected: &str) -> FormatError {
-    FormatError::Damaged {
-        format: FORMAT,
-        place: format!("byte {place}"),
-        found,
-        expected: expected.to_owned(),
-    }
+    FormatError::damaged(FORMAT, format!("byte {place}"), found, expected)
 }

@@ -575,6 +575,34 @@ fn what_a_message_asks_for_is_an_argument_of_inspect_and_new_and_stands_in_the_e
     assert!(text.contains(format), "{text}");
 }
 
+/// A number that says overload while the filter settles is a missing sample like any other, and takes none of its neighbours along.
+#[test]
+fn an_overload_within_the_settling_time_costs_one_sample() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, rows) = example();
+    let with = |cell: &str| {
+        let replaced = rows.lines().enumerate().map(|(line, row)| match row.rsplit_once(',') {
+            Some((before, _)) if line == 101 => format!("{before},{cell}\n"),
+            _ => format!("{row}\n"),
+        });
+        replaced.collect::<String>()
+    };
+    for (name, text) in
+        [("whole.csv", rows.clone()), ("over.csv", with("9.90000000E+37")), ("empty.csv", with(""))]
+    {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let rows_without_a_number = |trajectory: &str| {
+        let has_empty = |row: &&str| row.split(',').any(str::is_empty);
+        trajectory.lines().filter(has_empty).count()
+    };
+    let [whole, over, empty] =
+        ["whole.csv", "over.csv", "empty.csv"].map(|file| trajectory(&folder, file, PLAIN));
+    assert!(over == empty, "an overload is an empty cell");
+    assert_eq!(rows_without_a_number(&over), rows_without_a_number(&whole) + 1);
+    assert_eq!(over.lines().count(), whole.lines().count());
+}
+
 /// A stated range counts in an estimate as in any command: what is at its end is predicted and not taken.
 #[test]
 fn a_stated_full_scale_takes_samples_out_of_an_estimate() {

@@ -28,6 +28,7 @@ pub use spectrum::{MOST_LINES, SegmentLines, SignalLine, WINDOW};
 pub use statistics::Statistics;
 pub use unitless_time::{StatedFile, StatedTime, UnitlessTime};
 
+use crate::recording::plural;
 use crate::recording::request::{ColumnSelection, ReadRequest};
 use crate::recording::{
     Finding, FindingKind, ReadError, RecordingSource, Restarts, SATURATION_RUN, Severity, Stretch,
@@ -214,7 +215,8 @@ pub fn inspect_stated(
     if rows == 0 {
         return Err(ReadError::Unusable { file: path.display().to_string(), findings: diagnosis });
     }
-    let (checked, unchecked) = checks(timed, &draft.segments, &survey.text);
+    let channels: Vec<InspectedChannel> = draft.channels.into_iter().map(ChannelDraft::finish).collect();
+    let (checked, unchecked) = checks(timed, &draft.segments, &channels, &survey.text);
     let mut recognised = vec![format!("{}.", source.format)];
     recognised.extend(survey.sentences);
     recognised.extend(source.origin.as_ref().map(TimeOrigin::sentence));
@@ -226,7 +228,7 @@ pub fn inspect_stated(
         unitless_time: survey.unitless_time,
         segment_column: survey.segment,
         segments: draft.segments,
-        channels: draft.channels.into_iter().map(ChannelDraft::finish).collect(),
+        channels,
         window: WINDOW,
         frequency_unit: if timed { "Hz" } else { "1/sample" },
         diagnosis,
@@ -237,30 +239,77 @@ pub fn inspect_stated(
     })
 }
 
-/// The checks that ran over some rows, as what they look for, and those that did not.
-fn checks(timed: bool, segments: &[SegmentSummary], left_out: &[String]) -> (Vec<&'static str>, Vec<String>) {
-    let rows = segments.iter().map(|segment| segment.rows).max().unwrap_or(0);
-    let (mut checked, mut unchecked) = (vec!["missing"], Vec::new());
-    match (timed, rows) {
-        (false, _) => unchecked.push("whether the times are regular, as no column is the time".to_owned()),
-        (true, 0..3) => {
-            unchecked.push(format!("whether the times are regular, as no segment has more than {rows} rows"));
-        }
-        (true, _) => checked.push("irregular"),
-    }
-    // A run at a rail is compared with as many rows before and after it.
-    if rows < 3 * SATURATION_RUN {
-        unchecked.push(format!("whether a signal is saturated, as no segment has more than {rows} rows"));
+/// The checks that ran, as what they look for, and those that did not, as far as they did not.
+fn checks(
+    timed: bool,
+    segments: &[SegmentSummary],
+    channels: &[InspectedChannel],
+    left_out: &[String],
+) -> (Vec<&'static str>, Vec<String>) {
+    let (mut checked, mut unchecked) = (Vec::new(), Vec::new());
+    let rows: Vec<usize> = segments.iter().map(|segment| segment.rows).collect();
+    if channels.is_empty() {
+        unchecked.push("any signal, as no column is one".to_owned());
     } else {
-        checked.push("saturated");
+        checked.push("missing");
     }
-    checked.push("constant");
+    let mut look = |word, what: &str, rows: &[usize], least: usize| match long_enough(rows, least) {
+        Ok(()) => checked.push(word),
+        Err(why) => unchecked.push(format!("{what}, {why}")),
+    };
+    if timed {
+        look("irregular", "whether the times are regular", &rows, 3);
+    }
+    if !channels.is_empty() {
+        // A run at a rail is compared with as many rows before and after it.
+        look("saturated", "whether a signal is saturated", &rows, 3 * SATURATION_RUN);
+        // A recording of one record is looked at as a whole, a record among others where it is longer than a run.
+        let records = rows_of_records(segments);
+        let least = if records.len() > 1 { SATURATION_RUN } else { 2 };
+        look("constant", "whether a signal is constant", &records, least);
+    }
+    if !timed {
+        unchecked.push("whether the times are regular, as no column is the time".to_owned());
+    }
+    let few = channels.iter().filter(|channel| {
+        let statistics = &channel.statistics;
+        rows.iter().any(|rows| *rows >= 3 * SATURATION_RUN) && statistics.count < 3 * SATURATION_RUN
+    });
+    for InspectedChannel { column, statistics, .. } in few {
+        unchecked.push(format!(
+            "whether `{column}` is saturated or constant, as it has no more than {} values",
+            statistics.count
+        ));
+    }
     if !left_out.is_empty() {
         let names: Vec<String> = left_out.iter().take(8).map(|name| format!("`{name}`")).collect();
         let more = if left_out.len() > 8 { ", …" } else { "" };
         unchecked.push(format!("the columns that are left out ({}{more})", names.join(", ")));
     }
     (checked, unchecked)
+}
+
+/// Whether each of some segments has so many rows, and otherwise in which the check did not run.
+fn long_enough(rows: &[usize], least: usize) -> Result<(), String> {
+    let short = rows.iter().filter(|rows| **rows < least).count();
+    let longest = rows.iter().max().copied().unwrap_or(0);
+    match short {
+        0 => Ok(()),
+        _ if short == rows.len() => Err(format!("as no segment has more than {}", plural(longest, "row"))),
+        _ => Err(format!("in {} of fewer than {least} rows", plural(short, "segment"))),
+    }
+}
+
+/// The rows of each record, whose stretches are counted together.
+fn rows_of_records(segments: &[SegmentSummary]) -> Vec<usize> {
+    let mut records = Vec::new();
+    for segment in segments {
+        match records.last_mut() {
+            Some(rows) if segment.stretch.is_some() => *rows += segment.rows,
+            _ => records.push(segment.rows),
+        }
+    }
+    records
 }
 
 /// An inspection that goes on.

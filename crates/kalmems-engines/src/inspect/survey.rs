@@ -10,7 +10,9 @@ use crate::recording::label::SegmentLabel;
 use crate::recording::read::ReadProgress;
 use crate::recording::scale::ColumnScale;
 use crate::units::ColumnHeader;
-use kalmems_formats::{Block, CellFinding, Column, Table, TableEvidence, TimeKind, WantedColumn};
+use kalmems_formats::{
+    Block, CellFinding, Column, Table, TableEvidence, TimeKind, WantedColumn, may_be_grouped,
+};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -343,7 +345,12 @@ impl ColumnCounts {
                 SegmentLabel::of_number(number)
             }
             Some(CellFinding::Text(text)) => {
-                self.texts += 1;
+                // A number that can be read in two ways is refused, and not passed over as text.
+                if may_be_grouped(text) {
+                    self.numbers += 1;
+                } else {
+                    self.texts += 1;
+                }
                 SegmentLabel::Text(text.clone().into_bytes())
             }
             Some(CellFinding::Nan(text) | CellFinding::Infinite(text) | CellFinding::Overload(text)) => {

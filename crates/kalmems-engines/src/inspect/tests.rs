@@ -291,6 +291,18 @@ fn indices_of_names_are_no_units() {
     assert_eq!(units, ["", "", "", "", "1"]);
 }
 
+/// An angle in degrees is no suggestion for a temperature.
+#[test]
+fn degrees_celsius_are_kept_as_they_stand() {
+    let mut text = "time_s,board_degC\n".to_owned();
+    (0..50).for_each(|i| writeln!(text, "{i},{}", i * 7 % 5).unwrap());
+    let said = inspected(&text).unwrap().diagnosis[0].to_string();
+    assert!(
+        said.starts_with("line 1, column `board_degC`: degrees Celsius count from another zero"),
+        "{said}"
+    );
+}
+
 #[test]
 fn waveforms_of_a_file_are_stretches_with_rates_of_their_own() {
     let inspection = fixture("waveforms.tdms");
@@ -340,6 +352,66 @@ fn nothing_is_said_of_checks_that_did_not_run() {
     assert!(timeless.contains(
         "\nNothing is missing, saturated or constant.\nNot checked: whether the times are regular"
     ));
+}
+
+/// A check that ran in some segments alone is said to have run in none, and those without it are counted.
+#[test]
+fn a_check_that_short_segments_did_not_allow_is_named_with_their_number() {
+    let mut text = "record,time_s,x_V\n".to_owned();
+    for (record, rows) in [("a", 100), ("b", 12), ("c", 2)] {
+        (0..rows).for_each(|i| writeln!(text, "{record},{i},{}", i * 7 % 5).unwrap());
+    }
+    let said = inspected(&text).unwrap().to_text();
+    assert!(
+        said.contains(
+            "\nNothing is missing.\nNot checked: whether the times are regular, in 1 segment of fewer than 3 rows; \
+             whether a signal is saturated, in 2 segments of fewer than 24 rows; whether a signal is constant, in 1 segment of \
+             fewer than 8 rows.\n"
+        ),
+        "{said}"
+    );
+    let one = inspected("time_s,x_V\n0,1\n").unwrap().to_text();
+    assert!(one.contains("\nNothing is missing.\n"), "{one}");
+    assert!(one.contains("whether a signal is constant, as no segment has more than 1 row."), "{one}");
+    let mut few = "time_s,x_V,y_V\n".to_owned();
+    (0..60).for_each(|i| writeln!(few, "{i},{},{}", i * 7 % 5, if i < 9 { "1" } else { "" }).unwrap());
+    let few = inspected(&few).unwrap();
+    assert_eq!(few.unchecked, ["whether `y_V` is saturated or constant, as it has no more than 9 values"]);
+}
+
+/// A file whose only column is the time has nothing that could be missing.
+#[test]
+fn nothing_is_said_of_a_file_without_a_signal() {
+    let mut text = "time_s,word\n".to_owned();
+    (0..50).for_each(|i| writeln!(text, "{i},w{i}").unwrap());
+    let said = inspected(&text).unwrap().to_text();
+    assert!(
+        said.contains("\nNothing is irregular.\nNot checked: any signal, as no column is one; "),
+        "{said}"
+    );
+}
+
+/// Digits that may stand in groups or behind a decimal comma are a reason to refuse, and no text that is passed over.
+#[test]
+fn a_number_that_can_be_read_in_two_ways_is_refused_and_read_once_the_decimal_mark_is_stated() {
+    let mut text = "time_s,cap_mV\n".to_owned();
+    (0..50).for_each(|i| writeln!(text, "{i},\"{},{}\"", 1 + i % 7, 100 + i).unwrap());
+    let inspection = inspected(&text).unwrap();
+    let said = inspection.diagnosis[0].to_string();
+    assert!(!inspection.is_usable());
+    assert!(said.starts_with("line 2, column `cap_mV`: `1,100` is one number with groups"), "{said}");
+    assert!(said.contains("`decimal = \".\"`"), "{said}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("grouped.csv");
+    std::fs::write(&path, &text).unwrap();
+    let csv = kalmems_formats::CsvHints { decimal: Some('.'), ..kalmems_formats::CsvHints::default() };
+    let hints = kalmems_formats::Hints { csv, ..kalmems_formats::Hints::default() };
+    let stated = StatedFile { hints, time: None, rate_hz: None };
+    let read = inspect_stated(&path, &stated, &mut |_, _| ControlFlow::Continue(())).unwrap();
+    assert_eq!((read.diagnosis.len(), read.channels[0].statistics.minimum), (0, Some(1.100)));
+    // One cell that can mean nothing else decides for those before it as well.
+    let sure = inspected(&format!("{text}50,\"1,150.5\"\n")).unwrap();
+    assert_eq!((sure.diagnosis.len(), sure.channels[0].statistics.minimum), (0, Some(1.100)));
 }
 
 /// A counter of µs in 32 bits, and stamps of a 400 Hz clock that are rounded to ms.

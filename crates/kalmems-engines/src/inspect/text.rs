@@ -125,7 +125,8 @@ fn diagnosis(text: &mut String, inspection: &Inspection) {
             Some((last, checked)) if !checked.is_empty() => {
                 writeln!(text, "\nNothing is {} or {last}.", checked.join(", "))
             }
-            _ => writeln!(text, "\nNothing is {}.", inspection.checked.join(", ")),
+            Some((only, _)) => writeln!(text, "\nNothing is {only}."),
+            None => writeln!(text, "\nNothing was checked."),
         },
     };
     for finding in &inspection.diagnosis {

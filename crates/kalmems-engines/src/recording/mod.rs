@@ -62,6 +62,7 @@ pub use contribution::{OF_RECORD, contribution_column, moved_by};
 pub use error::ReadError;
 pub use finding::{Finding, FindingKind, Purpose, Severity};
 pub use origin::TimeOrigin;
+pub(crate) use pass::plural;
 pub use rails::{LONG_RUN, SATURATION_CREEP, SATURATION_RUN, SATURATION_SHARE, SATURATION_STEPS, SHORT_RUN};
 pub use restart::StretchPlace;
 pub use segment::{Segment, TimeBase};

@@ -16,7 +16,7 @@ use super::{
     TimeOrigin, TimeSource,
 };
 use kalmems_figures::number;
-use kalmems_formats::{Block, CellFault, CellFinding, Instant, TimeReader, TimeUnit};
+use kalmems_formats::{Block, CellFault, CellFinding, Instant, TimeReader, TimeUnit, may_be_grouped};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
@@ -241,6 +241,14 @@ impl Pass {
                         CellFinding::Infinite(text) => {
                             (Kind::Infinite, format!("{} is not finite", quoted(text)))
                         }
+                        CellFinding::Text(text) if may_be_grouped(text) => (
+                            Kind::NonNumeric,
+                            format!(
+                                "{} is one number with groups of three digits and another without, and nothing in its column tells \
+                                 which: state the decimal mark, such as `decimal = \".\"` in `format`, or `--decimal .`",
+                                quoted(text)
+                            ),
+                        ),
                         CellFinding::Text(text) => {
                             (Kind::NonNumeric, format!("{} is no number", quoted(text)))
                         }
@@ -671,6 +679,6 @@ fn append(values: &mut Vec<f64>, numbers: &[f64], scale: ColumnScale, mut beyond
     }));
 }
 
-fn plural(count: usize, noun: &str) -> String {
+pub(crate) fn plural(count: usize, noun: &str) -> String {
     if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
 }

@@ -257,6 +257,9 @@ pub(super) fn unreadable(kind: Kind, line: usize, detail: String) -> Vec<Finding
 /// Why a name has no unit, with the unit that was probably meant, and what to write in the settings that name the column.
 fn unit_detail(column: &str, known: Option<&DeclaredColumn>) -> String {
     let mut detail = match column.rsplit_once('_').map(|(name, ending)| (name, ending, Unit::parse(ending))) {
+        Some((_, "degC", _)) => {
+            "degrees Celsius count from another zero than K, so that no factor converts them".to_owned()
+        }
         Some((name, ending, Err(UnitError::Unknown { suggestion: Some(unit), .. }))) => {
             format!("`{ending}` is no unit (did you mean `{name}_{unit}`?)")
         }

@@ -49,6 +49,11 @@ pub(super) fn grouped(cell: &[u8], point: u8) -> Option<GroupedNumber> {
     Some(GroupedNumber { plain, is_ambiguous })
 }
 
+/// Whether a text that is no number by itself may be one in groups of three digits: `1,234`, which is 1.234 elsewhere.
+pub fn may_be_grouped(text: &str) -> bool {
+    [b'.', b','].into_iter().any(|point| grouped(text.as_bytes(), point).is_some())
+}
+
 #[cfg(test)]
 mod tests {
     use super::grouped;

@@ -12,6 +12,7 @@ mod utf16;
 
 pub use cell::CellReader;
 pub(crate) use cell::excerpt;
+pub use grouped::may_be_grouped;
 pub use hints::CsvHints;
 
 use crate::{FormatError, Hints, ReadSeek, Table};

@@ -363,52 +363,44 @@ impl CsvTable {
 
     /// Takes the rows of empty cells before a row, each of which is a row without values; `false` where the block is full.
     fn take_empty_rows(&mut self, block: &mut Block) -> bool {
-        if self.empty.1 == 0 {
-            return true;
+        let (line, count) = self.empty;
+        self.empty = self.take_rows_of_nothing(block, line, count);
+        self.empty.1 == 0
+    }
+
+    /// Takes rows with nothing in them before the row that is split; the line of the first that the block has no room for, and how many.
+    fn take_rows_of_nothing(&mut self, block: &mut Block, line: u64, mut count: u64) -> (u64, u64) {
+        if count == 0 {
+            return (line, 0);
         }
-        let after = std::mem::replace(&mut self.line, self.empty.0);
+        let after = std::mem::replace(&mut self.line, line);
         let row = std::mem::take(&mut self.split);
-        while self.empty.1 > 0 && block.rows < block.capacity {
+        while count > 0 && block.rows < block.capacity {
             self.take_row(block);
             self.line += 1;
-            self.empty = (self.line, self.empty.1 - 1);
+            count -= 1;
         }
         self.split = row;
-        self.line = after;
-        self.empty.1 == 0
+        (std::mem::replace(&mut self.line, after), count)
     }
 
     /// Tells of the blank lines before a row; `false` where they are rows and the block is full.
     fn take_blank_lines(&mut self, block: &mut Block) -> bool {
         let (line, count) = self.blank;
         // In a text with one column a blank line is a row with an empty cell.
-        if self.dialect.cells == 1 && count > 0 {
-            let after = std::mem::replace(&mut self.line, line);
-            let row = std::mem::take(&mut self.split);
-            while self.blank.1 > 0 && block.rows < block.capacity {
-                self.take_row(block);
-                self.line += 1;
-                self.blank = (self.line, self.blank.1 - 1);
-            }
-            self.split = row;
-            self.line = after;
+        if self.dialect.cells == 1 {
+            self.blank = self.take_rows_of_nothing(block, line, count);
             return self.blank.1 == 0;
         }
         if count > 0 {
-            let row = block.rows;
-            let same = block.faults.iter_mut().rev().take_while(|f| f.row == row);
-            let same = same.filter_map(|f| {
-                if let CellFinding::BlankLines { count } = &mut f.fault { Some(count) } else { None }
-            });
-            match same.last() {
-                Some(before) => *before += count,
-                None => block.faults.push(CellFault {
-                    row,
-                    line,
-                    column: None,
-                    fault: CellFinding::BlankLines { count },
-                }),
-            }
+            let before = |fault: &mut CellFinding| match fault {
+                CellFinding::BlankLines { count: before } => {
+                    *before += count;
+                    true
+                }
+                _ => false,
+            };
+            tell_together(block, line, before, CellFinding::BlankLines { count });
             self.blank = (0, 0);
         }
         true
@@ -416,24 +408,15 @@ impl CsvTable {
 
     /// Tells of a row with another number of cells; several before one row are told together.
     fn leave_out(&self, block: &mut Block) {
-        let row = block.rows;
-        let same = block.faults.iter_mut().rev().take_while(|f| f.row == row);
-        let same = same.filter_map(|f| {
-            if let CellFinding::CellCount { rows, .. } = &mut f.fault { Some(rows) } else { None }
-        });
-        match same.last() {
-            Some(rows) => *rows += 1,
-            None => block.faults.push(CellFault {
-                row,
-                line: self.line,
-                column: None,
-                fault: CellFinding::CellCount {
-                    found: self.split.len(),
-                    expected: self.dialect.cells,
-                    rows: 1,
-                },
-            }),
-        }
+        let before = |fault: &mut CellFinding| match fault {
+            CellFinding::CellCount { rows, .. } => {
+                *rows += 1;
+                true
+            }
+            _ => false,
+        };
+        let (found, expected) = (self.split.len(), self.dialect.cells);
+        tell_together(block, self.line, before, CellFinding::CellCount { found, expected, rows: 1 });
     }
 
     /// Takes the row that is split, cell by cell.
@@ -479,6 +462,7 @@ impl Table for CsvTable {
             match (want, usage) {
                 (WantedColumn::Number { power, .. }, Some(usage)) => {
                     (usage.power, usage.limit) = (Some(*power), sentinels::limit(*power));
+                    usage.groups.are_sure = cell.is_some_and(|cell| self.dialect.grouped.contains(&cell));
                 }
                 // The header's own clock counts from where it says.
                 (WantedColumn::Time { column, unit, .. }, Some(usage)) => {
@@ -554,6 +538,15 @@ impl CsvTable {
                 return Ok(());
             }
         }
+    }
+}
+
+/// Adds a fault of a line before the next row to one of its kind that is told there, or tells it. `add` says whether it was added.
+fn tell_together(block: &mut Block, line: u64, add: impl Fn(&mut CellFinding) -> bool, fault: CellFinding) {
+    let row = block.rows;
+    let mut same = block.faults.iter_mut().rev().take_while(|fault| fault.row == row);
+    if !same.any(|told| add(&mut told.fault)) {
+        block.faults.push(CellFault { row, line, column: None, fault });
     }
 }
 

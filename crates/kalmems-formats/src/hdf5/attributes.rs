@@ -138,7 +138,7 @@ impl Dataspace {
             return Err(cursor.damaged(format!("{axes} axes"), "at most 32"));
         }
         let shape = (0..axes).map(|_| cursor.length()).collect::<Result<Vec<_>, _>>()?;
-        let endless = u64::MAX >> (64 - 8 * cursor.file.length_bytes);
+        let endless = u64::MAX;
         let most = if flags & 1 != 0 {
             let most = (0..axes).map(|_| cursor.length()).collect::<Result<Vec<_>, _>>()?;
             most.into_iter().map(|length| (length != endless).then_some(length)).collect()

@@ -31,12 +31,8 @@ pub(super) struct ChunkGrid {
 impl ChunkGrid {
     /// Refuses chunks that are too large, too many, or none.
     pub(super) fn check(&self, place: &str) -> Result<(), FormatError> {
-        let damaged = |found: String| FormatError::Damaged {
-            format: FORMAT,
-            place: place.to_owned(),
-            found,
-            expected: "chunks of at least one element".to_owned(),
-        };
+        let damaged =
+            |found: String| FormatError::damaged(FORMAT, place, found, "chunks of at least one element");
         if self.chunk_rows == 0 || self.chunk_columns == 0 || self.element == 0 {
             return Err(damaged("chunks without an element".to_owned()));
         }
@@ -86,12 +82,7 @@ pub(super) struct LaneProgress {
 
 impl ChunkLane {
     fn damaged(&self, found: String, expected: &str) -> FormatError {
-        FormatError::Damaged {
-            format: FORMAT,
-            place: self.path.clone(),
-            found,
-            expected: expected.to_owned(),
-        }
+        FormatError::damaged(FORMAT, self.path.clone(), found, expected)
     }
 
     /// Looks up where the chunks are.
@@ -139,19 +130,17 @@ impl ChunkLane {
         for beside in 0..across {
             let place = self.progress.chunks.get(small(number * across + beside)).copied().flatten();
             let Some(place) = place else {
-                return Err(FormatError::Unsupported {
-                    format: FORMAT,
-                    what: format!(
+                return Err(FormatError::unsupported(
+                    FORMAT,
+                    format!(
                         "`{}`, whose rows from {} on were never written,",
                         self.path,
                         number * grid.chunk_rows + 1
                     ),
-                    remedy: "write all of its values".to_owned(),
-                });
+                    "write all of its values",
+                ));
             };
-            let is_edge = (number + 1) * grid.chunk_rows > grid.rows
-                || (beside + 1) * grid.chunk_columns > grid.columns;
-            let chunk = self.chunk(place, is_edge)?;
+            let chunk = self.chunk(place)?;
             let first = small(beside) * chunk_columns;
             let width = chunk_columns.min(columns - first);
             if !grid.turned && width == columns && width == chunk_columns {
@@ -173,7 +162,7 @@ impl ChunkLane {
         Ok(())
     }
 
-    fn chunk(&self, place: Chunk, is_edge: bool) -> Result<Vec<u8>, FormatError> {
+    fn chunk(&self, place: Chunk) -> Result<Vec<u8>, FormatError> {
         let bytes = self.grid.chunk_bytes();
         // What does not pack is a little longer than it was.
         limits::at_most(
@@ -184,8 +173,7 @@ impl ChunkLane {
         )?;
         #[allow(clippy::cast_possible_truncation)] // bounded by the line above
         let packed = self.file.source.bytes(FORMAT, place.address, place.bytes as usize)?;
-        let filters = if is_edge && self.chunked.plain_edges { &[][..] } else { &self.filters };
-        filters::undo(filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
+        filters::undo(&self.filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
             self.damaged(
                 format!("in its chunk at byte {} {found}", place.address),
                 "a chunk as it was written",

@@ -1,8 +1,8 @@
 //! An HDF5 file as such: where it begins, how wide its addresses are, and its metadata block by block (HDF5 File Format
 //! Specification, version 4).
 
-use super::FORMAT;
 use super::checksum::checksum;
+use super::{FORMAT, NEW_FILE, unsupported};
 use crate::source::SharedFile;
 use crate::{FormatError, limits};
 use std::path::PathBuf;
@@ -13,6 +13,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// bounds the time that a file can take which refers to the same places again and again.
 const METADATA_BYTES: u64 = 16 * limits::HEADER_BYTES;
 const METADATA_PER_BYTE: u64 = 4;
+/// Bytes of an address and of a length. Others can be asked for in C alone.
+pub(super) const ADDRESS: usize = 8;
+pub(super) const LENGTH: usize = 8;
 /// What the file begins with.
 const MAGIC: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
@@ -23,8 +26,6 @@ pub(super) struct Hdf5File {
     pub(super) name: Option<PathBuf>,
     /// The place that its addresses count from.
     base: u64,
-    pub(super) offset_bytes: usize,
-    pub(super) length_bytes: usize,
     /// Where the object header of the root group is.
     pub(super) root: u64,
     /// Bytes of metadata that may be read in all, and from now on.
@@ -36,39 +37,30 @@ impl Hdf5File {
     pub(super) fn open(source: Arc<SharedFile>, name: Option<PathBuf>) -> Result<Self, FormatError> {
         let base = superblock(&source)?;
         let most = METADATA_BYTES.max(source.length().saturating_mul(METADATA_PER_BYTE));
-        let mut file = Self {
-            source,
-            name,
-            base,
-            offset_bytes: 8,
-            length_bytes: 8,
-            root: 0,
-            most,
-            left: AtomicU64::new(most),
-        };
+        let mut file = Self { source, name, base, root: 0, most, left: AtomicU64::new(most) };
         let head = file.block(base, 48.min(file.source.length().saturating_sub(base)))?;
         let mut cursor = MetadataCursor::new(&file, &head, base);
         cursor.take(8)?;
         let version = cursor.u8()?;
-        let (widths, before_addresses) = match version {
-            0 => (cursor.skip(4)?.widths()?, 9),
-            1 => (cursor.skip(4)?.widths()?, 13),
-            2 | 3 => (cursor.widths()?, 1),
-            _ => return Err(cursor.damaged(format!("version {version} of its beginning"), "0 to 3")),
+        let is_old = match version {
+            0 => true,
+            2 | 3 => false,
+            1 => return Err(unsupported("a beginning of version 1", NEW_FILE)),
+            _ => return Err(cursor.damaged(format!("version {version} of its beginning"), "0, 2 or 3")),
         };
-        (file.offset_bytes, file.length_bytes) = widths;
-        // Behind the four addresses of the old versions is the entry of the root group: a name, and the address.
-        let addresses = if version < 2 { 6 } else { 4 };
-        let start = (if version < 2 { 15 } else { 11 }) + before_addresses;
-        let count = start + addresses * file.offset_bytes as u64 + 4;
-        let head = file.block(base, count)?;
+        let widths = cursor.skip(if is_old { 4 } else { 0 })?.take(2)?;
+        if widths.iter().any(|width| usize::from(*width) != ADDRESS) {
+            let what = format!("a file with addresses of {} and lengths of {} bytes", widths[0], widths[1]);
+            return Err(unsupported(what, NEW_FILE));
+        }
+        // Behind the four addresses of the old version is the entry of the root group: a name, and the address.
+        let (start, skipped) = if is_old { (24, 2 * ADDRESS) } else { (12, 0) };
+        let head = file.block(base, (start + 4 * ADDRESS + skipped + 4) as u64)?;
         let mut cursor = MetadataCursor::new(&file, &head, base);
-        #[allow(clippy::cast_possible_truncation)] // below 100
-        let (start, skipped) = (start as usize, (addresses as usize - 4) * file.offset_bytes);
-        let stored_base = cursor.skip(start)?.number(file.offset_bytes)?;
-        let end = cursor.skip(file.offset_bytes)?.number(file.offset_bytes)?;
+        let stored_base = cursor.skip(start)?.number(ADDRESS)?;
+        let end = cursor.skip(ADDRESS)?.number(ADDRESS)?;
         let root = cursor.skip(skipped)?.address()?;
-        if version >= 2 {
+        if !is_old {
             cursor.check_sum()?;
         }
         let Some(root) = root else {
@@ -76,12 +68,12 @@ impl Hdf5File {
         };
         let (length, end) = (file.source.length(), end.saturating_sub(stored_base).saturating_add(base));
         if length < end {
-            return Err(FormatError::Damaged {
-                format: FORMAT,
-                place: "the end of the file".to_owned(),
-                found: format!("{length} bytes"),
-                expected: format!("{end}, as its beginning says: it was cut, or not closed"),
-            });
+            return Err(FormatError::damaged(
+                FORMAT,
+                "the end of the file",
+                format!("{length} bytes"),
+                format!("{end}, as its beginning says: it was cut, or not closed"),
+            ));
         }
         file.root = root;
         Ok(file)
@@ -120,12 +112,7 @@ fn superblock(source: &SharedFile) -> Result<u64, FormatError> {
         }
         place = if place == 0 { 512 } else { place * 2 };
     }
-    Err(FormatError::Damaged {
-        format: FORMAT,
-        place: "the file".to_owned(),
-        found: "no beginning".to_owned(),
-        expected: "\\x89HDF at byte 0, 512, 1024, …".to_owned(),
-    })
+    Err(FormatError::damaged(FORMAT, "the file", "no beginning", "\\x89HDF at byte 0, 512, 1024, …"))
 }
 
 /// A block of metadata that is being read.
@@ -144,12 +131,12 @@ impl<'a> MetadataCursor<'a> {
     }
 
     pub(super) fn damaged(&self, found: impl Into<String>, expected: &str) -> FormatError {
-        FormatError::Damaged {
-            format: FORMAT,
-            place: format!("byte {}", self.place.saturating_add(self.at as u64)),
-            found: found.into(),
-            expected: expected.to_owned(),
-        }
+        FormatError::damaged(
+            FORMAT,
+            format!("byte {}", self.place.saturating_add(self.at as u64)),
+            found.into(),
+            expected,
+        )
     }
 
     pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], FormatError> {
@@ -204,13 +191,13 @@ impl<'a> MetadataCursor<'a> {
 
     /// A length of the width of this file.
     pub(super) fn length(&mut self) -> Result<u64, FormatError> {
-        self.number(self.file.length_bytes)
+        self.number(LENGTH)
     }
 
     /// A place in the file; none where the address is undefined.
     pub(super) fn address(&mut self) -> Result<Option<u64>, FormatError> {
-        let stored = self.number(self.file.offset_bytes)?;
-        if stored == u64::MAX >> (64 - 8 * self.file.offset_bytes) {
+        let stored = self.number(ADDRESS)?;
+        if stored == u64::MAX {
             return Ok(None);
         }
         let place = stored.checked_add(self.file.base);
@@ -252,13 +239,5 @@ impl<'a> MetadataCursor<'a> {
             return Ok(());
         }
         Err(self.damaged(format!("a checksum of {found:08x}"), &format!("{stored:08x}, as it is stored")))
-    }
-
-    fn widths(&mut self) -> Result<(usize, usize), FormatError> {
-        let (offset, length) = (self.u8()?, self.u8()?);
-        if [offset, length].iter().all(|width| matches!(width, 2 | 4 | 8)) {
-            return Ok((usize::from(offset), usize::from(length)));
-        }
-        Err(self.damaged(format!("addresses of {offset} and lengths of {length} bytes"), "2, 4 or 8 each"))
     }
 }

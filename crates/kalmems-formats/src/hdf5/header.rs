@@ -1,6 +1,6 @@
 //! The header of an object: its messages (HDF5 File Format Specification, section IV.A).
 
-use super::file::{Hdf5File, MetadataCursor};
+use super::file::{Hdf5File, LENGTH, MetadataCursor};
 use super::{FORMAT, unsupported};
 use crate::{FormatError, limits};
 
@@ -224,13 +224,10 @@ impl HeaderMessage {
 pub(super) fn shared(cursor: &mut MetadataCursor<'_>) -> Result<u64, FormatError> {
     let (version, kind) = (cursor.u8()?, cursor.u8()?);
     match (version, kind) {
-        (1, _) => {
-            let bytes = 6 + cursor.file.length_bytes;
-            cursor.skip(bytes)?.known_address()
-        }
+        (1, _) => cursor.skip(6 + LENGTH)?.known_address(),
         (2, _) | (3, 2 | 3) => cursor.known_address(),
         (3, 1) => Err(unsupported(
-            "an object whose description is in a table that objects share".to_owned(),
+            "an object whose description is in a table that objects share",
             "copy the file with h5repack",
         )),
         _ => Err(cursor.damaged(format!("version {version} of a message elsewhere"), "1 to 3")),

@@ -1,8 +1,8 @@
 //! Where HDF5 keeps what has a length of its own: local heaps (names of old groups), global heaps (texts) and fractal
 //! heaps (links and attributes of large objects); HDF5 File Format Specification, sections III.D, E and G.
 
-use super::FORMAT;
-use super::file::{Hdf5File, MetadataCursor};
+use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
+use super::{FORMAT, NEW_FILE, unsupported};
 use crate::{FormatError, limits};
 
 /// The names of an old group.
@@ -13,7 +13,7 @@ pub(super) struct LocalHeap {
 
 impl LocalHeap {
     pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self, FormatError> {
-        let head = file.block(address, 8 + 2 * file.length_bytes as u64 + file.offset_bytes as u64)?;
+        let head = file.block(address, 8 + 2 * LENGTH as u64 + ADDRESS as u64)?;
         let mut cursor = MetadataCursor::new(file, &head, address);
         cursor.mark("HEAP")?;
         let bytes = cursor.skip(4)?.length()?;
@@ -48,7 +48,7 @@ impl<'a> HeapTexts<'a> {
             Some(kept) if kept.0 == address => kept,
             _ => {
                 let file = self.file;
-                let head = file.block(address, 8 + file.length_bytes as u64)?;
+                let head = file.block(address, 8 + LENGTH as u64)?;
                 let mut cursor = MetadataCursor::new(file, &head, address);
                 cursor.mark("GCOL")?;
                 let bytes = cursor.skip(4)?.length()?;
@@ -63,8 +63,8 @@ impl<'a> HeapTexts<'a> {
 
 /// An object of a collection.
 fn find(cursor: &mut MetadataCursor<'_>, number: u32, length: usize) -> Result<Vec<u8>, FormatError> {
-    cursor.skip(8 + cursor.file.length_bytes)?;
-    while cursor.left() >= 8 + cursor.file.length_bytes {
+    cursor.skip(8 + LENGTH)?;
+    while cursor.left() >= 8 + LENGTH {
         let found = cursor.u16()?;
         let bytes = cursor.skip(6)?.length()?;
         // The rest is free.
@@ -98,31 +98,27 @@ pub(super) struct FractalHeap<'a> {
     direct_rows: u32,
     root: Option<u64>,
     root_rows: u32,
-    /// The blocks are packed.
-    packed: bool,
     /// The last block, as most objects are in it.
     block: Option<(u64, Vec<u8>, u64)>,
 }
 
 impl<'a> FractalHeap<'a> {
     pub(super) fn read(file: &'a Hdf5File, address: u64) -> Result<Self, FormatError> {
-        let (length, offset) = (file.length_bytes as u64, file.offset_bytes as u64);
-        let head = file.block(address, 26 + 12 * length + 3 * offset)?;
+        let head = file.block(address, (26 + 12 * LENGTH + 3 * ADDRESS) as u64)?;
         let mut cursor = MetadataCursor::new(file, &head, address);
         cursor.mark("FRHP")?;
         let id_bytes = usize::from(cursor.skip(1)?.u16()?);
-        let filter_bytes = u64::from(cursor.u16()?);
+        if cursor.u16()? > 0 {
+            return Err(unsupported("links or attributes that are packed", NEW_FILE));
+        }
         let largest = u64::from(cursor.skip(1)?.u32()?);
-        cursor.skip(10 * file.length_bytes + 2 * file.offset_bytes)?;
+        cursor.skip(10 * LENGTH + 2 * ADDRESS)?;
         let width = u64::from(cursor.u16()?);
         let (start_bytes, direct_bytes) = (cursor.length()?, cursor.length()?);
         let offset_bits = u32::from(cursor.u16()?);
         cursor.skip(2)?;
         let (root, root_rows) = (cursor.address()?, u32::from(cursor.u16()?));
-        let packed = filter_bytes > 0;
-        if !packed {
-            cursor.check_sum()?;
-        }
+        cursor.check_sum()?;
         let powers = [width, start_bytes, direct_bytes].iter().all(|length| length.is_power_of_two());
         if !powers || direct_bytes < start_bytes || offset_bits > 64 || !(1..=64).contains(&id_bytes) {
             return Err(cursor.damaged("a heap whose blocks do not double", "lengths that are powers of two"));
@@ -140,7 +136,6 @@ impl<'a> FractalHeap<'a> {
             direct_rows: direct_bytes.ilog2() - start_bytes.ilog2() + 2,
             root,
             root_rows,
-            packed,
             block: None,
         })
     }
@@ -154,9 +149,6 @@ impl<'a> FractalHeap<'a> {
             // In the identifier itself.
             2 => return Ok(Some(cursor.take(usize::from(kind & 15) + 1)?.to_vec())),
             _ => return Ok(None),
-        }
-        if self.packed {
-            return Ok(None);
         }
         let offset = cursor.number(self.offset_bytes)?;
         let bytes = usize::try_from(cursor.number(self.size_bytes)?).unwrap_or(usize::MAX);
@@ -176,11 +168,8 @@ impl<'a> FractalHeap<'a> {
 
     /// The block that an offset is in: where it begins in the heap, its bytes and its place.
     fn find(&self, offset: u64) -> Result<(u64, Vec<u8>, u64), FormatError> {
-        let lost = || FormatError::Damaged {
-            format: FORMAT,
-            place: "a heap".to_owned(),
-            found: format!("an object at its byte {offset}"),
-            expected: "a block there".to_owned(),
+        let lost = || {
+            FormatError::damaged(FORMAT, "a heap", format!("an object at its byte {offset}"), "a block there")
         };
         let mut place = self.root.ok_or_else(lost)?;
         let (mut start, mut rows) = (0_u64, self.root_rows);
@@ -216,12 +205,12 @@ impl<'a> FractalHeap<'a> {
 
     /// The address of a block within an indirect one.
     fn child(&self, place: u64, number: u64, rows: u32) -> Result<Option<u64>, FormatError> {
-        let prefix = 5 + self.file.offset_bytes as u64 + self.offset_bytes as u64;
-        let all = u64::from(rows).saturating_mul(self.width).saturating_mul(self.file.offset_bytes as u64);
+        let prefix = 5 + ADDRESS as u64 + self.offset_bytes as u64;
+        let all = u64::from(rows).saturating_mul(self.width).saturating_mul(ADDRESS as u64);
         let block = self.file.block(place, prefix.saturating_add(all).saturating_add(4))?;
         let mut cursor = MetadataCursor::new(self.file, &block, place);
         cursor.mark("FHIB")?;
-        let before = usize::try_from(prefix + number * self.file.offset_bytes as u64).unwrap_or(usize::MAX);
+        let before = usize::try_from(prefix + number * ADDRESS as u64).unwrap_or(usize::MAX);
         cursor.skip(before.saturating_sub(4))?.address()
     }
 }

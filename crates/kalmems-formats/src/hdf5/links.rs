@@ -1,7 +1,7 @@
 //! What is in a group: links to objects, to paths and into other files (HDF5 File Format Specification, sections III.B, C
 //! and IV.A.2.g).
 
-use super::file::{Hdf5File, MetadataCursor};
+use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
 use super::header::{MessageKind, ObjectHeader};
 use super::heap::{FractalHeap, LocalHeap};
 use super::{FORMAT, tree};
@@ -45,9 +45,7 @@ pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupL
         Ok((cursor.known_address()?, cursor.known_address()?))
     })? {
         let names = LocalHeap::read(file, names)?;
-        tree::older(file, nodes, GROUP, file.length_bytes, &mut |_, leaf| {
-            entries(file, leaf, &names, &mut links)
-        })?;
+        tree::older(file, nodes, GROUP, LENGTH, &mut |_, leaf| entries(file, leaf, &names, &mut links))?;
     }
     header.each(file, MessageKind::Link, |cursor| push(&mut links, link(cursor)?))?;
     if let Some((heap, names)) = header.dense(file, MessageKind::LinkInfo, 8)? {
@@ -91,11 +89,11 @@ fn entries(
     let mut cursor = MetadataCursor::new(file, &head, place);
     cursor.mark("SNOD")?;
     let count = u64::from(cursor.skip(2)?.u16()?);
-    let entry = 2 * file.offset_bytes as u64 + 24;
+    let entry = (2 * ADDRESS + 24) as u64;
     let block = file.block(place + 8, count * entry)?;
     let mut cursor = MetadataCursor::new(file, &block, place + 8);
     for _ in 0..count {
-        let name = cursor.number(file.offset_bytes)?;
+        let name = cursor.number(ADDRESS)?;
         let address = cursor.address()?;
         let kind = cursor.u32()?;
         let mut scratch = cursor.skip(4)?.part(16)?;

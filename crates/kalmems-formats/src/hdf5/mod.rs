@@ -12,6 +12,7 @@ mod file;
 mod filters;
 mod header;
 mod heap;
+mod index;
 mod layout;
 mod links;
 mod objects;
@@ -19,14 +20,14 @@ mod search;
 mod tree;
 mod values;
 
-use crate::clock::ChannelClock;
 use crate::name::with_unit;
-use crate::records::{CellKind, RecordField, RecordLane, RecordTable, TextEncoding};
+use crate::records::{CellKind, RecordField, TextEncoding};
 use crate::scaling::{self, Scaling, ScalingStep};
 use crate::source::SharedFile;
-use crate::stated_clock::{StatedNumbers, settle_each};
+use crate::stated_clock::StatedNumbers;
+use crate::table_parts::TableParts;
 use crate::time::{TimeCode, TimeKind};
-use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use crate::{Column, FormatError, Hints, Table, limits};
 use attributes::{Attributes, Dataspace};
 use datatype::DatatypeKind;
 use header::{MessageKind as Message, ObjectHeader};
@@ -44,11 +45,13 @@ const TEXTS: u64 = 1 << 18;
 const TIMEBASE: &str = "timebase";
 /// Columns of a dataset of two axes that becomes columns beside others.
 const BESIDE: u64 = 64;
+/// What to do with what h5py, MATLAB, LabVIEW and LabOne do not write unless they are asked to in C.
+const NEW_FILE: &str = "write its values into a new file with h5py, such as by `new[name] = old[name][()]`";
 /// What MATLAB needs to be told to write what others can read.
 const TABLE_REMEDY: &str = "save it with `S = table2struct(T, ToScalar=true); save(…, \"-struct\", \"S\")`";
 
-fn unsupported(what: String, remedy: &str) -> FormatError {
-    FormatError::Unsupported { format: FORMAT, what, remedy: remedy.to_owned() }
+fn unsupported(what: impl Into<String>, remedy: &str) -> FormatError {
+    FormatError::unsupported(FORMAT, what, remedy)
 }
 
 pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
@@ -59,19 +62,15 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         file_bytes: source.length(),
         files: LinkedFiles::new(source)?,
         matlab,
-        recognised: String::new(),
-        left_out: Vec::new(),
-        fields: Vec::new(),
-        lanes: Vec::new(),
-        stated: StatedNumbers::default(),
+        table: TableParts::new(if matlab { MAT } else { FORMAT }),
         timebase_s: None,
-        own_clocks: Vec::new(),
     };
     match &hints.group {
         Some(path) => parts.at_path(path, hints)?,
         None => parts.find(hints)?,
     }
-    parts.finish()
+    let (file_bytes, stated_by) = (parts.file_bytes, "attributes, and datasets of one number");
+    parts.table.finish(file_bytes, stated_by, "write the path of another place in `group`")
 }
 
 /// A table that is being put together.
@@ -79,16 +78,11 @@ struct Hdf5TableParts {
     files: LinkedFiles,
     file_bytes: u64,
     matlab: bool,
-    recognised: String,
-    left_out: Vec<OmittedPart>,
-    fields: Vec<RecordField>,
-    lanes: Vec<Box<dyn RecordLane>>,
-    /// What the attributes of the root and of the group state of clocks, and single numbers in the group.
-    stated: StatedNumbers,
+    /// Its stated numbers are those of the attributes of the root and of the group, and single ones in the group; the own clocks of columns
+    /// are those of their attributes.
+    table: TableParts,
     /// How long a tick of the device's clock is in s, where they state it (LabOne of Zurich Instruments).
     timebase_s: Option<f64>,
-    /// What each column's own attributes state, by its place among the fields.
-    own_clocks: Vec<(usize, ChannelClock)>,
 }
 
 /// A dataset with what is needed to read it.
@@ -104,11 +98,13 @@ struct FoundDataset {
 impl FoundDataset {
     fn look(object: Object, header: ObjectHeader, path: &str) -> Result<Self, FormatError> {
         let file = &object.file;
-        let lacks = |what: &str| FormatError::Damaged {
-            format: FORMAT,
-            place: path.to_owned(),
-            found: format!("a dataset without {what}"),
-            expected: "its type, its shape and its layout".to_owned(),
+        let lacks = |what: &str| {
+            FormatError::damaged(
+                FORMAT,
+                path,
+                format!("a dataset without {what}"),
+                "its type, its shape and its layout",
+            )
         };
         let kind = header.first(file, Message::Datatype, datatype::read)?.ok_or_else(|| lacks("a type"))?;
         let space =
@@ -196,12 +192,12 @@ impl Hdf5TableParts {
                 "write the path of one",
             ));
         }
-        self.add_table(FoundDataset::look(object, header, path)?, hints)
+        self.add_table(&FoundDataset::look(object, header, path)?, hints)
     }
 
     /// The datasets of a group as columns.
     fn add_group(&mut self, group: &Object, path: &str) -> Result<(), FormatError> {
-        self.recognised = if self.matlab && path == "/" {
+        self.table.recognised = if self.matlab && path == "/" {
             "the variables, a column each".to_owned()
         } else {
             format!("the datasets of `{path}`, a column each")
@@ -216,12 +212,12 @@ impl Hdf5TableParts {
         )?;
         for GroupLink { name, target } in links {
             // One that cannot be read does not stand in the way of the others.
-            let columns = self.fields.len();
+            let columns = self.table.fields.len();
             let place = format!("{}/{name}", path.trim_end_matches('/'));
             let added = self.files.follow(group, &target).and_then(|reached| match reached {
                 LinkOutcome::Object(object) => self.add_object(object, &name, &place),
                 LinkOutcome::Nowhere(why) => {
-                    self.leave_out(&name, &why);
+                    self.table.leave_out(&name, &why);
                     Ok(())
                 }
             });
@@ -229,8 +225,8 @@ impl Hdf5TableParts {
                 Ok(()) => {}
                 Err(FormatError::Io(error)) => return Err(error.into()),
                 Err(error) => {
-                    self.fields.truncate(columns);
-                    self.leave_out(&name, &reason(&error));
+                    self.table.fields.truncate(columns);
+                    self.table.leave_out(name, reason(&error));
                 }
             }
         }
@@ -240,7 +236,7 @@ impl Hdf5TableParts {
     fn add_object(&mut self, object: Object, name: &str, place: &str) -> Result<(), FormatError> {
         let header = object.header()?;
         if header.has(Message::Layout) {
-            self.add_column(FoundDataset::look(object, header, place)?, name)?;
+            self.add_column(&FoundDataset::look(object, header, place)?, name)?;
         }
         Ok(())
     }
@@ -251,7 +247,7 @@ impl Hdf5TableParts {
             // Attributes that cannot be read state nothing.
             let attributes = object.header().and_then(|header| Attributes::read(&object.file, &header));
             for (name, number) in attributes.unwrap_or_default().single_numbers() {
-                self.stated.learn(name, number);
+                self.table.stated.learn(name, number);
                 if name == TIMEBASE {
                     self.timebase_s.get_or_insert(number);
                 }
@@ -266,17 +262,13 @@ impl Hdf5TableParts {
         own.or(self.timebase_s).filter(|tick_s| counts && (1e-15..1.0).contains(tick_s))
     }
 
-    fn leave_out(&mut self, name: &str, why: &str) {
-        self.left_out.push(OmittedPart::new(name, why));
-    }
-
-    fn add_column(&mut self, found: FoundDataset, name: &str) -> Result<(), FormatError> {
+    fn add_column(&mut self, found: &FoundDataset, name: &str) -> Result<(), FormatError> {
         if let Some(what) = found.of_matlab() {
-            self.leave_out(name, &what);
+            self.table.leave_out(name, &what);
             return Ok(());
         }
         if found.attributes.get("MATLAB_empty").is_some() {
-            self.leave_out(name, "empty");
+            self.table.leave_out(name, "empty");
             return Ok(());
         }
         if self.matlab && found.is_class("char") {
@@ -285,11 +277,11 @@ impl Hdf5TableParts {
         let (rows, turned) = match found.space.shape[..] {
             _ if found.space.count() == 1 => {
                 let number = match found.kind {
-                    DatatypeKind::Number(element) => values::single(&found, element),
+                    DatatypeKind::Number(element) => values::single(found, element),
                     _ => None,
                 };
-                if !number.is_some_and(|number| self.stated.learn(name, number)) {
-                    self.leave_out(name, "a single value");
+                if !number.is_some_and(|number| self.table.stated.learn(name, number)) {
+                    self.table.leave_out(name, "a single value");
                 }
                 return Ok(());
             }
@@ -297,11 +289,11 @@ impl Hdf5TableParts {
             [1, rows] => (rows, true),
             [_, _] if matches!(found.kind, DatatypeKind::Number(_)) => return self.add_beside(found, name),
             _ => {
-                self.leave_out(name, &format!("{} axes", found.space.shape.len()));
+                self.table.leave_out(name, format!("{} axes", found.space.shape.len()));
                 return Ok(());
             }
         };
-        let lane = self.lanes.len();
+        let lane = self.table.lanes.len();
         let counted = cf::time(found.attributes.units().first().map_or("", String::as_str));
         let cells = match &found.kind {
             DatatypeKind::Number(element) => match counted {
@@ -315,26 +307,27 @@ impl Hdf5TableParts {
                 CellKind::Text { lane, offset: 0, bytes: *bytes, code: TextEncoding::Bytes }
             }
             DatatypeKind::Texts | DatatypeKind::References => {
-                let Some(texts) = values::texts(&found)? else {
-                    self.leave_out(name, "references");
+                let Some(texts) = values::texts(found)? else {
+                    self.table.leave_out(name, "references");
                     return Ok(());
                 };
                 let column = Column::new(name).at(found.place());
-                self.fields.push(RecordField::new(column, CellKind::Texts { lane }, texts.len() as u64));
-                self.lanes.push(Box::new(crate::lanes::TextLane { texts, next: 0 }));
+                let rows = texts.len() as u64;
+                let own = Box::new(crate::lanes::TextLane { texts, next: 0 });
+                self.table.add(column, CellKind::Texts { lane }, rows, own);
                 return Ok(());
             }
             DatatypeKind::Fields { .. } => {
-                self.leave_out(name, &format!("a table of its own: write `group = \"{}\"`", found.path));
+                self.table.leave_out(name, format!("a table of its own: write `group = \"{}\"`", found.path));
                 return Ok(());
             }
             DatatypeKind::Other(what) => {
-                self.leave_out(name, what);
+                self.table.leave_out(name, *what);
                 return Ok(());
             }
         };
         let unit = found.attributes.units().first().map_or("", String::as_str);
-        let tick_s = self.tick_s(&found, name);
+        let tick_s = self.tick_s(found, name);
         let unit = match (counted, tick_s) {
             (Some(_), _) => "",
             (None, Some(_)) => "s",
@@ -346,41 +339,43 @@ impl Hdf5TableParts {
         self.say(&column.name, &scaling);
         let mut own = StatedNumbers::default();
         if found.attributes.single_numbers().filter(|(name, number)| own.learn(name, *number)).count() > 0 {
-            self.own_clocks.push((self.fields.len(), own.clock()));
+            self.table.own_clocks.push((self.table.fields.len(), own.clock()));
         }
-        self.lanes.push(values::lane(found, rows, 1, turned, self.file_bytes)?);
-        self.fields.push(RecordField { scaling, ..RecordField::new(column, cells, rows) });
+        self.table.lanes.push(values::lane(found, rows, 1, turned, self.file_bytes)?);
+        self.table.fields.push(RecordField { scaling, ..RecordField::new(column, cells, rows) });
         Ok(())
     }
 
     /// Says what is done to the numbers of a column.
     fn say(&mut self, name: &str, scaling: &Scaling) {
         if !scaling.steps.is_empty() {
-            self.recognised
+            self.table
+                .recognised
                 .push_str(&format!("; `{name}` = {} of the stored x", scaling::text(&scaling.steps)));
         }
         if !scaling.missing.is_empty() {
             let values: Vec<String> =
                 scaling.missing.iter().map(|value| crate::element::shortest(value.rounded())).collect();
-            self.recognised
+            self.table
+                .recognised
                 .push_str(&format!("; `{name}` has no value where {} is stored", values.join(" or ")));
         }
     }
 
     /// A dataset of rows and columns beside datasets that are columns.
-    fn add_beside(&mut self, found: FoundDataset, name: &str) -> Result<(), FormatError> {
-        let (rows, columns) = self.rows_and_columns(&found)?;
+    fn add_beside(&mut self, found: &FoundDataset, name: &str) -> Result<(), FormatError> {
+        let (rows, columns) = self.rows_and_columns(found)?;
         if columns > BESIDE || columns > rows {
-            self.leave_out(
+            self.table.leave_out(
                 name,
-                &format!(
+                format!(
                     "{rows} rows and {columns} columns: write `group = \"{}\"` and `columns`",
                     found.path
                 ),
             );
             return Ok(());
         }
-        let names: Vec<String> = match stored_names(&found) {
+        let names: Vec<String> = match stored_names(found) {
             Some(names) if names.len() as u64 == columns => names.to_vec(),
             // As Python and MATLAB name them.
             _ if self.matlab => (1..=columns).map(|column| format!("{name}(:,{column})")).collect(),
@@ -412,7 +407,7 @@ impl Hdf5TableParts {
     /// The columns of a dataset of numbers with one or two axes. `united` adds the units that its attributes state.
     fn add_columns(
         &mut self,
-        found: FoundDataset,
+        found: &FoundDataset,
         rows: u64,
         names: &[String],
         united: bool,
@@ -424,22 +419,23 @@ impl Hdf5TableParts {
             units if units.len() == names.len() => units.to_vec(),
             _ => Vec::new(),
         };
-        let (lane, place, scaling) = (self.lanes.len(), found.place(), found.scaling());
-        let first = self.fields.len();
+        let (lane, place, scaling) = (self.table.lanes.len(), found.place(), found.scaling());
+        let first = self.table.fields.len();
         for (number, name) in names.iter().enumerate() {
             let unit = units.get(number).filter(|_| united).map_or("", String::as_str);
             let column = Column::new(&with_unit(name, unit)).at(format!("{place}, column {}", number + 1));
             let cells = CellKind::Numbers { lane, offset: number * element.bytes, element };
-            self.fields
+            self.table
+                .fields
                 .push(RecordField { scaling: scaling.clone(), ..RecordField::new(column, cells, rows) });
         }
         self.say(&found.path, &scaling);
         let turned = self.matlab && found.space.shape.len() == 2;
         let added = values::lane(found, rows, names.len() as u64, turned, self.file_bytes);
         match added {
-            Ok(lane) => self.lanes.push(lane),
+            Ok(lane) => self.table.lanes.push(lane),
             Err(error) => {
-                self.fields.truncate(first);
+                self.table.fields.truncate(first);
                 return Err(error);
             }
         }
@@ -447,35 +443,35 @@ impl Hdf5TableParts {
     }
 
     /// Characters of MATLAB: a text a row, along the second axis.
-    fn add_characters(&mut self, found: FoundDataset, name: &str) -> Result<(), FormatError> {
+    fn add_characters(&mut self, found: &FoundDataset, name: &str) -> Result<(), FormatError> {
         let (DatatypeKind::Number(element), [width, rows]) = (&found.kind, &found.space.shape[..]) else {
-            self.leave_out(name, "characters");
+            self.table.leave_out(name, "characters");
             return Ok(());
         };
         let (width, rows, element) = (*width, *rows, *element);
         if element.bytes != 2 || rows == 1 || width > limits::TEXT_BYTES as u64 {
-            self.leave_out(name, "a single text");
+            self.table.leave_out(name, "a single text");
             return Ok(());
         }
         let column = Column::new(name).at(found.place());
         // At most TEXT_BYTES.
         let bytes = usize::try_from(width).unwrap_or(0) * 2;
         let code = TextEncoding::Utf16 { big_endian: element.big_endian };
-        let cells = CellKind::Text { lane: self.lanes.len(), offset: 0, bytes, code };
-        self.lanes.push(values::lane(found, rows, width, true, self.file_bytes)?);
-        self.fields.push(RecordField::new(column, cells, rows));
+        let cells = CellKind::Text { lane: self.table.lanes.len(), offset: 0, bytes, code };
+        self.table.lanes.push(values::lane(found, rows, width, true, self.file_bytes)?);
+        self.table.fields.push(RecordField::new(column, cells, rows));
         Ok(())
     }
 
     /// A dataset that is a table: fields with names, or two axes and names for the columns.
-    fn add_table(&mut self, found: FoundDataset, hints: &Hints) -> Result<(), FormatError> {
+    fn add_table(&mut self, found: &FoundDataset, hints: &Hints) -> Result<(), FormatError> {
         let path = found.path.clone();
         if let Some(what) = found.of_matlab() {
             return Err(unsupported(format!("`{path}`, {what},"), "name a variable that holds numbers"));
         }
         if let (DatatypeKind::Fields { fields, .. }, [rows]) = (&found.kind, &found.space.shape[..]) {
-            self.recognised = format!("`{path}` of {rows} rows with {} fields", fields.len());
-            let (rows, lane, fields) = (*rows, self.lanes.len(), fields.clone());
+            self.table.recognised = format!("`{path}` of {rows} rows with {} fields", fields.len());
+            let (rows, lane, fields) = (*rows, self.table.lanes.len(), fields.clone());
             let units = Some(found.attributes.units()).filter(|units| units.len() == fields.len());
             for (number, (name, offset, kind)) in fields.iter().enumerate() {
                 let cells = match kind {
@@ -486,14 +482,14 @@ impl Hdf5TableParts {
                         CellKind::Text { lane, offset: *offset, bytes: *bytes, code: TextEncoding::Bytes }
                     }
                     other => {
-                        self.left_out.push(OmittedPart::new(name, other.what()));
+                        self.table.leave_out(name, other.what());
                         continue;
                     }
                 };
                 let name = with_unit(name, units.map_or("", |units| units[number].as_str()));
-                self.fields.push(RecordField::new(Column::new(&name).at(found.place()), cells, rows));
+                self.table.fields.push(RecordField::new(Column::new(&name).at(found.place()), cells, rows));
             }
-            self.lanes.push(values::lane(found, rows, 1, false, self.file_bytes)?);
+            self.table.lanes.push(values::lane(found, rows, 1, false, self.file_bytes)?);
             return Ok(());
         }
         if !matches!(found.kind, DatatypeKind::Number(_)) {
@@ -502,8 +498,8 @@ impl Hdf5TableParts {
                 "write the path of a group of datasets, or of a dataset of numbers or of a compound type",
             ));
         }
-        let (rows, columns) = self.rows_and_columns(&found)?;
-        let names = match hints.columns.as_deref().or_else(|| stored_names(&found)) {
+        let (rows, columns) = self.rows_and_columns(found)?;
+        let names = match hints.columns.as_deref().or_else(|| stored_names(found)) {
             Some(names) if names.len() as u64 == columns => names.to_vec(),
             // Its own name.
             None if columns == 1 => vec![path.rsplit('/').next().unwrap_or(&path).to_owned()],
@@ -515,29 +511,8 @@ impl Hdf5TableParts {
                 ));
             }
         };
-        self.recognised = format!("`{path}` of {rows} rows and {columns} columns");
+        self.table.recognised = format!("`{path}` of {rows} rows and {columns} columns");
         self.add_columns(found, rows, &names, hints.columns.is_none())
-    }
-
-    fn finish(self) -> Result<Box<dyn Table>, FormatError> {
-        if self.fields.is_empty() {
-            return Err(unsupported(
-                format!("a place without a column of numbers or labels ({})", limits::list(&self.left_out)),
-                "write the path of another in `group`",
-            ));
-        }
-        let format = if self.matlab { MAT } else { FORMAT };
-        let Self { mut recognised, left_out, mut fields, mut lanes, file_bytes, stated, own_clocks, .. } =
-            self;
-        let mut clocks = vec![stated.clock(); fields.len()];
-        for (field, own) in own_clocks {
-            if let Some(clock) = clocks.get_mut(field).filter(|_| own.step.is_some()) {
-                *clock = own;
-            }
-        }
-        let stated_by = "attributes, and datasets of one number";
-        recognised.push_str(&settle_each(&clocks, &mut fields, &mut lanes, stated_by));
-        Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
     }
 }
 

@@ -34,8 +34,8 @@ impl Hdf5TableParts {
         }
         let Some(TablePlace { object, path, is_group }) = places.pop() else {
             let remedy = "write one dataset of one axis for each column";
-            return Err(match &self.left_out[..] {
-                [] => unsupported("a file without a column of numbers".to_owned(), remedy),
+            return Err(match &self.table.left_out[..] {
+                [] => unsupported("a file without a column of numbers", remedy),
                 left_out => unsupported(
                     format!("a file without a column of numbers ({})", limits::list(left_out)),
                     remedy,
@@ -47,17 +47,17 @@ impl Hdf5TableParts {
             let mut paths: Vec<String> = places.iter().map(|place| format!("`{}`", place.path)).collect();
             paths.sort();
             return Err(unsupported(
-                "several tables at a time".to_owned(),
+                "several tables at a time",
                 &format!("write `group` as one of {}", limits::list(&paths)),
             ));
         }
         // What was looked at on the way does not belong to it.
-        self.left_out = others;
+        self.table.left_out = others;
         if is_group {
             return self.add_group(&object, &path);
         }
         let header = object.header()?;
-        self.add_table(FoundDataset::look(object, header, &path)?, hints)
+        self.add_table(&FoundDataset::look(object, header, &path)?, hints)
     }
 
     /// The groups with columns, and the datasets that are tables by themselves. Each group is looked into once, by
@@ -106,7 +106,9 @@ impl Hdf5TableParts {
                 let Ok(found) = FoundDataset::look(object.clone(), header, &place) else { continue };
                 match (&found.kind, &found.space.shape[..]) {
                     _ if found.of_matlab().is_some() => {
-                        self.left_out.extend(found.of_matlab().map(|what| OmittedPart::new(place, what)));
+                        self.table
+                            .left_out
+                            .extend(found.of_matlab().map(|what| OmittedPart::new(place, what)));
                     }
                     _ if found.is_class("char") || found.space.count() == 1 => {}
                     (DatatypeKind::Number(_), [_] | [1, _] | [_, 1]) => has_columns = true,

@@ -1,6 +1,6 @@
 //! HDF5's B-trees, whose records are visited in their order (HDF5 File Format Specification, section III.A).
 
-use super::file::{Hdf5File, MetadataCursor};
+use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
 use crate::{FormatError, limits};
 
 /// Levels of a tree.
@@ -25,7 +25,7 @@ fn node(
     above: Option<u8>,
     visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<(), FormatError>,
 ) -> Result<(), FormatError> {
-    let prefix = 8 + 2 * file.offset_bytes;
+    let prefix = 8 + 2 * ADDRESS;
     let head = file.block(address, prefix as u64)?;
     let mut cursor = MetadataCursor::new(file, &head, address);
     cursor.mark("TREE")?;
@@ -37,7 +37,7 @@ fn node(
         ));
     }
     let entries = usize::from(cursor.u16()?);
-    let bytes = prefix + entries * (key + file.offset_bytes);
+    let bytes = prefix + entries * (key + ADDRESS);
     let block = file.block(address, bytes as u64)?;
     let mut cursor = MetadataCursor::new(file, &block, address);
     cursor.skip(prefix)?;
@@ -59,8 +59,7 @@ pub(super) fn newer(
     address: u64,
     visit: &mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<(), FormatError>,
 ) -> Result<(), FormatError> {
-    let offset = file.offset_bytes;
-    let head = file.block(address, (22 + offset + file.length_bytes) as u64)?;
+    let head = file.block(address, (22 + ADDRESS + LENGTH) as u64)?;
     let mut cursor = MetadataCursor::new(file, &head, address);
     cursor.mark("BTHD")?;
     let kind = cursor.skip(1)?.u8()?;
@@ -84,7 +83,7 @@ pub(super) fn newer(
     let mut levels = vec![(most as u64, 0_usize)];
     for _ in 0..depth {
         let (below, below_width) = levels.last().copied().unwrap_or_default();
-        let pointer = offset + own + below_width;
+        let pointer = ADDRESS + own + below_width;
         let count = (node_bytes as usize).saturating_sub(10 + pointer) / (record + pointer);
         let all = (count as u64 + 1).saturating_mul(below).saturating_add(count as u64);
         levels.push((all, width(all)));
@@ -115,7 +114,7 @@ impl BTree<'_> {
     ) -> Result<(), FormatError> {
         // A leaf's pointers are none; the width of what counts all below is that of the level below.
         let below = level.checked_sub(1).and_then(|below| self.levels.get(below));
-        let pointer = below.map_or(0, |(_, width)| self.file.offset_bytes + self.own + width);
+        let pointer = below.map_or(0, |(_, width)| ADDRESS + self.own + width);
         let children = if level == 0 { 0 } else { records + 1 };
         let bytes = 6 + records * self.record + children * pointer + 4;
         let block = self.file.block(address, (bytes as u64).min(u64::from(self.node_bytes)))?;
@@ -132,7 +131,7 @@ impl BTree<'_> {
             if number < children {
                 let child = pointers.known_address()?;
                 let count = usize::try_from(pointers.number(self.own)?).unwrap_or(usize::MAX);
-                pointers.skip(pointer - self.file.offset_bytes - self.own)?;
+                pointers.skip(pointer - ADDRESS - self.own)?;
                 limits::at_most(
                     super::FORMAT,
                     "the records of a node",

@@ -2,11 +2,11 @@
 
 use super::chunks::{ChunkGrid, ChunkLane, LaneProgress};
 use super::datatype::DatatypeKind;
-use super::file::MetadataCursor;
+use super::file::{ADDRESS, MetadataCursor};
 use super::filters::{self, DatasetFilter};
 use super::header::{MessageKind as Message, ObjectHeader};
 use super::heap;
-use super::layout::{Chunked, DataLayout};
+use super::layout::DataLayout;
 use super::objects::Object;
 use super::{FORMAT, FoundDataset, TEXTS, unsupported};
 use crate::element::Element;
@@ -18,14 +18,24 @@ use std::sync::Arc;
 
 /// The values of a dataset as records of a table.
 pub(super) fn lane(
-    found: FoundDataset,
+    found: &FoundDataset,
     rows: u64,
     columns: u64,
     turned: bool,
     file_bytes: u64,
 ) -> Result<Box<dyn RecordLane>, FormatError> {
-    let FoundDataset { object: Object { file, .. }, header, path, space, kind, .. } = found;
-    let element = kind.bytes();
+    lane_of(found, found.kind.bytes(), (rows, columns), turned, file_bytes)
+}
+
+/// The same with elements of so many bytes.
+fn lane_of(
+    found: &FoundDataset,
+    element: usize,
+    (rows, columns): (u64, u64),
+    turned: bool,
+    file_bytes: u64,
+) -> Result<Box<dyn RecordLane>, FormatError> {
+    let FoundDataset { object: Object { file, .. }, header, path, space, .. } = found;
     let what = format!("the bytes of an element of `{path}`");
     limits::at_most(FORMAT, &what, element as u64, limits::ROW_BYTES as u64)?;
     limits::plausible_rows(FORMAT, rows.saturating_mul(columns), file_bytes.max(file.source.length()))?;
@@ -35,7 +45,7 @@ pub(super) fn lane(
         ChunkGrid { rows, columns, element, chunk_rows: rows.max(1), chunk_columns: columns.max(1), turned };
     let never = || unsupported(format!("`{path}`, which was never written,"), "write its values");
     let source = Arc::clone(&file.source);
-    match DataLayout::read(&file, &header)?.ok_or_else(never)? {
+    match DataLayout::read(file, header)?.ok_or_else(never)? {
         _ if rows == 0 => Ok(Box::new(Memory { bytes: Vec::new(), record, row: 0 })),
         DataLayout::Contiguous(None) => Err(never()),
         DataLayout::Contiguous(Some(offset)) => {
@@ -47,38 +57,38 @@ pub(super) fn lane(
         }
         DataLayout::Compact(raw) => {
             if raw.len() as u64 != bytes {
-                return Err(FormatError::Damaged {
-                    format: FORMAT,
-                    place: path,
-                    found: format!("{} bytes", raw.len()),
-                    expected: format!("{bytes}"),
-                });
+                return Err(FormatError::damaged(
+                    FORMAT,
+                    path,
+                    format!("{} bytes", raw.len()),
+                    format!("{bytes}"),
+                ));
             }
             let bytes = if turned && columns > 1 { turn(&raw, element, &whole) } else { raw };
             Ok(Box::new(Memory { bytes, record, row: 0 }))
         }
         DataLayout::Chunked(chunked) => {
-            let filters = filters_of(&file, &header, &path)?;
+            let filters = filters_of(file, header, path)?;
             let (first, second) = match chunked.shape[..] {
                 [first] if space.shape.len() == 1 => (first, 1),
                 [first, second] if space.shape.len() == 2 => (first, second),
                 _ => {
-                    return Err(FormatError::Damaged {
-                        format: FORMAT,
-                        place: path,
-                        found: format!("chunks of {} axes", chunked.shape.len()),
-                        expected: format!("{}, as the dataset has", space.shape.len()),
-                    });
+                    return Err(FormatError::damaged(
+                        FORMAT,
+                        path,
+                        format!("chunks of {} axes", chunked.shape.len()),
+                        format!("{}, as the dataset has", space.shape.len()),
+                    ));
                 }
             };
             let (chunk_rows, chunk_columns) = if turned { (second, first) } else { (first, second) };
             let grid = ChunkGrid { chunk_rows, chunk_columns, ..whole };
-            grid.check(&path)?;
+            grid.check(path)?;
             Ok(Box::new(ChunkLane {
-                file,
+                file: Arc::clone(file),
                 chunked,
-                space,
-                path,
+                space: space.clone(),
+                path: path.clone(),
                 grid,
                 filters,
                 progress: LaneProgress::default(),
@@ -117,7 +127,7 @@ pub(super) fn texts(found: &FoundDataset) -> Result<Option<Vec<Vec<u8>>>, Format
     let (file, path) = (&found.object.file, &found.path);
     limits::at_most(FORMAT, &format!("the number of texts of `{path}`"), found.space.count(), TEXTS)?;
     let is_text = found.kind == DatatypeKind::Texts;
-    let cell = if is_text { 8 + file.offset_bytes } else { file.offset_bytes };
+    let cell = if is_text { 8 + ADDRESS } else { ADDRESS };
     let raw = cells(found, cell)?;
     let mut budget = limits::HEADER_BYTES;
     let mut heap = heap::HeapTexts::new(file);
@@ -163,46 +173,25 @@ fn characters(found: &FoundDataset, address: u64) -> Result<Option<Vec<u8>>, For
 
 /// The number of a dataset of one element; none where it cannot be read or was never written.
 pub(super) fn single(found: &FoundDataset, element: Element) -> Option<f64> {
-    let raw = Some(found)
-        .filter(|found| found.space.shape.len() <= 2)
-        .and_then(|found| cells(found, element.bytes).ok())?;
+    let raw = cells(found, element.bytes).ok()?;
     Some(element.exact(raw.get(..element.bytes)?).rounded())
 }
 
 /// All elements of a small dataset, in the order in which they are stored.
 fn cells(found: &FoundDataset, element: usize) -> Result<Vec<u8>, FormatError> {
-    let (file, path, shape) = (&found.object.file, &found.path, &found.space.shape);
-    let count = found.space.count();
-    let bytes = count.saturating_mul(element as u64);
+    let (path, shape) = (&found.path, &found.space.shape);
+    let bytes = found.space.count().saturating_mul(element as u64);
     limits::at_most(FORMAT, &format!("the bytes of `{path}`"), bytes, limits::HEADER_BYTES)?;
-    #[allow(clippy::cast_possible_truncation)] // at most HEADER_BYTES
-    let (count, bytes) = (count as usize, bytes as usize);
-    let never = || unsupported(format!("`{path}`, which was never written,"), "write its values");
-    let chunked: Chunked = match DataLayout::read(file, &found.header)?.ok_or_else(never)? {
-        DataLayout::Compact(raw) if raw.len() == bytes => return Ok(raw),
-        DataLayout::Contiguous(Some(place)) => return file.block(place, bytes as u64),
-        DataLayout::Chunked(chunked) => chunked,
-        _ => return Err(never()),
-    };
-    let rows = shape.first().copied().unwrap_or(1);
-    let columns = shape.get(1).copied().unwrap_or(1);
-    let [chunk_rows, chunk_columns] = [0, 1].map(|axis| chunked.shape.get(axis).copied().unwrap_or(1));
-    if shape.len() > 2 || chunked.shape.len() != shape.len() {
-        return Err(unsupported(format!("`{path}` of {} axes", shape.len()), "write one axis"));
-    }
-    let grid = ChunkGrid { rows, columns, element, chunk_rows, chunk_columns, turned: false };
-    grid.check(path)?;
-    let mut lane = ChunkLane {
-        file: Arc::clone(file),
-        filters: filters_of(file, &found.header, path)?,
-        space: found.space.clone(),
-        path: path.clone(),
-        grid,
-        chunked,
-        progress: LaneProgress::default(),
+    let (rows, columns) = match shape[..] {
+        [] => (1, 1),
+        [rows] => (rows, 1),
+        [rows, columns] => (rows, columns),
+        _ => return Err(unsupported(format!("`{path}` of {} axes", shape.len()), "write one axis")),
     };
     let mut raw = Vec::new();
-    lane.read(usize::try_from(rows).unwrap_or(count), &mut raw)?;
+    let mut lane = lane_of(found, element, (rows, columns), false, found.object.file.source.length())?;
+    // At most HEADER_BYTES.
+    lane.read(usize::try_from(rows).unwrap_or(0), &mut raw)?;
     Ok(raw)
 }
 

@@ -5,10 +5,10 @@ mod version4;
 
 use crate::element::Element;
 use crate::lanes::TextLane;
-use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
+use crate::records::CellKind;
 use crate::source::SharedFile;
-use crate::stated_clock::StatedNumbers;
-use crate::stream::{Compression, FileStretch, StreamLane};
+use crate::stream::{Compression, FileStretch, StreamLane, VERIFIED_AT_ONCE};
+use crate::table_parts::TableParts;
 use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
 use array::{COMPRESSED, Elements, FORMAT, MATRIX, MatValue, MatVariable, MemoryBudget};
 use std::sync::Arc;
@@ -18,8 +18,6 @@ const HEADER: u64 = 128;
 
 /// What MATLAB needs to be told to write what others can read.
 const TABLE_REMEDY: &str = "save `S = table2struct(T, ToScalar=true)` with `save(…, \"-struct\", \"S\")`";
-/// Bytes of a variable that is compared with its checksum before it is read.
-const VERIFIED_AT_ONCE: u64 = 1 << 20;
 /// Columns of a matrix that become columns beside others.
 const BESIDE: u64 = 64;
 
@@ -37,7 +35,7 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     } else {
         (FORMAT, variables(&source)?)
     };
-    let mut table = MatTableParts { format, ..MatTableParts::default() };
+    let mut table = MatTable(TableParts::new(format));
     // What MATLAB keeps behind the variables for their objects has no name.
     let found = found.into_iter().filter(|(_, variable)| !variable.name.is_empty());
     if let Some(path) = &hints.group {
@@ -58,9 +56,10 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
             _ => columns.push((stretch, variable)),
         }
     }
-    table.recognised.push_str("the variables, a column each");
+    table.0.recognised.push_str("the variables, a column each");
     if columns.iter().any(|(_, variable)| is_column(&variable.value)) {
         table
+            .0
             .left_out
             .extend(structs.iter().map(|(_, variable)| OmittedPart::new(&variable.name, "a struct")));
         for (stretch, variable) in columns {
@@ -81,7 +80,7 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         ([_], []) => {
             for (stretch, path, fields) in places {
                 table.add_struct(&stretch, &path, fields);
-                table.recognised = format!("the fields of the only struct, `{path}`, a column each");
+                table.0.recognised = format!("the fields of the only struct, `{path}`, a column each");
             }
         }
         ([], [(stretch, matrix)]) => table.add_matrix(stretch, matrix, hints)?,
@@ -95,11 +94,11 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
                 }
                 return table.finish(source.length());
             }
-            return Err(FormatError::Unsupported {
+            return Err(FormatError::unsupported(
                 format,
-                what: "several tables at a time".to_owned(),
-                remedy: format!("write `group` as one of {}", limits::list(&names)),
-            });
+                "several tables at a time",
+                format!("write `group` as one of {}", limits::list(&names)),
+            ));
         }
     }
     table.finish(source.length())
@@ -130,12 +129,12 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
         [1, 0, b'M', b'I'] => true,
         [0, 1, b'I', b'M'] => false,
         _ => {
-            return Err(FormatError::Damaged {
-                format: FORMAT,
-                place: "byte 124".to_owned(),
-                found: format!("`{}`", header[124..128].escape_ascii()),
-                expected: "version 0x0100 and the order of bytes, IM or MI".to_owned(),
-            });
+            return Err(FormatError::damaged(
+                FORMAT,
+                "byte 124",
+                format!("`{}`", header[124..128].escape_ascii()),
+                "version 0x0100 and the order of bytes, IM or MI",
+            ));
         }
     };
     let mut budget = MemoryBudget { text_bytes: limits::HEADER_BYTES, arrays: 4 * limits::COLUMNS as u64 };
@@ -154,27 +153,17 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
             MATRIX => (Compression::Stored, at),
             COMPRESSED => (Compression::Zlib, start),
             _ => {
-                return Err(FormatError::Damaged {
-                    format: FORMAT,
-                    place: format!("byte {at}"),
-                    found: format!("an element of type {kind}"),
-                    expected: "an array (14), or one that is packed (15)".to_owned(),
-                });
+                return Err(FormatError::damaged(
+                    FORMAT,
+                    format!("byte {at}"),
+                    format!("an element of type {kind}"),
+                    "an array (14), or one that is packed (15)",
+                ));
             }
         };
         limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
-        let name = format!("the variable at byte {at}");
-        let mut stretch = FileStretch {
-            source: Arc::clone(source),
-            format: FORMAT,
-            name,
-            packing,
-            start,
-            end,
-            unpacked: end - start,
-            crc: None,
-            verified: Arc::default(),
-        };
+        let whole = FileStretch::stored(Arc::clone(source), FORMAT, &format!("the variable at byte {at}"));
+        let mut stretch = FileStretch { packing, start, end, unpacked: end - start, ..whole };
         if packing == Compression::Zlib {
             // An array with its tag of eight bytes.
             stretch.unpacked = 8 + u64::from(word(&stretch.stream().bytes(8)?[4..]));
@@ -197,10 +186,12 @@ fn at_path(
     found: Vec<(FileStretch, MatVariable)>,
     path: &str,
 ) -> Result<(FileStretch, MatValue), FormatError> {
-    let missing = |name: &str| FormatError::Unsupported {
-        format,
-        what: format!("`{name}` of `{path}`, which is not in the file,"),
-        remedy: "write the name of a variable that is, or `struct.field`".to_owned(),
+    let missing = |name: &str| {
+        FormatError::unsupported(
+            format,
+            format!("`{name}` of `{path}`, which is not in the file,"),
+            "write the name of a variable that is, or `struct.field`",
+        )
     };
     let mut words = path.split('.');
     let first = words.next().unwrap_or_default();
@@ -223,21 +214,13 @@ fn is_column(value: &MatValue) -> bool {
     }
 }
 
-/// A table that is being put together.
-#[derive(Default)]
-struct MatTableParts {
-    format: &'static str,
-    recognised: String,
-    left_out: Vec<OmittedPart>,
-    fields: Vec<RecordField>,
-    lanes: Vec<Box<dyn RecordLane>>,
-    stated: StatedNumbers,
-}
+/// A table of variables that is being put together.
+struct MatTable(TableParts);
 
-impl MatTableParts {
+impl MatTable {
     /// The fields of a struct.
     fn add_struct(&mut self, stretch: &FileStretch, path: &str, fields: Vec<MatVariable>) {
-        self.recognised = format!("the fields of `{path}`, a column each");
+        self.0.recognised = format!("the fields of `{path}`, a column each");
         for field in fields {
             match field.value {
                 MatValue::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => {
@@ -254,7 +237,7 @@ impl MatTableParts {
         let MatValue::Numbers { place, element, rows, columns } = value else { return };
         if columns > BESIDE || columns > rows {
             let why = format!("{rows} × {columns}: name it by `group`, and its columns by `columns`");
-            self.left_out.push(OmittedPart::new(name, why));
+            self.0.leave_out(name, why);
             return;
         }
         let names: Vec<String> = (1..=columns).map(|column| format!("{name}(:,{column})")).collect();
@@ -269,48 +252,43 @@ impl MatTableParts {
         names: &[String],
     ) {
         for (number, name) in names.iter().enumerate() {
-            let lane = self.lanes.len();
+            let lane = self.0.lanes.len();
             let skip = place + number as u64 * rows * element.bytes as u64;
-            self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, element.bytes)));
             let column = Column::new(name).at(format!("column {}", number + 1));
-            self.fields.push(RecordField::new(column, CellKind::Numbers { lane, offset: 0, element }, rows));
+            let own = Box::new(StreamLane::new(stretch.clone(), skip, element.bytes));
+            self.0.add(column, CellKind::Numbers { lane, offset: 0, element }, rows, own);
         }
     }
 
     fn add(&mut self, stretch: &FileStretch, variable: MatVariable) {
         let MatVariable { name, value } = variable;
         let column = Column::new(&name);
-        let lane = self.lanes.len();
+        let lane = self.0.lanes.len();
         let single = !is_column(&value);
         match value {
             MatValue::Numbers { place, element, rows, columns } if !single => {
                 let rows = rows * columns;
-                self.lanes.push(Box::new(StreamLane::new(stretch.clone(), place, element.bytes)));
-                self.fields.push(RecordField::new(
-                    column,
-                    CellKind::Numbers { lane, offset: 0, element },
-                    rows,
-                ));
+                let own = Box::new(StreamLane::new(stretch.clone(), place, element.bytes));
+                self.0.add(column, CellKind::Numbers { lane, offset: 0, element }, rows, own);
             }
             MatValue::Texts(texts) if !single => {
                 let rows = texts.len() as u64;
-                self.lanes.push(Box::new(TextLane { texts, next: 0 }));
-                self.fields.push(RecordField::new(column, CellKind::Texts { lane }, rows));
+                self.0.add(column, CellKind::Texts { lane }, rows, Box::new(TextLane { texts, next: 0 }));
             }
             MatValue::Numbers { place, element, rows: 1, columns: 1 }
-                if stretch.number(place, element).is_ok_and(|number| self.stated.learn(&name, number)) => {}
+                if stretch.number(place, element).is_ok_and(|number| self.0.stated.learn(&name, number)) => {}
             MatValue::Numbers { rows, columns, .. } => {
-                self.left_out.push(OmittedPart::new(name, format!("{rows} × {columns}")));
+                self.0.leave_out(name, format!("{rows} × {columns}"));
             }
-            MatValue::Texts(_) => self.left_out.push(OmittedPart::new(name, "a single text")),
-            MatValue::Fields(_) => self.left_out.push(OmittedPart::new(name, "a struct")),
-            MatValue::Other(what) => self.left_out.push(OmittedPart::new(name, what)),
+            MatValue::Texts(_) => self.0.leave_out(name, "a single text"),
+            MatValue::Fields(_) => self.0.leave_out(name, "a struct"),
+            MatValue::Other(what) => self.0.leave_out(name, what),
             MatValue::Object(class) => {
                 let remedy = match class.as_str() {
                     "table" | "timetable" => TABLE_REMEDY,
                     _ => "save its numbers as vectors",
                 };
-                self.left_out.push(OmittedPart::new(name, format!("a {class} of MATLAB: {remedy}")));
+                self.0.leave_out(name, format!("a {class} of MATLAB: {remedy}"));
             }
         }
     }
@@ -322,9 +300,8 @@ impl MatTableParts {
         matrix: &MatVariable,
         hints: &Hints,
     ) -> Result<(), FormatError> {
-        let format = self.format;
-        let unsupported =
-            |what: String, remedy: &str| FormatError::Unsupported { format, what, remedy: remedy.to_owned() };
+        let format = self.0.format;
+        let unsupported = |what: String, remedy: &str| FormatError::unsupported(format, what, remedy);
         let MatValue::Numbers { place, element, rows, columns } = matrix.value else {
             let what = format!("`{}`, which is no struct and no matrix of numbers,", matrix.name);
             return Err(unsupported(what, "write the name of one that is"));
@@ -340,23 +317,14 @@ impl MatTableParts {
                 return Err(unsupported(what, "write as many names in `columns` as there are columns"));
             }
         };
-        self.recognised = format!("the matrix `{}`, its columns named by the experiment", matrix.name);
+        self.0.recognised = format!("the matrix `{}`, its columns named by the experiment", matrix.name);
         self.add_columns(stretch, (place, element, rows), names);
         Ok(())
     }
 
     fn finish(self, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
-        if self.fields.is_empty() {
-            return Err(FormatError::Unsupported {
-                format: self.format,
-                what: format!("a file without a column of numbers or labels ({})", limits::list(&self.left_out)),
-                remedy: "save one vector for each column, or name a struct or matrix by `group`; a table becomes a \
-                         struct by `table2struct(T, ToScalar=true)`"
-                    .to_owned(),
-            });
-        }
-        let Self { format, mut recognised, left_out, mut fields, mut lanes, stated } = self;
-        recognised.push_str(&stated.settle(&mut fields, &mut lanes, "variables of one number"));
-        Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
+        let remedy = "save one vector for each column, or name a struct or matrix by `group`; a table becomes a struct by \
+                      `table2struct(T, ToScalar=true)`";
+        self.0.finish(file_bytes, "variables of one number", remedy)
     }
 }

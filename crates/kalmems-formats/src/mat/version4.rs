@@ -4,7 +4,7 @@
 use super::array::{MatValue, MatVariable};
 use crate::element::{Element, ElementKind};
 use crate::source::SharedFile;
-use crate::stream::{Compression, FileStretch};
+use crate::stream::FileStretch;
 use crate::{FormatError, limits};
 use std::sync::Arc;
 
@@ -77,28 +77,20 @@ impl Mat4Header {
 
 /// All matrices, and the stretch that they are in.
 pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>, FormatError> {
-    let stretch = FileStretch {
-        source: Arc::clone(source),
-        format: FORMAT,
-        name: "the file".to_owned(),
-        packing: Compression::Stored,
-        start: 0,
-        end: source.length(),
-        unpacked: source.length(),
-        crc: None,
-        verified: Arc::default(),
-    };
+    let stretch = FileStretch::stored(Arc::clone(source), FORMAT, "the file");
     let mut found = Vec::new();
     let mut at = 0;
     let mut text_bytes = limits::HEADER_BYTES;
     while at < source.length() {
         limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
         let bytes = source.bytes(FORMAT, at, 20)?;
-        let header = Mat4Header::read(&bytes).ok_or_else(|| FormatError::Damaged {
-            format: FORMAT,
-            place: format!("byte {at}"),
-            found: format!("`{}`", bytes.escape_ascii()),
-            expected: "the header of a matrix".to_owned(),
+        let header = Mat4Header::read(&bytes).ok_or_else(|| {
+            FormatError::damaged(
+                FORMAT,
+                format!("byte {at}"),
+                format!("`{}`", bytes.escape_ascii()),
+                "the header of a matrix",
+            )
         })?;
         let name = source.bytes(FORMAT, at + HEADER, header.name_bytes)?;
         let name = String::from_utf8_lossy(name.strip_suffix(&[0]).unwrap_or(&name)).into_owned();

@@ -69,12 +69,7 @@ impl NpyHeader {
         place: &str,
         mut next: impl FnMut(usize) -> Result<Vec<u8>, FormatError>,
     ) -> Result<Self, FormatError> {
-        let damaged = |found: String, expected: &str| FormatError::Damaged {
-            format,
-            place: place.to_owned(),
-            found,
-            expected: expected.to_owned(),
-        };
+        let damaged = |found: String, expected: &str| FormatError::damaged(format, place, found, expected);
         let magic = next(8)?;
         if !magic.starts_with(b"\x93NUMPY") {
             return Err(damaged(

@@ -4,11 +4,12 @@ mod header;
 mod literal;
 mod zip;
 
-use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
+use crate::records::{CellKind, RecordField, RecordLane};
 use crate::source::SharedFile;
 use crate::stated_clock::StatedNumbers;
-use crate::stream::{Compression, FileStretch, StreamLane};
-use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use crate::stream::{FileStretch, StreamLane, VERIFIED_AT_ONCE};
+use crate::table_parts::TableParts;
+use crate::{Column, FormatError, Hints, Table, limits};
 use header::{Cell, Descr, NpyHeader};
 use std::sync::Arc;
 
@@ -20,21 +21,11 @@ pub(crate) fn open_npy(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
     const FORMAT: &str = "NPY";
     let source = Arc::new(source);
     let file_bytes = source.length();
-    let stretch = FileStretch {
-        source,
-        format: FORMAT,
-        name: "the file".to_owned(),
-        packing: Compression::Stored,
-        start: 0,
-        end: file_bytes,
-        unpacked: file_bytes,
-        crc: None,
-        verified: Arc::default(),
-    };
+    let stretch = FileStretch::stored(source, FORMAT, "the file");
     let array = NpyArray::open(stretch, String::new())?;
-    let mut table = NpyTableParts::default();
+    let mut table = TableParts::new(FORMAT);
     array.add_table(hints, &mut table)?;
-    table.finish(FORMAT, file_bytes)
+    finish(table, file_bytes)
 }
 
 /// Opens the arrays of a zip file.
@@ -42,11 +33,11 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
     const FORMAT: &str = "NPZ";
     let source = Arc::new(source);
     let file_bytes = source.length();
-    let mut table = NpyTableParts::default();
+    let mut table = TableParts::new(FORMAT);
     let mut arrays = Vec::new();
     for member in zip::members(&source)? {
         let Some(name) = member.name.strip_suffix(".npy") else {
-            table.left_out.push(OmittedPart::new(member.name, "no array"));
+            table.leave_out(member.name, "no array");
             continue;
         };
         if hints.group.as_deref().is_some_and(|wanted| wanted != name) {
@@ -57,14 +48,14 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
     }
     if let Some(wanted) = &hints.group {
         let Some(array) = arrays.into_iter().next() else {
-            return Err(FormatError::Unsupported {
-                format: FORMAT,
-                what: format!("an array `{wanted}`, which is not in the file,"),
-                remedy: "write the name of one that is".to_owned(),
-            });
+            return Err(FormatError::unsupported(
+                FORMAT,
+                format!("an array `{wanted}`, which is not in the file,"),
+                "write the name of one that is",
+            ));
         };
         array.add_table(hints, &mut table)?;
-        return table.finish(FORMAT, file_bytes);
+        return finish(table, file_bytes);
     }
     let (vectors, others): (Vec<_>, Vec<_>) = arrays.into_iter().partition(NpyArray::is_column);
     if vectors.is_empty() && others.len() == 1 {
@@ -80,40 +71,20 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
             match array.names_beside().filter(|_| any) {
                 Some(names) => array.add_columns(&names, &mut table)?,
                 None if array.states_a_clock(&mut table.stated)? => {}
-                None => table.left_out.push(OmittedPart::new(&array.name, array.shape())),
+                None => table.leave_out(&array.name, array.shape()),
             }
         }
     }
-    table.finish(FORMAT, file_bytes)
+    finish(table, file_bytes)
 }
 
-/// A table that is being put together.
-#[derive(Default)]
-struct NpyTableParts {
-    recognised: String,
-    left_out: Vec<OmittedPart>,
-    fields: Vec<RecordField>,
-    lanes: Vec<Box<dyn RecordLane>>,
-    stated: StatedNumbers,
-}
-
-impl NpyTableParts {
-    fn finish(mut self, format: &'static str, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
-        if self.fields.is_empty() {
-            return Err(FormatError::Unsupported {
-                format,
-                what: format!("a file without a column of numbers or labels ({})", limits::list(&self.left_out)),
-                remedy: "write one array for each column, or name a 2-D one by `group` and its columns by `columns`"
-                    .to_owned(),
-            });
-        }
-        if self.recognised.is_empty() {
-            self.recognised = format!("{} arrays, a column each", self.fields.len());
-        }
-        let Self { mut recognised, left_out, mut fields, mut lanes, stated } = self;
-        recognised.push_str(&stated.settle(&mut fields, &mut lanes, "arrays of one number"));
-        Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
+/// The table of all that was found.
+fn finish(mut table: TableParts, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
+    if table.recognised.is_empty() {
+        table.recognised = format!("{} arrays, a column each", table.fields.len());
     }
+    let remedy = "write one array for each column, or name a 2-D one by `group` and its columns by `columns`";
+    table.finish(file_bytes, "arrays of one number", remedy)
 }
 
 /// An array whose header is read.
@@ -136,14 +107,19 @@ impl NpyArray {
         let other = matches!(header.element, Descr::Plain(Cell::Other { .. }));
         if bytes != there && !other {
             let place = stretch.name.clone();
-            return Err(FormatError::Damaged {
+            return Err(FormatError::damaged(
                 format,
                 place,
-                found: format!("{there} bytes behind the header"),
-                expected: format!("{bytes}, for the shape {}", shape_text(&header.shape)),
-            });
+                format!("{there} bytes behind the header"),
+                format!("{bytes}, for the shape {}", shape_text(&header.shape)),
+            ));
         }
-        Ok(Self { name, header, stretch })
+        let array = Self { name, header, stretch };
+        // What is left out is left out by its header, which nobody compares later.
+        if !array.is_column() || array.stretch.unpacked <= VERIFIED_AT_ONCE {
+            array.stretch.verify()?;
+        }
+        Ok(array)
     }
 
     fn shape(&self) -> String {
@@ -181,13 +157,12 @@ impl NpyArray {
     }
 
     /// The array as a column.
-    fn add_column(&self, table: &mut NpyTableParts) {
+    fn add_column(&self, table: &mut TableParts) {
         let Descr::Plain(cell) = &self.header.element else { return };
         let rows = self.header.shape.iter().product();
         let lane = table.lanes.len();
         if let Some(cells) = cells(cell, lane, 0) {
-            table.lanes.push(self.lane(0, cell.bytes()));
-            table.fields.push(RecordField::new(Column::new(&self.name), cells, rows));
+            table.add(Column::new(&self.name), cells, rows, self.lane(0, cell.bytes()));
         }
     }
 
@@ -201,13 +176,10 @@ impl NpyArray {
     }
 
     /// The array as a table: fields with names, or columns that are named in the experiment.
-    fn add_table(self, hints: &Hints, table: &mut NpyTableParts) -> Result<(), FormatError> {
+    fn add_table(self, hints: &Hints, table: &mut TableParts) -> Result<(), FormatError> {
         let NpyHeader { shape, element, .. } = &self.header;
-        let unsupported = |what: String, remedy: &str| FormatError::Unsupported {
-            format: self.stretch.format,
-            what,
-            remedy: remedy.to_owned(),
-        };
+        let unsupported =
+            |what: String, remedy: &str| FormatError::unsupported(self.stretch.format, what, remedy);
         match (element, shape.len()) {
             (Descr::Fields(fields), 1) => {
                 table.recognised = format!("an array of {} rows with {} fields", shape[0], fields.len());
@@ -219,7 +191,7 @@ impl NpyArray {
                         }
                         // Padding has no name.
                         None if name.is_empty() => {}
-                        None => table.left_out.push(OmittedPart::new(name, what(cell))),
+                        None => table.leave_out(name, what(cell)),
                     }
                     offset += cell.bytes();
                 }
@@ -256,7 +228,7 @@ impl NpyArray {
     }
 
     /// The columns of an array of one or two axes.
-    fn add_columns(&self, names: &[String], table: &mut NpyTableParts) -> Result<(), FormatError> {
+    fn add_columns(&self, names: &[String], table: &mut TableParts) -> Result<(), FormatError> {
         let Descr::Plain(cell) = &self.header.element else { return Ok(()) };
         let (rows, size) = (self.header.shape[0], cell.bytes());
         limits::at_most(

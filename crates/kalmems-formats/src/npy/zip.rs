@@ -90,10 +90,12 @@ impl ZipMember {
 
     /// Where its bytes are.
     pub(super) fn stretch(&self, source: Arc<SharedFile>) -> Result<FileStretch, FormatError> {
-        let unsupported = |what: &str| FormatError::Unsupported {
-            format: FORMAT,
-            what: format!("`{}`, which is {what},", self.name),
-            remedy: "write the file with numpy.savez or numpy.savez_compressed".to_owned(),
+        let unsupported = |what: &str| {
+            FormatError::unsupported(
+                FORMAT,
+                format!("`{}`, which is {what},", self.name),
+                "write the file with numpy.savez or numpy.savez_compressed",
+            )
         };
         if self.encrypted {
             return Err(unsupported("encrypted"));
@@ -192,10 +194,5 @@ fn u64_at(bytes: &[u8], place: usize) -> u64 {
 }
 
 fn damaged(place: u64, found: &str, expected: &str) -> FormatError {
-    FormatError::Damaged {
-        format: FORMAT,
-        place: format!("byte {place}"),
-        found: found.to_owned(),
-        expected: expected.to_owned(),
-    }
+    FormatError::damaged(FORMAT, format!("byte {place}"), found, expected)
 }

@@ -6,7 +6,7 @@ mod packing;
 mod pages;
 mod thrift;
 
-use crate::clock::{ChannelClock, RegularTimes};
+use crate::clock::RegularTimes;
 use crate::decimal::Shift;
 use crate::element::{Element, ElementKind};
 use crate::limits::{self, BLOCK_BYTES};
@@ -45,12 +45,7 @@ fn failed(place: &str, error: ParquetError) -> FormatError {
 }
 
 fn damaged(place: &str, found: String) -> FormatError {
-    FormatError::Damaged {
-        format: FORMAT,
-        place: place.to_owned(),
-        found,
-        expected: "a Parquet file that is whole".to_owned(),
-    }
+    FormatError::damaged(FORMAT, place, found, "a Parquet file that is whole")
 }
 
 /// What the library says. Some damaged files make it panic, and no list of what to check before is known to be whole.
@@ -115,11 +110,11 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
         recognised.push_str(&format!("; left out: {}", limits::list(&left_out)));
     }
     if columns.is_empty() {
-        return Err(FormatError::Unsupported {
-            format: FORMAT,
-            what: format!("a file without a column of numbers or labels ({})", limits::list(&left_out)),
-            remedy: "write columns of numbers".to_owned(),
-        });
+        return Err(FormatError::unsupported(
+            FORMAT,
+            format!("a file without a column of numbers or labels ({})", limits::list(&left_out)),
+            "write columns of numbers",
+        ));
     }
     let clock = stated_clock(&metadata).filter(|_| {
         !columns
@@ -171,9 +166,7 @@ fn stated_clock(metadata: &ParquetMetaData) -> Option<RegularTimes> {
             stated.learn(&pair.key, number);
         }
     }
-    let ChannelClock { offset_s, step, .. } = stated.clock();
-    let step = step.filter(|step| step.is_sound())?;
-    Some(RegularTimes { row: 0, start_s: offset_s, step })
+    stated.regular_times()
 }
 
 /// A column of the schema.
@@ -323,11 +316,8 @@ impl Table for ParquetTable {
         self.wanted.clear();
         for want in wanted {
             let column = want.column();
-            let unsupported = |what: String| FormatError::Unsupported {
-                format: FORMAT,
-                what,
-                remedy: "name a column of numbers".to_owned(),
-            };
+            let unsupported =
+                |what: String| FormatError::unsupported(FORMAT, what, "name a column of numbers");
             let Some(leaf) = self.kinds.get(column).copied() else {
                 return Err(unsupported(format!("column {column}, which is not there,")));
             };

@@ -30,11 +30,11 @@ impl PagePacking {
             Compression::BROTLI(_) => "Brotli",
             Compression::LZO => "LZO",
         };
-        Err(FormatError::Unsupported {
-            format: FORMAT,
-            what: format!("a column packed by {name}"),
-            remedy: "pack it by Snappy, gzip, LZ4 or Zstandard, or not at all".to_owned(),
-        })
+        Err(FormatError::unsupported(
+            FORMAT,
+            format!("a column packed by {name}"),
+            "pack it by Snappy, gzip, LZ4 or Zstandard, or not at all",
+        ))
     }
 
     /// Appends what is packed, `count` bytes, neither more nor less.

@@ -545,16 +545,11 @@ fn number(bytes: &[u8], big_endian: bool) -> u64 {
 }
 
 pub(super) fn damaged(place: u64, found: String, expected: &str) -> FormatError {
-    FormatError::Damaged {
-        format: FORMAT,
-        place: format!("byte {place}"),
-        found,
-        expected: expected.to_owned(),
-    }
+    FormatError::damaged(FORMAT, format!("byte {place}"), found, expected)
 }
 
 pub(super) fn unsupported(what: &str, remedy: &str) -> FormatError {
-    FormatError::Unsupported { format: FORMAT, what: what.to_owned(), remedy: remedy.to_owned() }
+    FormatError::unsupported(FORMAT, what, remedy)
 }
 
 #[cfg(test)]

@@ -46,7 +46,6 @@ fn fixtures() -> Vec<(&'static str, Hints)> {
         "differential/both_latest.h5",
         "differential/wide_latest.h5",
         "differential/netcdf_earliest.h5",
-        "differential/edges.h5",
         "differential/links_latest.h5",
         "differential/records_latest.h5",
         "differential/mat4_row.mat",

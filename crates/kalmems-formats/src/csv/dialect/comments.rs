@@ -1,8 +1,10 @@
 //! Lines before the rows that are marked as comments, among which names of columns may stand.
 
+use super::ColumnOrigin;
 use super::head::cells;
+use super::instruments::{self, InstrumentDialect};
 use super::marks;
-use super::units::{says_unit, unit_cell};
+use super::units::{column_name, says_unit, unit_cell};
 use crate::time::parse_iso;
 
 /// As many are kept, the last ones.
@@ -11,8 +13,8 @@ const KEPT: usize = 16;
 /// Comments, of which the last may be names: `# time_s cap_V` of `numpy.savetxt`, `% Time (s), Input 1 (V)` of Moku.
 #[derive(Default)]
 pub(super) struct Comments {
-    /// Whether the first says that a Moku wrote it.
-    pub(super) instrument: Option<&'static str>,
+    /// The instrument that the first of its comments tells.
+    pub(super) instrument: Option<&'static InstrumentDialect>,
     /// Their lines, without the mark.
     lines: Vec<(u64, Vec<u8>)>,
 }
@@ -28,14 +30,30 @@ impl Comments {
     /// Keeps a line if it is a comment.
     pub(super) fn take(&mut self, line: &[u8], number: u64) -> bool {
         let Some(comment) = unmarked(line) else { return false };
-        if self.lines.is_empty() && comment.starts_with(b"Moku") {
-            self.instrument = Some("a Moku");
-        }
+        self.instrument = self.instrument.or_else(|| instruments::of_comment(comment));
         if self.lines.len() == KEPT {
             self.lines.remove(0);
         }
         self.lines.push((number, comment.to_vec()));
         true
+    }
+
+    /// Their lines, without the mark.
+    pub(super) fn lines(&self) -> impl Iterator<Item = &[u8]> {
+        self.lines.iter().map(|(_, line)| line.as_slice())
+    }
+
+    /// Columns without a unit with that which the instrument is known to have.
+    pub(super) fn with_known_units(
+        &self,
+        columns: Vec<(String, ColumnOrigin)>,
+    ) -> Vec<(String, ColumnOrigin)> {
+        let Some(instrument) = self.instrument else { return columns };
+        let named = |(index, (name, origin)): (usize, (String, ColumnOrigin))| {
+            let unit = if says_unit(&name) { "" } else { instrument.unit_of(&name) };
+            (column_name(&name, Some(unit), index), origin)
+        };
+        columns.into_iter().enumerate().map(named).collect()
     }
 
     /// The names of as many columns in the last comment that has as many words.

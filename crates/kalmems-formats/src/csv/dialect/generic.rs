@@ -4,8 +4,9 @@ use super::comments::{Comments, unmarked};
 use super::head::{TextHead, text};
 use super::marks::is_number;
 use super::units::{column_name, unit_cell};
-use super::{ColumnOrigin, RecognizedText, RecordShape, marks, preamble};
+use super::{ColumnOrigin, RecognizedText, marks, preamble};
 use crate::csv::split::{BLANKS, Split};
+use crate::stated_clock::StatedNumbers;
 use crate::time::parse_iso;
 use crate::{FormatError, Hints};
 
@@ -59,30 +60,29 @@ pub(super) fn find(
     let unit = |index: usize| {
         units.as_ref().filter(|_| !is_date(index)).and_then(|units| unit_cell(units.get(index)?))
     };
-    let columns: Vec<(String, ColumnOrigin)> = names
-        .iter()
-        .take(cells)
-        .enumerate()
-        .map(|(index, name)| (column_name(name, unit(index).as_deref(), index), ColumnOrigin::Cell(index)))
-        .collect();
+    let of = |(index, name): (usize, &String)| {
+        (column_name(name, unit(index).as_deref(), index), ColumnOrigin::Cell(index))
+    };
+    let columns: Vec<(String, ColumnOrigin)> = names.iter().take(cells).enumerate().map(of).collect();
     let joined = columns.iter().zip(&names).any(|((joined, _), name)| joined != name);
+    let mut clock = preamble::stated_numbers((0..header).map(|line| head.line(line)).chain(comments.lines()));
+    let columns = without_settings(columns, &mut clock);
     Ok(RecognizedText {
-        instrument: comments.instrument,
+        instrument: comments.instrument.map(|instrument| instrument.name),
         separator,
         point: Some(marks::point(head, first_row, separator, &hints.csv)?),
         header_line: head.number(header),
         first_row,
         cells,
         trailing,
-        remarks: false,
-        named_cells: false,
-        records: RecordShape::One,
-        columns,
+        columns: comments.with_known_units(columns),
+        clock,
         units: match units_index {
             Some(index) => format!("units in line {}", head.number(index)),
             None if joined => "units in the names".to_owned(),
             None => String::new(),
         },
+        ..RecognizedText::default()
     })
 }
 
@@ -106,23 +106,30 @@ fn below_comments(
     let columns: Vec<(String, ColumnOrigin)> = said.columns.iter().enumerate().map(named).collect();
     let joined = columns.iter().zip(&said.columns).any(|((joined, _), name)| joined != name);
     Ok(Some(RecognizedText {
-        instrument: comments.instrument,
+        instrument: comments.instrument.map(|instrument| instrument.name),
         separator,
         point: Some(marks::point(head, first_row, separator, &hints.csv)?),
         header_line: said.line,
         first_row,
         cells: count,
-        trailing: false,
-        remarks: false,
-        named_cells: false,
-        records: RecordShape::One,
-        columns,
+        columns: comments.with_known_units(columns),
+        clock: preamble::stated_numbers(comments.lines()),
         units: match said.units {
             Some((line, _)) => format!("names and units in comments, units in line {line}"),
             None if joined => "names in a comment, units in the names".to_owned(),
             None => "names in a comment".to_owned(),
         },
+        ..RecognizedText::default()
     }))
+}
+
+/// Columns without names that are settings themselves, such as `tInc = 2.000000e-06`, with which a Rigol ends the line of its names.
+fn without_settings(
+    mut columns: Vec<(String, ColumnOrigin)>,
+    clock: &mut StatedNumbers,
+) -> Vec<(String, ColumnOrigin)> {
+    columns.retain(|(name, _)| !(name.contains('=') && preamble::learn(name.as_bytes(), clock)));
+    columns
 }
 
 /// The names, and how many lines they take: a quoted name may hold a line end.
@@ -137,17 +144,15 @@ fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, 
             Some(names) => Ok((names, 1)),
             // Rows of numbers from the first line on, whose names the experiment file may have.
             None if words.len() == count => Ok((words, 1)),
-            None => Err(FormatError::NotRecognised {
-                found: format!(
+            None => Err(FormatError::not_recognised(
+                format!(
                     "{} words in line {} above rows of {count} numbers between blanks",
                     words.len(),
                     head.number(header)
                 ),
-                expected:
-                    "a name for each column, in the file or in the settings: `format = { kind = \"csv\", \
-                           columns = [\"time_s\", …] }` in the table that names the file"
-                        .to_owned(),
-            }),
+                "a name for each column, in the file or in the settings: `format = { kind = \"csv\", \
+                           columns = [\"time_s\", …] }` in the table that names the file",
+            )),
         };
     }
     let mut split = Split::default();
@@ -165,9 +170,11 @@ fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, 
 }
 
 fn line_index(head: &TextHead, line: u64, key: &str) -> Result<usize, FormatError> {
-    (0..head.len()).find(|index| head.number(*index) == line).ok_or_else(|| FormatError::NotRecognised {
-        found: format!("`{key} = {line}` in the settings"),
-        expected: "a line of the beginning of the file, the first of which is 1".to_owned(),
+    (0..head.len()).find(|index| head.number(*index) == line).ok_or_else(|| {
+        FormatError::not_recognised(
+            format!("`{key} = {line}` in the settings"),
+            "a line of the beginning of the file, the first of which is 1",
+        )
     })
 }
 
@@ -207,6 +214,9 @@ fn rows_below(head: &TextHead, header: usize, hints: &Hints) -> RowsBelow {
     // What may be separated in two ways is refused where it is separated.
     let Ok(separator) = marks::separator(head, header, &hints.csv) else { return RowsBelow::First };
     let Ok((names, lines)) = names(head, header, separator) else { return RowsBelow::First };
+    if names.first().is_some_and(|name| preamble::is_key(name)) {
+        return RowsBelow::None;
+    }
     let fits = |row: usize| {
         let cells = head.cells(row, separator);
         let count = cells.len() == names.len() || cells.len() == names.len() + 1 && names.len() > 1;
@@ -214,8 +224,15 @@ fn rows_below(head: &TextHead, header: usize, hints: &Hints) -> RowsBelow {
     };
     let mut rows =
         head.rows(header + lines).take(ROWS).skip_while(|row| is_units(head, *row, separator, &names));
+    // A word and a number may be a setting, or a label and its value.
+    let is_setting = |row: usize| {
+        let cells = head.cells(row, separator);
+        let numbers = cells.iter().filter(|cell| is_number(cell)).count();
+        2 * numbers <= cells.len() && cells.first().is_some_and(|cell| !is_number(cell))
+    };
     match rows.next() {
-        Some(first) if fits(first) => RowsBelow::First,
+        Some(first) if fits(first) && !is_setting(first) => RowsBelow::First,
+        Some(first) if fits(first) => RowsBelow::Some,
         _ if rows.any(fits) => RowsBelow::Some,
         _ => RowsBelow::None,
     }

@@ -4,6 +4,7 @@ use super::head::{TextHead, cells, text};
 use crate::csv::grouped::grouped;
 use crate::csv::split::{BLANKS, Split};
 use crate::{CsvHints, FormatError};
+use std::collections::BTreeSet;
 
 /// What can separate cells, and what it is called.
 const SEPARATORS: [(u8, &str); 5] =
@@ -43,6 +44,19 @@ pub(in crate::csv) fn behind_name(cell: &[u8]) -> &[u8] {
 pub(super) fn is_number(cell: &str) -> bool {
     let plain = !cell.ends_with(',') && !cell.is_empty();
     plain && fast_float2::parse::<f64, _>(cell.replace(',', ".").replace('−', "-")).is_ok()
+}
+
+/// The cells of the rows from a line on whose digits stand in groups that can mean nothing else.
+pub(super) fn grouped_cells(head: &TextHead, first_row: usize, separator: u8, point: u8) -> BTreeSet<usize> {
+    let is_sure = |text: &str| grouped(text.as_bytes(), point).is_some_and(|number| !number.is_ambiguous);
+    let of_row = |row: usize| {
+        head.cells(row, separator)
+            .into_iter()
+            .enumerate()
+            .filter(|(_, text)| is_sure(text))
+            .map(|(cell, _)| cell)
+    };
+    head.rows(first_row).take(ROWS).flat_map(of_row).collect()
 }
 
 /// How many cells the rows from a line on have, where all have as many and at least half of them are numbers; a line
@@ -88,9 +102,11 @@ pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Res
         return u8::try_from(hint)
             .ok()
             .filter(|byte| SEPARATORS.iter().any(|(known, _)| known == byte))
-            .ok_or_else(|| FormatError::NotRecognised {
-                found: format!("`separator = {hint:?}` in the settings"),
-                expected: "\",\", \";\", \"|\", \"\\t\" or \" \"".to_owned(),
+            .ok_or_else(|| {
+                FormatError::not_recognised(
+                    format!("`separator = {hint:?}` in the settings"),
+                    "\",\", \";\", \"|\", \"\\t\" or \" \"",
+                )
             });
     }
     let count = |index: usize, separator: u8| head.cells(index, separator).len();
@@ -114,18 +130,16 @@ pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Res
         return Ok(*only);
     }
     let others: Vec<&str> = others.iter().map(|byte| name(*byte)).collect();
-    Err(FormatError::NotRecognised {
-        found: format!(
+    Err(FormatError::not_recognised(
+        format!(
             "the names in line {} could be separated by {} or {}",
             head.number(header),
             name(first),
             others.join(" or ")
         ),
-        expected:
-            "the settings to say which: `format = { kind = \"csv\", separator = \",\" }` in the table that \
-                   names the file"
-                .to_owned(),
-    })
+        "the settings to say which: `format = { kind = \"csv\", separator = \",\" }` in the table that \
+                   names the file",
+    ))
 }
 
 /// What separates the cells of rows without names above them, and how many they are.
@@ -158,18 +172,18 @@ pub(super) fn point(
 ) -> Result<u8, FormatError> {
     match (hints.decimal, separator) {
         (Some(','), b',') => {
-            return Err(FormatError::NotRecognised {
-                found: "`decimal = \",\"` in the settings, and commas between the cells".to_owned(),
-                expected: "another separator, or `decimal = \".\"`".to_owned(),
-            });
+            return Err(FormatError::not_recognised(
+                "`decimal = \",\"` in the settings, and commas between the cells",
+                "another separator, or `decimal = \".\"`",
+            ));
         }
         (Some(','), _) => return Ok(b','),
         (Some('.'), _) | (None, b',') => return Ok(b'.'),
         (Some(other), _) => {
-            return Err(FormatError::NotRecognised {
-                found: format!("`decimal = {other:?}` in the settings"),
-                expected: "\".\" or \",\"".to_owned(),
-            });
+            return Err(FormatError::not_recognised(
+                format!("`decimal = {other:?}` in the settings"),
+                "\".\" or \",\"",
+            ));
         }
         (None, _) => {}
     }
@@ -195,12 +209,11 @@ pub(super) fn point(
         }
     }
     match found {
-        [Some((point, line)), Some((comma, other))] => Err(FormatError::NotRecognised {
-            found: format!("`{point}` in line {line} and `{comma}` in line {other}"),
-            expected: "one decimal mark, which the settings can say: `format = { kind = \"csv\", decimal = \
-                       \",\" }` in the table that names the file"
-                .to_owned(),
-        }),
+        [Some((point, line)), Some((comma, other))] => Err(FormatError::not_recognised(
+            format!("`{point}` in line {line} and `{comma}` in line {other}"),
+            "one decimal mark, which the settings can say: `format = { kind = \"csv\", decimal = \
+                       \",\" }` in the table that names the file",
+        )),
         [None, Some(_)] => Ok(b','),
         _ => Ok(b'.'),
     }

@@ -11,14 +11,19 @@ mod units;
 
 use super::input::CsvInput;
 use super::split::Split;
+use crate::clock::RegularTimes;
+use crate::stated_clock::{StatedNumbers, names_a_time};
 use crate::time::{IsoTime, TimeKind, parse_iso};
 use crate::{Column, FormatError, Hints, TableEvidence};
 use comments::Comments;
 use head::TextHead;
 pub(super) use instruments::Heading;
+use std::collections::BTreeSet;
 
 /// As many lines are looked at, or as many bytes where lines are long.
 const LINES: usize = 128;
+/// The same where nothing but settings is in them.
+const LONGEST: usize = 1024;
 const BYTES: usize = 1 << 20;
 
 /// A text with more columns is not read.
@@ -42,6 +47,8 @@ pub(super) struct Dialect {
     /// Whether each cell begins with the name of its column: `ax:1.5`.
     pub(super) named_cells: bool,
     pub(super) columns: Vec<DialectColumn>,
+    /// The cells of a row whose digits stand in groups beyond doubt.
+    pub(super) grouped: BTreeSet<usize>,
     pub(super) records: RecordShape,
     /// By what it is known to be a table of numbers.
     pub(super) evidence: TableEvidence,
@@ -72,9 +79,10 @@ pub(super) enum ColumnOrigin {
 }
 
 /// How rows make records, where a file tells.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum RecordShape {
     /// All rows are one, or a column tells them apart.
+    #[default]
     One,
     /// So many rows each.
     OfRows(u64),
@@ -111,6 +119,7 @@ impl Dialect {
 }
 
 /// What the beginning of a text tells.
+#[derive(Default)]
 struct RecognizedText {
     /// The instrument or program, where its preamble is known.
     instrument: Option<&'static str>,
@@ -127,6 +136,8 @@ struct RecognizedText {
     named_cells: bool,
     /// Names, units in them, and where their values come from.
     columns: Vec<(String, ColumnOrigin)>,
+    /// What the lines before the rows state of a clock.
+    clock: StatedNumbers,
     /// Where the units are from, for people; empty where the names have them as a matter of course.
     units: String,
     records: RecordShape,
@@ -164,16 +175,24 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
         line += 1;
     }
     let said = hints.csv.header_line.map_or(0, |line| usize::try_from(line).unwrap_or(LINES).min(1 << 16));
-    let wanted = LINES + said + instruments::lines(&TextHead::new(input.lines(), line, 2));
-    while input.lines().len() < BYTES
-        && memchr::memchr_iter(b'\n', input.lines()).count() < wanted
-        && input.more()?
-    {}
+    let mut wanted = LINES + said + instruments::lines(&TextHead::new(input.lines(), line, 2));
+    loop {
+        let count = || memchr::memchr_iter(b'\n', input.lines()).count();
+        if count() >= wanted {
+            let goes_on = preamble::goes_on(&TextHead::new(input.lines(), line, wanted));
+            if !goes_on || wanted >= LONGEST {
+                break;
+            }
+            wanted += LINES;
+        } else if input.lines().len() >= BYTES || !input.more()? {
+            break;
+        }
+    }
     if let Some(place) = memchr::memchr(0, input.lines()) {
-        return Err(FormatError::NotRecognised {
-            found: format!("a byte that is no text, {place} bytes from line {line} on"),
-            expected: "text".to_owned(),
-        });
+        return Err(FormatError::not_recognised(
+            format!("a byte that is no text, {place} bytes from line {line} on"),
+            "text",
+        ));
     }
     let head = TextHead::new(input.lines(), line, wanted);
     if head.len() == 0 {
@@ -187,9 +206,11 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
         },
         Some(header) => {
             let index = usize::try_from(header.saturating_sub(1)).ok().filter(|index| *index < head.len());
-            let index = index.ok_or_else(|| FormatError::NotRecognised {
-                found: format!("`header_line = {header}` in the settings and {} lines", head.len()),
-                expected: "a line of the beginning of the file, the first of which is 1".to_owned(),
+            let index = index.ok_or_else(|| {
+                FormatError::not_recognised(
+                    format!("`header_line = {header}` in the settings and {} lines", head.len()),
+                    "a line of the beginning of the file, the first of which is 1",
+                )
             })?;
             generic::find(&head, index, &comments, hints)?
         }
@@ -227,10 +248,10 @@ fn finish(
                     found.columns.iter().take(20).map(|(name, _)| format!("`{name}`")).collect();
                 present += &format!(": {}", names.join(", "));
             }
-            return Err(FormatError::NotRecognised {
-                found: present,
-                expected: format!("as many as `columns` in the settings names, which are {}", names.len()),
-            });
+            return Err(FormatError::not_recognised(
+                present,
+                format!("as many as `columns` in the settings names, which are {}", names.len()),
+            ));
         }
         for ((name, _), given) in found.columns.iter_mut().zip(names) {
             name.clone_from(given);
@@ -255,6 +276,15 @@ fn finish(
     } else if !found.units.is_empty() {
         words.push(found.units.clone());
     }
+    let (mut times, evidence) = (times(head, &found), evidence(head, &found));
+    if let Some(RegularTimes { start_s: start, step, .. }) = found.clock.regular_times()
+        && times.iter().all(Option::is_none)
+        && !found.columns.iter().any(|(name, _)| may_be_time(name))
+    {
+        let step = step.interval_s();
+        found.columns.insert(0, ("time_s".to_owned(), ColumnOrigin::Counted { start, step }));
+        times.insert(0, None);
+    }
     for (name, origin) in &found.columns {
         match origin {
             ColumnOrigin::Cell(_) | ColumnOrigin::Record => {}
@@ -263,7 +293,11 @@ fn finish(
             }
         }
     }
-    let (times, evidence) = (times(head, &found), evidence(head, &found));
+    let grouped = match hints.csv.decimal {
+        // A decimal mark that is stated leaves no doubt.
+        Some(_) => (0..found.cells).collect(),
+        None => marks::grouped_cells(head, found.first_row, found.separator, point),
+    };
     let column = |((name, origin), time): ((String, ColumnOrigin), Option<TimeKind>)| DialectColumn {
         column: Column::new(&name),
         origin,
@@ -278,6 +312,7 @@ fn finish(
         trailing: found.trailing,
         remarks: found.remarks,
         named_cells: found.named_cells,
+        grouped,
         records: found.records,
         evidence,
         columns: found.columns.into_iter().zip(times).map(column).collect(),
@@ -315,6 +350,16 @@ fn evidence(head: &TextHead, found: &RecognizedText) -> TableEvidence {
     if is_table { TableEvidence::Rows } else { TableEvidence::Nothing }
 }
 
+/// Whether a column may be the time, by its name or its unit.
+fn may_be_time(name: &str) -> bool {
+    let ending = name.rsplit_once('_').map_or("", |(_, unit)| unit);
+    let words = ["zeit", "temps", "tiempo", "tempo", "tijd", "sec", "clock", "date"];
+    let lower = name.to_lowercase();
+    names_a_time(name)
+        || matches!(ending, "s" | "ms" | "us" | "ns" | "min")
+        || words.iter().any(|word| lower.starts_with(word))
+}
+
 /// Which columns hold dates and times of a day as text, by the first cell of each that is not empty.
 fn times(head: &TextHead, found: &RecognizedText) -> Vec<Option<TimeKind>> {
     /// Rows whose cells may be empty before the first that is not.
@@ -346,6 +391,7 @@ fn nothing() -> Dialect {
         records: RecordShape::One,
         evidence: TableEvidence::Nothing,
         columns: Vec::new(),
+        grouped: BTreeSet::new(),
         recognised: "nothing".to_owned(),
     }
 }

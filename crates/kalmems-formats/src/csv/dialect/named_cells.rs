@@ -3,7 +3,7 @@
 use super::head::TextHead;
 use super::marks::{self, is_number};
 use super::units::column_name;
-use super::{ColumnOrigin, RecognizedText, RecordShape};
+use super::{ColumnOrigin, RecognizedText};
 use crate::CsvHints;
 use crate::csv::split::BLANKS;
 
@@ -23,18 +23,15 @@ pub(super) fn find(head: &TextHead, hints: &CsvHints) -> Option<RecognizedText> 
     let column =
         |(index, name): (usize, &String)| (column_name(name, None, index), ColumnOrigin::Cell(index));
     Some(RecognizedText {
-        instrument: None,
         separator,
         point: Some(u8::try_from(hints.decimal.unwrap_or('.')).unwrap_or(b'.')),
         header_line: head.number(first_row),
         first_row,
         cells: names.len(),
-        trailing: false,
-        remarks: false,
         named_cells: true,
         columns: names.iter().enumerate().map(column).collect(),
         units: "names in the cells".to_owned(),
-        records: RecordShape::One,
+        ..RecognizedText::default()
     })
 }
 

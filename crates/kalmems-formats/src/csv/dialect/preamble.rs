@@ -5,7 +5,10 @@ use super::marks::{self, is_number};
 use super::units::{says_unit, unit_cell};
 use crate::FormatError;
 use crate::csv::split::BLANKS;
+use crate::stated_clock::StatedNumbers;
 
+/// Bytes of a line that is looked at.
+const LONGEST: usize = 256;
 /// Rows that show that there are numbers below names.
 const ROWS: usize = 4;
 /// Lines between names and numbers: units, and how values were made of samples.
@@ -29,7 +32,8 @@ pub(super) fn find(head: &TextHead) -> Result<Option<HeaderPlace>, FormatError> 
             let is_row = |row: usize| {
                 let cells = head.cells(row, separator);
                 let numbers = cells.iter().filter(|cell| is_number(cell)).count();
-                cells.len() == count && numbers * 2 > count
+                let is_setting = cells.first().is_some_and(|cell| is_key(cell));
+                cells.len() == count && numbers * 2 > count && !is_setting
             };
             let rows = || head.rows(first_row).take(ROWS);
             if count < 2 || rows().count() < 2 || !rows().all(is_row) {
@@ -51,6 +55,22 @@ pub(super) fn find(head: &TextHead) -> Result<Option<HeaderPlace>, FormatError> 
     Ok(None)
 }
 
+/// Whether a cell is the key of a setting, by the mark behind it.
+pub(super) fn is_key(cell: &str) -> bool {
+    cell.trim_end().ends_with(['=', ':'])
+}
+
+/// Whether the last lines are none of numbers, so that a preamble may go on behind them.
+pub(super) fn goes_on(head: &TextHead) -> bool {
+    let is_row = |row: usize| {
+        marks::BYTES.into_iter().chain([BLANKS]).any(|separator| {
+            let cells = head.cells(row, separator);
+            2 * cells.iter().filter(|cell| is_number(cell)).count() > cells.len()
+        })
+    };
+    !head.rows(head.len().saturating_sub(ROWS)).any(is_row)
+}
+
 /// Where units and rows stand below names, where lines of words stand between these and the numbers and the first of them holds units.
 pub(super) fn below_names(head: &TextHead, names: usize, separator: u8, count: usize) -> Option<HeaderPlace> {
     let has_number = |row: &usize| head.cells(*row, separator).iter().any(|cell| is_number(cell));
@@ -59,6 +79,29 @@ pub(super) fn below_names(head: &TextHead, names: usize, separator: u8, count: u
     let fits = |row: usize| head.cells(row, separator).len() == count;
     let all = head.rows(names + 1).take_while(|row| *row <= first_row).all(fits);
     (all && has_units(head, units, separator)).then_some(HeaderPlace { names, units: Some(units), first_row })
+}
+
+/// What lines such as `SampleRate, 400,Hz`, `// Sample rate: 100.0Hz` or `tInc = 2e-06` state of a clock.
+pub(super) fn stated_numbers<'a>(lines: impl Iterator<Item = &'a [u8]>) -> StatedNumbers {
+    let mut stated = StatedNumbers::default();
+    lines.for_each(|line| _ = learn(line, &mut stated));
+    stated
+}
+
+/// Learns what a line of a key, a mark and a number with its unit states of a clock; whether it does.
+pub(super) fn learn(line: &[u8], stated: &mut StatedNumbers) -> bool {
+    let line = String::from_utf8_lossy(line.get(..line.len().min(LONGEST)).unwrap_or_default());
+    let line = line.trim_matches(|c: char| matches!(c, '#' | '%' | '/') || c.is_whitespace());
+    let is_mark = |c: char| matches!(c, ':' | '=' | ',' | ';' | '\t');
+    let Some((key, value)) = line.split_once(is_mark) else { return false };
+    let value = value.trim_start_matches(|c: char| is_mark(c) || c.is_whitespace() || c == '"');
+    let Ok((number, digits)) = fast_float2::parse_partial::<f64, _>(value) else { return false };
+    let behind = value.get(digits..).unwrap_or_default();
+    let behind = behind.trim_start_matches(|c: char| is_mark(c) || c.is_whitespace());
+    let unit: String = behind.chars().take_while(|c| c.is_alphabetic()).collect();
+    // The unit stands behind the number, or behind the key in brackets.
+    let key = key.replace(['(', '['], "_").replace([')', ']', '"'], "");
+    if unit.is_empty() { stated.learn(&key, number) } else { stated.learn(&format!("{key}_{unit}"), number) }
 }
 
 /// Whether a cell of a line is a unit.
@@ -86,14 +129,14 @@ fn of_words(
         return Ok(place(words[units - 1], Some(words[units])));
     }
     let line = head.number(words[last]);
-    Err(FormatError::NotRecognised {
-        found: format!(
+    Err(FormatError::not_recognised(
+        format!(
             "lines {} to {line} each hold as many words as the rows below hold cells, and any of them may be the names",
             head.number(words[0])
         ),
-        expected: format!(
+        format!(
             "the settings to say which: `format = {{ kind = \"csv\", header_line = {line} }}` in the table that names the file, \
              or `--header-line {line}`"
         ),
-    })
+    ))
 }

@@ -84,10 +84,10 @@ fn found(head: &TextHead) -> Result<RecognizedText, FormatError> {
         cells: channels.cells,
         trailing: true,
         remarks: true,
-        named_cells: false,
         columns: channels.columns,
         units: "units in the header".to_owned(),
         records: if several { RecordShape::Headed(heading) } else { RecordShape::One },
+        ..RecognizedText::default()
     })
 }
 
@@ -145,12 +145,11 @@ impl Heading {
                     .next()
                     .ok_or_else(|| damaged(&format!("no `{what}`"), "a number for each channel"))?;
                 if values.any(|other| other != first) {
-                    return Err(FormatError::Unsupported {
-                        format: "LabVIEW measurement",
-                        what: "channels with times of their own and no column for them".to_owned(),
-                        remedy: "write those with the same times in a file of their own, or a column of times for each"
-                            .to_owned(),
-                    });
+                    return Err(FormatError::unsupported(
+                        "LabVIEW measurement",
+                        "channels with times of their own and no column for them",
+                        "write those with the same times in a file of their own, or a column of times for each",
+                    ));
                 }
                 Ok(first)
             };
@@ -183,11 +182,11 @@ impl LabviewChannels {
         let same = self.columns.iter().zip(before).all(|((name, _), column)| *name == column.column.name);
         // The last column is the number of the record.
         if !same || self.columns.len() + 1 != before.len() {
-            return Err(FormatError::Unsupported {
-                format: "LabVIEW measurement",
-                what: "a file of records with different channels".to_owned(),
-                remedy: "write each in a file of its own".to_owned(),
-            });
+            return Err(FormatError::unsupported(
+                "LabVIEW measurement",
+                "a file of records with different channels",
+                "write each in a file of its own",
+            ));
         }
         let bytes = memchr::memchr_iter(b'\n', text).nth(self.names).map_or(text.len(), |end| end + 1);
         Ok((self.columns.into_iter().map(|(_, origin)| origin).collect(), bytes, self.names as u64 + 1))
@@ -195,10 +194,5 @@ impl LabviewChannels {
 }
 
 fn damaged(found: &str, expected: &str) -> FormatError {
-    FormatError::Damaged {
-        format: "LabVIEW measurement",
-        place: "header".to_owned(),
-        found: found.to_owned(),
-        expected: expected.to_owned(),
-    }
+    FormatError::damaged("LabVIEW measurement", "header", found, expected)
 }
