@@ -111,7 +111,7 @@ impl<const N: usize> ErrorMemory<N> {
                 }
             }
             (MemoryState::Rests(left), ..) if left > 0 && !self.has_settled(after) => {
-                self.state = MemoryState::Rests(left - 1)
+                self.state = MemoryState::Rests(left - 1);
             }
             _ => self.begin(time_s, after),
         }
