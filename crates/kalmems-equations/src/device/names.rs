@@ -72,8 +72,13 @@ impl Meaning {
 }
 
 /// Functions of the language that are neither laws nor formulas.
-pub(crate) const BUILT_IN: [&str; 15] =
-    ["sqrt", "exp", "ln", "sin", "cos", "tan", "tanh", "atanh", "abs", "min", "max", "if", "d", "ddt", "in"];
+pub(crate) const BUILT_IN: [&str; 22] = [
+    "sqrt", "exp", "ln", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "tanh", "atanh", "abs",
+    "sign", "floor", "hypot", "min", "max", "if", "d", "ddt", "in",
+];
+
+/// Words of the language that are neither numbers nor functions.
+const WORDS: [&str; 3] = ["and", "or", "not"];
 
 /// Entries of a table, and what each of them is by its place.
 type EntriesAndMeaning<'a> = (&'a [NamedText], fn(usize) -> Meaning);
@@ -175,7 +180,7 @@ impl DescriptionNames {
 
 /// Whether the language itself uses this word.
 pub(crate) fn is_of_the_language(name: &str) -> bool {
-    name == "pi" || BUILT_IN.contains(&name) || laws::of_name(name).is_some()
+    name == "pi" || BUILT_IN.contains(&name) || WORDS.contains(&name) || laws::of_name(name).is_some()
 }
 
 fn is_name(name: &str) -> bool {

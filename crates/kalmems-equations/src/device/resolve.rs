@@ -278,11 +278,17 @@ impl Resolver {
                 self.product(text, span, &parts)
             }
             TermForm::Power(base, exponent) => self.power(text, span, (of(base), of(exponent)), *exponent),
-            TermForm::Choice { smaller, larger, then, otherwise } => {
+            TermForm::Comparison { smaller, larger } => {
                 alike(text, (of(smaller), *smaller), (of(larger), *larger))?;
+                Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))
+            }
+            TermForm::All(_) | TermForm::Any(_) | TermForm::Not(_) => {
+                Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))
+            }
+            TermForm::Choice { condition, then, otherwise } => {
                 let quantity = alike(text, (of(then), *then), (of(otherwise), *otherwise))?;
-                let ids = [smaller, larger, then, otherwise].map(|id| of(id).node);
-                let node = self.graph.choice(ids[0], ids[1], ids[2], ids[3]);
+                let branches = [of(then).node, of(otherwise).node];
+                let node = self.chosen(text, &|id| of(id).node, *condition, branches);
                 self.notice_kink(text, span, "if", node);
                 let in_cycles = of(then).in_cycles && of(otherwise).in_cycles;
                 let turn = TurnMistake::of_sum([of(then), of(otherwise)].into_iter());
@@ -334,15 +340,24 @@ impl Resolver {
         function: &str,
         node: NodeId,
     ) {
+        self.notice_jump(text, span, (function, "has a kink where its comparison changes sides"), node);
+    }
+
+    /// Says where a function is not smooth, if that is seen in the motion.
+    pub(crate) fn notice_jump(
+        &mut self,
+        text: &ParsedText,
+        span: &Range<usize>,
+        (function, place): (&str, &str),
+        node: NodeId,
+    ) {
         let known = |notice: &EquationNotice| notice.span == *span && notice.place == text.entry.place;
         if self.notices.len() >= MOST_NOTICES || self.notices.iter().any(known) {
             return;
         }
         let by_state = |variable: &Variable| matches!(variable, Variable::State(_));
         if self.graph.variables(node).iter().any(by_state) {
-            let message = format!(
-                "`{function}` has a kink where its comparison changes sides; filters take the slope of the side that holds"
-            );
+            let message = format!("`{function}` {place}; filters take the slope of the side that holds");
             self.notice(text, span, message);
         }
     }

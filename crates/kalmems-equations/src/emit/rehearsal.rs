@@ -303,6 +303,10 @@ impl Rehearsal<'_> {
             CalledFunction::Cos => functions::cos(x).into(),
             CalledFunction::Tanh => functions::tanh(x).into(),
             CalledFunction::Atanh => functions::atanh(x).into(),
+            CalledFunction::Atan => functions::atan(x).into(),
+            CalledFunction::Asin => functions::asin(x).into(),
+            CalledFunction::Acos => functions::acos(x).into(),
+            CalledFunction::Floor => functions::floor(x).into(),
             CalledFunction::Sqrt => functions::sqrt(x).into(),
             CalledFunction::Atanhc(order) => functions::atanhc(x, order.into()).into(),
             CalledFunction::LnCosh => functions::ln_cosh(x).into(),
@@ -358,6 +362,14 @@ mod tests {
         close("tanh", worst(functions::tanh, f64::tanh, [-9.0, 9.0], 0.0));
         close("atanh", worst(functions::atanh, f64::atanh, [-0.99, 0.99], 0.0));
         close("sqrt", worst(functions::sqrt, f64::sqrt, [0.0, 1e4], 0.0));
+        close("atan", worst(functions::atan, f64::atan, [-20.0, 20.0], 0.0));
+        close("asin", worst(functions::asin, f64::asin, [-1.0, 1.0], 0.0));
+        close("acos", worst(functions::acos, f64::acos, [-1.0, 1.0], 0.0));
+        assert_eq!(worst(functions::floor, f64::floor, [-300.0, 300.0], 0.0), 0.0);
+        assert_eq!((functions::floor(-1e9), functions::floor(-0.5)), (-1e9, -1.0));
+        assert!(functions::asin(1.01).is_nan() && functions::acos(-1.01).is_nan());
+        let quarter = std::f32::consts::FRAC_PI_2;
+        assert_eq!((functions::atan(1e30), functions::atan(f32::NEG_INFINITY)), (quarter, -quarter));
         let ln_cosh = |x: f64| x.cosh().ln();
         close("ln cosh near 0", worst(functions::ln_cosh, ln_cosh, [-0.499, 0.499], 1e-4));
         // Elsewhere it is a difference of numbers up to ln 2.

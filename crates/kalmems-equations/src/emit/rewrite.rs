@@ -52,6 +52,7 @@ pub(super) fn copied(
             graph.product(&parts)
         }
         Node::Call(function, at) => graph.call(*function, part(*at)),
+        Node::Angle { y, x } => graph.angle(part(*y), part(*x)),
         Node::Choice { smaller, larger, then, otherwise } => {
             graph.choice(part(*smaller), part(*larger), part(*then), part(*otherwise))
         }

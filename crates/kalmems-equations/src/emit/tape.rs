@@ -26,6 +26,11 @@ pub(super) enum CalledFunction {
     Cos,
     Tanh,
     Atanh,
+    /// The arc tangent.
+    Atan,
+    Asin,
+    Acos,
+    Floor,
     Sqrt,
     /// A derivative of atanh(z)/z.
     Atanhc(u8),
@@ -48,6 +53,10 @@ impl CalledFunction {
             Self::Cos => "cos".into(),
             Self::Tanh => "tanh".into(),
             Self::Atanh => "atanh".into(),
+            Self::Atan => "atan".into(),
+            Self::Asin => "asin".into(),
+            Self::Acos => "acos".into(),
+            Self::Floor => "floor".into(),
             Self::Sqrt => "sqrt".into(),
             Self::Atanhc(_) => "atanhc".into(),
             Self::LnCosh => "ln_cosh".into(),

@@ -4,6 +4,7 @@ use super::{ConstantBits, Function, Graph, GraphLimit, Node, NodeId, Variable};
 use crate::curve::CurveId;
 use crate::laws::{self, LawId};
 use crate::limits::LARGEST_POWER;
+use kalmems_core::Portable;
 
 impl Graph {
     pub(crate) fn literal(&mut self, value: f64) -> NodeId {
@@ -131,6 +132,14 @@ impl Graph {
         match self.number(at) {
             Some(number) => self.literal(function.apply(number)),
             None => self.add(Node::Call(function, at)),
+        }
+    }
+
+    /// The angle of the point (x, y).
+    pub(crate) fn angle(&mut self, y: NodeId, x: NodeId) -> NodeId {
+        match self.number(y).zip(self.number(x)) {
+            Some((y, x)) => self.literal(y.portable_atan2(x)),
+            None => self.add(Node::Angle { y, x }),
         }
     }
 

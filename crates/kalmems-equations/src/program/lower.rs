@@ -274,6 +274,7 @@ impl<'a> ProgramLowering<'a> {
             Node::Sum { constant, terms } => self.sum(constant.get(), terms, self.stratum(id), None),
             Node::Product(factors) => self.product(factors, self.stratum(id)),
             Node::Call(function, at) => self.emit(OpKind::Call(*function), &[self.register(*at)]),
+            Node::Angle { y, x } => self.emit(OpKind::Angle, &[self.register(*y), self.register(*x)]),
             Node::Choice { smaller, larger, then, otherwise } => {
                 let parts = [smaller, larger, then, otherwise].map(|part| self.register(*part));
                 self.emit(OpKind::Choice, &parts)

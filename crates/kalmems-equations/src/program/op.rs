@@ -32,6 +32,8 @@ pub(crate) enum OpKind {
     Power,
     /// An elementary function of a.
     Call(Function),
+    /// The angle of the point (b, a).
+    Angle,
     /// c where a < b, d elsewhere
     Choice,
     /// A law of the arguments a to d: its value, and its first and second derivative by its first argument into the

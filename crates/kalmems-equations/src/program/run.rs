@@ -4,7 +4,7 @@ use super::op::{Instruction, OpKind, REGISTERS};
 use crate::curve::Curve;
 use crate::graph::whole_power;
 use crate::laws::{self, LawId, MOST_ARGUMENTS};
-use kalmems_core::Scalar;
+use kalmems_core::{Portable, Scalar};
 use std::sync::Arc;
 
 /// The numbers of a program.
@@ -42,6 +42,7 @@ pub(crate) fn run(code: &[Instruction], r: &mut Registers, tables: &Tables) {
             OpKind::Reciprocal => 1.0 / r!(0),
             OpKind::Power => whole_power(r!(0), i32::from(op.of[1].cast_signed())),
             OpKind::Call(function) => function.apply(r!(0)),
+            OpKind::Angle => r!(0).portable_atan2(r!(1)),
             OpKind::Choice => Scalar::select(r!(0) < r!(1), r!(2), r!(3)),
             // The law that most devices have is worth a branch of its own.
             OpKind::ShortLaw(LawId::GaussianComb) => {

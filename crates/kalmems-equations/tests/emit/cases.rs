@@ -91,6 +91,31 @@ curve = "1e11[V/F]*C(z)*sqrt(1 + z/gap) + 0.1[V]*ln(1.5 + sin(z/gap)) in V"
 middle = "z - 0.01[mm]"
 "#;
 
+/// A pendulum with dry friction that a rod moves beyond an angle, read by its coordinates and by a counter of steps.
+const PENDULUM: &str = r#"
+[states]
+angle = "rad"
+rate = "rad/s"
+[inputs]
+V = "V"
+[parameters]
+length = "2 mm"
+w = "300 rad/s"
+b = "40 1/s"
+friction = "900 rad/s^2"
+drive = "9e3 rad/s^2/V"
+[let]
+x = "length*sin(angle)"
+y = "length*cos(angle)"
+reach = "if(not (angle < 0.2 or angle < -0.2) and rate < 1e6[rad/s], 0.2[rad], -0.2[rad])"
+beyond = "if(angle > 0.2 or not angle > -0.2, 0.3*w^2*(asin(sin(angle)/1.1) - asin(sin(reach)/1.1)), 0)"
+[derivative]
+angle = "rate"
+rate = "drive*V - b*rate - w^2*atan2(x, y) - beyond - friction*tanh(rate/3[rad/s])*sign(hypot(x, y))"
+[measure]
+signal = "10[V]*(acos(0.8*cos(angle + 1.2)) + atan(angle/2[rad])/3 + 0.2*(angle/0.3 - floor(angle/9[rad] + 0.5))) in V"
+"#;
+
 /// A device with a filter and what drives it.
 pub struct Case {
     pub name: String,
@@ -301,6 +326,17 @@ pub fn cases() -> Vec<Case> {
             (&[(1, 1e-3)], &[(0, 1e-6), (1, 1e-6)]),
             &[("k", 0.5, 1e-6)],
             |t| 40.0 * (TAU * 900.0 * t).sin(),
+        ),
+        case(
+            (
+                "pendulum",
+                common::device(PENDULUM),
+                1e-4,
+                &[[0.5, 0.48, 0.02, 0.0, 0.6], [0.0, 0.0, 5.0, 0.0, 200.0]],
+            ),
+            (&[(1, 1.0)], &[(0, 1e-4)]),
+            &[("w", 1.0, 1e-3)],
+            |t| (TAU * 47.0 * t).sin(),
         ),
     ]
 }

@@ -197,3 +197,40 @@ fn half_powers_and_roots_have_a_slope_where_they_meet_zero() {
         }
     }
 }
+
+/// Values and slopes by `a` of the numbers as f64 has them, computed with 40 digits (mpmath); each to two units of the last digit.
+#[test]
+fn arcs_lengths_signs_and_whole_numbers_have_their_values_and_slopes() {
+    let cases = [
+        ("asin(a)", [0.3, 0.0], 0.304_692_654_015_397_5, 1.048_284_836_721_918_2),
+        ("asin(a)", [0.999_999, 0.0], 1.569_382_113_114_652_1, 707.106_957_953_142_5),
+        ("acos(a)", [-0.7, 0.0], 2.346_193_823_405_649_4, -1.400_280_084_028_009_6),
+        ("acos(a)", [0.999_999, 0.0], 0.001_414_213_680_244_585_2, -707.106_957_953_142_5),
+        ("atan(a)", [3.0, 0.0], 1.249_045_772_398_254_4, 0.1),
+        ("atan2(a, b)", [-1.5, -2.0], -2.498_091_544_796_509, -0.32),
+        ("atan2(b, a)", [-2.0, 0.0], std::f64::consts::PI, 0.0),
+        ("hypot(a, b)", [1.1, 2.3], 2.549_509_756_796_392_2, 0.431_455_497_304_004_9),
+        ("hypot(a, b)", [0.0, 0.0], 0.0, 0.0),
+        ("sign(a)", [-0.2, 0.0], -1.0, 0.0),
+        ("sign(a)", [0.0, 0.0], 0.0, 0.0),
+        ("sign(a)", [7.0, 0.0], 1.0, 0.0),
+        ("floor(a)", [-1.5, 0.0], -2.0, 0.0),
+        ("a - floor(a)", [3.25, 0.0], 0.25, 1.0),
+        ("if(a < 1 and b < 1, a, 2*a)", [0.5, 0.5], 0.5, 1.0),
+        ("if(a < 1 and b < 1, a, 2*a)", [0.5, 1.5], 1.0, 2.0),
+        ("if(a > 1 or b > 1 and a > 0, a, 2*a)", [-0.5, 1.5], -1.0, 2.0),
+        ("if((a > 1 or b > 1) and not (a > 0), a, 2*a)", [-0.5, 1.5], -0.5, 1.0),
+        ("if(not a > 1 and not b > 1, a, 2*a)", [2.0, 0.0], 4.0, 2.0),
+    ];
+    for (expression, [a, b], expected, slope) in cases {
+        let whole = format!("{expression} + c");
+        let device = law(&whole, "1");
+        let readout = device.readout(0, &[]).unwrap();
+        let mut slopes = [0.0; 5];
+        let found = readout.linearize(&mut readout.work(&[]), &[a, b, 0.0, 0.0, 0.0], &[], &mut slopes);
+        let near =
+            |found: f64, expected: f64| (found - expected).abs() <= 2.0 * f64::EPSILON * expected.abs();
+        assert!(near(found, expected), "{expression}: {found:e} {expected:e}");
+        assert!(near(slopes[0], slope), "{expression}: slope {:e} {slope:e}", slopes[0]);
+    }
+}

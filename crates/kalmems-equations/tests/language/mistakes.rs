@@ -66,6 +66,12 @@ mistakes! {
     unit_of_an_exponential: scanner("gaussian_comb(theta, C0, width, Cb)", "C0*exp(-theta^2/width) + Cb");
     unit_of_a_logarithm: rate("p*rate*ln(x)");
     unit_of_a_sine: rate("p*rate*sin(x)");
+    unit_of_an_arc_sine: rate("p*rate*asin(x)");
+    units_of_an_arc_tangent: rate("p*rate*atan2(x, rate)");
+    arc_sine_beyond_one: rate("p*rate*asin(1.5)");
+    angle_in_an_exponential: rate("p*rate*exp(atan2(x, p))");
+    unit_of_a_whole_number: rate("rate*floor(x)");
+    unit_of_a_length: rate("p*hypot(x, p)");
     unit_of_a_law: scanner("gaussian_comb(theta, C0, width, Cb)", "gaussian_comb(theta, C0, J, Cb)");
     arguments_of_a_law_in_another_order: scanner("(theta, C0, width, Cb)", "(theta, width, C0, Cb)");
     unit_of_an_exponent: rate("rate*p*2^x");
@@ -127,6 +133,13 @@ mistakes! {
     unit_in_brackets_is_none: rate("2[m/sec]");
     comparison_outside_of_if: rate("rate*x < p");
     if_without_comparison: rate("if(x, rate*x, 0)");
+    value_among_conditions: rate("if(x < p and p, rate*x, 0)");
+    value_before_a_condition: rate("if(x or x < p, rate*x, 0)");
+    condition_within_a_sum: rate("rate*(x + (x < p))");
+    two_comparisons_in_one: rate("if(0 < x < p, rate*x, 0)");
+    conditions_as_the_whole: rate("x < p and p < x");
+    functions_with_jumps: rate("rate*p*(sign(x) + floor(x/p) + atan2(x, p))");
+    name_that_joins_conditions: small("and = '3 m'\n[derivative]\nx = '-rate*x'\n");
     too_deep: rate(&format!("{}rate*x{}", "(".repeat(70), ")".repeat(70)));
     not_toml: said_of("[states\nx = 'm'\n");
     number_for_a_text: small("[derivative]\nx = 3\n");

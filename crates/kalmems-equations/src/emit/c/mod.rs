@@ -82,6 +82,10 @@ fn name_of(called: CalledFunction) -> Cow<'static, str> {
         CalledFunction::Cos => "cosf".into(),
         CalledFunction::Tanh => "tanhf".into(),
         CalledFunction::Atanh => "atanhf".into(),
+        CalledFunction::Atan => "atanf".into(),
+        CalledFunction::Asin => "asinf".into(),
+        CalledFunction::Acos => "acosf".into(),
+        CalledFunction::Floor => "floorf".into(),
         CalledFunction::Sqrt => "sqrtf".into(),
         _ => called.name(),
     }

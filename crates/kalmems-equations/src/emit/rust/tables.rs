@@ -51,6 +51,7 @@ impl FunctionSource for Rust {
         let atanh = atanhc || any(&[CalledFunction::Atanh]);
         let ln_cosh = any(&[CalledFunction::LnCosh]);
         let tanh = any(&[CalledFunction::Tanh]);
+        let arcs = any(&[CalledFunction::Asin, CalledFunction::Acos]);
         vec![
             ("EXP", disks_used || any(&[CalledFunction::Exp])),
             ("FALLING_EXP", tanh || ln_cosh || any(&[CalledFunction::FallingExp])),
@@ -60,7 +61,11 @@ impl FunctionSource for Rust {
             ("COS", any(&[CalledFunction::Cos])),
             ("TANH", tanh),
             ("ATANH", atanh),
-            ("SQRT", any(&[CalledFunction::Sqrt])),
+            ("SQRT", arcs || any(&[CalledFunction::Sqrt])),
+            ("ATAN", arcs || any(&[CalledFunction::Atan])),
+            ("ASIN", any(&[CalledFunction::Asin])),
+            ("ACOS", any(&[CalledFunction::Acos])),
+            ("FLOOR", any(&[CalledFunction::Floor])),
             ("LN_COSH", ln_cosh),
             ("ATANHC", atanhc),
         ]
