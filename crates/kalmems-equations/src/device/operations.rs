@@ -23,7 +23,10 @@ impl Resolver {
                 let because = format!("`{}` has", shown(text, first.unwrap_or(*id)));
                 let what = format!("`{}`", shown(text, *id));
                 let fault = unlike(&what, value.quantity, total.to_string(), because);
-                return Err(text.error(&span_of(text, *id), fault));
+                let error = text.error(&span_of(text, *id), fault);
+                let compared = parts.iter().find(|(_, _, id)| first == Some(*id));
+                let other = compared.map_or(Graph::ZERO, |(_, value, _)| value.node);
+                return Err(self.with_plain_parameters(error, [(value.node, value.quantity), (other, total)]));
             };
             if total == UnitKnowledge::Any && value.quantity != UnitKnowledge::Any {
                 first = Some(*id);
@@ -141,7 +144,7 @@ impl Resolver {
         };
         match (name.as_str(), parts) {
             ("hypot" | "atan2", [left, right]) => {
-                let quantity = alike(text, *left, *right)?;
+                let quantity = self.alike(text, *left, *right)?;
                 let (a, b) = (left.0.node, right.0.node);
                 if name == "atan2" {
                     let node = self.graph.angle(a, b);
@@ -155,7 +158,7 @@ impl Resolver {
                 Ok(ResolvedValue::new(self.graph.call(Function::Sqrt, square), quantity))
             }
             ("min" | "max", [left, right]) => {
-                let quantity = alike(text, *left, *right)?;
+                let quantity = self.alike(text, *left, *right)?;
                 let (a, b) = (left.0.node, right.0.node);
                 let (then, otherwise) = if name == "min" { (a, b) } else { (b, a) };
                 let node = self.graph.choice(a, b, then, otherwise);
@@ -248,6 +251,22 @@ impl Resolver {
         }
     }
 
+    /// The common unit of two expressions that are compared.
+    pub(crate) fn alike(
+        &mut self,
+        text: &ParsedText,
+        (left, left_id): (ResolvedValue, usize),
+        (right, right_id): (ResolvedValue, usize),
+    ) -> Result<UnitKnowledge, EquationError> {
+        left.quantity.plus(right.quantity).ok_or_else(|| {
+            let because = format!("`{}` has", shown(text, left_id));
+            let what = format!("`{}`", shown(text, right_id));
+            let fault = unlike(&what, right.quantity, left.quantity.to_string(), because);
+            let error = text.error(&span_of(text, right_id), fault);
+            self.with_plain_parameters(error, [(right.node, right.quantity), (left.node, left.quantity)])
+        })
+    }
+
     /// `then` where a condition holds, and `otherwise` elsewhere. Conditions are nested no deeper than brackets may be.
     pub(super) fn chosen(
         &mut self,
@@ -317,20 +336,6 @@ impl Resolver {
         }
         Ok(ResolvedValue::new(self.graph.curve(curve, 0, value.node), result))
     }
-}
-
-/// The common unit of two expressions that are compared.
-pub(crate) fn alike(
-    text: &ParsedText,
-    (left, left_id): (ResolvedValue, usize),
-    (right, right_id): (ResolvedValue, usize),
-) -> Result<UnitKnowledge, EquationError> {
-    left.quantity.plus(right.quantity).ok_or_else(|| {
-        let because = format!("`{}` has", shown(text, left_id));
-        let what = format!("`{}`", shown(text, right_id));
-        let fault = unlike(&what, right.quantity, left.quantity.to_string(), because);
-        text.error(&span_of(text, right_id), fault)
-    })
 }
 
 /// A term as it is written, not too long for a message.

@@ -160,6 +160,9 @@ impl<'a> ReadResult<'a> {
             delays,
             rates: rates.into_iter().map(|rate| (rate, DefinitionSlot::Open)).collect(),
             input_rates: Vec::new(),
+            plain: (description.parameters.iter().zip(&parameters))
+                .map(|(entry, parameter)| parameter.named.unit_text.is_empty().then(|| entry.clone()))
+                .collect(),
             curves: description.tables.iter().map(units_of_curve).collect::<Result<_, _>>()?,
             notices: Vec::new(),
             busy: Vec::new(),
@@ -184,7 +187,9 @@ impl<'a> ReadResult<'a> {
             let whole = 0..text.entry.text.len();
             if wanted.plus(value.quantity).is_none() {
                 let because = format!("the rate of `{}` has", text.entry.name);
-                return Err(text.error(&whole, unlike("this", value.quantity, wanted.to_string(), because)));
+                let error = text.error(&whole, unlike("this", value.quantity, wanted.to_string(), because));
+                let sides = [(value.node, value.quantity), (Graph::ZERO, wanted)];
+                return Err(self.resolver.with_plain_parameters(error, sides));
             }
             let lacks = wanted.dimension().is_some_and(|wanted| value.quantity.lacks_angle_of(wanted));
             if lacks && value.in_cycles {

@@ -1,7 +1,6 @@
 //! From texts to the graph: names are looked up, functions inserted, units checked.
 
 use super::names::{DescriptionNames, Meaning, ParsedText, is_of_the_language};
-use super::operations::alike;
 use super::turns::{ANGULAR_RATE, TurnMistake};
 use super::{DeviceEquation, InputRate};
 use crate::description::NamedText;
@@ -90,6 +89,8 @@ pub(crate) struct Resolver {
     /// The inputs whose rates some expression needs, in the order in which these stand behind the stated inputs.
     pub(crate) input_rates: Vec<InputRate>,
     pub(crate) curves: Vec<[UnitKnowledge; 2]>,
+    /// The parameters that are written without a unit.
+    pub(super) plain: Vec<Option<NamedText>>,
     pub(crate) notices: Vec<EquationNotice>,
     /// What is being resolved, the last one within those before it.
     pub(crate) busy: Vec<String>,
@@ -236,7 +237,10 @@ impl Resolver {
                 let root = text.tree.terms.last().map_or(0..0, |term| term.span.clone());
                 let because = "stands behind `in`".to_owned();
                 let expected = text.word(span).to_owned();
-                return Err(text.error(&root, unlike("this", value.quantity, expected, because)));
+                let error = text.error(&root, unlike("this", value.quantity, expected, because));
+                return Err(
+                    self.with_plain_parameters(error, [(value.node, value.quantity), (Graph::ZERO, wanted)])
+                );
             }
             value.quantity = wanted;
         }
@@ -257,12 +261,15 @@ impl Resolver {
         match form {
             TermForm::Number(number, unit) => {
                 let node = self.graph.literal(*number);
+                let written = unit.map(|unit| ExternalQuantity::of(unit, text.word(span)));
+                let in_cycles = written.is_some_and(|written| written.in_cycles);
+                let turn = in_cycles.then_some(TurnMistake::MissingTwoPi);
                 let quantity = match unit {
                     Some(unit) => UnitKnowledge::Exact(unit.dimension()),
                     None if *number == 0.0 => UnitKnowledge::Any,
                     None => UnitKnowledge::PLAIN,
                 };
-                Ok(ResolvedValue::new(node, quantity))
+                Ok(ResolvedValue { in_cycles, turn, ..ResolvedValue::new(node, quantity) })
             }
             TermForm::Name(name) => self.name(text, arguments, name),
             TermForm::Negative(inner) => {
@@ -279,14 +286,14 @@ impl Resolver {
             }
             TermForm::Power(base, exponent) => self.power(text, span, (of(base), of(exponent)), *exponent),
             TermForm::Comparison { smaller, larger } => {
-                alike(text, (of(smaller), *smaller), (of(larger), *larger))?;
+                self.alike(text, (of(smaller), *smaller), (of(larger), *larger))?;
                 Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))
             }
             TermForm::All(_) | TermForm::Any(_) | TermForm::Not(_) => {
                 Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))
             }
             TermForm::Choice { condition, then, otherwise } => {
-                let quantity = alike(text, (of(then), *then), (of(otherwise), *otherwise))?;
+                let quantity = self.alike(text, (of(then), *then), (of(otherwise), *otherwise))?;
                 let branches = [of(then).node, of(otherwise).node];
                 let node = self.chosen(text, &|id| of(id).node, *condition, branches);
                 self.notice_kink(text, span, "if", node);

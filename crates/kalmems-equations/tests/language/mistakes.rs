@@ -91,6 +91,12 @@ mistakes! {
     unit_of_a_period: said("piston_mirror", &[("phi = \"2*pi\"", "phi = \"1[m]\"")]);
     unit_of_a_time_constant: said("shared_scanner_low_passed", &[("time = \"1/first_pole\"", "time = \"first_pole\"")]);
 
+    resonance_of_a_number_in_hz: said_of("[states]\nx = 'm'\nv = 'm/s'\n[derivative]\nx = 'v'\nv = '-(1200[Hz])^2*x'\n[measure]\ny = 'x in m'\n");
+    resonance_of_a_number_in_hz_with_two_pi_is_right: said_of("[states]\nx = 'm'\nv = 'm/s'\n[derivative]\nx = 'v'\nv = '-(2*pi*1200[Hz])^2*x - 3[1/s]*v'\n[measure]\ny = 'x in m'\n");
+    parameter_without_a_unit: said_of("[states]\nomega = 'rad/s'\n[inputs]\nI = 'A'\n[parameters]\nJ = '2e-9 kg m^2'\nb = '1e-9 N m s'\nKt = '3e-5'\n[derivative]\nomega = '(Kt*I - b*omega)/J'\n");
+    parameter_without_a_unit_below_the_bar: said_of("[states]\nx = 'V'\n[inputs]\nu = 'V'\n[parameters]\ntau = '0.002'\n[derivative]\nx = '(u - x)/tau'\n");
+    parameters_without_units: said_of("[states]\nx = 'm'\n[parameters]\na = '3'\nq = '5'\n[derivative]\nx = 'a*x*exp(-q)'\n");
+
     // Names.
     misspelt_name: scanner("- b*omega", "- b*omga");
     name_of_another_case: scanner("d(C, theta)", "d(c, theta)");

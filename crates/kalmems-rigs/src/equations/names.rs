@@ -29,12 +29,19 @@ fn as_in_a_trajectory(all: &[Named]) -> Vec<StateName> {
 }
 
 /// The states, as tables of values name them.
-pub fn entries(device: &Device, sign: Sign) -> Vec<ExpectedEntry> {
-    device
-        .states()
-        .iter()
-        .map(|named| ExpectedEntry { name: name(&named.name), kind: kind_of(named), sign })
-        .collect()
+pub fn entries(device: &Device) -> Vec<ExpectedEntry> {
+    let of = |named: &Named| ExpectedEntry { name: name(&named.name), kind: kind_of(named), sign: Sign::Any };
+    device.states().iter().map(of).collect()
+}
+
+/// Their standard deviations, as tables of values name them.
+pub fn deviations(device: &Device) -> Vec<ExpectedEntry> {
+    let of = |entry: ExpectedEntry| ExpectedEntry {
+        kind: entry.kind.deviation(),
+        sign: Sign::NotNegative,
+        ..entry
+    };
+    entries(device).into_iter().map(of).collect()
 }
 
 /// The densities of the noises of the rates of all states, in the order of the table.

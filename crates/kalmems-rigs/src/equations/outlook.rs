@@ -57,7 +57,7 @@ fn energy(experiment: &Experiment, own: &OwnDevice) -> Result<Option<OutlookTopi
 /// How large the states become, by what the experiment says of their start; 0 where it says nothing.
 fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigError> {
     let device = &own.device;
-    let entries = names::entries(device, crate::config::Sign::Any);
+    let entries = names::entries(device);
     let mut sizes = vec![0.0_f64; entries.len()];
     let simulated = experiment.simulate.iter().map(|simulate| &simulate.start);
     let filters = || experiment.estimate.iter().flat_map(|estimate| &estimate.filters);

@@ -8,8 +8,8 @@ use super::names;
 use super::oscillation::MeasuredOscillation;
 use super::table::{EquationsTable, refused};
 use crate::config::{
-    AnyValue, ConfigError, ConfigFault, Estimate, Experiment, FilterStart, FilterTable, Key, Method, Sign,
-    Values,
+    AnyValue, ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key,
+    Method, Values,
 };
 use crate::estimate::driven::combinations;
 use crate::estimate::{
@@ -213,23 +213,24 @@ impl EquationFilterSettings {
             Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
         };
         refuse_demodulator(experiment, (&at, filter), "this device has none; write a `lag` in its table")?;
-        let entries = names::entries(device, Sign::Any);
+        let entries = names::entries(device);
         let start = match &filter.start {
             Some(FilterStart::Values(values)) => Some(values),
             Some(FilterStart::FromSignal) | None => None,
         };
-        let of = |name: &str, values: &Values, sign| {
-            some(experiment, &at.clone().child(name), values, &names::entries(device, sign))
+        let deviations = names::deviations(device);
+        let of = |name: &str, values: &Values, known: &[ExpectedEntry]| {
+            some(experiment, &at.clone().child(name), values, known)
         };
         let claims = filter.method.claims();
         let sd = if claims {
-            of("start_sd", &filter.start_sd, Sign::NotNegative)?
+            of("start_sd", &filter.start_sd, &deviations)?
         } else {
             vec![Some(0.0); entries.len()]
         };
         let start = match start {
             None => {
-                let about = of("start_about", &filter.start_about, Sign::Any)?;
+                let about = of("start_about", &filter.start_about, &entries)?;
                 EquationStart::Signal { about, sd: if claims { sd } else { vec![None; entries.len()] } }
             }
             Some(_) if !filter.start_about.is_empty() => {
@@ -239,9 +240,9 @@ impl EquationFilterSettings {
                 );
             }
             Some(values) => {
-                let mean = own.started(&of("start", values, Sign::Any)?);
+                let mean = own.started(&of("start", values, &entries)?);
                 let sd = following(own, &mean, sd).map_err(|missing| {
-                    let entry = &entries[missing];
+                    let entry = &deviations[missing];
                     let remedy = format!(
                         "write `{} = \"{}\"`: how well the state is known at first",
                         entry.name, entry.kind.example
@@ -358,13 +359,13 @@ fn some(
     experiment: &Experiment,
     at: &Key,
     values: &Values,
-    entries: &[crate::config::ExpectedEntry],
+    entries: &[ExpectedEntry],
 ) -> Result<Vec<Option<f64>>, ConfigError> {
     if let Some(name) = values.keys().find(|name| entries.iter().all(|entry| entry.name != name.as_str())) {
         let known = entries.iter().map(|entry| entry.name);
         return Err(experiment.error(at.clone().child(name), ConfigFault::unknown_key(name, known)));
     }
-    let one = |entry: &crate::config::ExpectedEntry| {
+    let one = |entry: &ExpectedEntry| {
         let value: Option<&AnyValue> = values.get(entry.name);
         let read = |value| experiment.value(at.clone().child(entry.name), value, entry.kind, entry.sign);
         value.map(read).transpose()

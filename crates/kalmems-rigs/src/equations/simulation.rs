@@ -217,7 +217,7 @@ impl EquationSimulation {
         let loops = loops(experiment, simulate, &own)?;
         let before_s = inputs.iter().map(|input| input.before_s).fold(0.0, f64::max);
         let sampling = sampling(experiment, simulate, device)?;
-        let entries = names::entries(device, Sign::Any);
+        let entries = names::entries(device);
         let mut stated = vec![None; entries.len()];
         for (slot, entry) in stated.iter_mut().zip(&entries) {
             if let Some(value) = simulate.start.get(entry.name) {
