@@ -291,8 +291,7 @@ macro_rules! for_each_size {
                 filter.into()
             }
 
-            /// The filter of a kind, from this mean and covariance; `None` for more states than [`MOST_STATES`], and for fewer
-            /// than two.
+            /// The filter of a kind, from this mean and covariance; `None` for no states and for more than [`MOST_STATES`].
             pub fn of(kind: FilterKind, known: &MeanAndCovariance) -> Option<Self> {
                 match known.mean.len() {
                     $($states => Some(Self::$variant(kind.from::<$states>(known))),)*
@@ -352,4 +351,4 @@ macro_rules! for_each_size {
     };
 }
 
-for_each_size!(Two 2 Three 3 Four 4 Five 5 Six 6 Seven 7 Eight 8 Nine 9 Ten 10 Eleven 11 Twelve 12);
+for_each_size!(One 1 Two 2 Three 3 Four 4 Five 5 Six 6 Seven 7 Eight 8 Nine 9 Ten 10 Eleven 11 Twelve 12);

@@ -151,7 +151,7 @@ pub enum EstimateError {
     },
     /// There is no filter of so many states.
     #[error(
-        "the filter `{filter}` would have {states} states, and there are filters of 2 to {MOST_STATES}; leave out some of \
+        "the filter `{filter}` would have {states} states, and there are filters of 1 to {MOST_STATES}; leave out some of \
          those in `states`"
     )]
     TooManyStates {

@@ -18,5 +18,6 @@ mod own_start;
 #[path = "../parts/mod.rs"]
 mod parts;
 mod shooting;
+mod sizes;
 mod table_end;
 mod uncertain_device;
