@@ -181,10 +181,8 @@ impl Parities {
                     other => other,
                 }
             }
-            Node::Curve { at, .. } => match self.get(*at) {
-                Parity::Even => Parity::Even,
-                _ => Parity::Neither,
-            },
+            Node::Curve { at, .. } if at.iter().all(|at| self.get(*at) == Parity::Even) => Parity::Even,
+            Node::Curve { .. } => Parity::Neither,
         }
     }
 

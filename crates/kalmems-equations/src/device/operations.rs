@@ -322,19 +322,22 @@ impl Resolver {
         curve: usize,
         parts: &[(ResolvedValue, usize)],
     ) -> Resolved {
-        let [(value, id)] = *parts else {
-            let function = text.word(call.0).to_owned();
-            return Err(
-                text.error(call.1, EquationFault::Arguments { function, found: parts.len(), expected: 1 })
-            );
-        };
-        let [place, result] = self.curves.get(curve).copied().unwrap_or([UnitKnowledge::Any; 2]);
-        if value.quantity.plus(place).is_none() {
-            let because = format!("the places of the curve `{}` have", text.word(call.0));
-            let fault = unlike("the argument", value.quantity, place.to_string(), because);
-            return Err(text.error(&span_of(text, id), fault));
+        let units = self.curves.get(curve).cloned().unwrap_or_default();
+        let (result, places) = units.split_last().unwrap_or((&UnitKnowledge::Any, &[]));
+        if parts.len() != places.len() {
+            let (function, found, expected) = (text.word(call.0).to_owned(), parts.len(), places.len());
+            return Err(text.error(call.1, EquationFault::Arguments { function, found, expected }));
         }
-        Ok(ResolvedValue::new(self.graph.curve(curve, 0, value.node), result))
+        let mut at = [Graph::ZERO; 2];
+        for ((at, (value, id)), place) in at.iter_mut().zip(parts).zip(places) {
+            if value.quantity.plus(*place).is_none() {
+                let because = format!("the places of the curve `{}` have", text.word(call.0));
+                let fault = unlike("the argument", value.quantity, place.to_string(), because);
+                return Err(text.error(&span_of(text, *id), fault));
+            }
+            *at = value.node;
+        }
+        Ok(ResolvedValue::new(self.graph.curve(curve, [0; 2], at), *result))
     }
 }
 

@@ -147,7 +147,9 @@ impl<'a> ReadResult<'a> {
             description.parameters.iter().map(parameter).collect::<Result<_, _>>()?;
         let given = |named: &Named| ExternalQuantity::of(named.unit, &named.unit_text);
         let mut graph = Graph::new();
-        graph.curves = description.tables.iter().map(|points| points.name.clone()).collect();
+        let arguments = |points: &CurvePoints| if points.z.is_empty() { 1 } else { 2 };
+        graph.curves =
+            description.tables.iter().map(|points| (points.name.clone(), arguments(points))).collect();
         let resolver = Resolver {
             graph,
             names,
@@ -327,12 +329,14 @@ fn unit_of(of: &ParsedText) -> Result<NamedText, EquationError> {
     Ok(NamedText { text: of.word(span).to_owned(), ..of.entry.clone() })
 }
 
-fn units_of_curve(points: &CurvePoints) -> Result<[UnitKnowledge; 2], EquationError> {
+/// The units of a curve's arguments and of its value.
+fn units_of_curve(points: &CurvePoints) -> Result<Vec<UnitKnowledge>, EquationError> {
     let of = |unit: &String| match Unit::parse(unit) {
         Ok(unit) => Ok(UnitKnowledge::Exact(unit.dimension())),
         Err(fault) => Err(EquationError::whole(&points.place, unit, fault.into())),
     };
-    Ok([of(&points.x_unit)?, of(&points.y_unit)?])
+    let all = [&points.x_unit, &points.y_unit, &points.z_unit];
+    all.into_iter().take(if points.z.is_empty() { 2 } else { 3 }).map(of).collect()
 }
 
 /// The text of each state's rate, in the order of the states.

@@ -88,7 +88,8 @@ pub(crate) struct Resolver {
     pub(crate) rates: Vec<(RateOf, DefinitionSlot)>,
     /// The inputs whose rates some expression needs, in the order in which these stand behind the stated inputs.
     pub(crate) input_rates: Vec<InputRate>,
-    pub(crate) curves: Vec<[UnitKnowledge; 2]>,
+    /// The units of each curve's arguments and of its value.
+    pub(crate) curves: Vec<Vec<UnitKnowledge>>,
     /// The parameters that are written without a unit.
     pub(super) plain: Vec<Option<NamedText>>,
     pub(crate) notices: Vec<EquationNotice>,

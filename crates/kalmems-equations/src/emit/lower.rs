@@ -58,6 +58,7 @@ pub(super) enum NodeForm {
     Sum(Coefficient, Vec<ProductTerm>),
     Product(ProductTerm),
     Call(CalledFunction, NodeId, f64),
+    CallOfTwo(CalledFunction, [NodeId; 2]),
     /// The angle of the point of these y and x.
     Angle([NodeId; 2]),
     Choice([NodeId; 4]),
@@ -135,7 +136,7 @@ impl SourceLowering<'_> {
                 NodeForm::Sum(_, terms) => open.extend(atoms(terms)),
                 NodeForm::Product(term) => open.extend(atoms(std::slice::from_ref(term))),
                 NodeForm::Call(_, at, _) => open.push(*at),
-                NodeForm::Angle(parts) => open.extend(parts),
+                NodeForm::CallOfTwo(_, parts) | NodeForm::Angle(parts) => open.extend(parts),
                 NodeForm::Choice(parts) => open.extend(parts),
                 NodeForm::Number(_) | NodeForm::Given(_) | NodeForm::Variable(_) => {}
             }
@@ -181,7 +182,11 @@ impl SourceLowering<'_> {
                 None => NodeForm::Number(f64::NAN),
             },
             Node::Curve { curve, order, at } => {
-                NodeForm::Call(CalledFunction::Curve(*curve, *order), *at, 1.0)
+                let called = CalledFunction::Curve(*curve, *order);
+                match self.graph.curves.get(*curve) {
+                    Some((_, 2)) => NodeForm::CallOfTwo(called, *at),
+                    _ => NodeForm::Call(called, at[0], 1.0),
+                }
             }
         }
     }

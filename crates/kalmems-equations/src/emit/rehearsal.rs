@@ -277,7 +277,8 @@ impl RoutineRun<'_> {
             TapeOp::Divide(a, b) => at(a) / at(b),
             TapeOp::Negative(a) => -at(a),
             // Functions of the source have 32 bits.
-            TapeOp::Call(called, a) => self.rehearsal.called(called, at(a)),
+            TapeOp::Call(called, a) => self.rehearsal.called(called, [at(a), 0.0]),
+            TapeOp::CallOfTwo(called, [a, b]) => self.rehearsal.called(called, [at(a), at(b)]),
             TapeOp::Choice([a, b, c, d]) => {
                 if at(a) < at(b) {
                     at(c)
@@ -292,9 +293,9 @@ impl RoutineRun<'_> {
 
 impl Rehearsal<'_> {
     /// A function of the source; those through tables rounded once.
-    fn called(&self, called: CalledFunction, x: f64) -> f64 {
+    fn called(&self, called: CalledFunction, at: [f64; 2]) -> f64 {
         #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
-        let x = x as f32;
+        let [x, y] = at.map(|at| at as f32);
         let value: f64 = match called {
             CalledFunction::FallingExp => functions::falling_exp(x).into(),
             CalledFunction::Exp => functions::exp(x).into(),
@@ -317,9 +318,10 @@ impl Rehearsal<'_> {
                 partial(LawId::Disks, &vec![0; usize::from(order)], &arguments) / VACUUM_PERMITTIVITY
             }
             CalledFunction::Curve(curve, order) => self.device.curves.get(curve).map_or(f64::NAN, |curve| {
-                let (middle, half, size) = curve.extent();
-                let values = curve.at(middle + half * f64::from(x));
-                values.get(usize::from(order)).copied().unwrap_or(f64::NAN) * half.powi(order.into()) / size
+                let ([first, second], size) = curve.extent();
+                let at = [first[0] + first[1] * f64::from(x), second[0] + second[1] * f64::from(y)];
+                let [i, j] = order.map(i32::from);
+                curve.derivative(at, order) * first[1].powi(i) * second[1].powi(j) / size
             }),
         };
         narrow(value)

@@ -60,7 +60,7 @@ pub(super) fn copied(
             let arguments: Vec<_> = arguments.iter().map(|argument| part(*argument)).collect();
             of_law(graph, *law, by, &arguments)?
         }
-        Node::Curve { curve, order, at } => graph.curve(*curve, *order, part(*at)),
+        Node::Curve { curve, order, at } => graph.curve(*curve, *order, at.map(&part)),
     })
 }
 

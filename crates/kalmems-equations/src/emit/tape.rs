@@ -38,8 +38,8 @@ pub(super) enum CalledFunction {
     LnCosh,
     /// A derivative of C/(ε₀·a) of two disks by their distance in radii.
     Disks(u8),
-    /// A curve of the device or a derivative of it, over its own span and in its largest value.
-    Curve(CurveId, u8),
+    /// A curve of the device or a derivative of it by its arguments, over its own spans and in its largest value.
+    Curve(CurveId, [u8; 2]),
 }
 
 impl CalledFunction {
@@ -65,10 +65,11 @@ impl CalledFunction {
         }
     }
 
-    /// The order of its derivative, of one that is called with that.
-    pub(super) fn order(self) -> Option<u8> {
+    /// The order of its derivative by each argument, of one that is called with that.
+    pub(super) fn order(self) -> Option<[u8; 2]> {
         match self {
-            Self::Atanhc(order) | Self::Disks(order) | Self::Curve(_, order) => Some(order),
+            Self::Atanhc(order) | Self::Disks(order) => Some([order, 0]),
+            Self::Curve(_, order) => Some(order),
             _ => None,
         }
     }
@@ -87,6 +88,7 @@ pub(super) enum TapeOp {
     Divide(TapeId, TapeId),
     Negative(TapeId),
     Call(CalledFunction, TapeId),
+    CallOfTwo(CalledFunction, [TapeId; 2]),
     /// The third where the first is below the second, the fourth elsewhere.
     Choice([TapeId; 4]),
 }
@@ -98,6 +100,7 @@ impl TapeOp {
             Self::Literal(_) | Self::Name(_) => Vec::new(),
             Self::Add(a, b) | Self::Subtract(a, b) | Self::Multiply(a, b) | Self::Divide(a, b) => vec![a, b],
             Self::Negative(a) | Self::Call(_, a) => vec![a],
+            Self::CallOfTwo(_, parts) => parts.to_vec(),
             Self::Choice(parts) => parts.to_vec(),
         }
     }
@@ -109,6 +112,7 @@ impl TapeOp {
             Self::Add(..) | Self::Subtract(..) | Self::Multiply(..) | Self::Negative(_) => 1,
             Self::Divide(..) => 10,
             Self::Call(..) => 25,
+            Self::CallOfTwo(..) => 100,
             Self::Choice(_) => 4,
         }
     }
@@ -271,6 +275,10 @@ impl Tape {
 
     pub(super) fn call(&mut self, called: CalledFunction, at: TapeId) -> TapeId {
         self.push(TapeOp::Call(called, at))
+    }
+
+    pub(super) fn call_of_two(&mut self, called: CalledFunction, at: [TapeId; 2]) -> TapeId {
+        self.push(TapeOp::CallOfTwo(called, at))
     }
 
     pub(super) fn choice(&mut self, parts: [TapeId; 4]) -> TapeId {

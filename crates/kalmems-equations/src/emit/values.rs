@@ -49,6 +49,10 @@ impl TapeValues<'_> {
                 // The law is −ln cosh.
                 if *called == CalledFunction::LnCosh { self.tape.negative(value) } else { value }
             }
+            NodeForm::CallOfTwo(called, at) => {
+                let at = at.map(|at| self.node(at));
+                self.tape.call_of_two(*called, at)
+            }
             NodeForm::Angle([y, x]) => {
                 let (y, x) = (self.node(*y), self.node(*x));
                 self.angle(y, x)

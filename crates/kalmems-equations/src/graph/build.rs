@@ -177,11 +177,11 @@ impl Graph {
     }
 
     /// A curve, or a derivative of it.
-    pub(crate) fn curve(&mut self, curve: CurveId, order: u8, at: NodeId) -> NodeId {
-        if order > crate::curve::HIGHEST_ORDER {
-            let function = self.curves.get(curve).cloned().unwrap_or_default();
-            let limit = crate::curve::HIGHEST_ORDER.into();
-            return self.stop(GraphLimit::Order { function, order: order.into(), limit });
+    pub(crate) fn curve(&mut self, curve: CurveId, order: [u8; 2], at: [NodeId; 2]) -> NodeId {
+        let [whole, limit] = [order[0] + order[1], crate::curve::HIGHEST_ORDER].map(usize::from);
+        if whole > limit {
+            let function = self.curves.get(curve).cloned().unwrap_or_default().0;
+            return self.stop(GraphLimit::Order { function, order: whole, limit });
         }
         self.add(Node::Curve { curve, order, at })
     }

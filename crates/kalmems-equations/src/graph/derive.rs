@@ -84,12 +84,17 @@ impl Graph {
                 self.sum(0.0, &parts)
             }
             Node::Curve { curve, order, at } => {
-                let inner = self.known_derivative(at, by);
-                if inner == Self::ZERO {
-                    return Self::ZERO;
+                let mut parts = Vec::new();
+                for (index, argument) in at.iter().enumerate() {
+                    let inner = self.known_derivative(*argument, by);
+                    if inner != Self::ZERO {
+                        let mut order = order;
+                        order[index] += 1;
+                        let outer = self.curve(curve, order, at);
+                        parts.push((self.product(&[(outer, 1), (inner, 1)]), 1.0));
+                    }
                 }
-                let outer = self.curve(curve, order + 1, at);
-                self.product(&[(outer, 1), (inner, 1)])
+                self.sum(0.0, &parts)
             }
         }
     }

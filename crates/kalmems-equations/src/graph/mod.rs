@@ -122,8 +122,10 @@ pub(crate) enum Node {
     /// A curve or a derivative of it.
     Curve {
         curve: CurveId,
-        order: u8,
-        at: NodeId,
+        /// The order of the derivative by each argument.
+        order: [u8; 2],
+        /// The arguments; of a curve of one, 0 behind it.
+        at: [NodeId; 2],
     },
 }
 
@@ -134,7 +136,8 @@ impl Node {
             Self::Number(_) | Self::Variable(_) => Vec::new(),
             Self::Sum { terms, .. } => terms.iter().map(|(term, _)| *term).collect(),
             Self::Product(factors) => factors.iter().map(|(factor, _)| *factor).collect(),
-            Self::Call(_, at) | Self::Curve { at, .. } => vec![*at],
+            Self::Call(_, at) => vec![*at],
+            Self::Curve { at, .. } => at.to_vec(),
             Self::Angle { y, x } => vec![*y, *x],
             Self::Choice { smaller, larger, then, otherwise } => vec![*smaller, *larger, *then, *otherwise],
             Self::Law { arguments, .. } => arguments.to_vec(),
@@ -182,8 +185,8 @@ pub(crate) struct Graph {
     /// How many parts all nodes have together, and how many nodes were gone over.
     parts: usize,
     visits: usize,
-    /// Names of the curves, for messages.
-    pub(crate) curves: Vec<String>,
+    /// The curves' names and how many arguments each has.
+    pub(crate) curves: Vec<(String, usize)>,
 }
 
 impl Graph {

@@ -44,7 +44,8 @@ pub(crate) enum OpKind {
     Law(LawId),
     /// One derivative of a law of the arguments from the place a on, by the b arguments that stand in c, d and e.
     Partial(LawId),
-    /// The curve b at a: its value, and its derivatives into the registers e and f.
+    /// The curve b at a: its value, and its derivatives into the registers e and f. Of two arguments, a and c, the derivatives of the group with the
+    /// number d.
     Curve,
 }
 

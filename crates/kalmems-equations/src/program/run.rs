@@ -71,7 +71,10 @@ pub(crate) fn run(code: &[Instruction], r: &mut Registers, tables: &Tables) {
             }
             OpKind::Curve => {
                 let curve = tables.curves.get(usize::from(op.of[1]));
-                let [value, slope, bend] = curve.map_or([f64::NAN; 3], |curve| curve.at(r!(0)));
+                let [value, slope, bend] = match curve {
+                    Some(curve) => curve.at([r!(0), r!(2)], op.of[3].into()),
+                    None => [f64::NAN; 3],
+                };
                 r!(4) = slope;
                 r!(5) = bend;
                 value

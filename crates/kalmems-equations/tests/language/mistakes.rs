@@ -39,6 +39,21 @@ fn rate(text: &str) -> String {
     small(&format!("[derivative]\nx = '{text}'\n"))
 }
 
+/// Three states with this rate, in which `i` is the index.
+fn chain(text: &str) -> String {
+    said_of(&format!(
+        "[states]\n'x[1..3]' = 'm'\n[parameters]\nk = '3 1/s'\n[derivative]\n'x[i=1..3]' = '{text}'\n"
+    ))
+}
+
+/// A device of one state with this rate, which a surface of a length and a rate gives; and with this first row of its values.
+fn surface(text: &str, row: &str) -> String {
+    small(&format!(
+        "[inputs]\nu = '1/s'\n[tables]\nS = {{ x = [0, 1, 2, 3], y = [0, 2, 4, 8], z = [{row}, [1, 2, 3, 4], [0, 1, 2, 1], [1, 1, 0, 2]], \
+         x_unit = 'm', y_unit = '1/s', z_unit = 'm/s' }}\n[derivative]\nx = '{text}'\n"
+    ))
+}
+
 macro_rules! mistakes {
     ($($name:ident: $said:expr;)+) => {
         $(
@@ -96,6 +111,19 @@ mistakes! {
     parameter_without_a_unit: said_of("[states]\nomega = 'rad/s'\n[inputs]\nI = 'A'\n[parameters]\nJ = '2e-9 kg m^2'\nb = '1e-9 N m s'\nKt = '3e-5'\n[derivative]\nomega = '(Kt*I - b*omega)/J'\n");
     parameter_without_a_unit_below_the_bar: said_of("[states]\nx = 'V'\n[inputs]\nu = 'V'\n[parameters]\ntau = '0.002'\n[derivative]\nx = '(u - x)/tau'\n");
     parameters_without_units: said_of("[states]\nx = 'm'\n[parameters]\na = '3'\nq = '5'\n[derivative]\nx = 'a*x*exp(-q)'\n");
+
+    surface_of_one_argument: surface("S(x)", "[3, 4, 5, 6]");
+    unit_of_the_second_argument: surface("S(x, x)", "[3, 4, 5, 6]");
+    row_of_a_surface: surface("S(x, 2*rate)", "[3, 4, 5]");
+    third_derivative_of_a_surface: surface("d(d(d(S(x, u), x), u), u)*1[m/s^2]", "[3, 4, 5, 6]");
+
+    // Vectors.
+    element_beyond_a_vector: chain("k*(x[i+1] - x[i])");
+    element_below_a_vector: chain("k*(x[i] - x[i-2])");
+    index_that_is_none: chain("k*x[j]");
+    sum_without_a_range: chain("sum(j, x[j])*1[m/s]");
+    vector_twice: said_of("[states]\n'x[1..3]' = 'm'\nx_2 = 'm'\n[derivative]\n'x[1..3]' = '1[m/s]'\n");
+    range_that_falls: said_of("[states]\n'x[3..1]' = 'm'\n");
 
     // Names.
     misspelt_name: scanner("- b*omega", "- b*omga");

@@ -77,11 +77,13 @@ pub fn event_channel(named: &Named) -> SimulatedColumn {
     SimulatedColumn { meaning: name(&named.name), column: name(&format!("{}_ago_s", named.name)) }
 }
 
-/// What a reference may know: every state that is stated, but those that come round, of which a reference would have to know
+/// What a reference may know: every state that is stated and every lag, but those that come round, of which a reference would have to know
 /// the turns, and the quantities that follow from them.
 pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] {
     static KNOWN: Interner<[ValueState]> = Interner::new();
-    let states: Vec<&Named> = device.states().iter().take(device.own_states()).collect();
+    let (own, followers) = device.states().split_at(device.own_states());
+    let lags = followers.iter().filter(|named| table.lag.get(&named.name).is_some());
+    let states: Vec<&Named> = own.iter().chain(lags).collect();
     let rate_of = |named: &Named| {
         let text = table.derivative.get(&named.name)?.trim();
         states.iter().find(|state| *state.name == *text).map(|state| name(&state.name))

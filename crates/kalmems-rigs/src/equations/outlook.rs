@@ -7,7 +7,7 @@ use super::table::{EquationsTable, refused};
 use crate::config::{ConfigError, Experiment, FilterStart};
 use crate::inspect::quantity;
 use crate::outlook::{Fact, Outlook, OutlookTopic};
-use kalmems_equations::{Mode, Named};
+use kalmems_equations::{Mode, Named, vector_elements};
 use std::f64::consts::TAU;
 
 /// The outlook of an experiment.
@@ -66,9 +66,12 @@ fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigErr
         _ => None,
     });
     for values in simulated.chain(started).chain(filters().map(|filter| &filter.start_sd)) {
-        for (size, entry) in sizes.iter_mut().zip(&entries) {
-            if let Some(value) = values.get(entry.name) {
-                *size = size.max(value.value().si().abs());
+        for (key, value) in values {
+            // What a key cannot stand for is refused where the values are read.
+            for element in vector_elements(key).unwrap_or_default() {
+                if let Some(place) = entries.iter().position(|entry| entry.name == element.name) {
+                    sizes[place] = sizes[place].max(value.value().si().abs());
+                }
             }
         }
     }

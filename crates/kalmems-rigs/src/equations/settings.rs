@@ -8,8 +8,8 @@ use super::names;
 use super::oscillation::MeasuredOscillation;
 use super::table::{EquationsTable, refused};
 use crate::config::{
-    AnyValue, ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key,
-    Method, Values,
+    ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key, Method,
+    Values,
 };
 use crate::estimate::driven::combinations;
 use crate::estimate::{
@@ -17,7 +17,7 @@ use crate::estimate::{
     refuse_demodulator,
 };
 use crate::units::{Dimension, kind};
-use kalmems_equations::{Device, EquationError, Mode, modes};
+use kalmems_equations::{Device, EquationError, Mode, modes, vector_elements};
 use std::sync::Arc;
 
 /// A device with the values of its parameters, and how it moves when it is left alone.
@@ -354,23 +354,29 @@ impl EquationFilterSettings {
     }
 }
 
-/// The values of a table, of which each may be left out.
-fn some(
+/// The values of a table, of which each may be left out. A key may be that of a vector, `x[1..6]`, all of whose elements have the value then.
+pub(super) fn some(
     experiment: &Experiment,
     at: &Key,
     values: &Values,
     entries: &[ExpectedEntry],
 ) -> Result<Vec<Option<f64>>, ConfigError> {
-    if let Some(name) = values.keys().find(|name| entries.iter().all(|entry| entry.name != name.as_str())) {
-        let known = entries.iter().map(|entry| entry.name);
-        return Err(experiment.error(at.clone().child(name), ConfigFault::unknown_key(name, known)));
+    let mut all = vec![None; entries.len()];
+    for (key, value) in values {
+        let at = || at.clone().child(key);
+        let refuse = |why| experiment.error(at(), ConfigFault::Value { why });
+        for element in vector_elements(key).map_err(refuse)? {
+            let Some(place) = entries.iter().position(|entry| entry.name == element.name) else {
+                let known = entries.iter().map(|entry| entry.name);
+                return Err(experiment.error(at(), ConfigFault::unknown_key(&element.name, known)));
+            };
+            let read = experiment.value(at(), value, entries[place].kind, entries[place].sign)?;
+            if all[place].replace(read).is_some() {
+                return Err(refuse(format!("`{}` has a value already", element.name)));
+            }
+        }
     }
-    let one = |entry: &ExpectedEntry| {
-        let value: Option<&AnyValue> = values.get(entry.name);
-        let read = |value| experiment.value(at.clone().child(entry.name), value, entry.kind, entry.sign);
-        value.map(read).transpose()
-    };
-    entries.iter().map(one).collect()
+    Ok(all)
 }
 
 /// Standard deviations of all states, where those of lags and delays may be left out: they follow the others as they do when all
