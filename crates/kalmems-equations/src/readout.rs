@@ -147,6 +147,7 @@ impl ReadoutProgram {
         match self.states {
             0..=2 => self.program.stage(work, &padded::<2>(x, self.states), true),
             3..=5 => self.program.stage(work, &padded::<5>(x, self.states), true),
+            6..=16 => self.program.stage(work, &padded::<16>(x, self.states), true),
             _ => self.program.stage(work, &padded::<MOST_STATES>(x, self.states), true),
         }
         work.get(self.value)

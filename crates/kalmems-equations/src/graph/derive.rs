@@ -99,10 +99,13 @@ impl Graph {
         }
     }
 
-    /// Whether an expression can be 0 with a slope of 0: a choice stands in it, or it is made of even powers.
+    /// Whether an expression can be 0 with a slope of 0: a choice stands in it, or it is made of even powers of what moves.
     fn rests_at_zero(&self, at: NodeId) -> bool {
+        let moves = |variable| !matches!(variable, Variable::Parameter(_));
         let is_square = |id: NodeId| match self.node(id) {
-            Node::Product(factors) => factors.iter().all(|(_, power)| *power > 0 && power % 2 == 0),
+            Node::Product(factors) => {
+                factors.iter().all(|(_, power)| *power > 0 && power % 2 == 0) && self.depends(id, moves)
+            }
             _ => false,
         };
         let is_choice = |id: &NodeId| matches!(self.node(*id), Node::Choice { .. });

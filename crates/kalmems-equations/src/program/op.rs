@@ -7,7 +7,7 @@ use crate::laws::LawId;
 pub(crate) const REGISTERS: usize = 4096;
 
 /// The first registers: states, and behind them the inputs.
-pub(crate) const STATES: usize = 16;
+pub(crate) const STATES: usize = 24;
 
 /// What is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -1,4 +1,4 @@
-//! Devices of one state: everything that a device of several has, without a phase.
+//! Devices of one state, which have all that others have but a phase, and of as many states as there can be.
 
 use crate::parts::{same_bits_in_a_stream, same_bits_in_parts};
 use kalmems::config::Experiment;
@@ -196,4 +196,75 @@ fn the_time_constant_of_one_state_is_a_state_and_is_identified() {
     let found = likeliest(published(), &experiment, &Silent).unwrap();
     let of = &found.parameters[0];
     assert!((of.value - 1e-3).abs() < 4.0 * of.standard_error && of.standard_error < 1e-5, "{found:?}");
+}
+
+/// Twelve masses between springs, written as vectors, of which three are seen.
+const CHAIN: &str = r#"
+name = "chain"
+[device.equations]
+states = { "x[1..12]" = "um", "v[1..12]" = "um/s" }
+parameters = { w = "2000 rad/s", "b[1..12]" = "60 1/s" }
+measure = { near = "x[2] in um", all = "sum(i = 1..12, x[i]) in um", far = "x[9] - x[8] in um" }
+noise = { near = "1e-6[um^2]", all = "1e-5[um^2]", far = "1e-6[um^2]", "v[1..12]" = "1e2[um^2/s^3]" }
+[device.equations.derivative]
+"x[i=1..12]" = "v[i]"
+"v[1]" = "w^2*(x[2] - 2*x[1]) - b[1]*v[1]"
+"v[i=2..11]" = "w^2*(x[i-1] - 2*x[i] + x[i+1]) - b[i]*v[i]"
+"v[12]" = "w^2*(x[11] - 2*x[12]) - b[12]*v[12]"
+[simulate]
+duration = "60 ms"
+sampling_rate = "50 kHz"
+integration_rate = "200 kHz"
+seed = 3
+start = { x_3 = "1 um" }
+[simulate.drive.inputs]
+[estimate]
+skip = "10 ms"
+[[estimate.filter]]
+name = "EKF"
+method = "ekf"
+start = {}
+start_sd = { "x[1..12]" = "0.5 um", "v[1..12]" = "1 mm/s" }
+smooth = true
+[[estimate.filter]]
+name = "root"
+method = "square_root_ekf"
+start = {}
+start_sd = { "x[1..12]" = "0.5 um", "v[1..12]" = "1 mm/s" }
+"#;
+
+#[test]
+fn a_chain_of_twenty_four_states_is_simulated_estimated_and_smoothed() {
+    let (experiment, recording) = simulated(CHAIN);
+    let rig = published().rig(&experiment).unwrap();
+    let trajectories = rig.estimate(&experiment, 0, &recording, &Silent).unwrap().swap_remove(0).trajectories;
+    for trajectory in trajectories.iter().filter(|trajectory| !trajectory.key.ends_with("_smoothed")) {
+        assert_eq!(trajectory.states.len(), 24, "{}", trajectory.key);
+        let nis = trajectory.consistency(trajectory.scored(10e-3)).unwrap().mean_nis;
+        assert!((0.9..1.1).contains(&nis), "{}: {nis}", trajectory.key);
+    }
+    // A covariance and its root are the same filter, and what is smoothed claims less.
+    let state = |key: &str, name: &str| {
+        trajectories.iter().find(|trajectory| trajectory.key == key).unwrap().state(name).unwrap().clone()
+    };
+    for k in [1, 6, 12] {
+        let (a, b) = (state("ekf", &format!("x_{k}")), state("root", &format!("x_{k}")));
+        let smoothed = state("ekf_smoothed", &format!("x_{k}"));
+        for row in (0..a.mean.len()).step_by(97) {
+            assert!((a.mean[row] - b.mean[row]).abs() < 1e-5 * a.sd[row], "{k} {row}");
+            assert!(smoothed.sd[row] <= a.sd[row] * (1.0 + 1e-9), "{k} {row}");
+        }
+    }
+    // A state more, and a filter that is not compiled for so many, are refused with what there is.
+    let refused = |text: &str| {
+        let (experiment, recording) = simulated(text);
+        let estimated = published().rig(&experiment).unwrap().estimate(&experiment, 0, &recording, &Silent);
+        estimated.map(|_| ()).map_err(|why| why.to_string())
+    };
+    let more = CHAIN.replace("start = {}\n", "start = {}\nstates = { w = { start_sd = \"1 %\" } }\n");
+    assert!(refused(&more).unwrap_err().contains("24"), "{:?}", refused(&more));
+    let other = refused(&CHAIN.replace("square_root_ekf", "ukf")).unwrap_err();
+    assert!(other.contains("would have 24 states; there are filters of 1 to 12 by every method"), "{other}");
+    let from_signal = refused(&CHAIN.replace("start = {}\n", "")).unwrap_err();
+    assert!(from_signal.contains("at most 12; state `start` and `start_sd`"), "{from_signal}");
 }
