@@ -198,6 +198,39 @@ fn the_time_constant_of_one_state_is_a_state_and_is_identified() {
     assert!((of.value - 1e-3).abs() < 4.0 * of.standard_error && of.standard_error < 1e-5, "{found:?}");
 }
 
+/// What a file says of a vector is written as its elements, so that what is found of one has a place.
+#[test]
+fn an_element_of_a_vector_of_parameters_is_identified() {
+    let changes = [
+        ("states = { x = \"V\" }", "states = { \"x[1..2]\" = \"V\" }"),
+        ("interpolation = \"hold\"\n", ""),
+        (
+            "derivative = { x = \"(drive - x)/tau\" }",
+            "derivative = { \"x[i=1..2]\" = \"(drive - x[i])/tau[i]\" }",
+        ),
+        ("drive - x in V", "x[1] - 2*x[2] in V"),
+        ("{ i = \"1e-4[V^2]\", x = \"1e-2[V^2/s]\" }", "{ i = \"1e-4[V^2]\" }"),
+        ("{ tau = \"1 ms\" }", "{ \"tau[1]\" = \"1 ms\", \"tau[2]\" = \"0.3 ms\" }"),
+        ("start = { x = \"0.2 V\" }", "start = { \"x[1..2]\" = \"0.2 V\" }"),
+    ];
+    let filter = "[[estimate.filter]]\nname = \"EKF\"\nmethod = \"ekf\"\nstart = {}\nstart_sd = { \"x[1..2]\" = \"0.3 V\" }\n";
+    let text = changes.iter().fold(format!("{LAG}{filter}"), |text, (from, to)| {
+        assert!(text.contains(from), "{from}");
+        text.replace(from, to)
+    });
+    let (experiment, recording) = simulated(&text);
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("recording.csv"), written(&recording)).unwrap();
+    let told = experiment.to_toml().unwrap().replace("tau_2 = \"0.3 ms\"", "tau_2 = \"0.33 ms\"");
+    assert!(told.contains("0.33 ms"), "{told}");
+    let told = format!("{told}\n[identify]\nparameters = [\"tau_2\"]\n");
+    let experiment = published().parse(&told, &folder.path().join("experiment.toml")).unwrap();
+    let found = likeliest(published(), &experiment, &Silent).unwrap();
+    let of = &found.parameters[0];
+    assert!((of.value - 3e-4).abs() < 4.0 * of.standard_error && of.standard_error < 1e-5, "{found:?}");
+    assert!(!found.experiment.to_toml().unwrap().contains("0.33 ms"));
+}
+
 /// Twelve masses between springs, written as vectors, of which three are seen.
 const CHAIN: &str = r#"
 name = "chain"
