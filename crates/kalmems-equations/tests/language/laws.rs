@@ -235,6 +235,9 @@ fn arcs_lengths_signs_and_whole_numbers_have_their_values_and_slopes() {
     }
 }
 
+/// A law of two numbers.
+type OfTwo<'a> = &'a dyn Fn(Dual<f64, 5>, Dual<f64, 5>) -> Dual<f64, 5>;
+
 /// A surface of a product of cubics is that product, with its slopes by either argument and those of its derivative by one of them.
 #[test]
 fn a_surface_and_its_derivatives_are_those_of_the_law_that_its_points_are_of() {
@@ -258,7 +261,6 @@ fn a_surface_and_its_derivatives_are_those_of_the_law_that_its_points_are_of() {
             rows.join(", ")
         ))
     };
-    type OfTwo<'a> = &'a dyn Fn(Dual<f64, 5>, Dual<f64, 5>) -> Dual<f64, 5>;
     let slope_x = |x: Dual<f64, 5>| of(3.0) * x * x - of(2.0);
     let slope_y = |y: Dual<f64, 5>| y.twice() + of(0.3);
     let cases: [(&str, OfTwo<'_>); 4] = [

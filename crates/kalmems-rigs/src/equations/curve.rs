@@ -146,7 +146,7 @@ impl CurveTable {
         let ((x, x_unit), (y, y_unit)) = (read(x)?, read(y)?);
         let found = CurvePoints { file: None, x, y, x_unit, y_unit, ..self.points_here() };
         let Some((values, z_unit)) = z.map(|z| read(z)).transpose()? else { return Ok(found) };
-        let (x, y, z) = on_a_grid(&found.x, &found.y, &values).map_err(|why| {
+        let [x, y, z] = on_a_grid(&found.x, &found.y, &values).map_err(|why| {
             refuse(format!("the points of a surface in the file `{}` are no grid: {why}", file.display()))
         })?;
         Ok(CurvePoints { x, y, z, z_unit, ..found })
@@ -154,7 +154,7 @@ impl CurveTable {
 }
 
 /// Places along both arguments, rising, and the values row by row of equal first places, of points in any order; or what is missing.
-fn on_a_grid(x: &[f64], y: &[f64], z: &[f64]) -> Result<(Vec<f64>, Vec<f64>, Vec<f64>), String> {
+fn on_a_grid(x: &[f64], y: &[f64], z: &[f64]) -> Result<[Vec<f64>; 3], String> {
     let rising = |all: &[f64]| {
         let mut all = all.to_vec();
         all.sort_by(f64::total_cmp);
@@ -181,7 +181,7 @@ fn on_a_grid(x: &[f64], y: &[f64], z: &[f64]) -> Result<(Vec<f64>, Vec<f64>, Vec
     };
     let values: Result<Vec<f64>, String> =
         values.iter().enumerate().map(|(slot, value)| value.ok_or_else(|| missing(slot))).collect();
-    Ok((rows, columns, values?))
+    Ok([rows, columns, values?])
 }
 
 impl Serialize for SurfaceValues {
