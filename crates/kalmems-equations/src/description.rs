@@ -63,10 +63,10 @@ pub enum CurveExtension {
     Linear,
 }
 
-/// A curve through points, in SI.
+/// A curve through points, or a surface through points on a grid, in SI.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurvePoints {
-    /// Its name: a function of one argument.
+    /// Its name: a function of one argument, or of two.
     pub name: String,
     /// Where it was described.
     pub place: TextPlace,
@@ -75,12 +75,16 @@ pub struct CurvePoints {
     pub file: Option<String>,
     /// Where the points are, rising.
     pub x: Vec<f64>,
-    /// Its value at each.
+    /// Its value at each; of a surface where the points are along the second argument, rising.
     pub y: Vec<f64>,
+    /// Of a surface its values, row by row of equal x; empty of a curve.
+    pub z: Vec<f64>,
     /// The unit of the argument.
     pub x_unit: String,
-    /// The unit of the value.
+    /// The unit of the value; of a surface that of the second argument.
     pub y_unit: String,
+    /// The unit of a surface's value.
+    pub z_unit: String,
     /// What it does beyond the points.
     pub outside: CurveExtension,
 }
@@ -96,10 +100,11 @@ impl CurvePoints {
             Ok(unit) => Ok(unit.factor()),
             Err(fault) => Err(EquationError::whole(&self.place, unit, fault.into())),
         };
+        let of_z = if self.z.is_empty() { 1.0 } else { factor(&self.z_unit)? };
         let (of_x, of_y) = (factor(&self.x_unit)?, factor(&self.y_unit)?);
-        let x = self.x.iter().map(|x| x * of_x).collect();
-        let y = self.y.iter().map(|y| y * of_y).collect();
-        Ok(Self { x, y, ..self })
+        let in_si = |values: &[f64], factor: f64| values.iter().map(|value| value * factor).collect();
+        let [x, y, z] = [(&self.x, of_x), (&self.y, of_y), (&self.z, of_z)].map(|(of, by)| in_si(of, by));
+        Ok(Self { x, y, z, ..self })
     }
 }
 
@@ -126,7 +131,7 @@ pub struct Description {
     pub quantities: Vec<NamedText>,
     /// The noise of a state's rate or of a measurement, by its name.
     pub noise: Vec<NamedText>,
-    /// Curves through points.
+    /// Curves and surfaces through points.
     pub tables: Vec<CurvePoints>,
     /// Expressions that are zero where something happens.
     pub events: Vec<NamedText>,

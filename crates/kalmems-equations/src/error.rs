@@ -156,6 +156,18 @@ pub enum EquationFault {
         /// A name that is near.
         suggestion: Option<String>,
     },
+    /// An element that a vector does not have.
+    #[error("`{name}` is not defined; `{stem}` has the elements {first} to {last}")]
+    Index {
+        /// The element.
+        name: String,
+        /// The vector.
+        stem: String,
+        /// The lowest index.
+        first: u32,
+        /// The highest index.
+        last: u32,
+    },
     /// A name that cannot be used, with the reason.
     #[error("`{name}` cannot be a name here: {why}")]
     Name {

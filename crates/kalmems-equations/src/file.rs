@@ -2,6 +2,7 @@
 
 use crate::description::{CurveExtension, CurvePoints, Description, Follower, NamedText, TextPlace};
 use crate::error::{EquationError, EquationFault, nearest};
+use crate::vectors::{VectorElement, text_of_element, vector_elements};
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
 
@@ -70,13 +71,21 @@ impl Description {
             let inner = table_of(&place, value)?;
             match name {
                 "tables" => description.tables = each(name, inner, points)?,
-                "lag" => description.lag = each(name, inner, follower)?,
-                "delay" => description.delay = each(name, inner, follower)?,
+                "lag" => description.lag = followers(name, inner)?,
+                "delay" => description.delay = followers(name, inner)?,
                 _ => {
-                    let entries = ordered(inner)
-                        .into_iter()
-                        .map(|pair| entry(Some(name), pair))
-                        .collect::<Result<_, _>>()?;
+                    let mut entries = Vec::new();
+                    for pair in ordered(inner) {
+                        let written = entry(Some(name), pair)?;
+                        for element in elements(&written.place, pair.0)? {
+                            let text = of_element(&written, &element)?;
+                            entries.push(NamedText {
+                                name: element.name,
+                                text,
+                                place: written.place.clone(),
+                            });
+                        }
+                    }
                     *description.entries(name) = entries;
                 }
             }
@@ -122,6 +131,32 @@ fn table_of<'a, 'b>(
     value: &'a Spanned<DeValue<'b>>,
 ) -> Result<&'a DeTable<'b>, EquationError> {
     value.get_ref().as_table().ok_or_else(|| wrong(place, value, "a table"))
+}
+
+/// Those that a key stands for.
+fn elements(place: &TextPlace, key: &str) -> Result<Vec<VectorElement>, EquationError> {
+    vector_elements(key).map_err(|why| EquationError::whole(place, "", EquationFault::Value(why)))
+}
+
+/// The text of a key for one of those that it stands for.
+fn of_element(written: &NamedText, element: &VectorElement) -> Result<String, EquationError> {
+    text_of_element(&written.text, element)
+        .map_err(|why| EquationError::whole(&written.place, &written.text, EquationFault::Value(why)))
+}
+
+fn followers(table: &str, inner: &DeTable<'_>) -> Result<Vec<Follower>, EquationError> {
+    let mut all = Vec::new();
+    for written in each(table, inner, follower)? {
+        for element in elements(&written.of.place, &written.name)? {
+            let part = |written: &NamedText| -> Result<NamedText, EquationError> {
+                let text = of_element(written, &element)?;
+                Ok(NamedText { name: element.name.clone(), text, place: written.place.clone() })
+            };
+            let (of, time) = (part(&written.of)?, part(&written.time)?);
+            all.push(Follower { name: element.name.clone(), of, time, order: written.order });
+        }
+    }
+    Ok(all)
 }
 
 fn each<T>(
@@ -190,8 +225,8 @@ fn follower(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<Follow
 }
 
 fn points(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<CurvePoints, EquationError> {
-    let [file, x, y, x_unit, y_unit, outside] =
-        fields(place, table, ["file", "x", "y", "x_unit", "y_unit", "outside"])?;
+    let [file, x, y, z, x_unit, y_unit, z_unit, outside] =
+        fields(place, table, ["file", "x", "y", "z", "x_unit", "y_unit", "z_unit", "outside"])?;
     let text = |found: Option<TableItem<'_, '_>>| -> Result<Option<String>, EquationError> {
         found.map(|pair| entry(Some(&place.key), pair).map(|entry| entry.text)).transpose()
     };
@@ -208,8 +243,8 @@ fn points(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<CurvePoi
     };
     let file = text(file)?;
     if file.is_some() {
-        let units = [text(x_unit)?, text(y_unit)?].map(Option::unwrap_or_default);
-        let [x_unit, y_unit] = units;
+        let units = [text(x_unit)?, text(y_unit)?, text(z_unit)?].map(Option::unwrap_or_default);
+        let [x_unit, y_unit, z_unit] = units;
         let name = name.to_owned();
         return Ok(CurvePoints {
             name,
@@ -217,14 +252,22 @@ fn points(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<CurvePoi
             file,
             x: vec![],
             y: vec![],
+            z: vec![],
             x_unit,
             y_unit,
+            z_unit,
             outside,
         });
     }
     let (x, y) = (numbers(place, needed(place, "x", x)?)?, numbers(place, needed(place, "y", y)?)?);
     let x_unit = entry(Some(&place.key), needed(place, "x_unit", x_unit)?)?;
     let y_unit = entry(Some(&place.key), needed(place, "y_unit", y_unit)?)?;
+    let (z, z_unit) = match z {
+        None => (Vec::new(), String::new()),
+        Some(z) => {
+            (grid(place, z, y.len())?, entry(Some(&place.key), needed(place, "z_unit", z_unit)?)?.text)
+        }
+    };
     CurvePoints {
         name: name.to_owned(),
         place: place.clone(),
@@ -233,9 +276,34 @@ fn points(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<CurvePoi
         y,
         x_unit: x_unit.text,
         y_unit: y_unit.text,
+        z,
+        z_unit,
         outside,
     }
     .in_si()
+}
+
+/// The rows of a surface, each with as many numbers as there are places along the second argument.
+fn grid(
+    place: &TextPlace,
+    (_, _, value): TableItem<'_, '_>,
+    columns: usize,
+) -> Result<Vec<f64>, EquationError> {
+    let rows = value.get_ref().as_array().ok_or_else(|| wrong(place, value, "a list of rows of numbers"))?;
+    let mut all = Vec::new();
+    for (index, row) in rows.iter().enumerate() {
+        let row = numbers(place, ("z", 0, row))?;
+        if row.len() != columns {
+            let why = format!(
+                "row {} of `z` has {} numbers; expected {columns}, one for each `y`",
+                index + 1,
+                row.len()
+            );
+            return Err(EquationError::whole(place, "", EquationFault::Value(why)));
+        }
+        all.extend(row);
+    }
+    Ok(all)
 }
 
 fn numbers(place: &TextPlace, (_, _, value): TableItem<'_, '_>) -> Result<Vec<f64>, EquationError> {

@@ -66,6 +66,7 @@ mod symmetry;
 mod syntax;
 mod table_end;
 mod typeset;
+mod vectors;
 
 pub use description::{CurveExtension, CurvePoints, Description, Follower, NamedText, TextPlace};
 pub use device::{Device, Named, NoiseKind, Parameter};
@@ -80,3 +81,4 @@ pub use motion::{MOST_STATES, Motion, StepTables};
 pub use program::ProgramNumbers;
 pub use readout::{Reading, ReadoutProgram};
 pub use table_end::LeftTable;
+pub use vectors::{VectorElement, text_of_element, vector_elements};

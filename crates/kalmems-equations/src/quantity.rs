@@ -18,6 +18,8 @@ pub(crate) enum UnitKnowledge {
 }
 
 const RADIAN: Dimension = Dimension::of([0, 0, 0, 0, 0, 1]);
+/// The unit of an angle.
+pub(crate) const ANGLE: UnitKnowledge = UnitKnowledge::Exact(RADIAN);
 
 impl UnitKnowledge {
     pub(crate) const PLAIN: Self = Self::Exact(Dimension::NONE);

@@ -166,6 +166,7 @@ impl ReadoutProgram {
         match self.states {
             0..=2 => self.stage::<2, LINEAR>(work, x),
             3..=5 => self.stage::<5, LINEAR>(work, x),
+            6..=16 => self.stage::<16, LINEAR>(work, x),
             _ => self.stage::<MOST_STATES, LINEAR>(work, x),
         }
         work.get(self.value)

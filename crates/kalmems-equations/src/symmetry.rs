@@ -159,7 +159,14 @@ impl Parities {
             }),
             Node::Call(function, at) => match (self.get(*at), function) {
                 (Parity::Even, _) | (Parity::Odd, Function::Cos) => Parity::Even,
-                (Parity::Odd, Function::Sin | Function::Tanh | Function::Atanh) => Parity::Odd,
+                (
+                    Parity::Odd,
+                    Function::Sin | Function::Tanh | Function::Atanh | Function::Atan | Function::Asin,
+                ) => Parity::Odd,
+                _ => Parity::Neither,
+            },
+            Node::Angle { y, x } => match (self.get(*y), self.get(*x)) {
+                (of, Parity::Even) => of,
                 _ => Parity::Neither,
             },
             Node::Choice { smaller, larger, then, otherwise } => {
@@ -174,25 +181,31 @@ impl Parities {
                     other => other,
                 }
             }
-            Node::Curve { at, .. } => match self.get(*at) {
-                Parity::Even => Parity::Even,
-                _ => Parity::Neither,
-            },
+            Node::Curve { at, .. } if at.iter().all(|at| self.get(*at) == Parity::Even) => Parity::Even,
+            Node::Curve { .. } => Parity::Neither,
         }
     }
 
     /// Of `then` where a < b and `otherwise` elsewhere. Where both sides of the comparison change their signs it turns round, so that each
-    /// part stands in for the other.
+    /// part stands in for the other; a third one, where the two sides are equal, stays.
     fn of_choice(&self, graph: &mut Graph, compared: [NodeId; 2], parts: [NodeId; 2]) -> Parity {
         let [then, otherwise] = parts;
-        let of_parts = [self.get(then), self.get(otherwise)];
         let is_odd = |id: NodeId| id == Graph::ZERO || self.get(id) == Parity::Odd;
         if compared.iter().all(|id| self.get(*id) == Parity::Even) {
+            let of_parts = [self.get(then), self.get(otherwise)];
             return if of_parts[0] == of_parts[1] { of_parts[0] } else { Parity::Neither };
         }
         if !compared.iter().all(|id| is_odd(*id)) {
             return Parity::Neither;
         }
+        if let Node::Choice { smaller, larger, then: greater, otherwise: equal } = *graph.node(otherwise)
+            && [larger, smaller] == compared
+        {
+            let of_ends = self.of_choice(graph, compared, [then, greater]);
+            let stays = equal == Graph::ZERO || self.get(equal) == of_ends;
+            return if stays { of_ends } else { Parity::Neither };
+        }
+        let of_parts = [self.get(then), self.get(otherwise)];
         let opposite = graph.scaled(-1.0, then) == otherwise;
         match of_parts {
             [Parity::Odd, Parity::Odd] if opposite => Parity::Even,

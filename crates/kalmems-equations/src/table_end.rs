@@ -47,7 +47,7 @@ impl Device {
     ) -> Result<Option<LeftTable>, EquationError> {
         let roots: Vec<NodeId> =
             self.rates.iter().chain(&self.readings).chain(&self.crossings).copied().collect();
-        let asked: Vec<(usize, NodeId)> = (self.graph.below(&roots).into_iter())
+        let asked: Vec<(usize, usize, NodeId)> = (self.graph.below(&roots).into_iter())
             .filter_map(|id| match self.graph.node(id) {
                 Node::Curve { curve, at, .. } => Some((*curve, *at)),
                 _ => None,
@@ -55,11 +55,15 @@ impl Device {
             .filter(|(curve, _)| {
                 self.curves.get(*curve).is_some_and(|curve| curve.outside() == CurveExtension::Error)
             })
+            .flat_map(|(curve, at)| {
+                let along = self.curves[curve].places().len();
+                at.into_iter().take(along).enumerate().map(move |(argument, at)| (curve, argument, at))
+            })
             .collect();
         if asked.is_empty() {
             return Ok(None);
         }
-        let nodes: Vec<NodeId> = asked.iter().map(|(_, at)| *at).collect();
+        let nodes: Vec<NodeId> = asked.iter().map(|(.., at)| *at).collect();
         let program = self.program(&mut self.graph.clone(), &nodes, &[], "tables")?;
         let mut work = program.work(values);
         let motion = self.motion(&[])?;
@@ -69,11 +73,12 @@ impl Device {
             let at: Vec<f64> = state.iter().zip(&rates).map(|(x, rate)| x + share * step_s * rate).collect();
             Program::set_inputs(&mut work, inputs);
             program.stage(&mut work, &padded::<MOST_STATES>(&at, at.len()), true);
-            for ((curve, _), register) in asked.iter().zip(program.outputs()) {
-                let (middle, half, _) = self.curves[*curve].extent();
-                let (found, ends) = (work.get(*register), [middle - half, middle + half]);
+            for ((curve, argument, _), register) in asked.iter().zip(program.outputs()) {
+                let ([middle, half], found) =
+                    (self.curves[*curve].extent().0[*argument], work.get(*register));
+                let ends = [middle - half, middle + half];
                 if !(ends[0]..=ends[1]).contains(&found) {
-                    let name = self.graph.curves.get(*curve).cloned().unwrap_or_default();
+                    let (name, _) = self.graph.curves.get(*curve).cloned().unwrap_or_default();
                     return Ok(Some(LeftTable { name, at: found, ends }));
                 }
             }

@@ -36,9 +36,11 @@ impl Device {
     }
 }
 
-/// How tightly what was written holds together, from sums to names.
+/// How tightly what was written holds together, from conditions that `or` joins to names.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum Precedence {
+    Either,
+    Both,
     Sum,
     Product,
     Power,
@@ -117,16 +119,31 @@ fn expression(text: &ParsedText) -> String {
                 match function {
                     "sqrt" => (format!("√({first})"), Precedence::Power),
                     "abs" => (format!("|{first}|"), Precedence::Whole),
+                    "floor" => (format!("⌊{first}⌋"), Precedence::Whole),
                     "exp" => (format!("exp({first})"), Precedence::Power),
-                    "sin" | "cos" | "tan" | "ln" if first.chars().all(is_of_name) => {
+                    "sin" | "cos" | "tan" | "ln" | "asin" | "acos" | "atan"
+                        if first.chars().all(is_of_name) =>
+                    {
                         (format!("{function} {first}"), Precedence::Power)
                     }
                     _ => (format!("{function}({})", arguments.join(", ")), Precedence::Power),
                 }
             }
-            TermForm::Choice { smaller, larger, then, otherwise } => {
-                let [a, b, x, y] = [smaller, larger, then, otherwise].map(|id| at(id).0);
-                (format!("{{{x} if {a} < {b}, {y} else}}"), Precedence::Whole)
+            TermForm::Comparison { smaller, larger } => {
+                (format!("{} < {}", at(smaller).0, at(larger).0), Precedence::Sum)
+            }
+            TermForm::All(of) => {
+                let parts: Vec<String> = of.iter().map(|id| within(id, Precedence::Both)).collect();
+                (parts.join(" and "), Precedence::Both)
+            }
+            TermForm::Any(of) => {
+                let parts: Vec<String> = of.iter().map(|id| at(id).0).collect();
+                (parts.join(" or "), Precedence::Either)
+            }
+            TermForm::Not(of) => (format!("not {}", within(of, Precedence::Sum)), Precedence::Both),
+            TermForm::Choice { condition, then, otherwise } => {
+                let [condition, x, y] = [condition, then, otherwise].map(|id| at(id).0);
+                (format!("{{{x} if {condition}, {y} else}}"), Precedence::Whole)
             }
             TermForm::Partial { of, by } => {
                 (format!("∂{}/∂{}", within(of, Precedence::Whole), name(text.word(by))), Precedence::Power)

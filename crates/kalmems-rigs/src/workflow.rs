@@ -105,6 +105,7 @@ pub fn estimate(
         require(experiment, &described.file, key.clone().child("file"))?;
         if let Some(reference) = &described.reference {
             require(experiment, reference.file(described), key.child("reference").child("file"))?;
+            ReferenceRecording::check(experiment, *index, &rig.reference(experiment)?)?;
         }
     }
     let mut recordings = Vec::new();

@@ -25,6 +25,11 @@ impl Kind {
             dimension.without_angle() == self.dimension.without_angle()
         }
     }
+
+    /// What a difference or a standard deviation of such values is.
+    pub fn deviation(&'static self) -> &'static Self {
+        if *self == TEMPERATURE { &TEMPERATURE_CHANGE } else { self }
+    }
 }
 
 impl fmt::Display for Kind {

@@ -200,6 +200,17 @@ pub struct FilterKind {
 }
 
 impl FilterKind {
+    /// The same of more states than [`MOST_OF_EVERY_METHOD`]; `None` for a method that is not compiled for so many.
+    fn of_many<const N: usize>(self, known: &MeanAndCovariance) -> Option<Box<dyn StateFilter<N>>> {
+        let Gaussian { mean, covariance } = known.gaussian::<N>();
+        match self.method {
+            Method::Model => Some(Box::new(ModelAlone::new(mean))),
+            Method::SquareRootEkf => Some(Box::new(SquareRootEkf::new(mean, covariance))),
+            Method::Ekf | Method::EulerEkf | Method::HybridEkf => Some(Box::new(Ekf::new(mean, covariance))),
+            _ => None,
+        }
+    }
+
     /// From this mean and covariance; the extended filter for a method that is a matter of the process and not of the filter.
     fn from<const N: usize>(self, known: &MeanAndCovariance) -> Box<dyn StateFilter<N>> {
         let Gaussian { mean, covariance } = known.gaussian::<N>();
@@ -259,11 +270,14 @@ pub fn butterworth(order: usize, corner: f64) -> impl Iterator<Item = Pole<f64>>
     pairs.chain((order % 2 == 1).then_some(Pole::Real(-corner)))
 }
 
-/// What is written out for each number of states: the filters of the core know theirs when they are compiled.
+/// What is written out for each number of states: the filters of the core know theirs when they are compiled, those of many states for a few
+/// methods alone.
 macro_rules! for_each_size {
-    ($($variant:ident $states:literal)*) => {
+    ($($variant:ident $states:literal)* ; $($large:ident $many:literal)*) => {
+        /// The most states that a filter by any method can have.
+        pub const MOST_OF_EVERY_METHOD: usize = { let sizes = [$($states),*]; sizes[sizes.len() - 1] };
         /// The most states that a filter can have.
-        pub const MOST_STATES: usize = { let sizes = [$($states),*]; sizes[sizes.len() - 1] };
+        pub const MOST_STATES: usize = { let sizes = [$($many),*]; sizes[sizes.len() - 1] };
 
         /// A filter of as many states as there are.
         pub enum AnyFilter {
@@ -271,12 +285,23 @@ macro_rules! for_each_size {
                 #[doc = concat!("Of ", stringify!($states), ".")]
                 $variant(Box<dyn StateFilter<$states>>),
             )*
+            $(
+                #[doc = concat!("Of ", stringify!($many), ".")]
+                $large(Box<dyn StateFilter<$many>>),
+            )*
         }
 
         $(
             impl From<Box<dyn StateFilter<$states>>> for AnyFilter {
                 fn from(filter: Box<dyn StateFilter<$states>>) -> Self {
                     Self::$variant(filter)
+                }
+            }
+        )*
+        $(
+            impl From<Box<dyn StateFilter<$many>>> for AnyFilter {
+                fn from(filter: Box<dyn StateFilter<$many>>) -> Self {
+                    Self::$large(filter)
                 }
             }
         )*
@@ -291,11 +316,12 @@ macro_rules! for_each_size {
                 filter.into()
             }
 
-            /// The filter of a kind, from this mean and covariance; `None` for more states than [`MOST_STATES`], and for fewer
-            /// than two.
+            /// The filter of a kind, from this mean and covariance; `None` for no states, for more than [`MOST_STATES`], and
+            /// for a method that has no filter of so many.
             pub fn of(kind: FilterKind, known: &MeanAndCovariance) -> Option<Self> {
                 match known.mean.len() {
                     $($states => Some(Self::$variant(kind.from::<$states>(known))),)*
+                    $($many => kind.of_many::<$many>(known).map(Self::$large),)*
                     _ => None,
                 }
             }
@@ -309,7 +335,7 @@ macro_rules! for_each_size {
                 match start.mean.len() {
                     $($states => constant_gain::<$states>(gain, at, start, (transition, sensor, variance))
                         .map(|filter| Self::$variant(Box::new(filter))),)*
-                    states => Err(format!("there are no filters of {states} states")),
+                    states => Err(format!("there is no constant gain of {states} states")),
                 }
             }
 
@@ -322,7 +348,7 @@ macro_rules! for_each_size {
                 match start.mean.len() {
                     $($states => constant_gain::<$states>(gain, at, start, (transition, sensor, variance))
                         .map(|filter| filter.gain().to_vec()),)*
-                    states => Err(format!("there are no filters of {states} states")),
+                    states => Err(format!("there is no constant gain of {states} states")),
                 }
             }
 
@@ -330,6 +356,7 @@ macro_rules! for_each_size {
             pub(super) fn on_its_way(self, watch: SampleGate) -> Box<dyn Filtering + Send> {
                 match self {
                     $(Self::$variant(filter) => Box::new(LinkedFilter::<$states>::new(filter, watch)),)*
+                    $(Self::$large(filter) => Box::new(LinkedFilter::<$many>::new(filter, watch)),)*
                 }
             }
 
@@ -339,6 +366,9 @@ macro_rules! for_each_size {
                     $(Self::$variant(filter) => {
                         Box::new(LinkedFilter::<$states>::new(filter, watch).watching_steps(false))
                     })*
+                    $(Self::$large(filter) => {
+                        Box::new(LinkedFilter::<$many>::new(filter, watch).watching_steps(false))
+                    })*
                 }
             }
 
@@ -346,10 +376,13 @@ macro_rules! for_each_size {
             pub(super) fn run(self, begun: FilterRunStart) -> Result<Box<dyn AnswerRun>, FilterError> {
                 match self {
                     $(Self::$variant(filter) => begun.of::<$states>(filter),)*
+                    $(Self::$large(filter) => begun.of::<$many>(filter),)*
                 }
             }
         }
     };
 }
 
-for_each_size!(Two 2 Three 3 Four 4 Five 5 Six 6 Seven 7 Eight 8 Nine 9 Ten 10 Eleven 11 Twelve 12);
+for_each_size!(One 1 Two 2 Three 3 Four 4 Five 5 Six 6 Seven 7 Eight 8 Nine 9 Ten 10 Eleven 11 Twelve 12;
+    Thirteen 13 Fourteen 14 Fifteen 15 Sixteen 16 Seventeen 17 Eighteen 18 Nineteen 19 Twenty 20 TwentyOne 21 TwentyTwo 22
+    TwentyThree 23 TwentyFour 24);

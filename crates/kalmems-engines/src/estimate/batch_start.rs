@@ -3,7 +3,7 @@
 use super::engine::{Course, Filtering};
 use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::transition::{Sensor, SensorMeasurement, Transition};
-use super::{MOST_STATES, MeanAndCovariance, SampleCounts};
+use super::{MeanAndCovariance, SampleCounts};
 use crate::fit::{Fit, FitSettings, Regression, fit, outliers};
 use kalmems_core::Portable;
 use kalmems_core::update::Gate;
@@ -65,10 +65,19 @@ pub enum NoBatchStart {
     NotFitted,
     /// The samples say nothing of these states, by their places.
     Undetermined(Vec<usize>),
+    /// More states than a start from the signal can have.
+    TooManyStates {
+        /// How many.
+        states: usize,
+        /// The most.
+        most: usize,
+    },
     /// Two starts explain the samples equally well.
     Ambiguous([Vec<f64>; 2]),
 }
 
+/// The most states of a start from the signal: its search takes time with their square, whether they are there or not.
+const MOST_STARTED: usize = 12;
 /// Phases of each free oscillation that are tried.
 const PHASES: u32 = 8;
 /// Seeds that are followed to their minimum.
@@ -101,6 +110,10 @@ pub fn batch_start(
     rows: Range<usize>,
     search: &StartSearch,
 ) -> Result<BatchStart, NoBatchStart> {
+    let states = search.prior.len();
+    if states > MOST_STARTED {
+        return Err(NoBatchStart::TooManyStates { states, most: MOST_STARTED });
+    }
     let mut batch = StartBatch { course: RefCell::new(course), rows, search, left_out: Vec::new() };
     let (mut found, mut fits) = batch.minima()?;
     for _ in 0..ROUNDS {
@@ -154,7 +167,7 @@ struct StartBatch<'a> {
     left_out: Vec<bool>,
 }
 
-type StartDeviations = [f64; MOST_STATES];
+type StartDeviations = [f64; MOST_STARTED];
 
 /// What the samples leave at a start, and how that changes with it.
 struct LinearizedSamples {
@@ -185,7 +198,7 @@ impl LinearizedSamples {
 #[allow(clippy::needless_range_loop)] // for each sample
 fn along(slopes: &StartDeviations, by: &StartDeviations) -> f64 {
     let mut sum = 0.0;
-    for i in 0..MOST_STATES {
+    for i in 0..MOST_STARTED {
         sum += slopes[i] * by[i];
     }
     sum
@@ -193,19 +206,19 @@ fn along(slopes: &StartDeviations, by: &StartDeviations) -> f64 {
 
 impl StartBatch<'_> {
     fn states(&self) -> usize {
-        self.search.prior.len().min(MOST_STATES)
+        self.search.prior.len().min(MOST_STARTED)
     }
 
     /// The best minimum, and all of them.
-    fn minima(&self) -> Result<(Fit<MOST_STATES>, Vec<Fit<MOST_STATES>>), NoBatchStart> {
+    fn minima(&self) -> Result<(Fit<MOST_STARTED>, Vec<Fit<MOST_STARTED>>), NoBatchStart> {
         if let Some(found) = self.only_minimum() {
             return Ok((found.clone(), vec![found]));
         }
-        let mut fits: Vec<Fit<MOST_STATES>> = Vec::new();
+        let mut fits: Vec<Fit<MOST_STARTED>> = Vec::new();
         for seed in self.seeds() {
             fits.extend(self.follow(seed));
         }
-        let best = |fits: &[Fit<MOST_STATES>]| {
+        let best = |fits: &[Fit<MOST_STARTED>]| {
             fits.iter().min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares)).cloned()
         };
         let found = best(&fits).ok_or(NoBatchStart::NotFitted)?;
@@ -219,7 +232,7 @@ impl StartBatch<'_> {
 
     /// The minimum that rest leads to, where what is predicted is so nearly linear in the start, as far as the motion reaches, that there is no
     /// other: at rest, at two phases of each free oscillation as large as the signal asks for, and where some states have the other sign.
-    fn only_minimum(&self) -> Option<Fit<MOST_STATES>> {
+    fn only_minimum(&self) -> Option<Fit<MOST_STARTED>> {
         if !self.search.periods.is_empty() {
             return None;
         }
@@ -266,7 +279,7 @@ impl StartBatch<'_> {
         std::array::from_fn(|i| self.search.prior.get(i).map_or(0.0, |prior| prior.mean))
     }
 
-    fn free(&self) -> [bool; MOST_STATES] {
+    fn free(&self) -> [bool; MOST_STARTED] {
         std::array::from_fn(|i| self.search.prior.get(i).is_some_and(|prior| prior.sd != Some(0.0)))
     }
 
@@ -288,9 +301,9 @@ impl StartBatch<'_> {
             course.correct(&mut filter, k, &mut counts)?;
             filter.residuals.drain(..).for_each(|(residual, gradient)| each(residual, &gradient));
         }
-        for (i, prior) in self.search.prior.iter().enumerate().take(MOST_STATES) {
+        for (i, prior) in self.search.prior.iter().enumerate().take(MOST_STARTED) {
             if let Some(sd) = prior.sd.filter(|sd| *sd > 0.0) {
-                let mut gradient = [0.0; MOST_STATES];
+                let mut gradient = [0.0; MOST_STARTED];
                 gradient[i] = sd.recip();
                 each((start[i] - prior.mean) / sd, &gradient);
             }
@@ -377,11 +390,11 @@ impl StartBatch<'_> {
     }
 
     /// The minimum that a seed leads to.
-    fn follow(&self, seed: StartDeviations) -> Option<Fit<MOST_STATES>> {
+    fn follow(&self, seed: StartDeviations) -> Option<Fit<MOST_STARTED>> {
         fit(self, &self.settings(seed)).ok()
     }
 
-    fn settings(&self, seed: StartDeviations) -> FitSettings<MOST_STATES> {
+    fn settings(&self, seed: StartDeviations) -> FitSettings<MOST_STARTED> {
         FitSettings {
             free: self.free(),
             tolerance: 1e-10,
@@ -395,7 +408,7 @@ impl StartBatch<'_> {
         let rest = self.rest();
         let turned = |groups: &[Vec<usize>]| {
             let mut start = *found;
-            for i in groups.iter().flatten().filter(|i| **i < MOST_STATES) {
+            for i in groups.iter().flatten().filter(|i| **i < MOST_STARTED) {
                 start[*i] = 2.0 * rest[*i] - found[*i];
             }
             start
@@ -407,14 +420,14 @@ impl StartBatch<'_> {
     }
 
     /// Refuses a start that the samples do not determine.
-    fn judge(&self, found: &Fit<MOST_STATES>, all: &[Fit<MOST_STATES>]) -> Result<(), NoBatchStart> {
+    fn judge(&self, found: &Fit<MOST_STARTED>, all: &[Fit<MOST_STARTED>]) -> Result<(), NoBatchStart> {
         if !found.undetermined.is_empty() {
             const COUNTS: f64 = 0.3;
             let lost = |i: &usize| found.undetermined.iter().any(|way| way.parts[*i].abs() > COUNTS);
             return Err(NoBatchStart::Undetermined((0..self.states()).filter(lost).collect()));
         }
         let scale = widening(found);
-        let is_other_than = |start: &StartDeviations, other: &Fit<MOST_STATES>| {
+        let is_other_than = |start: &StartDeviations, other: &Fit<MOST_STARTED>| {
             let apart = |i: usize| {
                 let mut apart = other.parameters[i] - start[i];
                 if let Some((_, period)) = self.search.periods.iter().find(|(state, _)| *state == i) {
@@ -426,7 +439,7 @@ impl StartBatch<'_> {
             (0..self.states()).any(apart)
         };
         let images = if self.search.is_symmetric { self.mirrored(&found.parameters) } else { Vec::new() };
-        let is_another = |other: &&Fit<MOST_STATES>| {
+        let is_another = |other: &&Fit<MOST_STARTED>| {
             let alike = other.sum_of_squares - found.sum_of_squares < ALIKE * scale;
             alike
                 && is_other_than(&found.parameters, other)
@@ -434,7 +447,7 @@ impl StartBatch<'_> {
         };
         match all.iter().find(is_another) {
             Some(other) => {
-                let of = |fit: &Fit<MOST_STATES>| fit.parameters[..self.states()].to_vec();
+                let of = |fit: &Fit<MOST_STARTED>| fit.parameters[..self.states()].to_vec();
                 Err(NoBatchStart::Ambiguous([of(found), of(other)]))
             }
             None => Ok(()),
@@ -442,7 +455,7 @@ impl StartBatch<'_> {
     }
 
     /// The start, and what is known behind the rows.
-    fn concluded(&self, found: &Fit<MOST_STATES>) -> Result<BatchStart, NoBatchStart> {
+    fn concluded(&self, found: &Fit<MOST_STARTED>) -> Result<BatchStart, NoBatchStart> {
         let n = self.states();
         let mut start = found.parameters;
         for (state, period) in &self.search.periods {
@@ -484,19 +497,19 @@ impl StartBatch<'_> {
 }
 
 /// By how much the residuals are larger than the noise that is stated, where that is not chance; else 1.
-fn widening(found: &Fit<MOST_STATES>) -> f64 {
+fn widening(found: &Fit<MOST_STARTED>) -> f64 {
     let degrees = found.degrees_of_freedom.max(1) as f64;
     let mean_square = found.sum_of_squares / degrees;
     if mean_square > 1.0 + 4.0 * (2.0 / degrees).sqrt() { mean_square } else { 1.0 }
 }
 
 /// The covariance of the start, which a fit gives for residuals of the size that they have.
-fn covariance(found: &Fit<MOST_STATES>, i: usize, j: usize) -> f64 {
+fn covariance(found: &Fit<MOST_STARTED>, i: usize, j: usize) -> f64 {
     let mean_square = found.sum_of_squares / found.degrees_of_freedom.max(1) as f64;
     if mean_square > 0.0 { found.covariance.get(i, j) * widening(found) / mean_square } else { 0.0 }
 }
 
-fn deviation(found: &Fit<MOST_STATES>, i: usize) -> f64 {
+fn deviation(found: &Fit<MOST_STARTED>, i: usize) -> f64 {
     covariance(found, i, i).sqrt()
 }
 
@@ -514,7 +527,7 @@ fn oscillating(
     })
 }
 
-impl Regression<MOST_STATES> for StartBatch<'_> {
+impl Regression<MOST_STARTED> for StartBatch<'_> {
     fn residuals(&self, start: &StartDeviations, each: &mut impl FnMut(f64)) {
         if self.led(start, false, &mut |residual, _| each(residual)).is_err() {
             each(f64::NAN);
@@ -523,7 +536,7 @@ impl Regression<MOST_STATES> for StartBatch<'_> {
 
     fn linearize(&self, start: &StartDeviations, each: &mut impl FnMut(f64, &StartDeviations)) {
         if self.led(start, true, &mut |residual, gradient| each(residual, gradient)).is_err() {
-            each(f64::NAN, &[f64::NAN; MOST_STATES]);
+            each(f64::NAN, &[f64::NAN; MOST_STARTED]);
         }
     }
 }
@@ -661,9 +674,9 @@ impl Filtering for FromKnown<'_> {
         }
         let sd = total.sqrt();
         // H·Φ, and what it makes of the residual.
-        let (mut gradient, mut of_residual) = ([0.0; MOST_STATES], [0.0; MOST_STATES]);
+        let (mut gradient, mut of_residual) = ([0.0; MOST_STARTED], [0.0; MOST_STARTED]);
         if self.derivatives {
-            for j in 0..n.min(MOST_STATES) {
+            for j in 0..n.min(MOST_STARTED) {
                 for k in 0..n {
                     gradient[j] += self.slopes[k] * self.sensitivity[k * n + j];
                 }
@@ -681,7 +694,7 @@ impl Filtering for FromKnown<'_> {
                 let gain = self.next[i] / total;
                 self.mean[i] += gain * residual;
                 if self.derivatives {
-                    for j in 0..n.min(MOST_STATES) {
+                    for j in 0..n.min(MOST_STARTED) {
                         self.sensitivity[i * n + j] -= gain * gradient[j];
                     }
                 }

@@ -1,6 +1,6 @@
 //! Why a recording cannot be estimated.
 
-use super::MOST_STATES;
+use super::{MOST_OF_EVERY_METHOD, MOST_STATES};
 use crate::config::ConfigError;
 use crate::recording::{Finding, FindingKind, ReadError, unusable_signal};
 use kalmems_figures::number;
@@ -151,8 +151,9 @@ pub enum EstimateError {
     },
     /// There is no filter of so many states.
     #[error(
-        "the filter `{filter}` would have {states} states, and there are filters of 2 to {MOST_STATES}; leave out some of \
-         those in `states`"
+        "the filter `{filter}` would have {states} states; there are filters of 1 to {MOST_OF_EVERY_METHOD} by every method, and of up to \
+         {MOST_STATES} by `model`, `ekf`, `euler_ekf`, `hybrid_ekf` and `square_root_ekf`; leave out some of those in `states`, or take one of \
+         these methods"
     )]
     TooManyStates {
         /// The filter.

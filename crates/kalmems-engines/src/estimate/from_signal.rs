@@ -193,6 +193,9 @@ impl NoBatchStart {
                     names.join(" and ")
                 )
             }
+            Self::TooManyStates { states, most } => format!(
+                "it would have {states} states, and a start from the signal is found for at most {most}; state `start` and `start_sd`"
+            ),
             Self::Ambiguous(both) => {
                 let text = |start: &Vec<f64>| {
                     let each: Vec<String> = (start.iter().zip(&states).take(own).enumerate())

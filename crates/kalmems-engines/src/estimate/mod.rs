@@ -38,7 +38,9 @@ mod trajectory;
 mod transition;
 
 pub use answers::{SampleSelection, answers, follow};
-pub use any_filter::{AnyFilter, FilterKind, MOST_STATES, MeanAndCovariance, StateFilter, butterworth};
+pub use any_filter::{
+    AnyFilter, FilterKind, MOST_OF_EVERY_METHOD, MOST_STATES, MeanAndCovariance, StateFilter, butterworth,
+};
 pub use bank::{MOST_MODELS, answers_of_bank};
 pub use batch_start::{BatchStart, NoBatchStart, StartSearch, StatePrior, batch_start};
 pub use bridge::{Bridge, MOST_STEPS};

@@ -103,6 +103,15 @@ impl ReferenceRecording {
         })
     }
 
+    /// Refuses a reference that names what no reference of the device can know, without opening it.
+    pub fn check(
+        experiment: &Experiment,
+        index: usize,
+        known: &ReferenceChannels,
+    ) -> Result<(), ReferenceError> {
+        ReferenceColumns::of(experiment, index, known).map(|_| ())
+    }
+
     /// The same, with another way to read the file.
     pub fn read_by(
         experiment: &Experiment,

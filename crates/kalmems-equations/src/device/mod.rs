@@ -5,6 +5,7 @@ mod constants;
 mod followers;
 mod names;
 mod operations;
+mod plain_parameters;
 mod read;
 mod resolve;
 mod turns;

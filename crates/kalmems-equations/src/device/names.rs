@@ -5,6 +5,7 @@ use crate::error::{EquationError, EquationFault, nearest};
 use crate::laws;
 use crate::limits::MOST_NAMES;
 use crate::syntax::{self, SyntaxTree, is_first_of_name, is_of_name};
+use crate::vectors::written_out;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -17,10 +18,10 @@ pub(crate) struct ParsedText {
 
 impl ParsedText {
     pub(crate) fn read(entry: &NamedText) -> Result<Arc<Self>, EquationError> {
-        match syntax::parse(&entry.text) {
-            Ok(tree) => Ok(Arc::new(Self { entry: entry.clone(), tree })),
-            Err((span, fault)) => Err(EquationError::new(&entry.place, &entry.text, span, fault)),
-        }
+        let wrong = |text: &str, (span, fault)| EquationError::new(&entry.place, text, span, fault);
+        let text = written_out(&entry.text).map_err(|failure| wrong(&entry.text, failure))?;
+        let tree = syntax::parse(&text).map_err(|failure| wrong(&text, failure))?;
+        Ok(Arc::new(Self { entry: NamedText { text: text.into_owned(), ..entry.clone() }, tree }))
     }
 
     pub(crate) fn error(&self, span: &std::ops::Range<usize>, fault: EquationFault) -> EquationError {
@@ -52,7 +53,7 @@ pub(crate) enum Meaning {
     /// An expression a while ago, by its place among the delays.
     Delay(usize),
     Function(Arc<Formula>),
-    /// A curve of one argument.
+    /// A curve of one argument or of two.
     Curve(usize),
 }
 
@@ -66,14 +67,19 @@ impl Meaning {
             Self::Let(_) => "a named expression",
             Self::Delay(_) => "a delayed expression",
             Self::Function(_) => "a function",
-            Self::Curve(_) => "a curve, which is a function of one argument",
+            Self::Curve(_) => "a curve, which is a function of its arguments",
         }
     }
 }
 
 /// Functions of the language that are neither laws nor formulas.
-pub(crate) const BUILT_IN: [&str; 15] =
-    ["sqrt", "exp", "ln", "sin", "cos", "tan", "tanh", "atanh", "abs", "min", "max", "if", "d", "ddt", "in"];
+pub(crate) const BUILT_IN: [&str; 22] = [
+    "sqrt", "exp", "ln", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "tanh", "atanh", "abs",
+    "sign", "floor", "hypot", "min", "max", "if", "d", "ddt", "in",
+];
+
+/// Words of the language that are neither numbers nor functions.
+const WORDS: [&str; 3] = ["and", "or", "not"];
 
 /// Entries of a table, and what each of them is by its place.
 type EntriesAndMeaning<'a> = (&'a [NamedText], fn(usize) -> Meaning);
@@ -157,8 +163,26 @@ impl DescriptionNames {
         self.known.iter().find(|(_, meaning)| is(meaning)).map_or_else(String::new, |(name, _)| name.clone())
     }
 
+    /// That a name is no element of the vector that it names one of.
+    fn beyond_a_vector(&self, name: &str) -> Option<EquationFault> {
+        let (stem, index) = name.rsplit_once('_')?;
+        index.parse::<u32>().ok()?;
+        let index_of = |known: &String| known.strip_prefix(stem)?.strip_prefix('_')?.parse::<u32>().ok();
+        let there: Vec<u32> = self.known.keys().filter_map(index_of).collect();
+        let (first, last) = (there.iter().min().copied()?, there.iter().max().copied()?);
+        (there.len() > 1).then(|| EquationFault::Index {
+            name: format!("{stem}[{index}]"),
+            stem: stem.to_owned(),
+            first,
+            last,
+        })
+    }
+
     /// What is wrong with a name that is not there.
     pub(crate) fn unknown(&self, name: &str, functions: bool) -> EquationFault {
+        if let Some(fault) = self.beyond_a_vector(name).filter(|_| !functions) {
+            return fault;
+        }
         let is_function = |meaning: &Meaning| matches!(meaning, Meaning::Function(_) | Meaning::Curve(_));
         let own = self.known.iter().filter(|(_, meaning)| is_function(meaning) == functions);
         let own = own.map(|(name, _)| name.as_str());
@@ -175,7 +199,7 @@ impl DescriptionNames {
 
 /// Whether the language itself uses this word.
 pub(crate) fn is_of_the_language(name: &str) -> bool {
-    name == "pi" || BUILT_IN.contains(&name) || laws::of_name(name).is_some()
+    name == "pi" || BUILT_IN.contains(&name) || WORDS.contains(&name) || laws::of_name(name).is_some()
 }
 
 fn is_name(name: &str) -> bool {

@@ -1,13 +1,14 @@
 //! Operators and functions: what they do to the graph, and which units they take.
 
 use super::DeviceEquation;
-use super::names::{Meaning, ParsedText};
+use super::names::{Meaning, ParsedText, is_of_the_language};
 use super::resolve::{Resolved, ResolvedValue, Resolver, unlike};
 use super::turns::TurnMistake;
 use crate::error::{EquationError, EquationFault};
 use crate::graph::{Function, Graph, NodeId};
 use crate::laws;
-use crate::quantity::UnitKnowledge;
+use crate::quantity::{ANGLE, UnitKnowledge};
+use crate::syntax::{TermForm, TermId};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -22,7 +23,10 @@ impl Resolver {
                 let because = format!("`{}` has", shown(text, first.unwrap_or(*id)));
                 let what = format!("`{}`", shown(text, *id));
                 let fault = unlike(&what, value.quantity, total.to_string(), because);
-                return Err(text.error(&span_of(text, *id), fault));
+                let error = text.error(&span_of(text, *id), fault);
+                let compared = parts.iter().find(|(_, _, id)| first == Some(*id));
+                let other = compared.map_or(Graph::ZERO, |(_, value, _)| value.node);
+                return Err(self.with_plain_parameters(error, [(value.node, value.quantity), (other, total)]));
             };
             if total == UnitKnowledge::Any && value.quantity != UnitKnowledge::Any {
                 first = Some(*id);
@@ -139,8 +143,22 @@ impl Resolver {
             }
         };
         match (name.as_str(), parts) {
+            ("hypot" | "atan2", [left, right]) => {
+                let quantity = self.alike(text, *left, *right)?;
+                let (a, b) = (left.0.node, right.0.node);
+                if name == "atan2" {
+                    let node = self.graph.angle(a, b);
+                    let place =
+                        "turns by 2*pi where its first argument changes its sign and its second is negative";
+                    self.notice_jump(text, call.1, (&name, place), node);
+                    return Ok(ResolvedValue::new(node, ANGLE));
+                }
+                let squares = [self.graph.product(&[(a, 2)]), self.graph.product(&[(b, 2)])];
+                let square = self.graph.sum(0.0, &squares.map(|square| (square, 1.0)));
+                Ok(ResolvedValue::new(self.graph.call(Function::Sqrt, square), quantity))
+            }
             ("min" | "max", [left, right]) => {
-                let quantity = alike(text, *left, *right)?;
+                let quantity = self.alike(text, *left, *right)?;
                 let (a, b) = (left.0.node, right.0.node);
                 let (then, otherwise) = if name == "min" { (a, b) } else { (b, a) };
                 let node = self.graph.choice(a, b, then, otherwise);
@@ -151,14 +169,12 @@ impl Resolver {
                     ..ResolvedValue::new(node, quantity)
                 })
             }
-            ("min" | "max", _) => counted(2).and(Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))),
-            ("sqrt" | "exp" | "ln" | "sin" | "cos" | "tan" | "tanh" | "atanh" | "abs", [only]) => {
-                self.function(text, call, &name, *only)
+            ("min" | "max" | "hypot" | "atan2", _) => {
+                counted(2).and(Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any)))
             }
-            ("sqrt" | "exp" | "ln" | "sin" | "cos" | "tan" | "tanh" | "atanh" | "abs", _) => {
-                counted(1).and(Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any)))
-            }
-            _ => Err(text.error(call.0, self.names.unknown(&name, true))),
+            _ if !is_of_the_language(&name) => Err(text.error(call.0, self.names.unknown(&name, true))),
+            (_, [only]) => self.function(text, call, &name, *only),
+            _ => counted(1).and(Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))),
         }
     }
 
@@ -182,6 +198,13 @@ impl Resolver {
                 let node = self.graph.choice(of.node, Graph::ZERO, opposite, of.node);
                 self.notice_kink(text, call.1, "abs", node);
                 Ok(ResolvedValue { node, ..of })
+            }
+            "sign" => {
+                let minus = self.graph.literal(-1.0);
+                let below = self.graph.choice(of.node, Graph::ZERO, minus, Graph::ZERO);
+                let node = self.graph.choice(Graph::ZERO, of.node, Graph::ONE, below);
+                self.notice_jump(text, call.1, (name, "jumps where its argument changes its sign"), node);
+                plain(node)
             }
             "sin" | "cos" | "tan" => {
                 if !of.quantity.is_angle() {
@@ -207,14 +230,65 @@ impl Resolver {
                     let remedy = "; divide by a reference with the same unit, angles included";
                     return Err(not_plain(text, name, (of, id), remedy));
                 }
-                let function = match name {
-                    "exp" => Function::Exp,
-                    "ln" => Function::Ln,
-                    "tanh" => Function::Tanh,
-                    _ => Function::Atanh,
+                let (function, unit) = match name {
+                    "exp" => (Function::Exp, UnitKnowledge::PLAIN),
+                    "ln" => (Function::Ln, UnitKnowledge::PLAIN),
+                    "tanh" => (Function::Tanh, UnitKnowledge::PLAIN),
+                    "atanh" => (Function::Atanh, UnitKnowledge::PLAIN),
+                    "floor" => (Function::Floor, UnitKnowledge::PLAIN),
+                    "asin" => (Function::Asin, ANGLE),
+                    "acos" => (Function::Acos, ANGLE),
+                    "atan" => (Function::Atan, ANGLE),
+                    _ => return Err(text.error(call.0, self.names.unknown(name, true))),
                 };
-                plain(self.graph.call(function, of.node))
+                let node = self.graph.call(function, of.node);
+                if function == Function::Floor {
+                    let place = "jumps where its argument passes a whole number";
+                    self.notice_jump(text, call.1, (name, place), node);
+                }
+                Ok(ResolvedValue::new(node, unit))
             }
+        }
+    }
+
+    /// The common unit of two expressions that are compared.
+    pub(crate) fn alike(
+        &mut self,
+        text: &ParsedText,
+        (left, left_id): (ResolvedValue, usize),
+        (right, right_id): (ResolvedValue, usize),
+    ) -> Result<UnitKnowledge, EquationError> {
+        left.quantity.plus(right.quantity).ok_or_else(|| {
+            let because = format!("`{}` has", shown(text, left_id));
+            let what = format!("`{}`", shown(text, right_id));
+            let fault = unlike(&what, right.quantity, left.quantity.to_string(), because);
+            let error = text.error(&span_of(text, right_id), fault);
+            self.with_plain_parameters(error, [(right.node, right.quantity), (left.node, left.quantity)])
+        })
+    }
+
+    /// `then` where a condition holds, and `otherwise` elsewhere. Conditions are nested no deeper than brackets may be.
+    pub(super) fn chosen(
+        &mut self,
+        text: &ParsedText,
+        node: &dyn Fn(&TermId) -> NodeId,
+        condition: TermId,
+        [then, otherwise]: [NodeId; 2],
+    ) -> NodeId {
+        match text.tree.terms.get(condition).map(|term| &term.form) {
+            Some(TermForm::Comparison { smaller, larger }) => {
+                self.graph.choice(node(smaller), node(larger), then, otherwise)
+            }
+            Some(TermForm::All(parts)) => {
+                parts.iter().rev().fold(then, |then, part| self.chosen(text, node, *part, [then, otherwise]))
+            }
+            Some(TermForm::Any(parts)) => parts
+                .iter()
+                .rev()
+                .fold(otherwise, |otherwise, part| self.chosen(text, node, *part, [then, otherwise])),
+            Some(TermForm::Not(of)) => self.chosen(text, node, *of, [otherwise, then]),
+            // The grammar has nothing else in the place of a condition.
+            _ => otherwise,
         }
     }
 
@@ -248,34 +322,23 @@ impl Resolver {
         curve: usize,
         parts: &[(ResolvedValue, usize)],
     ) -> Resolved {
-        let [(value, id)] = *parts else {
-            let function = text.word(call.0).to_owned();
-            return Err(
-                text.error(call.1, EquationFault::Arguments { function, found: parts.len(), expected: 1 })
-            );
-        };
-        let [place, result] = self.curves.get(curve).copied().unwrap_or([UnitKnowledge::Any; 2]);
-        if value.quantity.plus(place).is_none() {
-            let because = format!("the places of the curve `{}` have", text.word(call.0));
-            let fault = unlike("the argument", value.quantity, place.to_string(), because);
-            return Err(text.error(&span_of(text, id), fault));
+        let units = self.curves.get(curve).cloned().unwrap_or_default();
+        let (result, places) = units.split_last().unwrap_or((&UnitKnowledge::Any, &[]));
+        if parts.len() != places.len() {
+            let (function, found, expected) = (text.word(call.0).to_owned(), parts.len(), places.len());
+            return Err(text.error(call.1, EquationFault::Arguments { function, found, expected }));
         }
-        Ok(ResolvedValue::new(self.graph.curve(curve, 0, value.node), result))
+        let mut at = [Graph::ZERO; 2];
+        for ((at, (value, id)), place) in at.iter_mut().zip(parts).zip(places) {
+            if value.quantity.plus(*place).is_none() {
+                let because = format!("the places of the curve `{}` have", text.word(call.0));
+                let fault = unlike("the argument", value.quantity, place.to_string(), because);
+                return Err(text.error(&span_of(text, *id), fault));
+            }
+            *at = value.node;
+        }
+        Ok(ResolvedValue::new(self.graph.curve(curve, [0; 2], at), *result))
     }
-}
-
-/// The common unit of two expressions that are compared.
-pub(crate) fn alike(
-    text: &ParsedText,
-    (left, left_id): (ResolvedValue, usize),
-    (right, right_id): (ResolvedValue, usize),
-) -> Result<UnitKnowledge, EquationError> {
-    left.quantity.plus(right.quantity).ok_or_else(|| {
-        let because = format!("`{}` has", shown(text, left_id));
-        let what = format!("`{}`", shown(text, right_id));
-        let fault = unlike(&what, right.quantity, left.quantity.to_string(), because);
-        text.error(&span_of(text, right_id), fault)
-    })
 }
 
 /// A term as it is written, not too long for a message.

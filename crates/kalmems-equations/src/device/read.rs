@@ -147,7 +147,9 @@ impl<'a> ReadResult<'a> {
             description.parameters.iter().map(parameter).collect::<Result<_, _>>()?;
         let given = |named: &Named| ExternalQuantity::of(named.unit, &named.unit_text);
         let mut graph = Graph::new();
-        graph.curves = description.tables.iter().map(|points| points.name.clone()).collect();
+        let arguments = |points: &CurvePoints| if points.z.is_empty() { 1 } else { 2 };
+        graph.curves =
+            description.tables.iter().map(|points| (points.name.clone(), arguments(points))).collect();
         let resolver = Resolver {
             graph,
             names,
@@ -160,6 +162,9 @@ impl<'a> ReadResult<'a> {
             delays,
             rates: rates.into_iter().map(|rate| (rate, DefinitionSlot::Open)).collect(),
             input_rates: Vec::new(),
+            plain: (description.parameters.iter().zip(&parameters))
+                .map(|(entry, parameter)| parameter.named.unit_text.is_empty().then(|| entry.clone()))
+                .collect(),
             curves: description.tables.iter().map(units_of_curve).collect::<Result<_, _>>()?,
             notices: Vec::new(),
             busy: Vec::new(),
@@ -184,7 +189,9 @@ impl<'a> ReadResult<'a> {
             let whole = 0..text.entry.text.len();
             if wanted.plus(value.quantity).is_none() {
                 let because = format!("the rate of `{}` has", text.entry.name);
-                return Err(text.error(&whole, unlike("this", value.quantity, wanted.to_string(), because)));
+                let error = text.error(&whole, unlike("this", value.quantity, wanted.to_string(), because));
+                let sides = [(value.node, value.quantity), (Graph::ZERO, wanted)];
+                return Err(self.resolver.with_plain_parameters(error, sides));
             }
             let lacks = wanted.dimension().is_some_and(|wanted| value.quantity.lacks_angle_of(wanted));
             if lacks && value.in_cycles {
@@ -322,12 +329,14 @@ fn unit_of(of: &ParsedText) -> Result<NamedText, EquationError> {
     Ok(NamedText { text: of.word(span).to_owned(), ..of.entry.clone() })
 }
 
-fn units_of_curve(points: &CurvePoints) -> Result<[UnitKnowledge; 2], EquationError> {
+/// The units of a curve's arguments and of its value.
+fn units_of_curve(points: &CurvePoints) -> Result<Vec<UnitKnowledge>, EquationError> {
     let of = |unit: &String| match Unit::parse(unit) {
         Ok(unit) => Ok(UnitKnowledge::Exact(unit.dimension())),
         Err(fault) => Err(EquationError::whole(&points.place, unit, fault.into())),
     };
-    Ok([of(&points.x_unit)?, of(&points.y_unit)?])
+    let all = [&points.x_unit, &points.y_unit, &points.z_unit];
+    all.into_iter().take(if points.z.is_empty() { 2 } else { 3 }).map(of).collect()
 }
 
 /// The text of each state's rate, in the order of the states.

@@ -1,7 +1,6 @@
 //! From texts to the graph: names are looked up, functions inserted, units checked.
 
 use super::names::{DescriptionNames, Meaning, ParsedText, is_of_the_language};
-use super::operations::alike;
 use super::turns::{ANGULAR_RATE, TurnMistake};
 use super::{DeviceEquation, InputRate};
 use crate::description::NamedText;
@@ -89,7 +88,10 @@ pub(crate) struct Resolver {
     pub(crate) rates: Vec<(RateOf, DefinitionSlot)>,
     /// The inputs whose rates some expression needs, in the order in which these stand behind the stated inputs.
     pub(crate) input_rates: Vec<InputRate>,
-    pub(crate) curves: Vec<[UnitKnowledge; 2]>,
+    /// The units of each curve's arguments and of its value.
+    pub(crate) curves: Vec<Vec<UnitKnowledge>>,
+    /// The parameters that are written without a unit.
+    pub(super) plain: Vec<Option<NamedText>>,
     pub(crate) notices: Vec<EquationNotice>,
     /// What is being resolved, the last one within those before it.
     pub(crate) busy: Vec<String>,
@@ -236,7 +238,10 @@ impl Resolver {
                 let root = text.tree.terms.last().map_or(0..0, |term| term.span.clone());
                 let because = "stands behind `in`".to_owned();
                 let expected = text.word(span).to_owned();
-                return Err(text.error(&root, unlike("this", value.quantity, expected, because)));
+                let error = text.error(&root, unlike("this", value.quantity, expected, because));
+                return Err(
+                    self.with_plain_parameters(error, [(value.node, value.quantity), (Graph::ZERO, wanted)])
+                );
             }
             value.quantity = wanted;
         }
@@ -257,12 +262,15 @@ impl Resolver {
         match form {
             TermForm::Number(number, unit) => {
                 let node = self.graph.literal(*number);
+                let written = unit.map(|unit| ExternalQuantity::of(unit, text.word(span)));
+                let in_cycles = written.is_some_and(|written| written.in_cycles);
+                let turn = in_cycles.then_some(TurnMistake::MissingTwoPi);
                 let quantity = match unit {
                     Some(unit) => UnitKnowledge::Exact(unit.dimension()),
                     None if *number == 0.0 => UnitKnowledge::Any,
                     None => UnitKnowledge::PLAIN,
                 };
-                Ok(ResolvedValue::new(node, quantity))
+                Ok(ResolvedValue { in_cycles, turn, ..ResolvedValue::new(node, quantity) })
             }
             TermForm::Name(name) => self.name(text, arguments, name),
             TermForm::Negative(inner) => {
@@ -278,11 +286,17 @@ impl Resolver {
                 self.product(text, span, &parts)
             }
             TermForm::Power(base, exponent) => self.power(text, span, (of(base), of(exponent)), *exponent),
-            TermForm::Choice { smaller, larger, then, otherwise } => {
-                alike(text, (of(smaller), *smaller), (of(larger), *larger))?;
-                let quantity = alike(text, (of(then), *then), (of(otherwise), *otherwise))?;
-                let ids = [smaller, larger, then, otherwise].map(|id| of(id).node);
-                let node = self.graph.choice(ids[0], ids[1], ids[2], ids[3]);
+            TermForm::Comparison { smaller, larger } => {
+                self.alike(text, (of(smaller), *smaller), (of(larger), *larger))?;
+                Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))
+            }
+            TermForm::All(_) | TermForm::Any(_) | TermForm::Not(_) => {
+                Ok(ResolvedValue::new(Graph::ZERO, UnitKnowledge::Any))
+            }
+            TermForm::Choice { condition, then, otherwise } => {
+                let quantity = self.alike(text, (of(then), *then), (of(otherwise), *otherwise))?;
+                let branches = [of(then).node, of(otherwise).node];
+                let node = self.chosen(text, &|id| of(id).node, *condition, branches);
                 self.notice_kink(text, span, "if", node);
                 let in_cycles = of(then).in_cycles && of(otherwise).in_cycles;
                 let turn = TurnMistake::of_sum([of(then), of(otherwise)].into_iter());
@@ -334,15 +348,24 @@ impl Resolver {
         function: &str,
         node: NodeId,
     ) {
+        self.notice_jump(text, span, (function, "has a kink where its comparison changes sides"), node);
+    }
+
+    /// Says where a function is not smooth, if that is seen in the motion.
+    pub(crate) fn notice_jump(
+        &mut self,
+        text: &ParsedText,
+        span: &Range<usize>,
+        (function, place): (&str, &str),
+        node: NodeId,
+    ) {
         let known = |notice: &EquationNotice| notice.span == *span && notice.place == text.entry.place;
         if self.notices.len() >= MOST_NOTICES || self.notices.iter().any(known) {
             return;
         }
         let by_state = |variable: &Variable| matches!(variable, Variable::State(_));
         if self.graph.variables(node).iter().any(by_state) {
-            let message = format!(
-                "`{function}` has a kink where its comparison changes sides; filters take the slope of the side that holds"
-            );
+            let message = format!("`{function}` {place}; filters take the slope of the side that holds");
             self.notice(text, span, message);
         }
     }

@@ -58,6 +58,9 @@ pub(super) enum NodeForm {
     Sum(Coefficient, Vec<ProductTerm>),
     Product(ProductTerm),
     Call(CalledFunction, NodeId, f64),
+    CallOfTwo(CalledFunction, [NodeId; 2]),
+    /// The angle of the point of these y and x.
+    Angle([NodeId; 2]),
     Choice([NodeId; 4]),
 }
 
@@ -133,6 +136,7 @@ impl SourceLowering<'_> {
                 NodeForm::Sum(_, terms) => open.extend(atoms(terms)),
                 NodeForm::Product(term) => open.extend(atoms(std::slice::from_ref(term))),
                 NodeForm::Call(_, at, _) => open.push(*at),
+                NodeForm::CallOfTwo(_, parts) | NodeForm::Angle(parts) => open.extend(parts),
                 NodeForm::Choice(parts) => open.extend(parts),
                 NodeForm::Number(_) | NodeForm::Given(_) | NodeForm::Variable(_) => {}
             }
@@ -166,6 +170,7 @@ impl SourceLowering<'_> {
                 NodeForm::Call(CalledFunction::FallingExp, *at, 1.0)
             }
             Node::Call(function, at) => NodeForm::Call(called(*function), *at, 1.0),
+            Node::Angle { y, x } => NodeForm::Angle([*y, *x]),
             Node::Choice { smaller, larger, then, otherwise } => {
                 NodeForm::Choice([*smaller, *larger, *then, *otherwise])
             }
@@ -177,7 +182,11 @@ impl SourceLowering<'_> {
                 None => NodeForm::Number(f64::NAN),
             },
             Node::Curve { curve, order, at } => {
-                NodeForm::Call(CalledFunction::Curve(*curve, *order), *at, 1.0)
+                let called = CalledFunction::Curve(*curve, *order);
+                match self.graph.curves.get(*curve) {
+                    Some((_, 2)) => NodeForm::CallOfTwo(called, *at),
+                    _ => NodeForm::Call(called, at[0], 1.0),
+                }
             }
         }
     }
@@ -241,6 +250,10 @@ fn called(function: Function) -> CalledFunction {
         Function::Cos => CalledFunction::Cos,
         Function::Tanh => CalledFunction::Tanh,
         Function::Atanh => CalledFunction::Atanh,
+        Function::Atan => CalledFunction::Atan,
+        Function::Asin => CalledFunction::Asin,
+        Function::Acos => CalledFunction::Acos,
+        Function::Floor => CalledFunction::Floor,
     }
 }
 

@@ -205,10 +205,16 @@ fn in_units(
                 }
             }
             Node::Curve { curve, order, at } => {
-                let (middle, half, size) = device.curves.get(*curve).map_or((0.0, 1.0, 1.0), Curve::extent);
-                let place = graph.sum(-middle / half, &[(part(*at), 1.0 / half)]);
-                let plain = graph.curve(*curve, *order, place);
-                graph.scaled(size / half.powi((*order).into()), plain)
+                let (spans, size) = device.curves.get(*curve).map_or(([[0.0, 1.0]; 2], 1.0), Curve::extent);
+                let mut places = [Graph::ZERO; 2];
+                let mut scale = size;
+                for (((place, at), [middle, half]), order) in places.iter_mut().zip(at).zip(spans).zip(order)
+                {
+                    *place = graph.sum(-middle / half, &[(part(*at), 1.0 / half)]);
+                    scale /= half.powi((*order).into());
+                }
+                let plain = graph.curve(*curve, *order, places);
+                graph.scaled(scale, plain)
             }
             _ => copied(graph, &node, &part, &mut expanded)?,
         };

@@ -277,7 +277,8 @@ impl RoutineRun<'_> {
             TapeOp::Divide(a, b) => at(a) / at(b),
             TapeOp::Negative(a) => -at(a),
             // Functions of the source have 32 bits.
-            TapeOp::Call(called, a) => self.rehearsal.called(called, at(a)),
+            TapeOp::Call(called, a) => self.rehearsal.called(called, [at(a), 0.0]),
+            TapeOp::CallOfTwo(called, [a, b]) => self.rehearsal.called(called, [at(a), at(b)]),
             TapeOp::Choice([a, b, c, d]) => {
                 if at(a) < at(b) {
                     at(c)
@@ -292,9 +293,9 @@ impl RoutineRun<'_> {
 
 impl Rehearsal<'_> {
     /// A function of the source; those through tables rounded once.
-    fn called(&self, called: CalledFunction, x: f64) -> f64 {
+    fn called(&self, called: CalledFunction, at: [f64; 2]) -> f64 {
         #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
-        let x = x as f32;
+        let [x, y] = at.map(|at| at as f32);
         let value: f64 = match called {
             CalledFunction::FallingExp => functions::falling_exp(x).into(),
             CalledFunction::Exp => functions::exp(x).into(),
@@ -303,6 +304,10 @@ impl Rehearsal<'_> {
             CalledFunction::Cos => functions::cos(x).into(),
             CalledFunction::Tanh => functions::tanh(x).into(),
             CalledFunction::Atanh => functions::atanh(x).into(),
+            CalledFunction::Atan => functions::atan(x).into(),
+            CalledFunction::Asin => functions::asin(x).into(),
+            CalledFunction::Acos => functions::acos(x).into(),
+            CalledFunction::Floor => functions::floor(x).into(),
             CalledFunction::Sqrt => functions::sqrt(x).into(),
             CalledFunction::Atanhc(order) => functions::atanhc(x, order.into()).into(),
             CalledFunction::LnCosh => functions::ln_cosh(x).into(),
@@ -313,9 +318,10 @@ impl Rehearsal<'_> {
                 partial(LawId::Disks, &vec![0; usize::from(order)], &arguments) / VACUUM_PERMITTIVITY
             }
             CalledFunction::Curve(curve, order) => self.device.curves.get(curve).map_or(f64::NAN, |curve| {
-                let (middle, half, size) = curve.extent();
-                let values = curve.at(middle + half * f64::from(x));
-                values.get(usize::from(order)).copied().unwrap_or(f64::NAN) * half.powi(order.into()) / size
+                let ([first, second], size) = curve.extent();
+                let at = [first[0] + first[1] * f64::from(x), second[0] + second[1] * f64::from(y)];
+                let [i, j] = order.map(i32::from);
+                curve.derivative(at, order) * first[1].powi(i) * second[1].powi(j) / size
             }),
         };
         narrow(value)
@@ -358,6 +364,14 @@ mod tests {
         close("tanh", worst(functions::tanh, f64::tanh, [-9.0, 9.0], 0.0));
         close("atanh", worst(functions::atanh, f64::atanh, [-0.99, 0.99], 0.0));
         close("sqrt", worst(functions::sqrt, f64::sqrt, [0.0, 1e4], 0.0));
+        close("atan", worst(functions::atan, f64::atan, [-20.0, 20.0], 0.0));
+        close("asin", worst(functions::asin, f64::asin, [-1.0, 1.0], 0.0));
+        close("acos", worst(functions::acos, f64::acos, [-1.0, 1.0], 0.0));
+        assert_eq!(worst(functions::floor, f64::floor, [-300.0, 300.0], 0.0), 0.0);
+        assert_eq!((functions::floor(-1e9), functions::floor(-0.5)), (-1e9, -1.0));
+        assert!(functions::asin(1.01).is_nan() && functions::acos(-1.01).is_nan());
+        let quarter = std::f32::consts::FRAC_PI_2;
+        assert_eq!((functions::atan(1e30), functions::atan(f32::NEG_INFINITY)), (quarter, -quarter));
         let ln_cosh = |x: f64| x.cosh().ln();
         close("ln cosh near 0", worst(functions::ln_cosh, ln_cosh, [-0.499, 0.499], 1e-4));
         // Elsewhere it is a difference of numbers up to ln 2.

@@ -52,6 +52,7 @@ pub(super) fn copied(
             graph.product(&parts)
         }
         Node::Call(function, at) => graph.call(*function, part(*at)),
+        Node::Angle { y, x } => graph.angle(part(*y), part(*x)),
         Node::Choice { smaller, larger, then, otherwise } => {
             graph.choice(part(*smaller), part(*larger), part(*then), part(*otherwise))
         }
@@ -59,7 +60,7 @@ pub(super) fn copied(
             let arguments: Vec<_> = arguments.iter().map(|argument| part(*argument)).collect();
             of_law(graph, *law, by, &arguments)?
         }
-        Node::Curve { curve, order, at } => graph.curve(*curve, *order, part(*at)),
+        Node::Curve { curve, order, at } => graph.curve(*curve, *order, at.map(&part)),
     })
 }
 

@@ -83,8 +83,8 @@ pub(super) trait Syntax {
     fn literal(&self, value: f64, wide: bool) -> Result<String, EmitError>;
     /// A statement that gives a value a name.
     fn declare(&self, name: &str, value: &str, wide: bool) -> String;
-    /// A function's call.
-    fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String;
+    /// A function's call, of one argument or of two.
+    fn call(&self, called: CalledFunction, at: &[String], wide: bool) -> String;
     /// The third where the first is below the second, the fourth elsewhere.
     fn choice(&self, parts: [&str; 4]) -> String;
     /// a·b + c in 32 bits, rounded once where a processor has an instruction for it; `None` where the language has no word for that.
@@ -163,7 +163,7 @@ impl Routine {
     /// The functions that it calls.
     pub(super) fn called(&self) -> BTreeSet<CalledFunction> {
         let of = |id: &TapeId| match self.tape.op(*id) {
-            TapeOp::Call(called, _) => Some(called),
+            TapeOp::Call(called, _) | TapeOp::CallOfTwo(called, _) => Some(called),
             _ => None,
         };
         self.tape.below(&self.roots()).iter().filter_map(of).collect()
@@ -178,7 +178,7 @@ impl Routine {
                 TapeOp::Add(..) | TapeOp::Subtract(..) | TapeOp::Negative(_) => 0,
                 TapeOp::Multiply(..) => 1,
                 TapeOp::Divide(..) => 2,
-                TapeOp::Call(..) => 3,
+                TapeOp::Call(..) | TapeOp::CallOfTwo(..) => 3,
                 TapeOp::Choice(_) => 4,
             };
             counts[place] += 1;
@@ -371,7 +371,11 @@ impl RoutineWriter<'_> {
             TapeOp::Multiply(a, b) => (two("*", (a, 2), (b, 3))?, 2),
             TapeOp::Divide(a, b) => (two("/", (a, 2), (b, 3))?, 2),
             TapeOp::Negative(a) => (format!("-{}", self.text(a, 3, wide)?), 2),
-            TapeOp::Call(called, at) => (self.syntax.call(called, &self.text(at, 0, wide)?, wide), 3),
+            TapeOp::Call(called, at) => (self.syntax.call(called, &[self.text(at, 0, wide)?], wide), 3),
+            TapeOp::CallOfTwo(called, [a, b]) => {
+                let at = [self.text(a, 0, wide)?, self.text(b, 0, wide)?];
+                (self.syntax.call(called, &at, wide), 3)
+            }
             TapeOp::Choice([a, b, c, d]) => {
                 let [a, b, c, d] = [
                     self.text(a, 1, wide)?,

@@ -4,7 +4,7 @@ use super::error::EmitError;
 use super::interface::part;
 use super::routine::Syntax;
 use super::tape::CalledFunction;
-use crate::curve::Curve;
+use crate::curve::{Curve, Grid, SplinePoints};
 use crate::description::CurveExtension;
 use crate::device::Device;
 use crate::laws::disks;
@@ -26,6 +26,8 @@ pub(super) trait FunctionSource: Syntax {
     const MARKER: [&'static str; 2];
     /// The function of two disks, with names in braces where its numbers are.
     const DISKS: &'static str;
+    /// What surfaces have in common.
+    const AXIS: &'static str;
 
     /// The functions of the text by their names, and whether they are needed for those that are called.
     fn needed(called: &BTreeSet<CalledFunction>) -> Vec<(&'static str, bool)>;
@@ -33,10 +35,20 @@ pub(super) trait FunctionSource: Syntax {
     /// A curve.
     fn curve(curve: usize, table: &EmittedCurve) -> Result<String, EmitError>;
 
+    /// A surface.
+    fn grid(curve: usize, table: &EmittedGrid) -> Result<String, EmitError>;
+
     /// What is called and not there: functions, and tables with theirs.
     fn functions(&self, device: &Device, called: &BTreeSet<CalledFunction>) -> Result<String, EmitError> {
         let [before, behind] = Self::MARKER;
         let mut text = String::new();
+        let place = |one: &CalledFunction| match one {
+            CalledFunction::Curve(place, _) => Some(*place),
+            _ => None,
+        };
+        let curves: BTreeSet<usize> = called.iter().filter_map(place).collect();
+        let curves: Vec<(usize, &Curve)> =
+            curves.into_iter().filter_map(|place| Some((place, device.curves.get(place)?))).collect();
         for (name, is_needed) in Self::needed(called) {
             if is_needed {
                 text.push('\n');
@@ -46,13 +58,14 @@ pub(super) trait FunctionSource: Syntax {
         if called.iter().any(|one| matches!(one, CalledFunction::Disks(_))) {
             text += &self.disks()?;
         }
-        let place = |one: &CalledFunction| {
-            if let CalledFunction::Curve(place, _) = one { Some(*place) } else { None }
-        };
-        for place in called.iter().filter_map(place).collect::<BTreeSet<usize>>() {
-            if let Some(table) = device.curves.get(place) {
-                text += &Self::curve(place, &EmittedCurve::of(table))?;
-            }
+        if curves.iter().any(|(_, curve)| matches!(curve.points(), SplinePoints::Grid(_))) {
+            text += Self::AXIS;
+        }
+        for (place, curve) in curves {
+            text += &match curve.points() {
+                SplinePoints::Line { .. } => Self::curve(place, &EmittedCurve::of(curve))?,
+                SplinePoints::Grid(grid) => Self::grid(place, &EmittedGrid::of(curve, grid))?,
+            };
         }
         Ok(text)
     }
@@ -93,16 +106,46 @@ pub(super) struct EmittedCurve {
 
 impl EmittedCurve {
     pub(super) fn of(curve: &Curve) -> Self {
-        let (middle, half, size) = curve.extent();
-        let (places, pieces) = curve.pieces();
+        let ([[middle, half], _], size) = curve.extent();
+        let places = curve.places().concat();
         Self {
             places: places.iter().map(|x| (x - middle) / half).collect(),
-            pieces: pieces
+            pieces: (curve.points().pieces())
                 .iter()
                 .map(|c| [c[0], c[1] * half, c[2] * half * half, c[3] * half.powi(3)].map(|c| c / size))
                 .collect(),
             outside: curve.outside(),
         }
+    }
+}
+
+/// A surface over its own spans from −1 to 1, in its largest value.
+pub(super) struct EmittedGrid {
+    pub(super) places: [Vec<f64>; 2],
+    /// Of each point the value and the derivatives that a spline needs, row by row of equal first places.
+    pub(super) nodes: Vec<[f64; 4]>,
+    /// What is outside: 0 nothing, 1 the end, 2 the tangent.
+    pub(super) outside: u8,
+}
+
+impl EmittedGrid {
+    fn of(curve: &Curve, grid: &Grid) -> Self {
+        let (spans, size) = curve.extent();
+        let mut places = [Vec::new(), Vec::new()];
+        for ((own, along), [middle, half]) in places.iter_mut().zip(curve.places()).zip(spans) {
+            own.extend(along.iter().map(|place| (place - middle) / half));
+        }
+        let [of_x, of_y] = spans.map(|[_, half]| half * half);
+        let scaled = |node: &[f64; 4]| {
+            let [value, by_x, by_y, by_both] = node.map(|number| number / size);
+            [value, by_x * of_x, by_y * of_y, by_both * of_x * of_y]
+        };
+        let outside = match curve.outside() {
+            CurveExtension::Error => 0,
+            CurveExtension::Clamp => 1,
+            CurveExtension::Linear => 2,
+        };
+        Self { places, nodes: grid.nodes().iter().map(scaled).collect(), outside }
     }
 }
 

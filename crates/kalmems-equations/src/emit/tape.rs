@@ -26,6 +26,11 @@ pub(super) enum CalledFunction {
     Cos,
     Tanh,
     Atanh,
+    /// The arc tangent.
+    Atan,
+    Asin,
+    Acos,
+    Floor,
     Sqrt,
     /// A derivative of atanh(z)/z.
     Atanhc(u8),
@@ -33,8 +38,8 @@ pub(super) enum CalledFunction {
     LnCosh,
     /// A derivative of C/(ε₀·a) of two disks by their distance in radii.
     Disks(u8),
-    /// A curve of the device or a derivative of it, over its own span and in its largest value.
-    Curve(CurveId, u8),
+    /// A curve of the device or a derivative of it by its arguments, over its own spans and in its largest value.
+    Curve(CurveId, [u8; 2]),
 }
 
 impl CalledFunction {
@@ -48,6 +53,10 @@ impl CalledFunction {
             Self::Cos => "cos".into(),
             Self::Tanh => "tanh".into(),
             Self::Atanh => "atanh".into(),
+            Self::Atan => "atan".into(),
+            Self::Asin => "asin".into(),
+            Self::Acos => "acos".into(),
+            Self::Floor => "floor".into(),
             Self::Sqrt => "sqrt".into(),
             Self::Atanhc(_) => "atanhc".into(),
             Self::LnCosh => "ln_cosh".into(),
@@ -56,10 +65,11 @@ impl CalledFunction {
         }
     }
 
-    /// The order of its derivative, of one that is called with that.
-    pub(super) fn order(self) -> Option<u8> {
+    /// The order of its derivative by each argument, of one that is called with that.
+    pub(super) fn order(self) -> Option<[u8; 2]> {
         match self {
-            Self::Atanhc(order) | Self::Disks(order) | Self::Curve(_, order) => Some(order),
+            Self::Atanhc(order) | Self::Disks(order) => Some([order, 0]),
+            Self::Curve(_, order) => Some(order),
             _ => None,
         }
     }
@@ -78,6 +88,7 @@ pub(super) enum TapeOp {
     Divide(TapeId, TapeId),
     Negative(TapeId),
     Call(CalledFunction, TapeId),
+    CallOfTwo(CalledFunction, [TapeId; 2]),
     /// The third where the first is below the second, the fourth elsewhere.
     Choice([TapeId; 4]),
 }
@@ -89,6 +100,7 @@ impl TapeOp {
             Self::Literal(_) | Self::Name(_) => Vec::new(),
             Self::Add(a, b) | Self::Subtract(a, b) | Self::Multiply(a, b) | Self::Divide(a, b) => vec![a, b],
             Self::Negative(a) | Self::Call(_, a) => vec![a],
+            Self::CallOfTwo(_, parts) => parts.to_vec(),
             Self::Choice(parts) => parts.to_vec(),
         }
     }
@@ -100,6 +112,7 @@ impl TapeOp {
             Self::Add(..) | Self::Subtract(..) | Self::Multiply(..) | Self::Negative(_) => 1,
             Self::Divide(..) => 10,
             Self::Call(..) => 25,
+            Self::CallOfTwo(..) => 100,
             Self::Choice(_) => 4,
         }
     }
@@ -262,6 +275,10 @@ impl Tape {
 
     pub(super) fn call(&mut self, called: CalledFunction, at: TapeId) -> TapeId {
         self.push(TapeOp::Call(called, at))
+    }
+
+    pub(super) fn call_of_two(&mut self, called: CalledFunction, at: [TapeId; 2]) -> TapeId {
+        self.push(TapeOp::CallOfTwo(called, at))
     }
 
     pub(super) fn choice(&mut self, parts: [TapeId; 4]) -> TapeId {

@@ -5,6 +5,7 @@ use super::pairs::{Atom, Pairs};
 use super::tape::{CalledFunction, Tape, TapeId};
 use crate::graph::{NodeId, Variable};
 use std::collections::HashMap;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Nodes and pairs on the tape.
 pub(super) struct TapeValues<'a> {
@@ -48,11 +49,41 @@ impl TapeValues<'_> {
                 // The law is −ln cosh.
                 if *called == CalledFunction::LnCosh { self.tape.negative(value) } else { value }
             }
+            NodeForm::CallOfTwo(called, at) => {
+                let at = at.map(|at| self.node(at));
+                self.tape.call_of_two(*called, at)
+            }
+            NodeForm::Angle([y, x]) => {
+                let (y, x) = (self.node(*y), self.node(*x));
+                self.angle(y, x)
+            }
             NodeForm::Choice(parts) => {
                 let parts = parts.map(|part| self.node(part));
                 self.tape.choice(parts)
             }
         }
+    }
+
+    /// The angle of the point (x, y): the arc tangent of the smaller number over the larger one, and what of a turn is left out by that.
+    fn angle(&mut self, y: TapeId, x: TapeId) -> TapeId {
+        let zero = self.tape.literal(0.0);
+        let mut size = |of: TapeId| {
+            let opposite = self.tape.negative(of);
+            self.tape.choice([of, zero, opposite, of])
+        };
+        let (high, wide) = (size(y), size(x));
+        let above = self.tape.choice([high, wide, y, x]);
+        let below = self.tape.choice([high, wide, x, y]);
+        let ratio = self.tape.divide(above, below);
+        let angle = self.tape.call(CalledFunction::Atan, ratio);
+        let [half, quarter] = [PI, FRAC_PI_2].map(|turn| self.tape.literal(turn));
+        let ([before, after], rest) =
+            ([self.tape.subtract(angle, half), self.tape.add(angle, half)], self.tape.negative(angle));
+        let behind = self.tape.choice([y, zero, before, after]);
+        let along = self.tape.choice([x, zero, behind, angle]);
+        let [down, up] = [self.tape.subtract(rest, quarter), self.tape.add(rest, quarter)];
+        let across = self.tape.choice([y, zero, down, up]);
+        self.tape.choice([high, wide, along, across])
     }
 
     fn coefficient(&mut self, coefficient: Coefficient) -> TapeId {

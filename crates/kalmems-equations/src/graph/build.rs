@@ -4,6 +4,7 @@ use super::{ConstantBits, Function, Graph, GraphLimit, Node, NodeId, Variable};
 use crate::curve::CurveId;
 use crate::laws::{self, LawId};
 use crate::limits::LARGEST_POWER;
+use kalmems_core::Portable;
 
 impl Graph {
     pub(crate) fn literal(&mut self, value: f64) -> NodeId {
@@ -134,6 +135,14 @@ impl Graph {
         }
     }
 
+    /// The angle of the point (x, y).
+    pub(crate) fn angle(&mut self, y: NodeId, x: NodeId) -> NodeId {
+        match self.number(y).zip(self.number(x)) {
+            Some((y, x)) => self.literal(y.portable_atan2(x)),
+            None => self.add(Node::Angle { y, x }),
+        }
+    }
+
     /// `then` where `smaller < larger`, `otherwise` elsewhere.
     pub(crate) fn choice(
         &mut self,
@@ -168,11 +177,11 @@ impl Graph {
     }
 
     /// A curve, or a derivative of it.
-    pub(crate) fn curve(&mut self, curve: CurveId, order: u8, at: NodeId) -> NodeId {
-        if order > crate::curve::HIGHEST_ORDER {
-            let function = self.curves.get(curve).cloned().unwrap_or_default();
-            let limit = crate::curve::HIGHEST_ORDER.into();
-            return self.stop(GraphLimit::Order { function, order: order.into(), limit });
+    pub(crate) fn curve(&mut self, curve: CurveId, order: [u8; 2], at: [NodeId; 2]) -> NodeId {
+        let [whole, limit] = [order[0] + order[1], crate::curve::HIGHEST_ORDER].map(usize::from);
+        if whole > limit {
+            let function = self.curves.get(curve).cloned().unwrap_or_default().0;
+            return self.stop(GraphLimit::Order { function, order: whole, limit });
         }
         self.add(Node::Curve { curve, order, at })
     }

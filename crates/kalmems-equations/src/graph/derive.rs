@@ -45,13 +45,25 @@ impl Graph {
                 }
                 let outer = self.slope(function, id, at);
                 let slope = self.product(&[(outer, 1), (inner, 1)]);
-                let rests = |id: &NodeId| matches!(self.node(*id), Node::Choice { .. });
-                if function != Function::Sqrt || !self.below(&[at]).iter().any(rests) {
+                if function != Function::Sqrt || !self.rests_at_zero(at) {
                     return slope;
                 }
-                // On the flat side of a `max` a root of 0 stays 0, where its slope would be 0 over 0.
+                // A root of 0 that stays 0, as on the flat side of a `max`, would have the slope 0 over 0.
                 let moves = self.product(&[(inner, 2)]);
                 self.choice(Self::ZERO, moves, slope, Self::ZERO)
+            }
+            // (x·y′ − y·x′)/(x² + y²)
+            Node::Angle { y, x } => {
+                let (along_y, along_x) = (self.known_derivative(y, by), self.known_derivative(x, by));
+                let towards = self.product(&[(x, 1), (along_y, 1)]);
+                let away = self.product(&[(y, 1), (along_x, 1)]);
+                let turned = self.sum(0.0, &[(towards, 1.0), (away, -1.0)]);
+                if turned == Self::ZERO {
+                    return Self::ZERO;
+                }
+                let squares = [self.product(&[(x, 2)]), self.product(&[(y, 2)])];
+                let distance = self.sum(0.0, &squares.map(|square| (square, 1.0)));
+                self.product(&[(turned, 1), (distance, -1)])
             }
             Node::Choice { smaller, larger, then, otherwise } => {
                 let (then, otherwise) =
@@ -72,14 +84,38 @@ impl Graph {
                 self.sum(0.0, &parts)
             }
             Node::Curve { curve, order, at } => {
-                let inner = self.known_derivative(at, by);
-                if inner == Self::ZERO {
-                    return Self::ZERO;
+                let mut parts = Vec::new();
+                for (index, argument) in at.iter().enumerate() {
+                    let inner = self.known_derivative(*argument, by);
+                    if inner != Self::ZERO {
+                        let mut order = order;
+                        order[index] += 1;
+                        let outer = self.curve(curve, order, at);
+                        parts.push((self.product(&[(outer, 1), (inner, 1)]), 1.0));
+                    }
                 }
-                let outer = self.curve(curve, order + 1, at);
-                self.product(&[(outer, 1), (inner, 1)])
+                self.sum(0.0, &parts)
             }
         }
+    }
+
+    /// Whether an expression can be 0 with a slope of 0: a choice stands in it, or it is made of even powers of what moves.
+    fn rests_at_zero(&self, at: NodeId) -> bool {
+        let moves = |variable| !matches!(variable, Variable::Parameter(_));
+        let is_square = |id: NodeId| match self.node(id) {
+            Node::Product(factors) => {
+                factors.iter().all(|(_, power)| *power > 0 && power % 2 == 0) && self.depends(id, moves)
+            }
+            _ => false,
+        };
+        let is_choice = |id: &NodeId| matches!(self.node(*id), Node::Choice { .. });
+        let squares = match self.node(at) {
+            Node::Sum { constant, terms } => {
+                constant.get() == 0.0 && terms.iter().all(|(term, _)| is_square(*term))
+            }
+            _ => is_square(at),
+        };
+        squares || self.below(&[at]).iter().any(is_choice)
     }
 
     /// Σ nₖ·aₖ′·aₖ^(nₖ−1)·Π of the others.
@@ -128,6 +164,20 @@ impl Graph {
                 let rest = self.sum(1.0, &[(square, -1.0)]);
                 self.product(&[(rest, -1)])
             }
+            Function::Atan => {
+                let square = self.product(&[(at, 2)]);
+                let whole = self.sum(1.0, &[(square, 1.0)]);
+                self.product(&[(whole, -1)])
+            }
+            Function::Asin | Function::Acos => {
+                // As a product, which keeps its digits near ±1.
+                let ends = [self.sum(1.0, &[(at, -1.0)]), self.sum(1.0, &[(at, 1.0)])];
+                let rest = self.product(&ends.map(|end| (end, 1)));
+                let root = self.call(Function::Sqrt, rest);
+                let reciprocal = self.product(&[(root, -1)]);
+                self.scaled(if function == Function::Asin { 1.0 } else { -1.0 }, reciprocal)
+            }
+            Function::Floor => Self::ZERO,
         }
     }
 }

@@ -63,11 +63,15 @@ pub(crate) enum Function {
     Cos,
     Tanh,
     Atanh,
+    Atan,
+    Asin,
+    Acos,
+    Floor,
 }
 
 impl Function {
     pub(crate) fn apply(self, x: f64) -> f64 {
-        use kalmems_core::Scalar;
+        use kalmems_core::{Portable, Scalar};
         match self {
             Self::Sqrt => Scalar::sqrt(x),
             Self::Exp => Scalar::exp(x),
@@ -76,6 +80,10 @@ impl Function {
             Self::Cos => Scalar::cos(x),
             Self::Tanh => numeric::tanh(x),
             Self::Atanh => Scalar::atanh(x),
+            Self::Atan => x.portable_atan(),
+            Self::Asin => x.portable_asin(),
+            Self::Acos => x.portable_acos(),
+            Self::Floor => x.floor(),
         }
     }
 }
@@ -93,6 +101,11 @@ pub(crate) enum Node {
     /// Π factor^power; no factor is a number, a product or a single term with a coefficient.
     Product(Box<[(NodeId, i32)]>),
     Call(Function, NodeId),
+    /// The angle in rad between −π and π of the point (x, y).
+    Angle {
+        y: NodeId,
+        x: NodeId,
+    },
     /// `then` where `smaller < larger`, `otherwise` elsewhere.
     Choice {
         smaller: NodeId,
@@ -109,8 +122,10 @@ pub(crate) enum Node {
     /// A curve or a derivative of it.
     Curve {
         curve: CurveId,
-        order: u8,
-        at: NodeId,
+        /// The order of the derivative by each argument.
+        order: [u8; 2],
+        /// The arguments; of a curve of one, 0 behind it.
+        at: [NodeId; 2],
     },
 }
 
@@ -121,7 +136,9 @@ impl Node {
             Self::Number(_) | Self::Variable(_) => Vec::new(),
             Self::Sum { terms, .. } => terms.iter().map(|(term, _)| *term).collect(),
             Self::Product(factors) => factors.iter().map(|(factor, _)| *factor).collect(),
-            Self::Call(_, at) | Self::Curve { at, .. } => vec![*at],
+            Self::Call(_, at) => vec![*at],
+            Self::Curve { at, .. } => at.to_vec(),
+            Self::Angle { y, x } => vec![*y, *x],
             Self::Choice { smaller, larger, then, otherwise } => vec![*smaller, *larger, *then, *otherwise],
             Self::Law { arguments, .. } => arguments.to_vec(),
         }
@@ -168,8 +185,8 @@ pub(crate) struct Graph {
     /// How many parts all nodes have together, and how many nodes were gone over.
     parts: usize,
     visits: usize,
-    /// Names of the curves, for messages.
-    pub(crate) curves: Vec<String>,
+    /// The curves' names and how many arguments each has.
+    pub(crate) curves: Vec<(String, usize)>,
 }
 
 impl Graph {
@@ -255,11 +272,12 @@ impl Graph {
         self.below(&[root]).iter().filter_map(|id| self.as_variable(*id)).any(of_kind)
     }
 
-    /// Whether an expression is not smooth everywhere in the states, since a choice by one stands in it.
+    /// Whether an expression is not smooth everywhere in the states, since a choice by one or a whole number of one stands in it.
     pub(crate) fn has_kink(&self, root: NodeId) -> bool {
         let moves = |variable| matches!(variable, Variable::State(_));
-        let below = self.below(&[root]);
-        below.into_iter().any(|id| matches!(self.node(id), Node::Choice { .. }) && self.depends(id, moves))
+        let is_kink =
+            |id: NodeId| matches!(self.node(id), Node::Choice { .. } | Node::Call(Function::Floor, _));
+        self.below(&[root]).into_iter().any(|id| is_kink(id) && self.depends(id, moves))
     }
 
     /// As [`below`](Self::below), with a bound on how often that is done; nothing beyond it.

@@ -46,7 +46,7 @@ pub struct Motion {
 }
 
 /// The numbers of states for which a step is compiled.
-const SIZES: [usize; 9] = [1, 2, 3, 4, 5, 6, 8, 12, MOST_STATES];
+const SIZES: [usize; 10] = [1, 2, 3, 4, 5, 6, 8, 12, 16, MOST_STATES];
 /// The numbers of parameters that the rates depend on for which a step is compiled.
 const ROOMS: [usize; 3] = [0, 2, MOST_STATES];
 

@@ -34,7 +34,7 @@ impl Motion {
                 }
             };
         }
-        by_size!(1 2 3 4 5 6 8 12 16)
+        by_size!(1 2 3 4 5 6 8 12 16 24)
     }
 
     /// The step of [`Etdrk4`](kalmems_core::Etdrk4) and its Jacobian for N states, of which the last may not be there, and at most F

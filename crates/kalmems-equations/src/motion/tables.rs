@@ -131,8 +131,8 @@ impl Motion {
                 }
             };
         }
-        const { assert!(SIZES.len() == 9, "each size has its tables") };
-        by_size!(1 2 3 4 5 6 8 12 16);
+        const { assert!(SIZES.len() == 10, "each size has its tables") };
+        by_size!(1 2 3 4 5 6 8 12 16 24);
     }
 
     /// The tables of steps of Runge and Kutta's method over `interval` seconds.

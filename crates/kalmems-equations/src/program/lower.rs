@@ -5,6 +5,7 @@
 //! nothing else uses it, and a product that one sum uses alone is computed with it.
 
 use super::op::{Instruction, OpKind, REGISTERS, STATES};
+use crate::curve::GROUPS;
 use crate::graph::{ConstantBits, Graph, Node, NodeId, Variable};
 use crate::laws::{LawId, MOST_ARGUMENTS};
 use std::collections::HashMap;
@@ -81,7 +82,7 @@ pub(super) struct ProgramLowering<'a> {
     emitted: HashMap<(OpKind, [u16; 6]), u16>,
     literals: HashMap<ConstantBits, u16>,
     laws: HashMap<(LawId, Box<[NodeId]>), [u16; 3]>,
-    curves: HashMap<(usize, NodeId), [u16; 3]>,
+    curves: HashMap<(usize, [NodeId; 2], u16), [u16; 3]>,
 }
 
 impl<'a> ProgramLowering<'a> {
@@ -274,6 +275,7 @@ impl<'a> ProgramLowering<'a> {
             Node::Sum { constant, terms } => self.sum(constant.get(), terms, self.stratum(id), None),
             Node::Product(factors) => self.product(factors, self.stratum(id)),
             Node::Call(function, at) => self.emit(OpKind::Call(*function), &[self.register(*at)]),
+            Node::Angle { y, x } => self.emit(OpKind::Angle, &[self.register(*y), self.register(*x)]),
             Node::Choice { smaller, larger, then, otherwise } => {
                 let parts = [smaller, larger, then, otherwise].map(|part| self.register(*part));
                 self.emit(OpKind::Choice, &parts)
@@ -355,17 +357,22 @@ impl<'a> ProgramLowering<'a> {
         start
     }
 
-    fn curve(&mut self, curve: usize, order: u8, at: NodeId) -> u16 {
-        let known = self.curves.get(&(curve, at)).copied().unwrap_or_else(|| {
-            let place = self.register(at);
-            let stratum = self.of_register(place);
+    fn curve(&mut self, curve: usize, order: [u8; 2], at: [NodeId; 2]) -> u16 {
+        let is_line = self.graph.curves.get(curve).is_none_or(|(_, arguments)| *arguments == 1);
+        let in_group = |orders: &[[u8; 2]; 3]| orders.iter().position(|of| *of == order);
+        let of_grid = || (0..).zip(&GROUPS).find_map(|(group, of)| Some((group, in_group(of)?)));
+        let (group, place) = if is_line { Some((0, order[0].into())) } else { of_grid() }.unwrap_or_default();
+        let known = self.curves.get(&(curve, at, group)).copied().unwrap_or_else(|| {
+            let places = at.map(|at| self.register(at));
+            let stratum = places.map(|place| self.of_register(place)).into_iter().max();
+            let stratum = stratum.unwrap_or(Stratum::State);
             let (slope, bend) = (self.take(stratum), self.take(stratum));
             let index = u16::try_from(curve).unwrap_or_default();
-            let value = self.push(OpKind::Curve, [place, index, 0, 0, slope, bend], stratum);
-            self.curves.insert((curve, at), [value, slope, bend]);
+            let value = self.push(OpKind::Curve, [places[0], index, places[1], group, slope, bend], stratum);
+            self.curves.insert((curve, at, group), [value, slope, bend]);
             [value, slope, bend]
         });
-        known.get(usize::from(order)).copied().unwrap_or_default()
+        known.get(place).copied().unwrap_or_default()
     }
 }
 

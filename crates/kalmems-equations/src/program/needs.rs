@@ -9,9 +9,10 @@ impl Instruction {
     /// The registers that it reads; those of a law's arguments are on a list.
     fn reads<'a>(&'a self, arguments: &'a [u16]) -> impl Iterator<Item = u16> + 'a {
         let (own, list) = match self.kind {
-            OpKind::Reciprocal | OpKind::Power | OpKind::Call(_) | OpKind::Curve => (1, None),
-            OpKind::Add | OpKind::Subtract | OpKind::Multiply => (2, None),
-            OpKind::MultiplyAdd => (3, None),
+            OpKind::Reciprocal | OpKind::Power | OpKind::Call(_) => (1, None),
+            OpKind::Add | OpKind::Subtract | OpKind::Multiply | OpKind::Angle => (2, None),
+            // The first and the third of a curve, and the number of the curve between, which stands for no register that matters.
+            OpKind::MultiplyAdd | OpKind::Curve => (3, None),
             OpKind::Products2 | OpKind::Choice | OpKind::ShortLaw(_) => (4, None),
             OpKind::Products2Add => (5, None),
             OpKind::Products3 => (6, None),
@@ -36,6 +37,7 @@ impl Instruction {
             | OpKind::Reciprocal
             | OpKind::Power
             | OpKind::Call(_)
+            | OpKind::Angle
             | OpKind::Choice
             | OpKind::Partial(_) => 0,
         };

@@ -7,7 +7,7 @@ use crate::laws::LawId;
 pub(crate) const REGISTERS: usize = 4096;
 
 /// The first registers: states, and behind them the inputs.
-pub(crate) const STATES: usize = 16;
+pub(crate) const STATES: usize = 24;
 
 /// What is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -32,6 +32,8 @@ pub(crate) enum OpKind {
     Power,
     /// An elementary function of a.
     Call(Function),
+    /// The angle of the point (b, a).
+    Angle,
     /// c where a < b, d elsewhere
     Choice,
     /// A law of the arguments a to d: its value, and its first and second derivative by its first argument into the
@@ -42,7 +44,8 @@ pub(crate) enum OpKind {
     Law(LawId),
     /// One derivative of a law of the arguments from the place a on, by the b arguments that stand in c, d and e.
     Partial(LawId),
-    /// The curve b at a: its value, and its derivatives into the registers e and f.
+    /// The curve b at a: its value, and its derivatives into the registers e and f. Of two arguments, a and c, the derivatives of the group with the
+    /// number d.
     Curve,
 }
 

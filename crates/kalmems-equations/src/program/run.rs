@@ -4,7 +4,7 @@ use super::op::{Instruction, OpKind, REGISTERS};
 use crate::curve::Curve;
 use crate::graph::whole_power;
 use crate::laws::{self, LawId, MOST_ARGUMENTS};
-use kalmems_core::Scalar;
+use kalmems_core::{Portable, Scalar};
 use std::sync::Arc;
 
 /// The numbers of a program.
@@ -42,6 +42,7 @@ pub(crate) fn run(code: &[Instruction], r: &mut Registers, tables: &Tables) {
             OpKind::Reciprocal => 1.0 / r!(0),
             OpKind::Power => whole_power(r!(0), i32::from(op.of[1].cast_signed())),
             OpKind::Call(function) => function.apply(r!(0)),
+            OpKind::Angle => r!(0).portable_atan2(r!(1)),
             OpKind::Choice => Scalar::select(r!(0) < r!(1), r!(2), r!(3)),
             // The law that most devices have is worth a branch of its own.
             OpKind::ShortLaw(LawId::GaussianComb) => {
@@ -70,7 +71,10 @@ pub(crate) fn run(code: &[Instruction], r: &mut Registers, tables: &Tables) {
             }
             OpKind::Curve => {
                 let curve = tables.curves.get(usize::from(op.of[1]));
-                let [value, slope, bend] = curve.map_or([f64::NAN; 3], |curve| curve.at(r!(0)));
+                let [value, slope, bend] = match curve {
+                    Some(curve) => curve.at([r!(0), r!(2)], op.of[3].into()),
+                    None => [f64::NAN; 3],
+                };
                 r!(4) = slope;
                 r!(5) = bend;
                 value

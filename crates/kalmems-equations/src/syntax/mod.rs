@@ -6,4 +6,4 @@ mod tree;
 
 pub(crate) use parse::parse;
 pub(crate) use token::{is_first_of_name, is_of_name};
-pub(crate) use tree::{SyntaxTree, TermForm};
+pub(crate) use tree::{SyntaxTree, TermForm, TermId};

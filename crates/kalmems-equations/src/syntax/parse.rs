@@ -16,7 +16,8 @@ pub(crate) fn parse(text: &str) -> Result<SyntaxTree, SyntaxFailure> {
     }
     let next = token(text, 0)?;
     let mut parser = Parser { text, next, terms: Vec::new() };
-    parser.expression(0, 0)?;
+    let whole = parser.expression(0, 0)?;
+    parser.value(whole)?;
     let unit = parser.unit_of_the_whole()?;
     match parser.next.kind {
         TokenKind::End => Ok(SyntaxTree { terms: parser.terms, unit }),
@@ -25,10 +26,13 @@ pub(crate) fn parse(text: &str) -> Result<SyntaxTree, SyntaxFailure> {
 }
 
 /// How tightly operators bind.
-const SUM: u8 = 1;
-const PRODUCT: u8 = 2;
-const SIGN: u8 = 3;
-const POWER: u8 = 4;
+const OR: u8 = 1;
+const AND: u8 = 2;
+const COMPARISON: u8 = 3;
+const SUM: u8 = 4;
+const PRODUCT: u8 = 5;
+const SIGN: u8 = 6;
+const POWER: u8 = 7;
 
 struct Parser<'a> {
     text: &'a str,
@@ -54,9 +58,37 @@ impl Parser<'_> {
         (self.next.span.clone(), EquationFault::Syntax { found, expected: expected.to_owned() })
     }
 
-    fn push(&mut self, form: TermForm, span: Range<usize>) -> TermId {
+    fn push(&mut self, form: TermForm, span: Range<usize>) -> Result<TermId, SyntaxFailure> {
+        form.values().into_iter().try_for_each(|part| self.value(part))?;
         self.terms.push(Term { form, span });
-        self.terms.len() - 1
+        Ok(self.terms.len() - 1)
+    }
+
+    fn is_condition(&self, term: TermId) -> bool {
+        self.terms.get(term).is_some_and(|term| term.form.is_condition())
+    }
+
+    /// Refuses a condition where a value is needed.
+    fn value(&self, term: TermId) -> Result<(), SyntaxFailure> {
+        if !self.is_condition(term) {
+            return Ok(());
+        }
+        let expected = "a value; a condition stands in `if(condition, x, y)` alone, and joins others by `and`, `or` and `not`";
+        let (found, expected) = ("a condition".to_owned(), expected.to_owned());
+        Err((self.span(term), EquationFault::Syntax { found, expected }))
+    }
+
+    /// Refuses a value that was just read where a condition is needed.
+    fn condition(&self, term: TermId) -> Result<(), SyntaxFailure> {
+        if self.is_condition(term) {
+            return Ok(());
+        }
+        Err(self.unexpected("a comparison by `<` or `>`, as in `if(a < b, x, y)`"))
+    }
+
+    /// Whether this word comes next.
+    fn is_word(&self, word: &str) -> bool {
+        self.next.kind == TokenKind::Name && self.word(&self.next.span) == word
     }
 
     fn span(&self, term: TermId) -> Range<usize> {
@@ -80,20 +112,33 @@ impl Parser<'_> {
         let mut left = self.prefix(depth)?;
         loop {
             left = match self.next.kind {
+                TokenKind::Name if least < OR && self.is_word("or") => {
+                    self.joined(left, ("or", TermForm::Any), OR, depth)?
+                }
+                TokenKind::Name if least < AND && self.is_word("and") => {
+                    self.joined(left, ("and", TermForm::All), AND, depth)?
+                }
+                TokenKind::Sign(sign @ ('<' | '>')) if least < COMPARISON => {
+                    self.advance()?;
+                    let right = self.expression(COMPARISON, depth + 1)?;
+                    let span = self.span(left).start..self.span(right).end;
+                    let (smaller, larger) = if sign == '<' { (left, right) } else { (right, left) };
+                    self.push(TermForm::Comparison { smaller, larger }, span)?
+                }
                 TokenKind::Sign('+' | '-') if least < SUM => {
                     let parts = self.chain(left, ['+', '-'], SUM, depth)?;
-                    self.join(TermForm::Sum, parts)
+                    self.join(TermForm::Sum, parts)?
                 }
                 TokenKind::Sign('*' | '/') if least < PRODUCT => {
                     let parts = self.chain(left, ['*', '/'], PRODUCT, depth)?;
-                    self.join(TermForm::Product, parts)
+                    self.join(TermForm::Product, parts)?
                 }
                 TokenKind::Sign('^') if least < POWER => {
                     self.advance()?;
                     // To the right: a^b^c is a^(b^c). A sign may stand in front of the exponent.
                     let exponent = self.expression(POWER - 1, depth + 1)?;
                     let span = self.span(left).start..self.span(exponent).end;
-                    self.push(TermForm::Power(left, exponent), span)
+                    self.push(TermForm::Power(left, exponent), span)?
                 }
                 _ => return Ok(left),
             };
@@ -117,7 +162,31 @@ impl Parser<'_> {
         Ok(parts)
     }
 
-    fn join(&mut self, form: fn(Vec<(bool, TermId)>) -> TermForm, parts: Vec<(bool, TermId)>) -> TermId {
+    /// Conditions that this word joins.
+    fn joined(
+        &mut self,
+        first: TermId,
+        (word, form): (&str, fn(Vec<TermId>) -> TermForm),
+        strength: u8,
+        depth: usize,
+    ) -> Result<TermId, SyntaxFailure> {
+        self.condition(first)?;
+        let (start, mut parts) = (self.span(first).start, vec![first]);
+        while self.is_word(word) {
+            self.advance()?;
+            let part = self.expression(strength, depth + 1)?;
+            self.condition(part)?;
+            parts.push(part);
+        }
+        let end = parts.last().map_or(start, |last| self.span(*last).end);
+        self.push(form(parts), start..end)
+    }
+
+    fn join(
+        &mut self,
+        form: fn(Vec<(bool, TermId)>) -> TermForm,
+        parts: Vec<(bool, TermId)>,
+    ) -> Result<TermId, SyntaxFailure> {
         let ends = parts.first().zip(parts.last()).map(|(a, b)| (a.1, b.1)).unwrap_or_default();
         let span = self.span(ends.0).start..self.span(ends.1).end;
         self.push(form(parts), span)
@@ -130,7 +199,7 @@ impl Parser<'_> {
                 let sign = self.advance()?;
                 let of = self.expression(SIGN, depth + 1)?;
                 let span = sign.span.start..self.span(of).end;
-                Ok(self.push(TermForm::Negative(of), span))
+                self.push(TermForm::Negative(of), span)
             }
             TokenKind::Sign('+') => {
                 self.advance()?;
@@ -146,12 +215,19 @@ impl Parser<'_> {
                 Ok(inner)
             }
             TokenKind::Number => self.number(),
+            TokenKind::Name if self.is_word("not") => {
+                let word = self.advance()?;
+                let of = self.expression(AND, depth + 1)?;
+                self.condition(of)?;
+                let span = word.span.start..self.span(of).end;
+                self.push(TermForm::Not(of), span)
+            }
             TokenKind::Name => {
                 let name = self.advance()?.span;
                 if self.is('(') {
                     self.call(name, depth)
                 } else {
-                    Ok(self.push(TermForm::Name(name.clone()), name))
+                    self.push(TermForm::Name(name.clone()), name)
                 }
             }
             _ => Err(self.unexpected("a number, a name or `(`")),
@@ -162,13 +238,13 @@ impl Parser<'_> {
         let number = self.advance()?.span;
         if self.next.kind != TokenKind::Unit {
             let value = self.word(&number).parse().unwrap_or(f64::NAN);
-            return Ok(self.push(TermForm::Number(value, None), number));
+            return self.push(TermForm::Number(value, None), number);
         }
         let bracket = self.advance()?.span;
         let unit = self.word(&(bracket.start + 1..bracket.end - 1)).trim().to_owned();
         let value = Value::parse(&format!("{} {unit}", self.word(&number)));
         let value = value.map_err(|fault| (bracket.clone(), EquationFault::Unit(fault)))?;
-        Ok(self.push(TermForm::Number(value.si(), Some(value.unit())), number.start..bracket.end))
+        self.push(TermForm::Number(value.si(), Some(value.unit())), number.start..bracket.end)
     }
 
     fn call(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, SyntaxFailure> {
@@ -198,29 +274,22 @@ impl Parser<'_> {
                     EquationFault::Arguments { function, found: arguments.len(), expected: 1 },
                 ));
             };
-            return Ok(self.push(TermForm::Rate { of }, span));
+            return self.push(TermForm::Rate { of }, span);
         }
-        Ok(self.push(TermForm::Call(name, arguments), span))
+        self.push(TermForm::Call(name, arguments), span)
     }
 
-    /// `if(a < b, then, otherwise)`.
+    /// `if(condition, then, otherwise)`.
     fn choice(&mut self, name: Range<usize>, depth: usize) -> Result<TermId, SyntaxFailure> {
         self.advance()?;
-        let left = self.expression(0, depth + 1)?;
-        let less = self.is('<');
-        if !less && !self.is('>') {
-            return Err(self.unexpected("a comparison by `<` or `>`, as in `if(a < b, x, y)`"));
-        }
-        self.advance()?;
-        let right = self.expression(0, depth + 1)?;
+        let condition = self.expression(0, depth + 1)?;
+        self.condition(condition)?;
         self.expect(',', "`,` and the value where the comparison holds")?;
         let then = self.expression(0, depth + 1)?;
         self.expect(',', "`,` and the value where the comparison does not hold")?;
         let otherwise = self.expression(0, depth + 1)?;
         let close = self.expect(')', "the `)` of this `if`")?;
-        let (smaller, larger) = if less { (left, right) } else { (right, left) };
-        let span = name.start..close.span.end;
-        Ok(self.push(TermForm::Choice { smaller, larger, then, otherwise }, span))
+        self.push(TermForm::Choice { condition, then, otherwise }, name.start..close.span.end)
     }
 
     /// `d(of, by)`.
@@ -233,7 +302,7 @@ impl Parser<'_> {
         }
         let by = self.advance()?.span;
         let close = self.expect(')', "the `)` of this derivative")?;
-        Ok(self.push(TermForm::Partial { of, by }, name.start..close.span.end))
+        self.push(TermForm::Partial { of, by }, name.start..close.span.end)
     }
 
     /// What stands behind `in`.

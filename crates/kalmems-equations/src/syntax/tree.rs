@@ -40,10 +40,37 @@ pub(crate) enum TermForm {
     Power(TermId, TermId),
     /// A function, whose name has this span, of these arguments.
     Call(Range<usize>, Vec<TermId>),
-    /// `if(a < b, then, otherwise)`.
-    Choice { smaller: TermId, larger: TermId, then: TermId, otherwise: TermId },
+    /// `a < b`: a condition, as are the three below.
+    Comparison { smaller: TermId, larger: TermId },
+    /// `a < b and c < d and …`.
+    All(Vec<TermId>),
+    /// `a < b or c < d or …`.
+    Any(Vec<TermId>),
+    /// `not a < b`.
+    Not(TermId),
+    /// `if(condition, then, otherwise)`.
+    Choice { condition: TermId, then: TermId, otherwise: TermId },
     /// `d(of, by)`: the partial derivative by the variable whose name has this span.
     Partial { of: TermId, by: Range<usize> },
     /// `ddt(of)`: the total derivative along the motion.
     Rate { of: TermId },
+}
+
+impl TermForm {
+    /// Whether it holds or does not, and is no value.
+    pub(crate) fn is_condition(&self) -> bool {
+        matches!(self, Self::Comparison { .. } | Self::All(_) | Self::Any(_) | Self::Not(_))
+    }
+
+    /// Its parts that must be values.
+    pub(crate) fn values(&self) -> Vec<TermId> {
+        match self {
+            Self::Number(..) | Self::Name(_) | Self::All(_) | Self::Any(_) | Self::Not(_) => Vec::new(),
+            Self::Sum(parts) | Self::Product(parts) => parts.iter().map(|(_, part)| *part).collect(),
+            Self::Negative(of) | Self::Partial { of, .. } | Self::Rate { of } => vec![*of],
+            Self::Power(a, b) | Self::Comparison { smaller: a, larger: b } => vec![*a, *b],
+            Self::Call(_, arguments) => arguments.clone(),
+            Self::Choice { then, otherwise, .. } => vec![*then, *otherwise],
+        }
+    }
 }

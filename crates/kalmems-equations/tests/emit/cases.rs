@@ -91,6 +91,47 @@ curve = "1e11[V/F]*C(z)*sqrt(1 + z/gap) + 0.1[V]*ln(1.5 + sin(z/gap)) in V"
 middle = "z - 0.01[mm]"
 "#;
 
+/// A pendulum with dry friction and a stop of its own, pulled by a force that was measured over angle and voltage, and read by its coordinates.
+const PENDULUM: &str = r#"
+[states]
+angle = "rad"
+rate = "rad/s"
+[inputs]
+V = "V"
+[parameters]
+length = "2 mm"
+w = "300 rad/s"
+b = "40 1/s"
+friction = "900 rad/s^2"
+drive = "9e3 rad/s^2/V"
+[tables.pull]
+x = [-1.0, -0.6, -0.3, 0.0, 0.2, 0.5, 1.0]
+y = [-2.0, -1.0, -0.3, 0.4, 1.2, 2.0]
+z = [
+    [-4670.5, -3412.6, -2852.5, -2556.3, -2541.1, -2870.5],
+    [-3861.0, -2776.5, -2269.0, -1968.8, -1879.5, -2061.0],
+    [-2544.2, -1741.8, -1320.0, -1013.2, -803.5, -744.2],
+    [-900.0, -450.0, -135.0, 180.0, 540.0, 900.0],
+    [217.1, 427.7, 670.1, 990.7, 1452.8, 2017.1],
+    [1676.6, 1574.5, 1722.0, 2049.9, 2645.4, 3476.6],
+    [2870.5, 2512.6, 2582.5, 2916.3, 3621.1, 4670.5],
+]
+x_unit = "rad"
+y_unit = "V"
+z_unit = "rad/s^2"
+outside = "linear"
+[let]
+x = "length*sin(angle)"
+y = "length*cos(angle)"
+reach = "if(not (angle < 0.2 or angle < -0.2) and rate < 1e6[rad/s], 0.2[rad], -0.2[rad])"
+beyond = "if(angle > 0.2 or not angle > -0.2, 0.3*w^2*(asin(sin(angle)/1.1) - asin(sin(reach)/1.1)), 0)"
+[derivative]
+angle = "rate"
+rate = "drive*V - b*rate - w^2*atan2(x, y) - beyond - pull(angle, V) - friction*tanh(rate/3[rad/s])*sign(hypot(x, y))"
+[measure]
+signal = "10[V]*(acos(0.8*cos(angle + 1.2)) + atan(angle/2[rad])/3 + 0.2*(angle/0.3 - floor(angle/9[rad] + 0.5))) in V"
+"#;
+
 /// A device with a filter and what drives it.
 pub struct Case {
     pub name: String,
@@ -301,6 +342,17 @@ pub fn cases() -> Vec<Case> {
             (&[(1, 1e-3)], &[(0, 1e-6), (1, 1e-6)]),
             &[("k", 0.5, 1e-6)],
             |t| 40.0 * (TAU * 900.0 * t).sin(),
+        ),
+        case(
+            (
+                "pendulum",
+                common::device(PENDULUM),
+                1e-4,
+                &[[0.5, 0.48, 0.02, 0.0, 0.6], [0.0, 0.0, 5.0, 0.0, 200.0]],
+            ),
+            (&[(1, 1.0)], &[(0, 1e-4)]),
+            &[("w", 1.0, 1e-3)],
+            |t| (TAU * 47.0 * t).sin(),
         ),
     ]
 }

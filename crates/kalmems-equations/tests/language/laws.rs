@@ -2,7 +2,7 @@
 //! language that no published device uses: curves, delays, arguments of functions.
 
 use crate::common::{Chance, device};
-use kalmems_core::{Dual, Nodes};
+use kalmems_core::{Dual, Nodes, Scalar};
 use kalmems_equations::Device;
 use kalmems_models::capacitance::{CoaxialDisks, DifferentialPlates, ParallelPlate, TiltingPlate};
 use kalmems_models::circuit::Transimpedance;
@@ -195,5 +195,134 @@ fn half_powers_and_roots_have_a_slope_where_they_meet_zero() {
         for (slope, expected) in slopes.iter().zip(expected) {
             assert!((slope - expected).abs() < 1e-14, "{x} {y}: {slopes:?}");
         }
+    }
+}
+
+/// Values and slopes by `a` of the numbers as f64 has them, computed with 40 digits (mpmath); each to two units of the last digit.
+#[test]
+fn arcs_lengths_signs_and_whole_numbers_have_their_values_and_slopes() {
+    let cases = [
+        ("asin(a)", [0.3, 0.0], 0.304_692_654_015_397_5, 1.048_284_836_721_918_2),
+        ("asin(a)", [0.999_999, 0.0], 1.569_382_113_114_652_1, 707.106_957_953_142_5),
+        ("acos(a)", [-0.7, 0.0], 2.346_193_823_405_649_4, -1.400_280_084_028_009_6),
+        ("acos(a)", [0.999_999, 0.0], 0.001_414_213_680_244_585_2, -707.106_957_953_142_5),
+        ("atan(a)", [3.0, 0.0], 1.249_045_772_398_254_4, 0.1),
+        ("atan2(a, b)", [-1.5, -2.0], -2.498_091_544_796_509, -0.32),
+        ("atan2(b, a)", [-2.0, 0.0], std::f64::consts::PI, 0.0),
+        ("hypot(a, b)", [1.1, 2.3], 2.549_509_756_796_392_2, 0.431_455_497_304_004_9),
+        ("hypot(a, b)", [0.0, 0.0], 0.0, 0.0),
+        ("sign(a)", [-0.2, 0.0], -1.0, 0.0),
+        ("sign(a)", [0.0, 0.0], 0.0, 0.0),
+        ("sign(a)", [7.0, 0.0], 1.0, 0.0),
+        ("floor(a)", [-1.5, 0.0], -2.0, 0.0),
+        ("a - floor(a)", [3.25, 0.0], 0.25, 1.0),
+        ("if(a < 1 and b < 1, a, 2*a)", [0.5, 0.5], 0.5, 1.0),
+        ("if(a < 1 and b < 1, a, 2*a)", [0.5, 1.5], 1.0, 2.0),
+        ("if(a > 1 or b > 1 and a > 0, a, 2*a)", [-0.5, 1.5], -1.0, 2.0),
+        ("if((a > 1 or b > 1) and not (a > 0), a, 2*a)", [-0.5, 1.5], -0.5, 1.0),
+        ("if(not a > 1 and not b > 1, a, 2*a)", [2.0, 0.0], 4.0, 2.0),
+    ];
+    for (expression, [a, b], expected, slope) in cases {
+        let whole = format!("{expression} + c");
+        let device = law(&whole, "1");
+        let readout = device.readout(0, &[]).unwrap();
+        let mut slopes = [0.0; 5];
+        let found = readout.linearize(&mut readout.work(&[]), &[a, b, 0.0, 0.0, 0.0], &[], &mut slopes);
+        let near =
+            |found: f64, expected: f64| (found - expected).abs() <= 2.0 * f64::EPSILON * expected.abs();
+        assert!(near(found, expected), "{expression}: {found:e} {expected:e}");
+        assert!(near(slopes[0], slope), "{expression}: slope {:e} {slope:e}", slopes[0]);
+    }
+}
+
+/// A law of two numbers.
+type OfTwo<'a> = &'a dyn Fn(Dual<f64, 5>, Dual<f64, 5>) -> Dual<f64, 5>;
+
+/// A surface of a product of cubics is that product, with its slopes by either argument and those of its derivative by one of them.
+#[test]
+fn a_surface_and_its_derivatives_are_those_of_the_law_that_its_points_are_of() {
+    let (of_x, of_y) = (|x: Dual<f64, 5>| x * x * x - x.twice(), |y: Dual<f64, 5>| y * y + of(0.3) * y);
+    let place = |k: usize| 0.5 + 0.5 * k as f64;
+    let number = |f: &dyn Fn(Dual<f64, 5>) -> Dual<f64, 5>, k: usize| f(of(place(k))).value();
+    let places: Vec<String> = (0..6).map(|k| format!("{:?}", place(k))).collect();
+    let rows: Vec<String> = (0..6)
+        .map(|i| {
+            let row: Vec<String> =
+                (0..6).map(|j| format!("{:?}", number(&of_x, i) * number(&of_y, j))).collect();
+            format!("[{}]", row.join(", "))
+        })
+        .collect();
+    let device = |expression: &str| {
+        device(&format!(
+            "[states]\na = '1'\nb = '1'\nc = '1'\ne = '1'\nf = '1'\n[tables]\n\
+             S = {{ x = [{0}], y = [{0}], z = [{1}], x_unit = '1', y_unit = '1', z_unit = '1' }}\n\
+             [derivative]\na = '0'\nb = '0'\nc = '0'\ne = '0'\nf = '0'\n[measure]\ny = '{expression} in 1'\n",
+            places.join(", "),
+            rows.join(", ")
+        ))
+    };
+    let slope_x = |x: Dual<f64, 5>| of(3.0) * x * x - of(2.0);
+    let slope_y = |y: Dual<f64, 5>| y.twice() + of(0.3);
+    let cases: [(&str, OfTwo<'_>); 4] = [
+        ("S(a, b)", &|a, b| of_x(a) * of_y(b)),
+        ("d(S(a, b), b)*c", &|a, b| of_x(a) * slope_y(b) * of(1.5)),
+        ("d(S(a, b), a)", &|a, b| slope_x(a) * of_y(b)),
+        ("S(a*b, b) + S(b, a)", &|a, b| of_x(a * b) * of_y(b) + of_x(b) * of_y(a)),
+    ];
+    let mut chance = Chance::new(5);
+    for (expression, law) in cases {
+        let device = device(expression);
+        let readout = device.readout(0, &[]).unwrap();
+        let mut work = readout.work(&[]);
+        for _ in 0..200 {
+            let mut x: [f64; 5] = std::array::from_fn(|_| chance.between(0.8, 1.7));
+            x[2] = 1.5;
+            let mut slopes = [0.0; 5];
+            let value = readout.linearize(&mut work, &x, &[], &mut slopes);
+            let [a, b, ..] = Dual::<f64, 5>::variables(&x);
+            let expected = law(a, b);
+            assert!((value - expected.value()).abs() < 1e-12, "{expression}: {value} {}", expected.value());
+            for (found, expected) in slopes.iter().zip(expected.gradient()).take(2) {
+                assert!((found - expected).abs() < 1e-11, "{expression}: {found} {expected}");
+            }
+        }
+    }
+}
+
+/// A chain of masses by vectors is the same device, to the last bit, as the one that is written out by hand.
+#[test]
+fn a_chain_by_vectors_is_the_chain_that_is_written_out() {
+    let vectors = device(
+        "[states]\n'x[1..4]' = 'm'\n'v[1..4]' = 'm/s'\n[parameters]\n'k[0..4]' = '2 1/s^2'\nb = '0.1 1/s'\n\
+         [let]\n'pull[i=1..4]' = 'k[i]*(if(i < 4, x[i], 2*x[i]) - x[1])'\n\
+         [derivative]\n'x[i=1..4]' = 'v[i]'\n'v[1]' = 'k[1]*(x[2] - x[1]) - b*v[1]'\n\
+         'v[i=2..3]' = 'k[i-1]*(x[i-1] - x[i]) + k[i]*(x[i+1] - x[i]) - b*v[i]'\n'v[4]' = '-sum(j = 1..4, pull[j])'\n\
+         [lag]\n'late[i=1..2]' = { of = 'x[2*i] in m', time = 'i*1[s]' }\n\
+         [measure]\ny = 'sum(i = 1..4, i*x[i]) + d(sum(i = 1..4, x[i]^2), x[3])/2 in m'\n[noise]\n'v[1..4]' = '1e-6[m^2/s^3]'\n",
+    );
+    let by_hand = device(
+        "[states]\nx_1 = 'm'\nx_2 = 'm'\nx_3 = 'm'\nx_4 = 'm'\nv_1 = 'm/s'\nv_2 = 'm/s'\nv_3 = 'm/s'\nv_4 = 'm/s'\n\
+         [parameters]\nk_0 = '2 1/s^2'\nk_1 = '2 1/s^2'\nk_2 = '2 1/s^2'\nk_3 = '2 1/s^2'\nk_4 = '2 1/s^2'\nb = '0.1 1/s'\n[derivative]\n\
+         x_1 = 'v_1'\nx_2 = 'v_2'\nx_3 = 'v_3'\nx_4 = 'v_4'\nv_1 = 'k_1*(x_2 - x_1) - b*v_1'\n\
+         v_2 = 'k_1*(x_1 - x_2) + k_2*(x_3 - x_2) - b*v_2'\nv_3 = 'k_2*(x_2 - x_3) + k_3*(x_4 - x_3) - b*v_3'\n\
+         v_4 = '-(k_1*(x_1 - x_1) + k_2*(x_2 - x_1) + k_3*(x_3 - x_1) + k_4*(2*x_4 - x_1))'\n\
+         [lag]\nlate_1 = { of = 'x_2 in m', time = '1[s]' }\nlate_2 = { of = 'x_4 in m', time = '2[s]' }\n\
+         [measure]\ny = '(x_1 + 2*x_2 + 3*x_3 + 4*x_4) + x_3 in m'\n[noise]\nv_1 = '1e-6[m^2/s^3]'\n",
+    );
+    let names =
+        |device: &Device| device.states().iter().map(|state| state.name.to_string()).collect::<Vec<_>>();
+    assert_eq!(names(&vectors), names(&by_hand));
+    assert_eq!(vectors.noise(&vectors.values()).unwrap().len(), 4);
+    let mut chance = Chance::new(8);
+    let run = |device: &Device, x: &[f64]| {
+        let (motion, readout) = (device.motion(&[]).unwrap(), device.readout(0, &[]).unwrap());
+        let (mut rates, mut jacobian) = (vec![0.0; 10], vec![0.0; 100]);
+        assert!(motion.linearize(&mut motion.work(&device.values()), x, &[], &mut rates, &mut jacobian));
+        let seen = readout.read(&mut readout.work(&device.values()), x, &[]);
+        rates.into_iter().chain(jacobian).chain([seen]).map(f64::to_bits).collect::<Vec<_>>()
+    };
+    for _ in 0..20 {
+        let x: Vec<f64> = (0..10).map(|_| chance.between(-1.0, 1.0)).collect();
+        assert_eq!(run(&vectors, &x), run(&by_hand, &x));
     }
 }

@@ -39,6 +39,21 @@ fn rate(text: &str) -> String {
     small(&format!("[derivative]\nx = '{text}'\n"))
 }
 
+/// Three states with this rate, in which `i` is the index.
+fn chain(text: &str) -> String {
+    said_of(&format!(
+        "[states]\n'x[1..3]' = 'm'\n[parameters]\nk = '3 1/s'\n[derivative]\n'x[i=1..3]' = '{text}'\n"
+    ))
+}
+
+/// A device of one state with this rate, which a surface of a length and a rate gives; and with this first row of its values.
+fn surface(text: &str, row: &str) -> String {
+    small(&format!(
+        "[inputs]\nu = '1/s'\n[tables]\nS = {{ x = [0, 1, 2, 3], y = [0, 2, 4, 8], z = [{row}, [1, 2, 3, 4], [0, 1, 2, 1], [1, 1, 0, 2]], \
+         x_unit = 'm', y_unit = '1/s', z_unit = 'm/s' }}\n[derivative]\nx = '{text}'\n"
+    ))
+}
+
 macro_rules! mistakes {
     ($($name:ident: $said:expr;)+) => {
         $(
@@ -66,6 +81,12 @@ mistakes! {
     unit_of_an_exponential: scanner("gaussian_comb(theta, C0, width, Cb)", "C0*exp(-theta^2/width) + Cb");
     unit_of_a_logarithm: rate("p*rate*ln(x)");
     unit_of_a_sine: rate("p*rate*sin(x)");
+    unit_of_an_arc_sine: rate("p*rate*asin(x)");
+    units_of_an_arc_tangent: rate("p*rate*atan2(x, rate)");
+    arc_sine_beyond_one: rate("p*rate*asin(1.5)");
+    angle_in_an_exponential: rate("p*rate*exp(atan2(x, p))");
+    unit_of_a_whole_number: rate("rate*floor(x)");
+    unit_of_a_length: rate("p*hypot(x, p)");
     unit_of_a_law: scanner("gaussian_comb(theta, C0, width, Cb)", "gaussian_comb(theta, C0, J, Cb)");
     arguments_of_a_law_in_another_order: scanner("(theta, C0, width, Cb)", "(theta, width, C0, Cb)");
     unit_of_an_exponent: rate("rate*p*2^x");
@@ -84,6 +105,25 @@ mistakes! {
     unit_of_a_measurement_noise: scanner("1.92e-4[V^2]", "1.92e-4[V]");
     unit_of_a_period: said("piston_mirror", &[("phi = \"2*pi\"", "phi = \"1[m]\"")]);
     unit_of_a_time_constant: said("shared_scanner_low_passed", &[("time = \"1/first_pole\"", "time = \"first_pole\"")]);
+
+    resonance_of_a_number_in_hz: said_of("[states]\nx = 'm'\nv = 'm/s'\n[derivative]\nx = 'v'\nv = '-(1200[Hz])^2*x'\n[measure]\ny = 'x in m'\n");
+    resonance_of_a_number_in_hz_with_two_pi_is_right: said_of("[states]\nx = 'm'\nv = 'm/s'\n[derivative]\nx = 'v'\nv = '-(2*pi*1200[Hz])^2*x - 3[1/s]*v'\n[measure]\ny = 'x in m'\n");
+    parameter_without_a_unit: said_of("[states]\nomega = 'rad/s'\n[inputs]\nI = 'A'\n[parameters]\nJ = '2e-9 kg m^2'\nb = '1e-9 N m s'\nKt = '3e-5'\n[derivative]\nomega = '(Kt*I - b*omega)/J'\n");
+    parameter_without_a_unit_below_the_bar: said_of("[states]\nx = 'V'\n[inputs]\nu = 'V'\n[parameters]\ntau = '0.002'\n[derivative]\nx = '(u - x)/tau'\n");
+    parameters_without_units: said_of("[states]\nx = 'm'\n[parameters]\na = '3'\nq = '5'\n[derivative]\nx = 'a*x*exp(-q)'\n");
+
+    surface_of_one_argument: surface("S(x)", "[3, 4, 5, 6]");
+    unit_of_the_second_argument: surface("S(x, x)", "[3, 4, 5, 6]");
+    row_of_a_surface: surface("S(x, 2*rate)", "[3, 4, 5]");
+    third_derivative_of_a_surface: surface("d(d(d(S(x, u), x), u), u)*1[m/s^2]", "[3, 4, 5, 6]");
+
+    // Vectors.
+    element_beyond_a_vector: chain("k*(x[i+1] - x[i])");
+    element_below_a_vector: chain("k*(x[i] - x[i-2])");
+    index_that_is_none: chain("k*x[j]");
+    sum_without_a_range: chain("sum(j, x[j])*1[m/s]");
+    vector_twice: said_of("[states]\n'x[1..3]' = 'm'\nx_2 = 'm'\n[derivative]\n'x[1..3]' = '1[m/s]'\n");
+    range_that_falls: said_of("[states]\n'x[3..1]' = 'm'\n");
 
     // Names.
     misspelt_name: scanner("- b*omega", "- b*omga");
@@ -127,6 +167,13 @@ mistakes! {
     unit_in_brackets_is_none: rate("2[m/sec]");
     comparison_outside_of_if: rate("rate*x < p");
     if_without_comparison: rate("if(x, rate*x, 0)");
+    value_among_conditions: rate("if(x < p and p, rate*x, 0)");
+    value_before_a_condition: rate("if(x or x < p, rate*x, 0)");
+    condition_within_a_sum: rate("rate*(x + (x < p))");
+    two_comparisons_in_one: rate("if(0 < x < p, rate*x, 0)");
+    conditions_as_the_whole: rate("x < p and p < x");
+    functions_with_jumps: rate("rate*p*(sign(x) + floor(x/p) + atan2(x, p))");
+    name_that_joins_conditions: small("and = '3 m'\n[derivative]\nx = '-rate*x'\n");
     too_deep: rate(&format!("{}rate*x{}", "(".repeat(70), ")".repeat(70)));
     not_toml: said_of("[states\nx = 'm'\n");
     number_for_a_text: small("[derivative]\nx = 3\n");

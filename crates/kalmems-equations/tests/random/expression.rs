@@ -1,6 +1,6 @@
 //! An expression, as a text and as numbers of any kind.
 
-use kalmems_core::Scalar;
+use kalmems_core::{Mask, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape, GaussianComb};
 use proptest::prelude::*;
 use std::fmt::Write;
@@ -34,6 +34,16 @@ pub enum Expression {
     /// Of 0.9·sin x.
     Atanh(Box<Expression>),
     Atanhc(Box<Expression>),
+    /// Of 0.9·sin x.
+    Asin(Box<Expression>),
+    Acos(Box<Expression>),
+    Atan2(Box<Expression>, Box<Expression>),
+    /// Of 0.1 + x and y.
+    Hypot(Box<Expression>, Box<Expression>),
+    Sign(Box<Expression>),
+    Floor(Box<Expression>),
+    /// `if(a < b and not c < d or e > f, x, y)`.
+    Conditions([Box<Expression>; 8]),
     Choice([Box<Expression>; 4]),
     Abs(Box<Expression>),
     Max(Box<Expression>, Box<Expression>),
@@ -70,6 +80,23 @@ impl Expression {
             X::Tanh(x) => format!("tanh({})", of(x)),
             X::Atanh(x) => format!("atanh(0.9*sin({}))", of(x)),
             X::Atanhc(x) => format!("atanhc(0.9*sin({}))", of(x)),
+            X::Asin(x) => format!("asin(0.9*sin({}))/1[rad]", of(x)),
+            X::Acos(x) => format!("acos(0.9*sin({}))/1[rad]", of(x)),
+            X::Atan2(y, x) => format!("atan2({}, {})/1[rad]", of(y), of(x)),
+            X::Hypot(x, y) => format!("hypot(0.1 + ({})^2, {})", of(x), of(y)),
+            X::Sign(x) => format!("sign({})", of(x)),
+            X::Floor(x) => format!("floor({})", of(x)),
+            X::Conditions([a, b, c, d, e, f, x, y]) => format!(
+                "if(({} < {} and not {} < {}) or {} > {}, {}, {})",
+                of(a),
+                of(b),
+                of(c),
+                of(d),
+                of(e),
+                of(f),
+                of(x),
+                of(y)
+            ),
             X::Choice([a, b, x, y]) => format!("if({} < {}, {}, {})", of(a), of(b), of(x), of(y)),
             X::Abs(x) => format!("abs({})", of(x)),
             X::Max(x, y) => format!("max({}, {})", of(x), of(y)),
@@ -118,6 +145,20 @@ impl Expression {
             }
             X::Choice([a, b, y, z]) => S::select(a.value(x).lt(b.value(x)), y.value(x), z.value(x)),
             X::Abs(a) => a.value(x).abs(),
+            X::Asin(a) => arc_sine(a.value(x).sin() * of(0.9)),
+            X::Acos(a) => of(std::f64::consts::FRAC_PI_2) - arc_sine(a.value(x).sin() * of(0.9)),
+            X::Atan2(a, b) => angle(a.value(x), b.value(x)),
+            X::Hypot(a, b) => ((a.value(x).sq() + of(0.1)).sq() + b.value(x).sq()).sqrt(),
+            X::Sign(a) => {
+                let a = a.value(x);
+                S::select(a.lt(of(0.0)), of(-1.0), S::select(a.gt(of(0.0)), of(1.0), of(0.0)))
+            }
+            X::Floor(a) => floor(a.value(x)),
+            X::Conditions([a, b, c, d, e, f, y, z]) => {
+                let is_below = |a: &Self, b: &Self| a.value(x).lt(b.value(x));
+                let holds = is_below(a, b).and(is_below(c, d).not()).or(is_below(f, e));
+                S::select(holds, y.value(x), z.value(x))
+            }
             X::Max(a, b) => {
                 let (a, b) = (a.value(x), b.value(x));
                 S::select(a.lt(b), b, a)
@@ -145,7 +186,14 @@ impl Expression {
         };
         let is_clear = match self {
             X::Choice([a, b, ..]) | X::Max(a, b) => apart(a, b),
-            X::Abs(a) => apart(a, &X::Number(0.0)),
+            X::Conditions([a, b, c, d, e, f, ..]) => apart(a, b) && apart(c, d) && apart(e, f),
+            X::Abs(a) | X::Sign(a) => apart(a, &X::Number(0.0)),
+            // Neither near the origin nor on the side on which the angle jumps.
+            X::Atan2(a, b) => a.value(x).abs() > 0.01 || b.value(x) > 0.01,
+            X::Floor(a) => {
+                let value = a.value(x);
+                (value - value.round()).abs() > 1e-9 * (1.0 + value.abs())
+            }
             _ => true,
         };
         is_clear
@@ -157,7 +205,9 @@ impl Expression {
         match self {
             X::Number(_) | X::Variable(_) => Vec::new(),
             X::Sum(parts) => parts.iter().map(|(_, part)| part).collect(),
-            X::Product(a, b) | X::Quotient(a, b) | X::Max(a, b) => vec![a, b],
+            X::Product(a, b) | X::Quotient(a, b) | X::Max(a, b) | X::Atan2(a, b) | X::Hypot(a, b) => {
+                vec![a, b]
+            }
             X::Power(a, _)
             | X::Exponent(a)
             | X::Sqrt(a)
@@ -168,12 +218,54 @@ impl Expression {
             | X::Tanh(a)
             | X::Atanh(a)
             | X::Atanhc(a)
+            | X::Asin(a)
+            | X::Acos(a)
+            | X::Sign(a)
+            | X::Floor(a)
             | X::Abs(a) => vec![a],
+            X::Conditions(all) => all.iter().map(AsRef::as_ref).collect(),
             X::Choice(all) => all.iter().map(AsRef::as_ref).collect(),
             X::Gaussian(all) => all.iter().map(AsRef::as_ref).collect(),
             X::Logistic(all) => all.iter().map(AsRef::as_ref).collect(),
         }
     }
+}
+
+/// The angle of the point (x, y) over dual numbers: atan z = z − z³/3 + … of the tangent of an eighth of the angle, since
+/// tan(a/2) = (√(x² + y²) − x)/y.
+fn angle<S: Scalar>(y: S, x: S) -> S {
+    let one = S::of(1.0);
+    // Half of the angle, by whichever form cancels nothing.
+    let length = (x.sq() + y.sq()).sqrt();
+    let ahead = y / (length + x.abs());
+    let behind = ahead.recip();
+    let halved = |t: S| t / (one + (one + t.sq()).sqrt());
+    let mut tangent = S::select(x.lt(S::of(0.0)), behind, ahead);
+    // Of a tangent beyond 1 the arc tangent of its reciprocal is taken from a quarter of a turn.
+    let is_large = tangent.abs().gt(one);
+    let side = S::select(y.lt(S::of(0.0)), S::of(-1.0), one);
+    tangent = S::select(is_large, tangent.recip(), tangent);
+    let t = halved(halved(halved(tangent)));
+    let square = t.sq();
+    let series = (0..12).rev().fold(S::of(0.0), |sum, k| {
+        S::of(if k % 2 == 0 { 1.0 } else { -1.0 } / f64::from(2 * k + 1)) + square * sum
+    });
+    let half = t * series * S::of(8.0);
+    S::select(is_large, side * S::of(std::f64::consts::FRAC_PI_2) - half, half) * S::of(2.0)
+}
+
+fn arc_sine<S: Scalar>(x: S) -> S {
+    angle(x, (S::of(1.0) - x.sq()).sqrt())
+}
+
+/// The largest whole number that is not above x, for numbers below 2·10⁴.
+fn floor<S: Scalar>(x: S) -> S {
+    let mut whole = S::of(-32_768.0);
+    for bit in (0..16).rev() {
+        let next = whole + S::of(f64::from(1_u32 << bit));
+        whole = S::select(x.lt(next), whole, next);
+    }
+    whole
 }
 
 /// Any of them.
@@ -199,6 +291,13 @@ pub fn expression() -> impl Strategy<Value = Expression> {
             one().prop_map(X::Atanh),
             one().prop_map(X::Atanhc),
             [one(), one(), one(), one()].prop_map(X::Choice),
+            one().prop_map(X::Asin),
+            one().prop_map(X::Acos),
+            (one(), one()).prop_map(|(a, b)| X::Atan2(a, b)),
+            (one(), one()).prop_map(|(a, b)| X::Hypot(a, b)),
+            one().prop_map(X::Sign),
+            one().prop_map(X::Floor),
+            [one(), one(), one(), one(), one(), one(), one(), one()].prop_map(X::Conditions),
             one().prop_map(X::Abs),
             (one(), one()).prop_map(|(a, b)| X::Max(a, b)),
             [one(), one(), one()].prop_map(X::Gaussian),

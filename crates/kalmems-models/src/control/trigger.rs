@@ -95,6 +95,8 @@ pub struct TriggerEvent<P> {
 /// σ_t² = (gᵀ·P·g + q)/ė²: P is carried by the linearised steps with their process noise, g weighs the nodes before and
 /// after the zero, and ė is the cubic's slope there.
 ///
+/// The first states are the angle and its rate; of a single state, which has no phase, nothing is told.
+///
 /// One event is told per passage, at the first sample at which it is no farther away than the lead. What tells one passage
 /// from the next is half a cycle between them, so that a lead of many cycles may have as many events on their way.
 #[derive(Clone, Copy, Debug)]
@@ -223,7 +225,7 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
     fn look_back<const N: usize>(&mut self, mean: &[P; N], elapsed: P) {
         let [angle, speed] = self.weights;
         let rate = self.settings.rate;
-        let slope = (angle * mean[1] - speed * rate.sq() * mean[0]) / rate;
+        let slope = (angle * rate_of(mean) - speed * rate.sq() * mean[0]) / rate;
         let turn = Complex { re: slope, im: self.value(mean) }.angle();
         let after = if turn.lt(P::of(0.0)) { turn + P::of(TAU) } else { turn };
         let mut at = -(after / rate);
@@ -293,13 +295,12 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
 
     /// e.
     fn value<const N: usize>(&self, x: &[P; N]) -> P {
-        const { assert!(N >= 2, "the first states are the angle and its rate") };
-        self.weights[0] * x[0] + self.weights[1] * x[1]
+        self.weights[0] * x[0] + self.weights[1] * rate_of(x)
     }
 
     fn is_small<const N: usize>(&self, mean: &[P; N]) -> bool {
-        let square = mean[0].sq() + (mean[1] / self.settings.rate).sq();
-        !square.gt(self.settings.least_amplitude.sq())
+        let square = mean[0].sq() + (rate_of(mean) / self.settings.rate).sq();
+        N < 2 || !square.gt(self.settings.least_amplitude.sq())
     }
 
     /// The variance of e that part of the way into the step of this number.
@@ -318,12 +319,19 @@ impl<P: Scalar<Mask = bool>> Trigger<P> {
         // Between two samples e is a straight line: g = (1 − s)·c + s·Fᵀc.
         let (_, transition) = onward.linearize(&x, first);
         let mut at_start = Mat::<P, 1, N>::zero();
-        (at_start.0[0][0], at_start.0[0][1]) = (self.weights[0], self.weights[1]);
+        for (weight, own) in at_start.0[0].iter_mut().zip(self.weights) {
+            *weight = own;
+        }
         let at_end = at_start.times(&transition);
         let between = at_start.scaled(P::of(1.0) - into).plus(&at_end.scaled(into));
         let carried = covariance.transformed(&between).get(0, 0);
         carried + onward.noise().transformed(&at_start.scaled(into)).get(0, 0)
     }
+}
+
+/// The rate of the motion: the second state, behind the angle. A single state has no phase and no rate.
+fn rate_of<P: Scalar, const N: usize>(x: &[P; N]) -> P {
+    x.get(1).copied().unwrap_or(P::of(0.0))
 }
 
 /// Steps that a lead has at most.

@@ -1,10 +1,11 @@
 //! How an input goes between two samples of a recording.
 
-use super::ordered::Ordered;
+use super::ordered::{OfElement, Ordered};
 use crate::config::inline_schema;
 use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::signal::band_limited;
 use kalmems_core::Nodes;
+use kalmems_equations::VectorElement;
 use schemars::{JsonSchema, json_schema};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
 use serde::de::{Error, MapAccess, Visitor};
@@ -104,6 +105,12 @@ fn band_limited_middle(input: &SegmentDrive<'_>, to: usize) -> Option<f64> {
         *value = input.sample(row).0;
     }
     Some(band_limited(&window, REACH as f64 - 0.5))
+}
+
+impl OfElement for Interpolation {
+    fn of_element(&self, _: &VectorElement) -> Result<Self, String> {
+        Ok(*self)
+    }
 }
 
 /// What the table says: one way for all inputs, or one for each by its name.

@@ -178,6 +178,7 @@ impl EquationModel {
             0..=2 => self.write_noise::<2>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
             3..=4 => self.write_noise::<4>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
             5..=8 => self.write_noise::<8>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
+            9..=16 => self.write_noise::<16>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
             _ => self.write_noise::<MOST_STATES>(jacobian, interval_s, &held, (&mut covariance, &mut root)),
         };
         let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);

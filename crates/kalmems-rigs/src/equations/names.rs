@@ -29,12 +29,19 @@ fn as_in_a_trajectory(all: &[Named]) -> Vec<StateName> {
 }
 
 /// The states, as tables of values name them.
-pub fn entries(device: &Device, sign: Sign) -> Vec<ExpectedEntry> {
-    device
-        .states()
-        .iter()
-        .map(|named| ExpectedEntry { name: name(&named.name), kind: kind_of(named), sign })
-        .collect()
+pub fn entries(device: &Device) -> Vec<ExpectedEntry> {
+    let of = |named: &Named| ExpectedEntry { name: name(&named.name), kind: kind_of(named), sign: Sign::Any };
+    device.states().iter().map(of).collect()
+}
+
+/// Their standard deviations, as tables of values name them.
+pub fn deviations(device: &Device) -> Vec<ExpectedEntry> {
+    let of = |entry: ExpectedEntry| ExpectedEntry {
+        kind: entry.kind.deviation(),
+        sign: Sign::NotNegative,
+        ..entry
+    };
+    entries(device).into_iter().map(of).collect()
 }
 
 /// The densities of the noises of the rates of all states, in the order of the table.
@@ -70,11 +77,13 @@ pub fn event_channel(named: &Named) -> SimulatedColumn {
     SimulatedColumn { meaning: name(&named.name), column: name(&format!("{}_ago_s", named.name)) }
 }
 
-/// What a reference may know: every state that is stated, but those that come round, of which a reference would have to know
+/// What a reference may know: every state that is stated and every lag, but those that come round, of which a reference would have to know
 /// the turns, and the quantities that follow from them.
 pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] {
     static KNOWN: Interner<[ValueState]> = Interner::new();
-    let states: Vec<&Named> = device.states().iter().take(device.own_states()).collect();
+    let (own, followers) = device.states().split_at(device.own_states());
+    let lags = followers.iter().filter(|named| table.lag.get(&named.name).is_some());
+    let states: Vec<&Named> = own.iter().chain(lags).collect();
     let rate_of = |named: &Named| {
         let text = table.derivative.get(&named.name)?.trim();
         states.iter().find(|state| *state.name == *text).map(|state| name(&state.name))

@@ -1,7 +1,9 @@
 //! The value of a parameter.
 
+use super::ordered::OfElement;
 use crate::config::{inline_schema, with_sd};
 use crate::units::Value;
+use kalmems_equations::VectorElement;
 use schemars::json_schema;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -19,6 +21,12 @@ impl NumberText {
             return Ok(Cow::Borrowed(&self.0));
         }
         Value::parse(&self.0).map(|value| Cow::Owned(value.nominal())).map_err(|e| e.to_string())
+    }
+}
+
+impl OfElement for NumberText {
+    fn of_element(&self, _: &VectorElement) -> Result<Self, String> {
+        Ok(self.clone())
     }
 }
 

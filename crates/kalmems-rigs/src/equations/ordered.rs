@@ -1,14 +1,27 @@
 //! A table whose order counts.
 
+use kalmems_equations::{VectorElement, text_of_element, vector_elements};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{MapAccess, Visitor};
+use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 use std::marker::PhantomData;
 
-/// Names with what stands behind each, in the order of the file.
+/// What stands behind a name that may be a vector, `x[1..6]`.
+pub trait OfElement: Sized {
+    /// The same for one of its elements; what is wrong comes back in words.
+    fn of_element(&self, element: &VectorElement) -> Result<Self, String>;
+}
+
+impl OfElement for String {
+    fn of_element(&self, element: &VectorElement) -> Result<Self, String> {
+        text_of_element(self, element)
+    }
+}
+
+/// Names with what stands behind each, in the order of the file; a vector has become its elements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ordered<T>(Vec<(String, T)>);
 
@@ -45,10 +58,10 @@ impl<T: Serialize> Serialize for Ordered<T> {
     }
 }
 
-impl<'de, T: Deserialize<'de>> Deserialize<'de> for Ordered<T> {
+impl<'de, T: Deserialize<'de> + OfElement> Deserialize<'de> for Ordered<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct OrderedVisitor<T>(PhantomData<T>);
-        impl<'de, T: Deserialize<'de>> Visitor<'de> for OrderedVisitor<T> {
+        impl<'de, T: Deserialize<'de> + OfElement> Visitor<'de> for OrderedVisitor<T> {
             type Value = Ordered<T>;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -57,8 +70,11 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Ordered<T> {
 
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
                 let mut entries = Vec::new();
-                while let Some(entry) = map.next_entry()? {
-                    entries.push(entry);
+                while let Some((key, value)) = map.next_entry::<String, T>()? {
+                    for element in vector_elements(&key).map_err(A::Error::custom)? {
+                        let value = value.of_element(&element).map_err(A::Error::custom)?;
+                        entries.push((element.name, value));
+                    }
                 }
                 Ok(Ordered(entries))
             }

@@ -7,7 +7,7 @@ use super::table::{EquationsTable, refused};
 use crate::config::{ConfigError, Experiment, FilterStart};
 use crate::inspect::quantity;
 use crate::outlook::{Fact, Outlook, OutlookTopic};
-use kalmems_equations::{Mode, Named};
+use kalmems_equations::{Mode, Named, vector_elements};
 use std::f64::consts::TAU;
 
 /// The outlook of an experiment.
@@ -57,7 +57,7 @@ fn energy(experiment: &Experiment, own: &OwnDevice) -> Result<Option<OutlookTopi
 /// How large the states become, by what the experiment says of their start; 0 where it says nothing.
 fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigError> {
     let device = &own.device;
-    let entries = names::entries(device, crate::config::Sign::Any);
+    let entries = names::entries(device);
     let mut sizes = vec![0.0_f64; entries.len()];
     let simulated = experiment.simulate.iter().map(|simulate| &simulate.start);
     let filters = || experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
@@ -66,9 +66,12 @@ fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigErr
         _ => None,
     });
     for values in simulated.chain(started).chain(filters().map(|filter| &filter.start_sd)) {
-        for (size, entry) in sizes.iter_mut().zip(&entries) {
-            if let Some(value) = values.get(entry.name) {
-                *size = size.max(value.value().si().abs());
+        for (key, value) in values {
+            // What a key cannot stand for is refused where the values are read.
+            for element in vector_elements(key).unwrap_or_default() {
+                if let Some(place) = entries.iter().position(|entry| entry.name == element.name) {
+                    sizes[place] = sizes[place].max(value.value().si().abs());
+                }
             }
         }
     }

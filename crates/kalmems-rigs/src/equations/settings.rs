@@ -8,7 +8,7 @@ use super::names;
 use super::oscillation::MeasuredOscillation;
 use super::table::{EquationsTable, refused};
 use crate::config::{
-    AnyValue, ConfigError, ConfigFault, Estimate, Experiment, FilterStart, FilterTable, Key, Method, Sign,
+    ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key, Method,
     Values,
 };
 use crate::estimate::driven::combinations;
@@ -17,7 +17,7 @@ use crate::estimate::{
     refuse_demodulator,
 };
 use crate::units::{Dimension, kind};
-use kalmems_equations::{Device, EquationError, Mode, Motion, modes};
+use kalmems_equations::{Device, EquationError, Mode, Motion, modes, vector_elements};
 use std::sync::Arc;
 
 /// A device with the values of its parameters, and how it moves when it is left alone.
@@ -156,7 +156,7 @@ pub fn modes_of(linear: &[f64], states: usize) -> Vec<Mode> {
 /// is read.
 fn stated_starts(experiment: &Experiment, device: &Device) -> Vec<Option<f64>> {
     let filters = experiment.estimate.iter().flat_map(|estimate| estimate.filters.iter().enumerate());
-    let one = |entry: &crate::config::ExpectedEntry| {
+    let one = |entry: &ExpectedEntry| {
         filters.clone().find_map(|(index, filter)| {
             let values = match &filter.start {
                 Some(FilterStart::Values(values)) => values,
@@ -166,7 +166,7 @@ fn stated_starts(experiment: &Experiment, device: &Device) -> Vec<Option<f64>> {
             experiment.value(key, values.get(entry.name)?, entry.kind, entry.sign).ok()
         })
     };
-    names::entries(device, Sign::Any).iter().map(one).collect()
+    names::entries(device).iter().map(one).collect()
 }
 
 /// What the file says of the filters.
@@ -259,23 +259,24 @@ impl EquationFilterSettings {
             Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
         };
         refuse_demodulator(experiment, (&at, filter), "this device has none; write a `lag` in its table")?;
-        let entries = names::entries(device, Sign::Any);
+        let entries = names::entries(device);
         let start = match &filter.start {
             Some(FilterStart::Values(values)) => Some(values),
             Some(FilterStart::FromSignal) | None => None,
         };
-        let of = |name: &str, values: &Values, sign| {
-            some(experiment, &at.clone().child(name), values, &names::entries(device, sign))
+        let deviations = names::deviations(device);
+        let of = |name: &str, values: &Values, known: &[ExpectedEntry]| {
+            some(experiment, &at.clone().child(name), values, known)
         };
         let claims = filter.method.claims();
         let sd = if claims {
-            of("start_sd", &filter.start_sd, Sign::NotNegative)?
+            of("start_sd", &filter.start_sd, &deviations)?
         } else {
             vec![Some(0.0); entries.len()]
         };
         let start = match start {
             None => {
-                let about = of("start_about", &filter.start_about, Sign::Any)?;
+                let about = of("start_about", &filter.start_about, &entries)?;
                 EquationStart::Signal { about, sd: if claims { sd } else { vec![None; entries.len()] } }
             }
             Some(_) if !filter.start_about.is_empty() => {
@@ -285,9 +286,9 @@ impl EquationFilterSettings {
                 );
             }
             Some(values) => {
-                let mean = own.started(&of("start", values, Sign::Any)?);
+                let mean = own.started(&of("start", values, &entries)?);
                 let sd = following(own, &mean, sd).map_err(|missing| {
-                    let entry = &entries[missing];
+                    let entry = &deviations[missing];
                     let remedy = format!(
                         "write `{} = \"{}\"`: how well the state is known at first",
                         entry.name, entry.kind.example
@@ -409,23 +410,29 @@ impl EquationFilterSettings {
     }
 }
 
-/// The values of a table, of which each may be left out.
-fn some(
+/// The values of a table, of which each may be left out. A key may be that of a vector, `x[1..6]`, all of whose elements have the value then.
+pub(super) fn some(
     experiment: &Experiment,
     at: &Key,
     values: &Values,
-    entries: &[crate::config::ExpectedEntry],
+    entries: &[ExpectedEntry],
 ) -> Result<Vec<Option<f64>>, ConfigError> {
-    if let Some(name) = values.keys().find(|name| entries.iter().all(|entry| entry.name != name.as_str())) {
-        let known = entries.iter().map(|entry| entry.name);
-        return Err(experiment.error(at.clone().child(name), ConfigFault::unknown_key(name, known)));
+    let mut all = vec![None; entries.len()];
+    for (key, value) in values {
+        let at = || at.clone().child(key);
+        let refuse = |why| experiment.error(at(), ConfigFault::Value { why });
+        for element in vector_elements(key).map_err(refuse)? {
+            let Some(place) = entries.iter().position(|entry| entry.name == element.name) else {
+                let known = entries.iter().map(|entry| entry.name);
+                return Err(experiment.error(at(), ConfigFault::unknown_key(&element.name, known)));
+            };
+            let read = experiment.value(at(), value, entries[place].kind, entries[place].sign)?;
+            if all[place].replace(read).is_some() {
+                return Err(refuse(format!("`{}` has a value already", element.name)));
+            }
+        }
     }
-    let one = |entry: &crate::config::ExpectedEntry| {
-        let value: Option<&AnyValue> = values.get(entry.name);
-        let read = |value| experiment.value(at.clone().child(entry.name), value, entry.kind, entry.sign);
-        value.map(read).transpose()
-    };
-    entries.iter().map(one).collect()
+    Ok(all)
 }
 
 /// Standard deviations of all states, where those of lags and delays may be left out: they follow the others as they do when all

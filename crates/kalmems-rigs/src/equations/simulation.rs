@@ -3,7 +3,7 @@
 use super::feedback::{Loop, loops};
 use super::model::{noises, steps_over};
 use super::names;
-use super::settings::OwnDevice;
+use super::settings::{OwnDevice, some};
 use super::simulated_event::{SimulatedEvent, recorded_events};
 use super::table::{EquationsTable, refused};
 use crate::config::{
@@ -217,22 +217,9 @@ impl EquationSimulation {
         let loops = loops(experiment, simulate, &own)?;
         let before_s = inputs.iter().map(|input| input.before_s).fold(0.0, f64::max);
         let sampling = sampling(experiment, simulate, device)?;
-        let entries = names::entries(device, Sign::Any);
-        let mut stated = vec![None; entries.len()];
-        for (slot, entry) in stated.iter_mut().zip(&entries) {
-            if let Some(value) = simulate.start.get(entry.name) {
-                let key = Key::from("simulate.start").child(entry.name);
-                *slot = Some(experiment.value(key, value, entry.kind, entry.sign)?);
-            }
-        }
+        let entries = names::entries(device);
+        let stated = some(experiment, &Key::from("simulate.start"), &simulate.start, &entries)?;
         let start = own.started(&stated);
-        if let Some(name) =
-            simulate.start.keys().find(|name| entries.iter().all(|entry| entry.name != name.as_str()))
-        {
-            let known = entries.iter().map(|entry| entry.name);
-            let key = Key::from("simulate.start").child(name);
-            return Err(experiment.error(key, ConfigFault::unknown_key(name, known)).into());
-        }
         let rate_hz = simulate.sampling_rate.si();
         let (densities, variances) = noises(device, &own.values, rate_hz).map_err(wrong)?;
         let variances = variances.into_iter().map(|variance| variance.unwrap_or(0.0)).collect();

@@ -3,10 +3,12 @@
 use super::curve::CurveTable;
 use super::interpolation::Interpolations;
 use super::number::NumberText;
-use super::ordered::Ordered;
+use super::ordered::{OfElement, Ordered};
 use super::oscillation::OscillationTable;
 use crate::config::{ConfigError, ConfigFault, DeviceDescription, Experiment, Key};
-use kalmems_equations::{CurvePoints, Description, Device, EquationError, Follower, NamedText, TextPlace};
+use kalmems_equations::{
+    CurvePoints, Description, Device, EquationError, Follower, NamedText, TextPlace, VectorElement,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, OnceLock};
@@ -29,7 +31,7 @@ pub struct EquationsTable {
     /// The parameters with value and unit, such as `k = "3 N/m"`.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub parameters: Ordered<NumberText>,
-    /// Curves through points, as functions of one argument.
+    /// Curves through points, as functions of one argument, and surfaces through points on a grid, as functions of two.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub tables: Ordered<CurveTable>,
     /// Functions with their arguments, such as `"plate(x, gap)" = "area/(gap - x)"`.
@@ -96,6 +98,18 @@ pub struct DelayTable {
     pub order: u8,
 }
 
+impl OfElement for LagTable {
+    fn of_element(&self, element: &VectorElement) -> Result<Self, String> {
+        Ok(Self { of: self.of.of_element(element)?, time: self.time.of_element(element)? })
+    }
+}
+
+impl OfElement for DelayTable {
+    fn of_element(&self, element: &VectorElement) -> Result<Self, String> {
+        Ok(Self { of: self.of.of_element(element)?, time: self.time.of_element(element)?, order: self.order })
+    }
+}
+
 fn second() -> u8 {
     2
 }
@@ -108,6 +122,10 @@ impl DeviceDescription for EquationsTable {
         for (name, number) in self.parameters.iter() {
             let key = || Key::from("device").child(Self::NAME).child("parameters").child(name);
             number.nominal().map_err(|why| (key(), why))?;
+        }
+        for (name, table) in self.tables.iter() {
+            let at = || Key::from("device").child(Self::NAME).child("tables").child(name).child("z");
+            table.check_rows().map_err(|why| (at(), why))?;
         }
         if let Some(name) = self.interpolation.names().find(|name| self.inputs.get(name).is_none()) {
             let known: Vec<String> = self.inputs.iter().map(|(name, _)| format!("`{name}`")).collect();

@@ -112,6 +112,7 @@ impl RecordingWork<'_> {
     ) -> Result<WholeRecording, PartsError<E>> {
         let (experiment, index) = (self.experiment, self.index);
         let file = &experiment.recording(index)?.file;
+        ReferenceRecording::check(experiment, index, &self.rig.reference(experiment)?)?;
         // A filter says nothing of its way through a part; how far the reading has come is what is told.
         let stopped = PartProgress { progress: self.progress, reached: Cell::new(0) };
         let mut estimator = self.rig.considering(experiment, index, &stopped)?;

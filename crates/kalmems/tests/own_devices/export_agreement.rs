@@ -113,6 +113,16 @@ fn a_measurement_sees_the_input_of_its_sample_where_predictions_hold_another() {
 }
 
 #[test]
+fn a_filter_of_one_state_tests_itself_against_the_library() {
+    let folder = tempfile::tempdir().unwrap();
+    record(folder.path(), "hold");
+    let second = [", b = \"V\"", ", b = \"-b/tau_b\"", " + b", ", tau_b = \"1 s\"", ", b = \"1 mV\""];
+    let text =
+        second.iter().fold(lag("hold", "gate = false", "1e-6[V^2]"), |text, part| text.replace(part, ""));
+    runs(folder.path(), &exported(folder.path(), &text, SourceDigits::AsNeeded).unwrap());
+}
+
+#[test]
 fn a_key_of_the_filter_that_the_source_lacks_is_refused_with_its_reason() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), "hold");

@@ -18,6 +18,7 @@ mod own_start;
 #[path = "../parts/mod.rs"]
 mod parts;
 mod shooting;
+mod sizes;
 mod step_errors;
 mod table_end;
 mod uncertain_device;

@@ -180,6 +180,59 @@ fn a_curve_from_a_file_stands_for_the_law_that_it_was_computed_from() {
     assert!(moved.contains("file = \"../curves/C.csv\""), "{moved}");
 }
 
+/// A sensitivity that depends on the bias of an electrode, as a law and as a table of two variables in a file, whose rows are in no order.
+#[test]
+fn a_surface_from_a_file_stands_for_the_law_that_it_was_computed_from() {
+    let folder = tempfile::tempdir().unwrap();
+    record(folder.path(), 3000, 0..0);
+    let law = MIRROR.replace("C = \"slope*theta\"", "C = \"slope*theta*(1 + (left/60[V])^3)\"");
+    let surface = MIRROR.replace("C = \"slope*theta\"", "C = \"C_of(theta, left)\"").replace(
+        "[estimate]\n",
+        "[device.equations.tables]\nC_of = { file = \"C.csv\", x = \"angle_mrad\", y = \"bias_V\", z = \"C_fF\" }\n[estimate]\n",
+    );
+    let mut points = Vec::new();
+    for (row, column) in (0..9).flat_map(|row| (0..9).map(move |column| (row, column))) {
+        let (theta, left) = (0.01 * f64::from(row - 4), 4.0 * f64::from(column) - 4.0);
+        points.push(format!("{},{left},{}\n", theta * 1e3, 2e3 * theta * (1.0 + (left / 60.0).powi(3))));
+    }
+    let all = points.len();
+    let shuffled: String = (0..all).map(|k| points[k * 23 % all].as_str()).collect();
+    std::fs::write(folder.path().join("C.csv"), format!("angle_mrad,bias_V,C_fF\n{shuffled}")).unwrap();
+    let of = |text: &str| estimated(&parse(&format!("{text}{RECORDING}"), folder.path()).unwrap());
+    let means = |text: &str| {
+        let outcome = of(text);
+        outcome.recordings[0].segments[0].estimate.trajectories[0].state("theta").unwrap().mean.clone()
+    };
+    let (law, from_file) = (means(&law), means(&surface));
+    let largest = law.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let apart = law.iter().zip(&from_file).map(|(a, b)| (a - b).abs()).fold(0.0_f64, f64::max);
+    assert!(apart < 1e-9 * largest, "{apart:e} of {largest:e}");
+
+    points.truncate(all - 1);
+    std::fs::write(folder.path().join("C.csv"), format!("angle_mrad,bias_V,C_fF\n{}", points.concat()))
+        .unwrap();
+    let why = parse(&format!("{surface}{RECORDING}"), folder.path()).and_then(|experiment| {
+        let rig = published().rig(&experiment).unwrap();
+        rig.wanted(&experiment).map(|_| ()).map_err(|why| why.to_string())
+    });
+    assert!(why.as_ref().unwrap_err().contains("there is no value at 0.04 and 28"), "{why:?}");
+}
+
+/// What no reference can know is said before anything is read: the recording here is none.
+#[test]
+fn a_reference_of_a_parameter_is_refused_before_the_recording_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("recording.csv"), "nothing\n").unwrap();
+    std::fs::write(folder.path().join("reference.csv"), "time_s,k_N_per_m\n0,1\n").unwrap();
+    let recording = RECORDING.replace("theta = \"theta_rad\"", "k = \"k_N_per_m\"");
+    let experiment = parse(&format!("{MIRROR}{recording}"), folder.path()).unwrap();
+    let why = kalmems::workflow::estimate(published(), &experiment, &Silent).unwrap_err().to_string();
+    assert!(
+        why.contains("`k` is not a channel of this reference; known are `theta`, `omega` and `slow`"),
+        "{why}"
+    );
+}
+
 /// The comb resonator of the example, simulated with a seed, told with parameters that are wrong.
 fn with_wrong_numbers(seed: u64, further_noise: &str) -> (Experiment, ComputedRecording) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/comb_resonator/simulation.toml");

@@ -3,7 +3,7 @@
 use super::{C, float};
 use crate::description::CurveExtension;
 use crate::emit::error::EmitError;
-use crate::emit::tables::{EmittedCurve, FunctionSource, coefficient_rows};
+use crate::emit::tables::{EmittedCurve, EmittedGrid, FunctionSource, coefficient_rows};
 use crate::emit::tape::CalledFunction;
 use std::collections::BTreeSet;
 
@@ -40,10 +40,56 @@ static float disks(float share, unsigned order)
 }
 ";
 
+/// What surfaces have in common.
+const AXIS: &str = r"
+/* The piece of a spline that holds x, and the weights of the values and the second derivatives at its ends in the spline or in a derivative
+   of it; outside of the places there is nothing (0), the end (1) or the tangent (2). */
+static unsigned axis(const float *at, unsigned count, unsigned outside, float x, unsigned order, float *weights)
+{
+    const float end = x < at[0] ? at[0] : x > at[count - 1U] ? at[count - 1U] : x;
+    const float beyond = x - end;
+    unsigned low = 0U, high = count - 1U, k;
+    float h, a, b, value[4], slope[4], bend[4];
+    while (high - low > 1U) {
+        const unsigned middle = (low + high) / 2U;
+        if (end < at[middle]) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    h = at[high] - at[low];
+    a = (at[high] - end) / h;
+    b = (end - at[low]) / h;
+    value[0] = a;
+    value[1] = b;
+    value[2] = (a * a - 1.0F) * a * h * h / 6.0F;
+    value[3] = (b * b - 1.0F) * b * h * h / 6.0F;
+    slope[0] = -1.0F / h;
+    slope[1] = 1.0F / h;
+    slope[2] = -(3.0F * a * a - 1.0F) * h / 6.0F;
+    slope[3] = (3.0F * b * b - 1.0F) * h / 6.0F;
+    bend[0] = bend[1] = 0.0F;
+    bend[2] = a;
+    bend[3] = b;
+    for (k = 0U; k < 4U; k++) {
+        const float *const own = order == 0U ? value : order == 1U ? slope : bend;
+        weights[k] = own[k];
+        if (beyond != 0.0F) {
+            const float tangent = order == 0U ? value[k] + beyond * slope[k] : order == 1U ? slope[k] : 0.0F;
+            const float stays = order == 0U ? value[k] : 0.0F;
+            weights[k] = outside == 0U ? NAN : outside == 1U ? stays : tangent;
+        }
+    }
+    return low;
+}
+";
+
 impl FunctionSource for C {
     const TEXT: &'static str = include_str!("functions.c");
     const MARKER: [&'static str; 2] = ["/* --- ", " */"];
     const DISKS: &'static str = DISKS;
+    const AXIS: &'static str = AXIS;
 
     fn needed(called: &BTreeSet<CalledFunction>) -> Vec<(&'static str, bool)> {
         vec![
@@ -109,6 +155,46 @@ static float curve{curve}(float x, unsigned order)
             .replace("CURVE_AT", &format!("CURVE{curve}_AT"))
             .replace("CURVE[", &format!("CURVE{curve}["))
             .replace("LAST", &format!("{}U", count - 1)))
+    }
+
+    fn grid(curve: usize, table: &EmittedGrid) -> Result<String, EmitError> {
+        let [x, y] = &table.places;
+        let nodes: Vec<f64> = table.nodes.iter().flatten().copied().collect();
+        Ok(format!(
+            r"
+/* A surface over its own spans and in its largest value: its places, and at each point the value and the derivatives that a spline needs. */
+static const float CURVE{curve}_X[{rows}] = {{
+    {x}
+}};
+static const float CURVE{curve}_Y[{columns}] = {{
+    {y}
+}};
+static const float CURVE{curve}[{count}][4] = {{
+    {nodes}
+}};
+/* The surface, or a derivative of it of these orders by its arguments. */
+static float curve{curve}(float x, float y, unsigned along_x, unsigned along_y)
+{{
+    float u[4], v[4], sum = 0.0F;
+    const unsigned row = axis(CURVE{curve}_X, {rows}U, {outside}U, x, along_x, u);
+    const unsigned column = axis(CURVE{curve}_Y, {columns}U, {outside}U, y, along_y, v);
+    unsigned p;
+    for (p = 0U; p < 4U; p++) {{
+        const unsigned kind = p / 2U, at = (row + p % 2U) * {columns}U + column;
+        const float *near = CURVE{curve}[at], *far = CURVE{curve}[at + 1U];
+        sum += u[p] * (v[0] * near[kind] + v[1] * far[kind] + v[2] * near[kind + 2U] + v[3] * far[kind + 2U]);
+    }}
+    return sum;
+}}
+",
+            rows = x.len(),
+            columns = y.len(),
+            count = table.nodes.len(),
+            outside = table.outside,
+            x = coefficient_rows(x, float)?,
+            y = coefficient_rows(y, float)?,
+            nodes = rows(&nodes)?,
+        ))
     }
 }
 

@@ -82,6 +82,10 @@ fn name_of(called: CalledFunction) -> Cow<'static, str> {
         CalledFunction::Cos => "cosf".into(),
         CalledFunction::Tanh => "tanhf".into(),
         CalledFunction::Atanh => "atanhf".into(),
+        CalledFunction::Atan => "atanf".into(),
+        CalledFunction::Asin => "asinf".into(),
+        CalledFunction::Acos => "acosf".into(),
+        CalledFunction::Floor => "floorf".into(),
         CalledFunction::Sqrt => "sqrtf".into(),
         _ => called.name(),
     }
@@ -96,10 +100,12 @@ impl Syntax for C {
         format!("const {} {name} = {value};", kind(wide))
     }
 
-    fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String {
-        let at = if wide { format!("(float)({at})") } else { at.to_owned() };
-        let order = called.order().map_or_else(String::new, |order| format!(", {order}U"));
-        let call = format!("{}({at}{order})", name_of(called));
+    fn call(&self, called: CalledFunction, at: &[String], wide: bool) -> String {
+        let narrow = |at: &String| if wide { format!("(float)({at})") } else { at.clone() };
+        let mut arguments: Vec<String> = at.iter().map(narrow).collect();
+        let orders = called.order().into_iter().flatten().take(at.len());
+        arguments.extend(orders.map(|order| format!("{order}U")));
+        let call = format!("{}({})", name_of(called), arguments.join(", "));
         if wide { format!("(double){call}") } else { call }
     }
 

@@ -125,6 +125,43 @@ pub(super) fn sqrt(x: f32) -> f32 {
     root = 0.5 * (root + x / root);
     root * back
 }
+// --- ATAN
+/// atan x: an eighth of a turn or two taken off, and a polynomial in what is left.
+pub(super) fn atan(x: f32) -> f32 {
+    let size = if x < 0.0 { -x } else { x };
+    let (start, t) = if size > 2.414_213_6 {
+        (core::f32::consts::FRAC_PI_2, -1.0 / size)
+    } else if size > 0.414_213_57 {
+        (core::f32::consts::FRAC_PI_4, (size - 1.0) / (size + 1.0))
+    } else {
+        (0.0, size)
+    };
+    let square = t * t;
+    let series = (-0.064_519_28 * square + 0.107_437_31) * square - 0.142_639_56;
+    let series = (series * square + 0.199_995_4) * square - 0.333_333_32;
+    let angle = start + (t + t * square * series);
+    if x < 0.0 { -angle } else { angle }
+}
+// --- ASIN
+/// asin x by the arc tangent.
+pub(super) fn asin(x: f32) -> f32 {
+    atan(x / sqrt((1.0 - x) * (1.0 + x)))
+}
+// --- ACOS
+/// acos x by the arc tangent of half of it.
+pub(super) fn acos(x: f32) -> f32 {
+    2.0 * atan(sqrt((1.0 - x) / (1.0 + x)))
+}
+// --- FLOOR
+/// The largest whole number that is not above x.
+pub(super) fn floor(x: f32) -> f32 {
+    // Larger numbers are whole, and what is no number stays that.
+    if !(x > -8_388_608.0 && x < 8_388_608.0) {
+        return x;
+    }
+    let whole = x as i32 as f32;
+    if whole > x { whole - 1.0 } else { whole }
+}
 // --- LN_COSH
 /// ln cosh x
 pub(super) fn ln_cosh(x: f32) -> f32 {

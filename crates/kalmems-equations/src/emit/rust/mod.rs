@@ -64,10 +64,12 @@ impl Syntax for Rust {
         format!("let {name} = {value};")
     }
 
-    fn call(&self, called: CalledFunction, at: &str, wide: bool) -> String {
-        let at = if wide { format!("narrow({at})") } else { at.to_owned() };
-        let order = called.order().map_or_else(String::new, |order| format!(", {order}"));
-        let call = format!("{}({at}{order})", called.name());
+    fn call(&self, called: CalledFunction, at: &[String], wide: bool) -> String {
+        let narrow = |at: &String| if wide { format!("narrow({at})") } else { at.clone() };
+        let mut arguments: Vec<String> = at.iter().map(narrow).collect();
+        let orders = called.order().into_iter().flatten().take(at.len());
+        arguments.extend(orders.map(|order| order.to_string()));
+        let call = format!("{}({})", called.name(), arguments.join(", "));
         if wide { format!("f64::from({call})") } else { call }
     }
 

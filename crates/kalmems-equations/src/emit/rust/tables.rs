@@ -3,7 +3,7 @@
 use super::{Rust, float};
 use crate::description::CurveExtension;
 use crate::emit::error::EmitError;
-use crate::emit::tables::{EmittedCurve, FunctionSource, coefficient_rows};
+use crate::emit::tables::{EmittedCurve, EmittedGrid, FunctionSource, coefficient_rows};
 use crate::emit::tape::CalledFunction;
 use std::collections::BTreeSet;
 
@@ -39,10 +39,51 @@ fn disks(share: f32, order: u32) -> f32 {
 }
 ";
 
+/// What surfaces have in common.
+const AXIS: &str = r"
+/// The piece of a spline that holds x, and the weights of the values and the second derivatives at its ends in the spline or in a derivative of
+/// it; outside of the places there is nothing (0), the end (1) or the tangent (2).
+fn axis(at: &[f32], outside: u32, x: f32, order: u32) -> (usize, [f32; 4]) {
+    let (mut low, mut high) = (0, at.len() - 1);
+    let end = if x < at[0] { at[0] } else if x > at[high] { at[high] } else { x };
+    let beyond = x - end;
+    while high - low > 1 {
+        let middle = (low + high) / 2;
+        if end < at[middle] {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    let h = at[high] - at[low];
+    let (a, b) = ((at[high] - end) / h, (end - at[low]) / h);
+    let value = [a, b, (a * a - 1.0) * a * h * h / 6.0, (b * b - 1.0) * b * h * h / 6.0];
+    let slope = [-1.0 / h, 1.0 / h, -(3.0 * a * a - 1.0) * h / 6.0, (3.0 * b * b - 1.0) * h / 6.0];
+    let mut weights = match order {
+        0 => value,
+        1 => slope,
+        _ => [0.0, 0.0, a, b],
+    };
+    if beyond != 0.0 {
+        for (weight, slope) in weights.iter_mut().zip(slope) {
+            *weight = match (outside, order) {
+                (0, _) => f32::NAN,
+                (1, 0) => *weight,
+                (2, 0) => *weight + beyond * slope,
+                (2, 1) => slope,
+                _ => 0.0,
+            };
+        }
+    }
+    (low, weights)
+}
+";
+
 impl FunctionSource for Rust {
     const TEXT: &'static str = include_str!("functions.rs");
     const MARKER: [&'static str; 2] = ["// --- ", ""];
     const DISKS: &'static str = DISKS;
+    const AXIS: &'static str = AXIS;
 
     fn needed(called: &BTreeSet<CalledFunction>) -> Vec<(&'static str, bool)> {
         let any = |of: &[CalledFunction]| of.iter().any(|one| called.contains(one));
@@ -51,6 +92,7 @@ impl FunctionSource for Rust {
         let atanh = atanhc || any(&[CalledFunction::Atanh]);
         let ln_cosh = any(&[CalledFunction::LnCosh]);
         let tanh = any(&[CalledFunction::Tanh]);
+        let arcs = any(&[CalledFunction::Asin, CalledFunction::Acos]);
         vec![
             ("EXP", disks_used || any(&[CalledFunction::Exp])),
             ("FALLING_EXP", tanh || ln_cosh || any(&[CalledFunction::FallingExp])),
@@ -60,7 +102,11 @@ impl FunctionSource for Rust {
             ("COS", any(&[CalledFunction::Cos])),
             ("TANH", tanh),
             ("ATANH", atanh),
-            ("SQRT", any(&[CalledFunction::Sqrt])),
+            ("SQRT", arcs || any(&[CalledFunction::Sqrt])),
+            ("ATAN", arcs || any(&[CalledFunction::Atan])),
+            ("ASIN", any(&[CalledFunction::Asin])),
+            ("ACOS", any(&[CalledFunction::Acos])),
+            ("FLOOR", any(&[CalledFunction::Floor])),
             ("LN_COSH", ln_cosh),
             ("ATANHC", atanhc),
         ]
@@ -122,5 +168,43 @@ fn curve{curve}(x: f32, order: u32) -> f32 {{
             .replace("CURVE:", &format!("CURVE{curve}:"))
             .replace("CURVE[", &format!("CURVE{curve}["))
             .replace("LAST", &(count - 1).to_string()))
+    }
+
+    fn grid(curve: usize, table: &EmittedGrid) -> Result<String, EmitError> {
+        let [x, y] = &table.places;
+        let nodes = table.nodes.iter().map(|node| Ok(format!("[{}]", coefficient_rows(node, float)?)));
+        Ok(format!(
+            r"
+/// The places of a surface over its own spans, and at each point the value and the derivatives that a spline needs, in its largest value.
+static CURVE{curve}_X: [f32; {rows}] = [
+    {x}
+];
+static CURVE{curve}_Y: [f32; {columns}] = [
+    {y}
+];
+static CURVE{curve}: [[f32; 4]; {count}] = [
+    {nodes}
+];
+/// The surface, or a derivative of it of these orders by its arguments.
+fn curve{curve}(x: f32, y: f32, along_x: u32, along_y: u32) -> f32 {{
+    let (row, u) = axis(&CURVE{curve}_X, {outside}, x, along_x);
+    let (column, v) = axis(&CURVE{curve}_Y, {outside}, y, along_y);
+    let mut sum = 0.0;
+    for (p, weight) in u.iter().enumerate() {{
+        let (kind, at) = (p / 2, (row + p % 2) * {columns} + column);
+        let (near, far) = (CURVE{curve}[at], CURVE{curve}[at + 1]);
+        sum += weight * (v[0] * near[kind] + v[1] * far[kind] + v[2] * near[kind + 2] + v[3] * far[kind + 2]);
+    }}
+    sum
+}}
+",
+            rows = x.len(),
+            columns = y.len(),
+            count = table.nodes.len(),
+            outside = table.outside,
+            x = coefficient_rows(x, float)?,
+            y = coefficient_rows(y, float)?,
+            nodes = nodes.collect::<Result<Vec<_>, EmitError>>()?.join(",\n    "),
+        ))
     }
 }
