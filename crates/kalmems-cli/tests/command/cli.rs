@@ -111,9 +111,11 @@ fn the_readme_shows_what_the_command_prints() {
     let out = folder.path().join("out");
     let output = run(&["estimate", EXAMPLE, "--out", out.to_str().unwrap()]);
     let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
-    // All but the last column, the time per step.
     let printed = text(&output.stdout);
-    for line in printed.lines().take_while(|line| !line.is_empty()) {
+    let (answer, table) = printed.split_once("\n\n").unwrap();
+    assert!(readme.contains(answer), "not in README.md: {answer}");
+    // All but the last column, the time per step.
+    for line in table.lines().take_while(|line| !line.is_empty()) {
         let (kept, _) = line.trim_end().rsplit_once("  ").unwrap();
         assert!(readme.contains(kept.trim_end()), "not in README.md: {kept}");
     }

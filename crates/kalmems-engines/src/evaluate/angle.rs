@@ -147,7 +147,7 @@ pub fn evaluate_motion(
     }
     let (ours, theirs) = extremes(trajectory, reference, extent);
     let phase = phase_errors(&ours, &theirs, extent.motion_hz);
-    let shift = |extremes: &[Extreme]| mean_shift(extremes, extent);
+    let shift = |extremes: &[Extreme]| mean_phase_shift(extremes, extent);
 
     let cycles = paired_cycles(time_s, (estimated, truth), extent.motion_hz, stop);
     Some(MotionErrors {
@@ -241,7 +241,7 @@ fn phase_errors(ours: &[Extreme], theirs: &[Extreme], motion_hz: f64) -> Vec<Pha
 
 /// The mean of the phase from the drive peak before each angle peak, in degrees of the motion's cycle, averaged
 /// on the circle of the drive's cycle.
-fn mean_shift(extremes: &[Extreme], extent: ComparisonExtent) -> Option<f64> {
+pub fn mean_phase_shift(extremes: &[Extreme], extent: ComparisonExtent) -> Option<f64> {
     let drive = extent.drive?;
     let (mut c, mut s) = (0.0, 0.0);
     for extreme in extremes.iter().filter(|e| e.time_s >= extent.from_s) {

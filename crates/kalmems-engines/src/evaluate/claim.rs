@@ -129,7 +129,9 @@ impl Claim {
     }
 
     fn judged(self) -> Self {
-        Self { p_value: self.p_value_of(self.independent), ..self }
+        let n = self.independent;
+        let p_value = ChiSquared::new(n).map_or(f64::NAN, |chi| chi.sf(n * self.mean_square));
+        Self { p_value, ..self }
     }
 
     /// Whether the errors are larger than claimed by more than chance.
@@ -137,15 +139,9 @@ impl Claim {
         self.p_value < WRONG
     }
 
-    /// Whether they are so much larger that the claim is not to be relied on, even if only half of the errors were independent: their
-    /// correlation is predicted without the errors of parameters, which last.
+    /// Whether they are so much larger that the claim is not to be relied on.
     pub fn is_doubtful(&self) -> bool {
-        self.p_value_of(0.5 * self.independent) < WRONG && self.mean_square > DOUBTFUL * DOUBTFUL
-    }
-
-    /// How probable so large errors are if so many are independent.
-    fn p_value_of(&self, independent: f64) -> f64 {
-        ChiSquared::new(independent).map_or(f64::NAN, |chi| chi.sf(independent * self.mean_square))
+        self.is_contradicted() && self.mean_square > DOUBTFUL * DOUBTFUL
     }
 
     /// Whether the claim is wrong: errors that are much larger, or too many beyond three standard deviations, and not by chance.

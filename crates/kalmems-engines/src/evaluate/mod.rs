@@ -21,7 +21,9 @@ mod rejections;
 mod step_errors;
 mod value;
 
-pub use angle::{AngleErrors, ComparisonExtent, ErrorSeries, MotionErrors, PhasePoint, evaluate_motion};
+pub use angle::{
+    AngleErrors, ComparisonExtent, ErrorSeries, MotionErrors, PhasePoint, evaluate_motion, mean_phase_shift,
+};
 pub use beam::BeamPosition;
 pub use budget::{DeviceUncertainty, UncertaintyBudget};
 pub use channels::{Instruments, ReferenceChannels};

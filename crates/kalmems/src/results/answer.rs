@@ -3,17 +3,17 @@
 use super::summary::{budget_table, parameters_table, segment_name, shown, summary_table};
 use super::{EstimatorMetrics, Metrics, RecordingMetrics, SegmentMetrics};
 use crate::estimate::{SegmentEstimate, StateSeries, Trajectory};
-use crate::evaluate::{Grade, ValueState};
+use crate::evaluate::{ComparisonExtent, Grade, ValueState, mean_phase_shift};
 use crate::inspect::quantity;
-use crate::signal::{Sine, fit_sine_near};
+use crate::signal::{Extreme, Sine, extremes_of_angle, extremes_of_rate, fit_sine_near};
 use crate::units::kind;
+use kalmems_models::constants::STANDARD_GRAVITY;
 use serde::Serialize;
-use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// What a filter says of one quantity after the settling time, and how well it claims to know it; in SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Answer {
+pub struct QuantityAnswer {
     /// The quantity, by its name among the states.
     pub quantity: &'static str,
     /// Its SI unit as column names have it.
@@ -64,7 +64,7 @@ const FITTED: usize = 2048;
 /// The root mean square of what a sine leaves, in amplitudes of it, up to which a motion is one.
 const STEADY: f64 = 0.1;
 
-impl Answer {
+impl QuantityAnswer {
     /// What a trajectory says between these samples of what its device is for: its first value that is no angle, or its angles.
     pub(super) fn all_of(
         trajectory: &Trajectory,
@@ -76,14 +76,20 @@ impl Answer {
             Some(value) => value.name == name,
             None => is_angle,
         };
-        let states = trajectory.states.iter().take(trajectory.own_states);
-        let of = |state: &StateSeries| {
+        let of = |(place, state): (usize, &StateSeries)| {
             let is_angle = state.kind.name == kind::ANGLE.name;
-            let mean = state.mean.get(scored.clone()).filter(|_| is_meant(state.name, is_angle))?;
+            // What follows from the states, such as a phase, is no angle of the device.
+            let is_own = place < trajectory.own_states;
+            let mean = state.mean.get(scored.clone()).filter(|_| is_meant(state.name, is_angle && is_own))?;
             let time_s = trajectory.time_s.get(scored.clone())?;
             let finite = || mean.iter().copied().filter(|value| value.is_finite());
             let samples = finite().count() as f64;
-            let motion = oscillation(time_s, mean, estimate).or_else(|| {
+            let rate = values.first().map_or_else(
+                || trajectory.states.get(place + 1).filter(|next| next.kind.name == kind::ANGULAR_RATE.name),
+                |value| trajectory.state(value.rate?),
+            );
+            let rate = rate.and_then(|rate| rate.mean.get(scored.clone()));
+            let motion = oscillation(time_s, mean, rate, estimate).or_else(|| {
                 let [lowest, highest] =
                     [finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max)];
                 let mean = finite().sum::<f64>() / samples;
@@ -97,7 +103,7 @@ impl Answer {
             let known_to = (count > 0.0).then(|| f64::sqrt(squares / count));
             Some(Self { quantity: state.name, unit: state.unit, motion, known_to, is_angle, samples })
         };
-        states.filter_map(of).collect()
+        trajectory.states.iter().enumerate().filter_map(of).collect()
     }
 
     /// Takes what a later part of the segment says in.
@@ -136,11 +142,13 @@ impl Answer {
         self.samples += others;
     }
 
-    /// The sentence: `angle: amplitude 8.922 deg at 15.675 kHz, known to ± 0.008 deg`.
-    pub fn sentence(&self) -> String {
-        // Of those that take a prefix, in SI; angles in degrees and accelerations as tables have them.
+    /// The sentence, with the filter and its grade: `angle: amplitude 8.922 deg at 15.675 kHz, ± 0.008 deg (one standard deviation, claimed by EKF:
+    /// passes)`.
+    pub fn sentence(&self, filter: &str, grade: Grade) -> String {
+        // Of those that take a prefix, in SI; angles in degrees and accelerations in standard gravities.
         let (unit, factor) = match self.unit {
             _ if self.is_angle => ("deg", 1_f64.to_degrees()),
+            "m_per_s2" => ("g", STANDARD_GRAVITY.recip()),
             "F" | "m" | "m_per_s" => (self.unit, 1.0),
             unit => shown(unit),
         };
@@ -162,12 +170,10 @@ impl Answer {
             }
         };
         let known = self.known_to.map_or_else(
-            || ", without a claim of how well it is known".to_owned(),
+            || format!(" ({filter}: {grade})"),
             |sd| {
-                format!(
-                    ", known to ± {} (one standard deviation, as claimed)",
-                    quantity(two_digits(sd * factor), &unit)
-                )
+                let sd = quantity(two_digits(sd * factor), &unit);
+                format!(", ± {sd} (one standard deviation, claimed by {filter}: {grade})")
             },
         );
         format!("{}: {motion}{known}", self.quantity)
@@ -185,12 +191,24 @@ impl AnsweredMotion {
 }
 
 /// The sine that these samples follow near the frequency of the motion, where they follow one.
-fn oscillation(time_s: &[f64], mean: &[f64], estimate: &SegmentEstimate) -> Option<AnsweredMotion> {
+fn oscillation(
+    time_s: &[f64],
+    mean: &[f64],
+    rate: Option<&[f64]>,
+    estimate: &SegmentEstimate,
+) -> Option<AnsweredMotion> {
     let every = mean.len().div_ceil(FITTED).max(1);
     let thinned = |values: &[f64]| values.iter().step_by(every).copied().collect::<Vec<f64>>();
     let sine = fit_sine_near(&thinned(time_s), &thinned(mean), estimate.motion.frequency_hz)
         .filter(|sine| sine.residual_rms < STEADY * sine.amplitude)?;
-    let after_drive_deg = estimate.drive.as_ref().and_then(|drive| after_drive_deg(&sine, drive));
+    let peaks = || {
+        rate.map_or_else(
+            || extremes_of_angle(time_s, mean, sine.frequency_hz),
+            |rate| extremes_of_rate(time_s, rate),
+        )
+    };
+    let after_drive_deg =
+        estimate.drive.as_ref().and_then(|drive| after_drive_deg(peaks, sine.frequency_hz, drive));
     Some(AnsweredMotion::Oscillation {
         mean: sine.offset,
         amplitude: sine.amplitude,
@@ -199,16 +217,18 @@ fn oscillation(time_s: &[f64], mean: &[f64], estimate: &SegmentEstimate) -> Opti
     })
 }
 
-/// The part of a motion's cycle, in degrees, from a peak of its drive to the next of its own peaks.
-fn after_drive_deg(motion: &Sine, drive: &Sine) -> Option<f64> {
-    let ratio = drive.frequency_hz / motion.frequency_hz;
+/// The part of a motion's cycle, in degrees, from a peak of its drive to the next of its own peaks, on average; where the drive has as many
+/// peaks as the motion, or as many as its turning points.
+fn after_drive_deg(peaks: impl Fn() -> Vec<Extreme>, motion_hz: f64, drive: &Sine) -> Option<f64> {
+    let ratio = drive.frequency_hz / motion_hz;
     let cycles = ratio.round();
     if !(1.0..=2.0).contains(&cycles) || (ratio - cycles).abs() > 1e-3 {
         return None;
     }
-    // Times of peaks in cycles of the motion.
-    let (own, of_drive) = (-motion.phase_rad / TAU, -drive.phase_rad / (TAU * cycles));
-    Some(360.0 * (own - of_drive).rem_euclid(1.0 / cycles))
+    let mut peaks = peaks();
+    // Minima are half a cycle of such a drive from it.
+    peaks.retain(|peak| peak.maximum || cycles > 1.0);
+    mean_phase_shift(&peaks, ComparisonExtent { from_s: f64::NEG_INFINITY, motion_hz, drive: Some(drive) })
 }
 
 fn two_digits(value: f64) -> f64 {
@@ -225,11 +245,11 @@ pub fn answers(metrics: &Metrics) -> Vec<String> {
     let count = segments().count();
     let of = |(recording, segment): (&RecordingMetrics, &SegmentMetrics)| {
         let best = segment.best().filter(|best| best.grade < Some(Grade::NoEstimate));
-        let grade = best.and_then(|best| best.grade).map_or("", Grade::words);
         let place = if count > 1 { segment_name(&recording.name, segment) + ": " } else { String::new() };
         let said = best.into_iter().flat_map(|best| best.answer.iter().map(move |one| (best, one)));
-        let sentence = |(best, one): (&EstimatorMetrics, &Answer)| {
-            format!("{place}{} ({}: {grade})", one.sentence(), best.name)
+        let sentence = |(best, one): (&EstimatorMetrics, &QuantityAnswer)| {
+            let grade = best.grade.unwrap_or(Grade::NoEstimate);
+            format!("{place}{}", one.sentence(&best.name, grade))
         };
         said.map(sentence).collect::<Vec<String>>()
     };
@@ -253,26 +273,36 @@ pub fn summary_text(metrics: &Metrics, with_durations: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::TAU;
 
-    fn sine(frequency_hz: f64, phase_rad: f64) -> Sine {
+    /// Turning points of cos(2πft + φ), maxima first.
+    fn peaks(frequency_hz: f64, phase_rad: f64) -> Vec<Extreme> {
+        let of = |half: u32| Extreme {
+            time_s: (f64::from(half) * 0.5 - phase_rad / TAU) / frequency_hz,
+            maximum: half.is_multiple_of(2),
+        };
+        (4..40).map(of).collect()
+    }
+
+    fn drive(frequency_hz: f64, phase_rad: f64) -> Sine {
         Sine { offset: 0.0, amplitude: 1.0, frequency_hz, phase_rad, residual_rms: 0.0 }
     }
 
     #[test]
     fn peaks_are_counted_from_those_of_the_drive_in_cycles_of_the_motion() {
-        // cos(2πft + φ) has its peak at −φ/(2πf).
+        let found = |phase_rad: f64, drive: Sine| after_drive_deg(|| peaks(100.0, phase_rad), 100.0, &drive);
         let close = |a: Option<f64>, b: f64| (a.unwrap() - b).abs() < 1e-9;
-        assert!(close(after_drive_deg(&sine(100.0, -TAU / 4.0), &sine(100.0, 0.0)), 90.0));
-        assert!(close(after_drive_deg(&sine(100.0, TAU / 4.0), &sine(100.0, 0.0)), 270.0));
+        assert!(close(found(-TAU / 4.0, drive(100.0, 0.0)), 90.0));
+        assert!(close(found(TAU / 4.0, drive(100.0, 0.0)), 270.0));
         // Two peaks of the drive in a cycle of the motion.
-        assert!(close(after_drive_deg(&sine(100.0, -TAU / 4.0 - 0.1), &sine(200.0, -0.2)), 90.0));
-        assert!(close(after_drive_deg(&sine(100.0, TAU / 4.0), &sine(200.0, 0.0)), 90.0));
-        assert_eq!(after_drive_deg(&sine(100.0, 0.0), &sine(130.0, 0.0)), None);
+        assert!(close(found(-TAU / 4.0 - 0.1, drive(200.0, -0.2)), 90.0));
+        assert!(close(found(TAU / 4.0, drive(200.0, 0.0)), 90.0));
+        assert_eq!(found(0.0, drive(130.0, 0.0)), None);
     }
 
     #[test]
     fn parts_are_pooled_by_their_samples() {
-        let part = |amplitude: f64, degrees: f64, known_to: f64, samples: f64| Answer {
+        let part = |amplitude: f64, degrees: f64, known_to: f64, samples: f64| QuantityAnswer {
             quantity: "angle",
             unit: "rad",
             motion: AnsweredMotion::Oscillation {
@@ -291,11 +321,11 @@ mod tests {
             panic!("{own:?}")
         };
         assert!((amplitude - 0.125).abs() < 1e-12 && (after_drive_deg.unwrap() - 355.0).abs() < 1e-9);
-        let said = own.sentence();
+        let said = own.sentence("EKF", Grade::Passes);
         assert_eq!(
             said,
-            "angle: amplitude 7.162 deg at 1 kHz, peaks 355.0° of its cycle after those of the drive, known to ± 0.099 deg (one standard \
-             deviation, as claimed)"
+            "angle: amplitude 7.162 deg at 1 kHz, peaks 355.0° of its cycle after those of the drive, ± 0.099 deg (one standard deviation, \
+             claimed by EKF: passes)"
         );
         // 75 % with 1e-3, 25 % with 3e-3: √(0.75 + 2.25)·1e-3.
         assert!((own.known_to.unwrap() - 3_f64.sqrt() * 1e-3).abs() < 1e-12);

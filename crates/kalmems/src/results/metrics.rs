@@ -1,6 +1,6 @@
 //! The figures of an estimate.
 
-use super::{Answer, Verdict};
+use super::{QuantityAnswer, Verdict};
 use crate::diagnose::{FoundNoise, InputFault, NumberCheck, ScaleNote};
 use crate::estimate::{
     Lock, NisConsistency, ParameterCorrelation, SampleCounts, SegmentEstimate, StretchSummary, Trajectory,
@@ -210,7 +210,7 @@ pub struct EstimatorMetrics {
     pub uncertainty_budget: Vec<UncertaintyBudget>,
     /// What it says of what the device is for, after the settling time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub answer: Vec<Answer>,
+    pub answer: Vec<QuantityAnswer>,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
     pub errors: Option<MotionErrors>,
     /// The errors of states that are no angles, by the name of the state, against the reference after the settling time.
@@ -466,7 +466,7 @@ pub(super) fn segment(outcome: &SegmentOutcome, values: &[ValueState]) -> Segmen
         .map(|(i, (trajectory, errors))| {
             let mut metrics = estimator(trajectory, errors, outcome.judgements.get(i), estimate);
             let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
-            metrics.answer = Answer::all_of(trajectory, &scored, values, estimate);
+            metrics.answer = QuantityAnswer::all_of(trajectory, &scored, values, estimate);
             metrics
         })
         .collect();
