@@ -574,54 +574,6 @@ sensitivity = "2.5 V/rad"
     }
 }
 
-/// A switch that hits a contact, elastic or as a sphere touches a plane.
-fn contact(of_hertz: bool) -> Device<2, 1> {
-    let force = if of_hertz {
-        "if(x > gc, kc*(x - gc)*sqrt(max(x - gc, 0[m])/10[nm]) + bc*v, 0[N])"
-    } else {
-        "if(x > gc, kc*(x - gc) + bc*v, 0[N])"
-    };
-    let text = format!(
-        r#"
-[device.equations]
-states = {{ x = "m", v = "m/s" }}
-inputs = {{ drive = "V" }}
-interpolation = "hold"
-let = {{ contact = "{force}" }}
-derivative = {{ x = "v", v = "-w/3*v - w^2*x + eps*A*drive^2/(2*m*(g - x)^2) - contact/m" }}
-measure = {{ signal0 = "eps*A/(g - x)*1[V]/1[fF] in V" }}
-noise = {{ signal0 = "0.09[V^2]", v = "1e-3[m^2/s^3]" }}
-parameters = {{ m = "2e-10 kg", w = "251327.412 rad/s", g = "2 um", A = "2e-8 m^2", eps = "8.854e-12 F/m", kc = "8000 N/m", bc = "0 N s/m", gc = "1.2 um" }}
-"#
-    );
-    Device {
-        text,
-        states: ["x", "v"],
-        units: ["m", "m/s"],
-        rate: Box::new(move |x, u| {
-            let (m, w, p) = (2e-10, 251_327.412, x[0] - 1.2e-6);
-            let force = match (p > 0.0, of_hertz) {
-                (true, true) => 8000.0 * p * (p / 1e-8).sqrt(),
-                (true, false) => 8000.0 * p,
-                (false, _) => 0.0,
-            };
-            let pull = 8.854e-12 * 2e-8 * u * u / (2.0 * m * (2e-6 - x[0]).powi(2));
-            [x[1], pull - w / 3.0 * x[1] - w * w * x[0] - force / m]
-        }),
-        read: Box::new(|x| [8.854e-12 * 2e-8 * 1e15 / (2e-6 - x[0])]),
-        noise: [0.0, 1e-3],
-        sample_sd: [0.3],
-        start: [0.0, 0.0],
-        start_sd: [1e-9, 1e-3],
-        drive: Box::new(|t| if (t + 1e-9) % 2e-3 < 1e-3 { 22.0 } else { 0.0 }),
-        is_driven: true,
-        between: Between::Held,
-        rate_hz: 2e6,
-        substeps: 100,
-        skip_s: 0.1e-3,
-    }
-}
-
 /// Holds the errors of these numbers of steps against their limits.
 fn within<const N: usize, const M: usize>(
     name: &str,
@@ -685,21 +637,6 @@ fn the_steps_of_a_resonance_that_is_a_state_are_off_by_a_small_part_of_its_claim
 #[test]
 fn the_step_of_a_mirror_that_heat_bends_is_off_by_a_small_part_of_its_claim() {
     within("thermal", &thermal(), 20_000, &[(1, 0.012)]);
-}
-
-#[test]
-fn a_contact_is_followed_sample_by_sample() {
-    for (name, of_hertz) in [("elastic", false), ("hertzian", true)] {
-        let device = contact(of_hertz);
-        let folder = tempfile::tempdir().unwrap();
-        device.record(folder.path(), 8_000, 1);
-        let experiment = device.experiment(folder.path(), &["", "steps = 1024"]);
-        let outcome = workflow::estimate(published(), &experiment, &Silent).unwrap();
-        let all = &outcome.recordings[0].segments[0].estimate.trajectories;
-        let result = StepResult::between(&all[0], &all[1], device.skip_s, None);
-        println!("{name}: {result:?}");
-        assert!(result.error < 0.2 && result.claim < 0.06, "{name}: {result:?}");
-    }
 }
 
 #[test]
