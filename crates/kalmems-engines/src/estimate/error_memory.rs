@@ -20,7 +20,8 @@ const FOLLOWED: usize = 4;
 /// The correlation that counts as none.
 const FORGOTTEN: f64 = 0.05;
 
-/// For how many times as long as it was followed an error is assumed to last in the same way, before another one is followed.
+/// For how many times as long as it was followed an error is assumed to last in the same way, before another one is followed,
+/// unless the filter settles further meanwhile.
 const REST: u32 = 3;
 
 /// The part of its variances at the beginning below which an error that is followed says nothing of those of now: a filter that settles forgets

@@ -11,7 +11,7 @@ impl Instruction {
         let (own, list) = match self.kind {
             OpKind::Reciprocal | OpKind::Power | OpKind::Call(_) => (1, None),
             OpKind::Add | OpKind::Subtract | OpKind::Multiply | OpKind::Angle => (2, None),
-            // The first and the third of a curve, and the number of the curve between, which stands for no register that matters.
+            // A curve reads the first and the third. The second is its number and no register: taken for one, it costs an instruction at most.
             OpKind::MultiplyAdd | OpKind::Curve => (3, None),
             OpKind::Products2 | OpKind::Choice | OpKind::ShortLaw(_) => (4, None),
             OpKind::Products2Add => (5, None),

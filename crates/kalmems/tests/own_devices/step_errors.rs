@@ -54,7 +54,7 @@ struct Device<const N: usize, const M: usize> {
     rate_hz: f64,
     /// Steps of the simulation from one sample to the next.
     substeps: usize,
-    /// Time constant of what differs between the first samples and later ones, in s.
+    /// The settling time in s, which is not compared.
     skip_s: f64,
 }
 
