@@ -142,14 +142,21 @@ fn columns(trajectory: &Trajectory) -> Vec<(String, &str, &[f64])> {
             all.push((format!("{}_sd", state.name), state.unit, &state.sd));
         }
     }
+    let unit = trajectory.signal_name.as_ref().map_or("", |signal| signal.kind.ending());
     let of_signal: [(&str, &str, &[f64]); 5] = [
-        ("measured", "", &trajectory.signal),
-        ("innovation", "", &trajectory.innovation),
-        ("innovation_sd", "", &trajectory.innovation_sd),
+        ("measured", unit, &trajectory.signal),
+        ("innovation", unit, &trajectory.innovation),
+        ("innovation_sd", unit, &trajectory.innovation_sd),
         ("nis", "1", &trajectory.nis),
         ("log_likelihood", "1", &trajectory.log_likelihood),
     ];
     all.extend(of_signal.map(|(name, unit, numbers)| (name.to_owned(), unit, numbers)));
+    for signal in &trajectory.further {
+        let (name, unit) = (&signal.of.name, signal.of.kind.ending());
+        all.push((format!("innovation_{name}"), unit, &signal.innovation));
+        all.push((format!("innovation_sd_{name}"), unit, &signal.sd));
+        all.push((format!("nis_{name}"), "1", &signal.nis));
+    }
     all
 }
 

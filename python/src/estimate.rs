@@ -265,9 +265,19 @@ fn trajectory_of<'py>(owner: &Bound<'py, Outcome>, trajectory: &Trajectory) -> P
     ] {
         own.set_item(name, view(owner, values)?)?;
     }
-    let rejected: Vec<usize> =
-        trajectory.rejected.iter().filter(|one| one.signal == 0).map(|one| one.sample).collect();
-    own.set_item("rejected", rejected)?;
+    let rejected = |signal: usize| -> Vec<usize> {
+        trajectory.rejected.iter().filter(|one| one.signal == signal).map(|one| one.sample).collect()
+    };
+    own.set_item("rejected", rejected(0))?;
+    let unit = trajectory.signal_name.as_ref().map(|signal| signal.kind.ending());
+    own.set_item("signal_unit", unit)?;
+    let further = PyList::empty(py);
+    for (signal, place) in trajectory.further.iter().zip(1..) {
+        let [innovation, sd, nis] = [&signal.innovation, &signal.sd, &signal.nis].map(|all| view(owner, all));
+        let unit = signal.of.kind.ending();
+        further.append((&signal.of.name, unit, innovation?, sd?, nis?, rejected(place)))?;
+    }
+    own.set_item("further", further)?;
     let states = PyList::empty(py);
     for state in &trajectory.states {
         let sd = if state.sd.is_empty() { None } else { Some(view(owner, &state.sd)?) };

@@ -93,15 +93,34 @@ impl Device {
         Ok(ReadoutProgram { states: self.states.len(), free: free.to_vec(), value, slopes, program })
     }
 
-    /// Every noise that is stated, with these values of all parameters.
+    /// Every noise that is stated, with these values of all parameters; one that depends on the states or the inputs as it is at these states
+    /// under no input.
     ///
     /// # Errors
     ///
     /// Where the expressions are too large.
-    pub fn noise(&self, parameters: &[f64]) -> Result<Vec<(NoiseKind, f64)>, EquationError> {
-        let nodes: Vec<NodeId> = self.noise.iter().map(|noise| noise.node).collect();
+    pub fn noise(&self, parameters: &[f64], at: &[f64]) -> Result<Vec<(NoiseKind, f64)>, EquationError> {
+        let nodes: Vec<NodeId> =
+            self.noise.iter().map(|noise| if noise.varies { Graph::ZERO } else { noise.node }).collect();
         let values = self.constants(&nodes, parameters, "noise")?;
-        Ok(self.noise.iter().map(|noise| noise.kind).zip(values).collect())
+        let mut all: Vec<_> = self.noise.iter().map(|noise| noise.kind).zip(values).collect();
+        let inputs = vec![0.0; self.inputs.len()];
+        for (kind, readout) in self.varying_noise(&[])? {
+            if let Some((_, size)) = all.iter_mut().find(|(other, _)| *other == kind) {
+                *size = Reading::new(readout, parameters).read(at, &inputs);
+            }
+        }
+        Ok(all)
+    }
+
+    /// Every noise whose size depends on states or inputs, with these parameters as states.
+    ///
+    /// # Errors
+    ///
+    /// Where the expressions are too large.
+    pub fn varying_noise(&self, free: &[usize]) -> Result<Vec<(NoiseKind, ReadoutProgram)>, EquationError> {
+        let varying = self.noise.iter().filter(|noise| noise.varies);
+        varying.map(|noise| Ok((noise.kind, self.readout_of(noise.node, free, "noise")?))).collect()
     }
 
     /// The cyclic states with their periods, with these values of all parameters.

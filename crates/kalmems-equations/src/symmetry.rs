@@ -99,9 +99,10 @@ impl Device {
         }
     }
 
-    /// Whether rates, measurements and events stay as they are when these states change their signs.
+    /// Whether rates, measurements, events and the sizes of noises stay as they are when these states change their signs.
     fn is_hidden(&self, states: &[usize]) -> bool {
-        let read = || self.readings.iter().chain(&self.crossings).copied();
+        let noises = || self.noise.iter().map(|noise| noise.node);
+        let read = || self.readings.iter().chain(&self.crossings).copied().chain(noises());
         let roots: Vec<NodeId> = self.rates.iter().copied().chain(read()).collect();
         let mut graph = self.graph.clone();
         let parities = Parities::of(&mut graph, &roots, states);

@@ -48,6 +48,21 @@ class State:
     """The standard deviation that the filter claims; `None` where it claims none."""
 
 
+@dataclass(frozen=True, eq=False)
+class SignalInnovations:
+    """The innovations of a signal after the first one, each predicted by the past and the signals before it."""
+
+    unit: str
+    """Its SI unit as names of columns have it."""
+    innovation: Numbers
+    """Measured minus predicted; not a number where there was no update."""
+    innovation_sd: Numbers
+    nis: Numbers
+    """The normalised innovation squared."""
+    rejected: Numbers | NDArray[np.intp]
+    """The samples that the filter's gate rejected."""
+
+
 @dataclass(eq=False)
 class Trajectory:
     """A filter's answer over one segment, an element for each sample, in SI.
@@ -76,6 +91,8 @@ class Trajectory:
     signal_unit: str
     rejected: Numbers | NDArray[np.intp]
     """The samples that the filter's gate rejected."""
+    further: dict[str, SignalInnovations]
+    """The innovations of further signals, by their names, of a filter that several signals correct."""
     metrics: dict[str, Any] = field(repr=False)
     """Its figures, as `metrics.json` has them."""
     seconds_per_step: float = field(default=0.0, repr=False)
@@ -116,6 +133,10 @@ class Trajectory:
         columns[f"innovation_{self.signal_unit}"] = self.innovation
         columns[f"innovation_sd_{self.signal_unit}"] = self.innovation_sd
         columns["nis_1"] = self.nis
+        for name, one in self.further.items():
+            columns[f"innovation_{name}_{one.unit}"] = one.innovation
+            columns[f"innovation_sd_{name}_{one.unit}"] = one.innovation_sd
+            columns[f"nis_{name}_1"] = one.nis
         return columns
 
     def to_pandas(self) -> Any:
@@ -148,6 +169,10 @@ class Trajectory:
         for name in ("innovation", "innovation_sd"):
             variables[name] = ("time", getattr(self, name), {"units": self.signal_unit})
         variables["nis"] = ("time", self.nis, {"units": "1"})
+        for signal, one in self.further.items():
+            variables[f"innovation_{signal}"] = ("time", one.innovation, {"units": one.unit})
+            variables[f"innovation_sd_{signal}"] = ("time", one.innovation_sd, {"units": one.unit})
+            variables[f"nis_{signal}"] = ("time", one.nis, {"units": "1"})
         coordinates = {"time": ("time", self.time, {"units": "s"})}
         return xarray.Dataset(variables, coords=coordinates, attrs={"filter": self.name})
 
@@ -360,8 +385,14 @@ def _segment(own: dict[str, Any], told: dict[str, Any]) -> Segment:
     for one, metrics in zip(own["trajectories"], told["estimators"], strict=True):
         states = {name: State(name, unit, mean, sd) for name, unit, mean, sd in one.pop("states")}
         rejected = np.asarray(one.pop("rejected"), dtype=np.intp)
-        unit = own["signal_unit"]
-        trajectories.append(Trajectory(states=states, rejected=rejected, signal_unit=unit, metrics=metrics, **one))
+        unit = one.pop("signal_unit") or own["signal_unit"]
+        further = {
+            name: SignalInnovations(of, innovation, sd, nis, np.asarray(samples, dtype=np.intp))
+            for name, of, innovation, sd, nis, samples in one.pop("further")
+        }
+        trajectories.append(
+            Trajectory(states=states, rejected=rejected, signal_unit=unit, further=further, metrics=metrics, **one)
+        )
     return Segment(
         own["recording"], own["label"], own["stretch"], own["signal"], own["skip"], metrics=told, trajectories=trajectories
     )

@@ -6,6 +6,7 @@ use crate::progress::ProgressDisplay;
 use crate::tell::tell;
 use crate::{CommandEnding, print_result, target};
 use kalmems::inspect::{StatedFile, inspect_stated};
+use kalmems::outlook::sampling;
 use kalmems::progress::ReaderProgress;
 use kalmems::recording::ReadError;
 use kalmems::results::{RunInfo, Work, draw_outlook, write_outlook};
@@ -34,7 +35,8 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Com
     let (started, clock) = (SystemTime::now(), Instant::now());
     let experiment = workbench.load(&arguments.input).map_err(|e| wrong(&e))?;
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
-    let outlook = rig.outlook(&experiment).map_err(|e| wrong(&e))?;
+    let mut outlook = rig.outlook(&experiment).map_err(|e| wrong(&e))?;
+    outlook.topics.extend(sampling(rig, &experiment));
     if let Some(path) = &arguments.png {
         draw_outlook(&outlook, path, arguments.force).map_err(|e| wrong(&e))?;
     }

@@ -194,7 +194,7 @@ pub fn follow(
     progress: &dyn Progress,
 ) -> Result<Vec<Trajectory>, EstimateError> {
     if !filter.readout.is_empty() {
-        if !course.further_signals().is_empty() {
+        if course.signals().len() > 1 {
             return Err(EstimateError::SeveralReadouts { filter: filter.name.clone() });
         }
         if filter.readout.iter().any(ReadoutState::needs_drive) && course.drive(samples.fresh.start).is_none()

@@ -7,7 +7,7 @@ use super::step_watch::plan_steps;
 use super::transition::{Sensor, Transition};
 use super::{
     AnyKnownStateStep, Course, DerivedQuantities, EstimateError, FilterBasics, FilterPast, MeanAndCovariance,
-    SampleCounts, SampleSelection, StateName, Trajectory, follow,
+    SampleCounts, SampleSelection, SignalName, StateName, Trajectory, follow,
 };
 use crate::progress::Progress;
 use kalmems_core::Portable;
@@ -97,15 +97,37 @@ impl BankFilters {
         }
     }
 
-    /// Weighs them by the likelihood of a sample.
-    fn weigh(&mut self, innovations: &[Innovation<f64, 1>]) {
-        let likelihoods = innovations.iter().map(Innovation::log_likelihood);
-        self.log_weights.iter_mut().zip(likelihoods).for_each(|(weight, more)| *weight += more);
-        let largest = self.log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let total = largest
-            + self.log_weights.iter().map(|l| (l - largest).portable_exp()).sum::<f64>().portable_ln();
-        self.log_weights.iter_mut().for_each(|l| *l -= total);
+    /// ln p of a sample, of all its signals, by the mixture; `None` where none was taken.
+    fn log_density(&mut self) -> Option<f64> {
+        let weighted = |(filter, weight): (&mut Box<dyn Filtering + Send>, &f64)| {
+            Some(weight + filter.watch()?.log_density()?)
+        };
+        let densities = self.filters.iter_mut().zip(&self.log_weights).map(weighted);
+        densities.collect::<Option<Vec<f64>>>().map(|densities| log_sum(&densities))
     }
+
+    /// Weighs them by the likelihood of what was taken of a sample.
+    fn weigh(&mut self) {
+        let of = |filter: &mut Box<dyn Filtering + Send>| {
+            filter.watch().map_or(0.0, |watch| watch.taken_log_likelihood())
+        };
+        let mut is_told = false;
+        for (weight, filter) in self.log_weights.iter_mut().zip(&mut self.filters) {
+            let more = of(filter);
+            is_told |= more != 0.0;
+            *weight += more;
+        }
+        if is_told {
+            let total = log_sum(&self.log_weights);
+            self.log_weights.iter_mut().for_each(|l| *l -= total);
+        }
+    }
+}
+
+/// ln Σ eˡ.
+fn log_sum(all: &[f64]) -> f64 {
+    let largest = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    largest + all.iter().map(|l| (l - largest).portable_exp()).sum::<f64>().portable_ln()
 }
 
 /// A bank on its way through a segment: a course for each model. The filter that is led through it takes over what the bank
@@ -118,6 +140,10 @@ struct BankCourse<'a> {
     /// Room for the covariance of one model.
     of_one: Vec<f64>,
     innovations: Vec<Innovation<f64, 1>>,
+    /// Innovation and standard deviation of the mixture by each signal after the first one.
+    further: Vec<[f64; 2]>,
+    /// How likely each model is by the signals of a sample so far.
+    log_weights: Vec<f64>,
 }
 
 impl<'a> BankCourse<'a> {
@@ -126,7 +152,41 @@ impl<'a> BankCourse<'a> {
         let states = models.filters.first().map_or(0, |filter| filter.mean().len());
         let square = vec![0.0; states * states];
         let (covariance, of_one) = (square.clone(), square);
-        Self { courses, models, mean: vec![0.0; states], covariance, of_one, innovations: Vec::new() }
+        let (mean, log_weights) = (vec![0.0; states], models.log_weights.clone());
+        let (innovations, further) = (Vec::new(), Vec::new());
+        Self { courses, models, mean, covariance, of_one, innovations, further, log_weights }
+    }
+
+    /// Mixes the innovations of the signals after the first one, each with the weights that the signals before it leave.
+    fn mix_further(&mut self) {
+        self.further.clear();
+        let signals = self.courses.first().map_or(0, |course| course.further_innovations().len());
+        if signals == 0 {
+            return;
+        }
+        self.log_weights.clone_from(&self.models.log_weights);
+        if self.innovations.len() == self.courses.len() && self.innovations.iter().all(|one| one.taken) {
+            let each = self.log_weights.iter_mut().zip(&self.innovations);
+            each.for_each(|(weight, one)| *weight += one.log_likelihood());
+        }
+        for signal in 0..signals {
+            let total = log_sum(&self.log_weights);
+            let of = |course: &dyn Course| course.further_innovations().get(signal).copied();
+            let found = || {
+                let models = self.courses.iter().zip(&self.log_weights);
+                models.filter_map(|(course, l)| Some((of(&**course)?, (l - total).portable_exp())))
+            };
+            let residual: f64 = found().map(|([one, _], w)| w * one).sum();
+            let variance: f64 = found().map(|([one, sd], w)| w * (sd * sd + (one - residual).powi(2))).sum();
+            self.further.push([residual, variance.sqrt()]);
+            if residual.is_finite() {
+                for (course, weight) in self.courses.iter().zip(&mut self.log_weights) {
+                    if let Some([one, sd]) = of(&**course) {
+                        *weight -= 0.5 * (one / sd).powi(2) + sd.portable_ln();
+                    }
+                }
+            }
+        }
     }
 
     /// Corrects the likeliest model, whose gate decides for all of them: weights would not be those of one set of samples otherwise.
@@ -162,6 +222,14 @@ impl Course for BankCourse<'_> {
 
     fn signal(&self) -> &[f64] {
         self.courses.first().map_or(&[], |course| course.signal())
+    }
+
+    fn signals(&self) -> Vec<SignalName> {
+        self.courses.first().map_or_else(Vec::new, |course| course.signals())
+    }
+
+    fn further_innovations(&self) -> &[[f64; 2]] {
+        &self.further
     }
 
     fn derived(&self) -> Option<DerivedQuantities> {
@@ -208,7 +276,7 @@ impl Course for BankCourse<'_> {
         self.lead(filter)
     }
 
-    /// The innovation is that of the mixture. Models of several signals are weighed by the one whose innovations they keep.
+    /// The innovation is that of the mixture; the models are weighed by all signals.
     fn correct(
         &mut self,
         filter: &mut dyn Filtering,
@@ -230,8 +298,13 @@ impl Course for BankCourse<'_> {
             *counts = before;
             self.innovations.extend(course.correct(&mut **member, k, counts)?);
         }
+        self.mix_further();
+        if let (Some(density), Some(led)) = (self.models.log_density(), filter.watch()) {
+            led.set_log_density(density);
+        }
         if self.innovations.len() < self.courses.len() {
-            // Without this signal; another one may have corrected them.
+            // Without the first signal; another one may have corrected them.
+            self.models.weigh();
             return self.lead(filter).map(|()| None);
         }
         let weights = || self.models.log_weights.iter().map(|l| l.portable_exp());
@@ -243,9 +316,7 @@ impl Course for BankCourse<'_> {
         // As a filter says it that knows its state exactly and takes all of that for noise.
         let mut innovation = filter.update_within(&ZeroMeasurement, residual, variance, NEVER)?;
         innovation.taken = self.innovations.iter().all(|one| one.taken);
-        if innovation.taken {
-            self.models.weigh(&self.innovations);
-        }
+        self.models.weigh();
         self.lead(filter)?;
         Ok(Some(innovation))
     }

@@ -20,6 +20,11 @@ use kalmems_models::control::MotionPhase;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+/// By how much ln p of a number is smaller where its normalised square is larger by so much, and its variance by this factor.
+fn less_likely(nis: f64, factor: f64) -> f64 {
+    0.5 * (nis + Scalar::ln(factor))
+}
+
 /// What one direction of the device's uncertainty contributes to an answer.
 #[derive(Clone, Debug)]
 pub struct Contribution {
@@ -175,8 +180,7 @@ impl Trajectory {
                 enter(&mut enters, own, &|varied| varied.innovation.get(k).copied());
                 let (left, variance) = learnt.take((own, sd * sd), &enters, learns);
                 let nis = left * left / variance;
-                // −2·ln p of one number is its NIS and the logarithm of its variance, with a constant.
-                self.log_likelihood[k] -= 0.5 * (nis - self.nis[k] + Scalar::ln(variance / (sd * sd)));
+                self.log_likelihood[k] -= less_likely(nis - self.nis[k], variance / (sd * sd));
                 (self.innovation[k], self.innovation_sd[k], self.nis[k]) = (left, variance.sqrt(), nis);
             }
             for (place, signal) in self.further.iter_mut().enumerate() {
@@ -184,7 +188,9 @@ impl Trajectory {
                 if own.is_finite() && sd.is_finite() {
                     enter(&mut enters, own, &|varied| varied.further.get(place)?.innovation.get(k).copied());
                     let (left, variance) = learnt.take((own, sd * sd), &enters, learns);
-                    (signal.innovation[k], signal.sd[k]) = (left, variance.sqrt());
+                    let nis = left * left / variance;
+                    self.log_likelihood[k] -= less_likely(nis - signal.nis[k], variance / (sd * sd));
+                    signal.enter(k, [left, variance.sqrt()]);
                 }
             }
         }

@@ -12,7 +12,7 @@ use super::step_watch::{StepCounts, StepFigure, followed_steps};
 use super::transition::{Sensor, Transition};
 use super::{
     AnyKnownStateStep, FilterFailure, FurtherSignal, KnownStateStep, Lock, MeanAndCovariance, Restart,
-    SampleCounts, StateSeries, Trajectory, TrajectoryKind,
+    SampleCounts, SignalName, StateSeries, Trajectory, TrajectoryKind,
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
@@ -33,8 +33,8 @@ macro_rules! held_course {
             self.course.signal()
         }
 
-        fn further_signals(&self) -> Vec<String> {
-            self.course.further_signals()
+        fn signals(&self) -> Vec<crate::estimate::SignalName> {
+            self.course.signals()
         }
 
         fn drive(&self, k: usize) -> Option<f64> {
@@ -88,13 +88,13 @@ pub trait Course {
         None
     }
 
-    /// The names of the signals that correct a filter after the first one, where there are several.
-    fn further_signals(&self) -> Vec<String> {
+    /// The signals that correct a filter, of a device that can have several.
+    fn signals(&self) -> Vec<SignalName> {
         Vec::new()
     }
 
-    /// The innovation of each of these at the sample that was corrected last, and its standard deviation; not a number where the
-    /// signal is missing.
+    /// The innovation of each of these after the first one at the sample that was corrected last, and its standard deviation; not a
+    /// number where the signal is missing.
     fn further_innovations(&self) -> &[[f64; 2]] {
         &[]
     }
@@ -343,6 +343,9 @@ impl Trajectory {
         for series in series {
             series[k] = f64::NAN;
         }
+        for signal in &mut self.further {
+            signal.enter(k, [f64::NAN; 2]);
+        }
         for state in &mut self.states {
             (state.mean[k], state.sd[k]) = (f64::NAN, f64::NAN);
         }
@@ -356,7 +359,7 @@ impl Trajectory {
             self.rejected.push(Rejection { sample: k, time_s, signal, innovation, sd });
             self.counts.rejected += 1;
             if let Some(further) = signal.checked_sub(1).and_then(|place| self.further.get_mut(place)) {
-                (further.innovation[k], further.sd[k]) = (f64::NAN, f64::NAN);
+                further.enter(k, [f64::NAN; 2]);
             }
         }
     }
@@ -424,6 +427,7 @@ impl Trajectory {
             gate_turns: Vec::new(),
             restarts: Vec::new(),
             lost_s: Vec::new(),
+            signal_name: None,
             further: Vec::new(),
             steps: StepCounts::default(),
             step_errors: Vec::new(),
@@ -513,6 +517,7 @@ impl Trajectory {
             steps: self.steps.clone(),
             stops: Vec::new(),
             lock: self.lock.clone(),
+            signal_name: self.signal_name.clone(),
             further: self.further.iter().map(FurtherSignal::hollow).collect(),
             error_spans: self.error_spans.clone(),
             parameters: self.parameters.clone(),
@@ -546,8 +551,9 @@ impl Trajectory {
         each(&mut self.nis, &mut other.nis);
         each(&mut self.log_likelihood, &mut other.log_likelihood);
         for (own, other) in self.further.iter_mut().zip(&mut other.further) {
-            each(&mut own.innovation, &mut other.innovation);
-            each(&mut own.sd, &mut other.sd);
+            for (own, other) in own.series_mut().into_iter().zip(other.series_mut()) {
+                each(own, other);
+            }
         }
     }
 }
@@ -671,9 +677,9 @@ impl<const N: usize> FilterRun<N> {
         );
         trajectory.own_states = states.len();
         let n = fresh.len();
-        let further = course.further_signals().into_iter();
-        let blank = |of| FurtherSignal { of, innovation: vec![f64::NAN; n], sd: vec![f64::NAN; n] };
-        trajectory.further = further.map(blank).collect();
+        let mut signals = course.signals().into_iter();
+        trajectory.signal_name = signals.next();
+        trajectory.further = signals.map(|of| FurtherSignal::blank(of, n)).collect();
         course.divide(self.steps);
         let first_s = trajectory.time_s.first().copied().unwrap_or(f64::NAN);
         trajectory.steps.change(first_s, self.steps);
@@ -793,24 +799,26 @@ impl<const N: usize> FilterRun<N> {
         let before = self.errors.is_following().then(|| filter.gaussian().covariance);
         let for_start = trajectory.counts.for_start;
         filter.at(trajectory.time_s[k]);
-        match course.correct(filter, first + k, &mut trajectory.counts)? {
-            Some(innovation) if filter.watched().rejects(0) => {
-                trajectory.log_likelihood[k] =
-                    filter.watched().log_density().unwrap_or_else(|| innovation.log_likelihood());
-            }
+        let found = course.correct(filter, first + k, &mut trajectory.counts)?;
+        let density = filter.watched().log_density();
+        if let Some(density) = density.or_else(|| found.as_ref().map(Innovation::log_likelihood)) {
+            trajectory.log_likelihood[k] = density;
+        }
+        match found {
+            Some(_) if filter.watched().rejects(0) => {}
             Some(innovation) => {
                 trajectory.innovation[k] = innovation.residual[0];
                 trajectory.innovation_sd[k] = innovation.covariance.standard_deviation(0);
                 trajectory.nis[k] = innovation.nis;
-                trajectory.log_likelihood[k] =
-                    filter.watched().log_density().unwrap_or_else(|| innovation.log_likelihood());
                 trajectory.counts.updates += usize::from(innovation.taken);
             }
             None if trajectory.counts.for_start > for_start => {}
+            // Another signal has corrected it.
+            None if density.is_some() => {}
             None => trajectory.counts.without_signal += 1,
         }
         for (signal, [residual, sd]) in trajectory.further.iter_mut().zip(course.further_innovations()) {
-            (signal.innovation[k], signal.sd[k]) = (*residual, *sd);
+            signal.enter(k, [*residual, *sd]);
         }
         trajectory.enter_rejections(k, filter.watched());
         filter.take_step_error(trajectory.nis[k]);

@@ -260,8 +260,11 @@ impl<'a, C: Course> StartedCourse<'a, C> {
     /// Of this course; nothing of it is changed where there is no start.
     pub fn new(course: C, start: Option<&BatchStart>) -> Self {
         let started = start.map(|start| (start.row, start.behind.as_ref().map(AnyKnownStateStep::from)));
-        let none =
-            if started.is_some() { vec![[f64::NAN; 2]; course.further_signals().len()] } else { Vec::new() };
+        let none = if started.is_some() {
+            vec![[f64::NAN; 2]; course.signals().len().saturating_sub(1)]
+        } else {
+            Vec::new()
+        };
         Self { course, again: None, begins: started, none, is_silent: false }
     }
 

@@ -232,8 +232,10 @@ pub struct SampleGate {
     now_s: f64,
     rejected: Vec<(usize, f64, f64)>,
     turned: Option<bool>,
-    /// ln p of the present sample's first signal by what it is taken for; none where that is normal.
+    /// Σ ln p over the signals of the present sample by what each is taken for; none before the first of them.
     log_density: Option<f64>,
+    /// Σ ln p by the normal law over those of them that were taken.
+    taken_log_likelihood: f64,
 }
 
 impl SampleGate {
@@ -254,6 +256,7 @@ impl SampleGate {
             rejected,
             turned: None,
             log_density: None,
+            taken_log_likelihood: 0.0,
         }
     }
 
@@ -288,13 +291,30 @@ impl SampleGate {
     pub(super) fn adopt_decisions(&mut self, leader: &Self) {
         self.rejected.clone_from(&leader.rejected);
         self.turned = leader.turned;
-        self.log_density = leader.log_density;
     }
 
-    /// ln p of the present sample's first signal by what the filter takes it for: a density, so that filters of every law are compared by the same
-    /// samples. `None` where that is the normal one of its innovation.
+    /// Σ ln p over the signals of the present sample by what the filter takes each for: densities, so that filters of every law are compared
+    /// by the same samples. `None` where no signal was taken through this gate.
     pub(super) fn log_density(&self) -> Option<f64> {
         self.log_density
+    }
+
+    /// Σ ln p by the normal law over the signals of the present sample that were taken.
+    pub(super) fn taken_log_likelihood(&self) -> f64 {
+        self.taken_log_likelihood
+    }
+
+    /// Of a filter that says what several do: ln p of the present sample by all of them.
+    pub(super) fn set_log_density(&mut self, density: f64) {
+        self.log_density = Some(density);
+    }
+
+    /// Enters a signal of the present sample.
+    fn enter(&mut self, density: f64, found: &Innovation<f64, 1>) {
+        self.log_density = Some(self.log_density.unwrap_or(0.0) + density);
+        if found.taken {
+            self.taken_log_likelihood += found.log_likelihood();
+        }
     }
 
     /// Comes to a sample.
@@ -304,6 +324,7 @@ impl SampleGate {
         self.rejected.clear();
         self.turned = None;
         self.log_density = None;
+        self.taken_log_likelihood = 0.0;
     }
 
     /// What was rejected of the present sample: the signal, innovation and standard deviation.
@@ -383,7 +404,11 @@ impl SampleGate {
         mut update: impl FnMut(&dyn Sensor, f64, f64, f64) -> Result<Innovation<f64, 1>, FilterError>,
     ) -> Result<Innovation<f64, 1>, FilterError> {
         if self.is_off() {
-            return update(sensor, y, variance, f64::INFINITY);
+            let found = update(sensor, y, variance, f64::INFINITY)?;
+            if signal != EVENTS {
+                self.enter(found.log_likelihood(), &found);
+            }
+            return Ok(found);
         }
         if signal == EVENTS {
             return self.take_event((sensor, y, variance), update);
@@ -422,12 +447,11 @@ impl SampleGate {
             found.residual[0] =
                 (weighed.deviance * found.covariance.get(0, 0)).sqrt().copysign(found.residual[0]);
         }
-        if signal == 0 {
-            self.log_density = Some(match self.taking.largest_nis {
-                Some(_) => gate.log_density(of_law, (found.nis, total), bound),
-                None => of_law,
-            });
-        }
+        let density = match self.taking.largest_nis {
+            Some(_) => gate.log_density(of_law, (found.nis, total), bound),
+            None => of_law,
+        };
+        self.enter(density, &found);
         let is_rejected = !found.taken && found.nis > largest;
         if is_rejected {
             let sd = found.covariance.standard_deviation(0);

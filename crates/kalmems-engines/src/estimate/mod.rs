@@ -83,7 +83,7 @@ pub use stretches::{SkippedStretch, StretchAnswer, StretchJudge, StretchSummary,
 pub(crate) use tracked::is_at;
 pub use tracked::{DeviceParameter, Tracked};
 pub use trajectory::{
-    FilterFailure, FurtherSignal, NisConsistency, ParameterCorrelation, Restart, SampleCounts, StateSeries,
-    TrackedPrior, Trajectory, TrajectoryKind,
+    FilterFailure, FurtherSignal, NisConsistency, ParameterCorrelation, Restart, SampleCounts,
+    SignalConsistency, SignalName, StateSeries, TrackedPrior, Trajectory, TrajectoryKind,
 };
 pub use transition::{MeasurementSensor, ProcessTransition, Sensor, Transition};

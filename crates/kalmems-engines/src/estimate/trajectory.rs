@@ -51,6 +51,8 @@ pub struct Trajectory {
     /// The innovations of further signals, where the filter takes several one after the other: each is predicted by the past and the
     /// signals before it.
     pub further: Vec<FurtherSignal>,
+    /// The signal that the innovations are of, of a device that can have several; of any other it is the estimate's own.
+    pub signal_name: Option<SignalName>,
     /// How many steps lead from each sample to the next.
     pub steps: StepCounts,
     /// How far the steps between samples lead the filter astray, part by part of the way; none of one whose steps are exact.
@@ -122,21 +124,48 @@ pub struct StateSeries {
     pub sd: Vec<f64>,
 }
 
+/// One of several signals that correct a filter: its name, and what it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalName {
+    /// The name.
+    pub name: String,
+    /// The kind of quantity, whose SI unit its innovations have.
+    pub kind: &'static Kind,
+}
+
 /// The innovations of a signal after the first one.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct FurtherSignal {
-    /// The signal, by its name.
-    pub of: String,
+    /// The signal.
+    pub of: SignalName,
     /// Measured minus predicted; not a number where it is missing.
     pub innovation: Vec<f64>,
     /// The standard deviation that the filter gives it; not a number where it is missing.
     pub sd: Vec<f64>,
+    /// The normalised innovation squared; not a number where it is missing.
+    pub nis: Vec<f64>,
 }
 
 impl FurtherSignal {
+    /// Without a number yet, over so many samples.
+    pub(super) fn blank(of: SignalName, samples: usize) -> Self {
+        let [innovation, sd, nis] = [(); 3].map(|()| vec![f64::NAN; samples]);
+        Self { of, innovation, sd, nis }
+    }
+
+    /// Enters innovation and standard deviation of sample `k`.
+    pub(super) fn enter(&mut self, k: usize, [innovation, sd]: [f64; 2]) {
+        (self.innovation[k], self.sd[k], self.nis[k]) = (innovation, sd, (innovation / sd).powi(2));
+    }
+
+    /// Its series.
+    pub(super) fn series_mut(&mut self) -> [&mut Vec<f64>; 3] {
+        [&mut self.innovation, &mut self.sd, &mut self.nis]
+    }
+
     /// The same without numbers.
     pub(super) fn hollow(&self) -> Self {
-        Self { of: self.of.clone(), ..Self::default() }
+        Self::blank(self.of.clone(), 0)
     }
 }
 
@@ -246,12 +275,47 @@ pub struct NisConsistency {
     pub log_likelihood: f64,
 }
 
+/// The mean NIS of one of several signals.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SignalConsistency {
+    /// The signal.
+    pub signal: String,
+    /// The mean of its normalised innovation squared; 1 on average for a filter that is right.
+    pub mean_nis: f64,
+    /// The lower end of its 95 % interval under that hypothesis.
+    pub lower: f64,
+    /// The upper end.
+    pub upper: f64,
+    /// How many updates went into it.
+    pub updates: usize,
+}
+
+impl SignalConsistency {
+    /// From the sum over so many updates; `None` where there is none.
+    fn of(signal: &str, sum_nis: f64, updates: usize) -> Option<Self> {
+        let ([lower, upper], mean_nis) = (nis_interval(updates)?, sum_nis / updates as f64);
+        Some(Self { signal: signal.to_owned(), mean_nis, lower, upper, updates })
+    }
+
+    /// Over the updates of both.
+    pub fn pool(&mut self, later: &Self) {
+        let sum = |c: &Self| c.mean_nis * c.updates as f64;
+        let pooled = Self::of(&self.signal, sum(self) + sum(later), self.updates + later.updates);
+        *self = pooled.unwrap_or_else(|| self.clone());
+    }
+}
+
+/// Where the mean NIS of so many updates lies in 95 of 100 cases of a filter that is right; `None` where there is none.
+fn nis_interval(updates: usize) -> Option<[f64; 2]> {
+    let n = updates as f64;
+    let chi = ChiSquared::new(n).ok()?;
+    Some([0.025, 0.975].map(|p| chi.inverse_cdf(p) / n))
+}
+
 impl NisConsistency {
     /// From the sums over so many updates; `None` where there is none.
     fn of(sum_nis: f64, updates: usize, log_likelihood: f64) -> Option<Self> {
-        let n = updates as f64;
-        let chi = ChiSquared::new(n).ok()?;
-        let [lower, upper] = [0.025, 0.975].map(|p| chi.inverse_cdf(p) / n);
+        let ([lower, upper], n) = (nis_interval(updates)?, updates as f64);
         Some(Self { mean_nis: sum_nis / n, lower, upper, updates, log_likelihood })
     }
 
@@ -325,7 +389,7 @@ impl Trajectory {
             let at = |time_s: f64| self.time_s.partition_point(|t| *t < time_s);
             let lost = at(from_s)..at(to_s);
             let series = self.states.iter_mut().flat_map(|state| [&mut state.mean, &mut state.sd]);
-            let further = self.further.iter_mut().flat_map(|signal| [&mut signal.innovation, &mut signal.sd]);
+            let further = self.further.iter_mut().flat_map(FurtherSignal::series_mut);
             let own =
                 [&mut self.innovation, &mut self.innovation_sd, &mut self.nis, &mut self.log_likelihood];
             for values in series.chain(further).chain(own) {
@@ -375,19 +439,44 @@ impl Trajectory {
         start..self.time_s.len()
     }
 
-    /// The mean NIS over the updates in a range of samples, with its 95 % interval, but for those where the signal is lost: n·NIS is χ² with n degrees
-    /// of freedom if innovations are white and of the stated variance. `None` where there was no update.
+    /// The mean NIS over the updates by all signals in a range of samples, with its 95 % interval, but for those where the signal is lost: n·NIS is
+    /// χ² with n degrees of freedom if innovations are white and of the stated variance. `None` where there was no update.
     pub fn consistency(&self, range: Range<usize>) -> Option<NisConsistency> {
+        let likelihood = self.where_followed(&range, &self.log_likelihood);
+        let sums = (0..=self.further.len()).map(|signal| self.sum_of_nis(signal, &range));
+        let (updates, sum) = sums.fold((0, 0.0), |(n, s), (more, add)| (n + more, s + add));
+        NisConsistency::of(sum, updates, likelihood.sum())
+    }
+
+    /// The signals that correct it, of a device that can have several.
+    pub fn signals(&self) -> impl Iterator<Item = &SignalName> {
+        self.signal_name.iter().chain(self.further.iter().map(|signal| &signal.of))
+    }
+
+    /// The same by each signal, the first one first; none where there is but one.
+    pub fn consistency_by_signal(&self, range: &Range<usize>) -> Vec<SignalConsistency> {
+        let names = self.signals().enumerate();
+        let of = |(place, signal): (usize, &SignalName)| {
+            let (updates, sum) = self.sum_of_nis(place, range);
+            SignalConsistency::of(&signal.name, sum, updates)
+        };
+        if self.further.is_empty() { Vec::new() } else { names.filter_map(of).collect() }
+    }
+
+    /// How many updates by a signal, by its place, there are in a range of samples, and the sum of their NIS.
+    fn sum_of_nis(&self, signal: usize, range: &Range<usize>) -> (usize, f64) {
+        let add = |(n, s): (usize, f64), v: f64| (n + 1, s + v);
+        let further = signal.checked_sub(1).and_then(|place| self.further.get(place));
+        let nis = further.map_or(&self.nis, |further| &further.nis);
+        self.where_followed(range, nis).fold((0, 0.0), add)
+    }
+
+    /// Those of a series that are numbers, in a range of samples, but for those where the signal is lost.
+    fn where_followed(&self, range: &Range<usize>, series: &[f64]) -> impl Iterator<Item = f64> {
         let has_lost = !self.lock.lost_spans.is_empty() && self.kind != TrajectoryKind::ModelAlone;
-        let is_lost = |k: &usize| has_lost && self.time_s.get(*k).is_some_and(|t| self.lock.is_lost_at(*t));
-        let samples = range.clone().filter(|k| !is_lost(k));
-        let nis = self.nis.get(range.clone())?;
-        let finite = samples.clone().map(|k| nis[k - range.start]).filter(|v| v.is_finite());
-        let (updates, sum) = finite.fold((0_usize, 0.0), |(n, s), v| (n + 1, s + v));
-        let likelihood = self.log_likelihood.get(range.clone())?;
-        let likelihood = samples.map(|k| likelihood[k - range.start]).filter(|v| v.is_finite());
-        let log_likelihood = likelihood.sum();
-        NisConsistency::of(sum, updates, log_likelihood)
+        let samples = self.time_s.iter().zip(series).skip(range.start).take(range.len());
+        let followed = samples.filter(move |(t, _)| !(has_lost && self.lock.is_lost_at(**t)));
+        followed.map(|(_, value)| *value).filter(|value| value.is_finite())
     }
 }
 

@@ -147,7 +147,7 @@ impl FilterJudge {
         });
         let rejections = RejectionRecord::new(motions.clone());
         let innovations = SignalJudgement::of(InnovationRecord::new(motions, estimate.start_s));
-        let further = trajectory.further.iter().map(|signal| (signal.of.clone(), innovations.clone()));
+        let further = trajectory.further.iter().map(|signal| (signal.of.name.clone(), innovations.clone()));
         Self {
             key: trajectory.key.clone(),
             further: further.collect(),

@@ -233,7 +233,7 @@ impl RejectionRecord {
             self.largest = self.largest.max(one.size().abs());
             if self.first.len() < LISTED {
                 let signal = one.signal.checked_sub(1).and_then(|place| trajectory.further.get(place));
-                let signal = signal.map(|signal| signal.of.clone());
+                let signal = signal.map(|signal| signal.of.name.clone());
                 self.first.push(Outlier { time_s: one.time_s, signal, size: one.size() });
             }
             for cycle in &mut self.motions {

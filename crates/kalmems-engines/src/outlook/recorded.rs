@@ -4,7 +4,6 @@ use crate::config::{Clock, Experiment, Quantity};
 use crate::recording::{StretchSize, Stretches};
 use crate::signal::fit_sine;
 use crate::simulate::Drive;
-use crate::units::kind;
 use std::f64::consts::FRAC_PI_2;
 use std::ops::ControlFlow;
 
@@ -26,18 +25,23 @@ impl Recorded {
     /// Of the first recording that shows a rate; of one whose file cannot be read, the stated rate alone. Nothing is refused
     /// here: what is wrong with a recording, the command that needs it says.
     pub fn of(experiment: &Experiment) -> Self {
-        let all = (0..experiment.recordings.len()).map(|index| Self::of_one(experiment, index));
+        Self::of_input(experiment, "drive")
+    }
+
+    /// The same, where the channel of this meaning is taken for the drive.
+    pub fn of_input(experiment: &Experiment, input: &str) -> Self {
+        let all = (0..experiment.recordings.len()).map(|index| Self::of_one(experiment, (index, input)));
         all.into_iter().flatten().find(|recorded| recorded.rate_hz.is_some()).unwrap_or_default()
     }
 
-    fn of_one(experiment: &Experiment, index: usize) -> Option<Self> {
+    fn of_one(experiment: &Experiment, (index, input): (usize, &str)) -> Option<Self> {
         let described = experiment.recordings.get(index)?;
         let stated = match &described.clock {
             Clock::Rate { rate, .. } => Some(rate.si()),
             Clock::Column(times) => times.rate.as_ref().map(Quantity::si),
         };
         let file = described.file.file_name()?.to_string_lossy().into_owned();
-        let drive_column = described.channels.column("drive");
+        let drive_column = described.channels.column(input);
         if stated.is_some() && drive_column.is_none() {
             return Some(Self { rate_hz: stated, drive: None, file });
         }
@@ -56,8 +60,8 @@ impl Recorded {
         let segment = recording.segments().first()?;
         let interval_s = segment.time.interval_s();
         let drive = drive_column.zip(interval_s).and_then(|(column, interval_s)| {
-            let volts = recording.column_of(column, &kind::VOLTAGE).ok()?.of(segment);
-            let sine = fit_sine(&segment.time.to_vec(), volts, interval_s)?;
+            let values = recording.column(column).ok()?.of(segment);
+            let sine = fit_sine(&segment.time.to_vec(), values, interval_s)?;
             sine.is_steady().then_some(Drive::Sine {
                 offset: sine.offset,
                 amplitude: sine.amplitude,

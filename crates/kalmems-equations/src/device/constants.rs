@@ -1,4 +1,4 @@
-//! What is made of numbers and parameters alone: noises and periods.
+//! Noises, and what is made of numbers and parameters alone: periods.
 
 use super::names::ParsedText;
 use super::read::{ReadResult, SECOND, twice};
@@ -20,7 +20,6 @@ impl ReadResult<'_> {
             let text = ParsedText::read(entry)?;
             let whole = 0..entry.text.len();
             let value = self.resolver.value(&text)?;
-            self.of_parameters_alone(&text, value, "a noise")?;
             let state = self.states.iter().position(|named| *named.name == entry.name);
             let measure = measures.iter().position(|named| *named.name == entry.name);
             let square = |unit: Unit| UnitKnowledge::Exact(unit.dimension()).to_half_power(4);
@@ -83,7 +82,11 @@ impl ReadResult<'_> {
             if noise.iter().any(|other| other.kind == kind) {
                 return Err(twice(entry, "a noise"));
             }
-            noise.push(Noise { kind, node: value.node });
+            let varies = !self.is_of_parameters_alone(value);
+            if varies && matches!(kind, NoiseKind::EventTime { .. } | NoiseKind::Event { .. }) {
+                self.of_parameters_alone(&text, value, "the noise of an event")?;
+            }
+            noise.push(Noise { kind, node: value.node, varies });
         }
         Ok(noise)
     }
@@ -111,14 +114,18 @@ impl ReadResult<'_> {
         Ok(periods)
     }
 
+    fn is_of_parameters_alone(&mut self, value: ResolvedValue) -> bool {
+        let is_parameter = |variable: &Variable| matches!(variable, Variable::Parameter(_));
+        self.resolver.graph.variables(value.node).iter().all(is_parameter)
+    }
+
     fn of_parameters_alone(
         &mut self,
         text: &ParsedText,
         value: ResolvedValue,
         what: &str,
     ) -> Result<(), EquationError> {
-        let is_parameter = |variable: &Variable| matches!(variable, Variable::Parameter(_));
-        if self.resolver.graph.variables(value.node).iter().all(is_parameter) {
+        if self.is_of_parameters_alone(value) {
             return Ok(());
         }
         let fault = EquationFault::Value(format!(

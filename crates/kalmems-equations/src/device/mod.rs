@@ -78,11 +78,12 @@ pub enum NoiseKind {
     },
 }
 
-/// A noise: what it is of, and its size as an expression of parameters.
+/// A noise: what it is of, its size as an expression, and whether that depends on states or inputs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Noise {
     pub(crate) kind: NoiseKind,
     pub(crate) node: NodeId,
+    pub(crate) varies: bool,
 }
 
 /// A device as differential equations, with every unit checked.

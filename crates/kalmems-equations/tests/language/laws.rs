@@ -312,7 +312,7 @@ fn a_chain_by_vectors_is_the_chain_that_is_written_out() {
     let names =
         |device: &Device| device.states().iter().map(|state| state.name.to_string()).collect::<Vec<_>>();
     assert_eq!(names(&vectors), names(&by_hand));
-    assert_eq!(vectors.noise(&vectors.values()).unwrap().len(), 4);
+    assert_eq!(vectors.noise(&vectors.values(), &[0.0; 8]).unwrap().len(), 4);
     let mut chance = Chance::new(8);
     let run = |device: &Device, x: &[f64]| {
         let (motion, readout) = (device.motion(&[]).unwrap(), device.readout(0, &[]).unwrap());

@@ -154,7 +154,7 @@ fn the_shared_scanner_is_its_law() {
     ] {
         hold_parameter(&device, pair, &scanner(), &mut chance, ([0.3, 3e4], 180.0));
     }
-    let noise = device.noise(&device.values()).unwrap();
+    let noise = device.noise(&device.values(), &vec![0.0; device.states().len()]).unwrap();
     let expected = [(NoiseKind::Rate { state: 1 }, 1e8), (NoiseKind::Variance { measure: 0 }, 1.92e-4)];
     assert_eq!(noise, expected);
 }
@@ -248,7 +248,7 @@ fn the_accelerometer_is_its_law() {
     hold_readout::<_, 4>(&device, 0, &readout, &mut chance, |c| {
         [c.between(-1.8e-6, 1.8e-6), c.between(-1e-2, 1e-2), 0.0, 0.0]
     });
-    let noise = device.noise(&device.values()).unwrap();
+    let noise = device.noise(&device.values(), &vec![0.0; device.states().len()]).unwrap();
     let (kind, density) = noise[0];
     assert_eq!(kind, NoiseKind::Rate { state: 3 });
     hold("noise", &[density], &[model.prior.density()], &[0.0]);
@@ -303,7 +303,7 @@ fn the_piston_mirror_is_its_law() {
         hold("jacobian", &jacobian, by_model.0.as_flattened(), by_model.0.as_flattened());
     }
     assert_eq!(device.periods(&device.values()).unwrap(), [(2, TAU)]);
-    let noise = device.noise(&device.values()).unwrap();
+    let noise = device.noise(&device.values(), &vec![0.0; device.states().len()]).unwrap();
     let (kind, density) = noise[3];
     assert_eq!(kind, NoiseKind::Density { measure: 0 });
     hold("noise", &[density], &[0.151e-18 * 0.151e-18], &[0.0]);

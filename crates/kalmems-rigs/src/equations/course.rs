@@ -6,23 +6,36 @@ use super::events::FilterEventUse;
 use super::interpolation::Interpolation;
 use super::kinks::KinkSteps;
 use super::model::{EquationModel, Interval};
+use super::names;
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
     Bridge, Course, DerivedQuantities, EVENTS, Filtering, MotionRate, NEVER, SampleCounts, SampleSelection,
-    StateName, Trajectory, by_signal_taken_for, by_signals,
+    SignalName, StateName, Trajectory, by_signal_taken_for, by_signals,
 };
+use crate::units::Kind;
 use kalmems_core::{FilterError, Innovation, Nodes};
+use kalmems_equations::Device;
 
 /// A measured channel over a segment.
 pub struct SegmentChannel<'a> {
     /// Its name.
     pub name: &'a str,
+    /// What it is.
+    pub kind: &'static Kind,
     /// Its place among the device's measurements.
     pub measure: usize,
     /// The variance of a sample.
     pub variance: f64,
     /// The samples; not a number where one is missing.
     pub signal: &'a [f64],
+}
+
+impl<'a> SegmentChannel<'a> {
+    /// Of a device's measurement, by its place, with the variance of a sample.
+    pub fn of(device: &'a Device, measure: usize, variance: f64, signal: &'a [f64]) -> Self {
+        let named = &device.measures()[measure];
+        Self { name: &named.name, kind: names::kind_of(named), measure, variance, signal }
+    }
 }
 
 /// What the filters see of a segment.
@@ -76,6 +89,8 @@ pub struct EquationCourse<'a> {
     log_likelihood: f64,
     /// The names of what follows from the states.
     quantities: Vec<StateName>,
+    /// The variance of a sample of each channel, as its noise is at the mean that the sample is predicted from.
+    variances: Vec<f64>,
     /// The variance that a sample of its one signal is taken for, where that is not the noise's.
     signal_variance: Option<f64>,
 }
@@ -111,6 +126,7 @@ impl<'a> EquationCourse<'a> {
             way,
             log_likelihood: 0.0,
             quantities: Vec::new(),
+            variances: Vec::new(),
             signal_variance: None,
         }
     }
@@ -193,9 +209,9 @@ impl Course for EquationCourse<'_> {
         first.map_or(&[], |channel| channel.signal)
     }
 
-    fn further_signals(&self) -> Vec<String> {
-        let further = self.channels.iter().skip(1).filter_map(|place| self.data.channels.get(*place));
-        further.map(|channel| channel.name.to_owned()).collect()
+    fn signals(&self) -> Vec<SignalName> {
+        let channels = self.channels.iter().filter_map(|place| self.data.channels.get(*place));
+        channels.map(|channel| SignalName { name: channel.name.to_owned(), kind: channel.kind }).collect()
     }
 
     fn derived(&self) -> Option<DerivedQuantities> {
@@ -278,17 +294,25 @@ impl Course for EquationCourse<'_> {
         self.tell(filter, k, counts)?;
         let [inputs, ..] = &mut self.nodes;
         self.data.inputs_at(k, inputs);
-        let mut channels = self.channels.iter().filter_map(|place| self.data.channels.get(*place));
+        let channels = || self.channels.iter().filter_map(|place| self.data.channels.get(*place));
+        let mean = filter.mean();
+        let variance = |channel: &SegmentChannel<'_>| {
+            channel.variance * self.model.noise_ratio(channel.measure, mean, inputs)
+        };
+        self.variances.clear();
+        self.variances.extend(channels().map(variance));
         if self.signal_variance.is_some() {
-            let Some(channel) = channels.next().filter(|channel| channel.signal[k].is_finite()) else {
+            let Some((channel, variance)) =
+                channels().zip(&self.variances).next().filter(|(channel, _)| channel.signal[k].is_finite())
+            else {
                 return Ok(None);
             };
             let (sensor, y) = (self.model.sensor(channel.measure, inputs), channel.signal[k]);
-            return by_signal_taken_for(filter, &sensor, (y, channel.variance), self.signal_variance)
-                .map(Some);
+            return by_signal_taken_for(filter, &sensor, (y, *variance), self.signal_variance).map(Some);
         }
-        let signals = channels
-            .map(|channel| (channel.signal[k], self.model.sensor(channel.measure, inputs), channel.variance));
+        let signals = channels().zip(&self.variances).map(|(channel, variance)| {
+            (channel.signal[k], self.model.sensor(channel.measure, inputs), *variance)
+        });
         by_signals(filter, signals, &mut self.further)
     }
 }

@@ -127,7 +127,7 @@ pub fn events(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<EventSetti
             })?;
         }
     }
-    let noise = device.noise(&own.values).map_err(|error| super::refused(experiment, &error))?;
+    let noise = device.noise(&own.values, &own.rest).map_err(|error| super::refused(experiment, &error))?;
     let size = |of: NoiseKind| noise.iter().find(|(kind, _)| *kind == of).map_or(0.0, |(_, size)| *size);
     let mut events = Vec::new();
     for (event, named) in device.events().iter().enumerate() {

@@ -70,6 +70,11 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
             "its source corrects by every sample; leave `--update-every` out, and call its prediction alone where there is none",
         );
     }
+    if !own.device.varying_noise(&[]).map_err(|error| refused(experiment, &error))?.is_empty() {
+        return refuse(
+            "a noise of the device depends on its states or inputs, and the source has each as a constant",
+        );
+    }
     let (recording, interval_s) = recorded(experiment, request)?;
     let wrong = |error| ExportError::from(refused(experiment, &error));
     let model = filter.models(own).map_err(wrong)?;
@@ -231,8 +236,8 @@ fn measures(
     (own, filter): (&OwnDevice, &EquationFilterSettings),
     interval_s: f64,
 ) -> Result<Vec<EmitMeasure>, ExportError> {
-    let (_, variances) =
-        noises(&own.device, &own.values, interval_s.recip()).map_err(|error| refused(experiment, &error))?;
+    let (_, variances) = noises(&own.device, (&own.values, &own.rest), interval_s.recip())
+        .map_err(|error| refused(experiment, &error))?;
     let all: Vec<usize> = match filter.measures.as_slice() {
         [] => (0..variances.len()).collect(),
         some => some.to_vec(),
@@ -442,11 +447,8 @@ fn test_samples(
         events: settings.events.iter().zip(&ago).map(happened).collect(),
         channels: signals
             .iter()
-            .map(|(measure, signal)| SegmentChannel {
-                name: &own.device.measures()[measure.measure].name,
-                measure: measure.measure,
-                variance: measure.variance,
-                signal,
+            .map(|(measure, signal)| {
+                SegmentChannel::of(&own.device, measure.measure, measure.variance, signal)
             })
             .collect(),
         samples: SampleSelection::whole(count + 1, interval_s),

@@ -110,8 +110,12 @@ impl EquationFilterTask<'_> {
                 return None;
             }
             let inputs: Vec<f64> = self.data.inputs.iter().map(|input| input.sample(k).0).collect();
-            let found = inverse.state_at(&mut work.borrow_mut(), &inputs, (signal, noise_sd));
-            found.map(|[value, slope]| [(value, noise_sd / slope.abs())])
+            let [value, slope] = inverse.state_at(&mut work.borrow_mut(), &inputs, (signal, noise_sd))?;
+            let mut x = self.own.rest.clone();
+            x[inverse.state] = value;
+            let ratio =
+                self.models.first().map_or(1.0, |model| model.noise_ratio(channel.measure, &x, &inputs));
+            Some([(value, noise_sd * ratio.sqrt() / slope.abs())])
         });
         Some(found)
     }

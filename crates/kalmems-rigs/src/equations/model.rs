@@ -4,7 +4,7 @@ use crate::estimate::driven::{ParameterStep, SegmentDrive};
 use crate::estimate::{DerivedQuantities, Sensor, StateName, Tracked, Transition, deviation};
 use kalmems_core::augmentation::AddedState;
 use kalmems_core::discretize::discretize;
-use kalmems_core::{Mat, Nodes, NoiseDensity, ProcessNoise};
+use kalmems_core::{Covariance, Mat, Nodes, NoiseDensity, ProcessNoise};
 use kalmems_equations::{
     Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, ProgramNumbers, Reading, ReadoutProgram,
     StepTables,
@@ -37,8 +37,10 @@ pub struct EquationModel {
     work: RefCell<Vec<ProgramNumbers>>,
     /// Value and scale of each parameter that is a state, and how it drifts.
     free: Vec<(f64, AddedState<f64>)>,
-    /// The power density of the noise of each state's rate.
+    /// The power density of the noise of each state's rate; 0 of one that varies.
     density: Vec<f64>,
+    /// The noises whose sizes depend on states or inputs.
+    varying: VaryingNoises,
     /// The states that come round, and the period of each.
     periods: Vec<(usize, f64)>,
     /// Where the noise is linearised.
@@ -64,6 +66,50 @@ fn apart(motion: &Motion, event: &ReadoutProgram) -> Vec<bool> {
     apart
 }
 
+/// The power density of the noise of a state's rate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RateDensity {
+    /// This one, in the state's unit² per s.
+    Held(f64),
+    /// The device's, which depends on states or inputs.
+    Varying,
+}
+
+/// The noises of a device whose sizes depend on states or inputs: taken as they are where a step begins, and at the mean that a sample is
+/// predicted from.
+#[derive(Default)]
+struct VaryingNoises {
+    /// The states whose rates have such a noise, and its density.
+    rates: Vec<(usize, RefCell<Reading>)>,
+    /// The measurements that have such a noise, with its size at rest.
+    measures: Vec<(usize, RefCell<Reading>, f64)>,
+}
+
+impl VaryingNoises {
+    fn of(
+        device: &Device,
+        (values, places): (&[f64], &[usize]),
+        (density, rest): (&[RateDensity], &[f64]),
+    ) -> Result<Self, EquationError> {
+        let mut all = Self::default();
+        let inputs = vec![0.0; device.inputs().len()];
+        for (kind, readout) in device.varying_noise(places)? {
+            let mut reading = Reading::new(readout, values);
+            match kind {
+                NoiseKind::Rate { state } if density.get(state) == Some(&RateDensity::Varying) => {
+                    all.rates.push((state, reading.into()));
+                }
+                NoiseKind::Variance { measure } | NoiseKind::Density { measure } => {
+                    let at_rest = reading.read(rest, &inputs);
+                    all.measures.push((measure, reading.into(), at_rest));
+                }
+                _ => {}
+            }
+        }
+        Ok(all)
+    }
+}
+
 /// One number for each state, with those that are parameters.
 pub type StateNumbers = [f64; MOST_STATES];
 
@@ -74,7 +120,7 @@ impl EquationModel {
         device: &Device,
         values: &[f64],
         tracked: &[Tracked],
-        (density, rule): (Vec<f64>, StepRule),
+        (density, rule): (&[RateDensity], StepRule),
         (rest, about, pace): (&[f64], &[f64], f64),
     ) -> Result<Self, EquationError> {
         let places: Vec<usize> =
@@ -99,6 +145,12 @@ impl EquationModel {
         let (periods, inputs) = (device.periods(values)?, device.inputs().len());
         let at: Vec<f64> = about.iter().chain(rest.iter().skip(about.len())).copied().collect();
         let held = motion.held(&mut work[0], &at, &vec![0.0; inputs]);
+        let varying = VaryingNoises::of(device, (values, &places), (density, &rest))?;
+        let of_held = |density: &RateDensity| match density {
+            RateDensity::Held(size) => *size,
+            RateDensity::Varying => 0.0,
+        };
+        let density = density.iter().map(of_held).collect();
         Ok(Self {
             motion,
             readouts,
@@ -108,6 +160,7 @@ impl EquationModel {
             work: work.into(),
             free,
             density,
+            varying,
             periods,
             rest,
             held,
@@ -189,10 +242,18 @@ impl EquationModel {
             self.motion.linearize(work, at, inputs, &mut rates, &mut jacobian);
         });
         noise(&jacobian);
+        let of_rates = self.varying.rates.iter().map(|(state, _)| match moving {
+            0..=2 => self.noise_of_rate::<2>(&jacobian, interval_s, *state),
+            3..=4 => self.noise_of_rate::<4>(&jacobian, interval_s, *state),
+            5..=8 => self.noise_of_rate::<8>(&jacobian, interval_s, *state),
+            9..=16 => self.noise_of_rate::<16>(&jacobian, interval_s, *state),
+            _ => self.noise_of_rate::<MOST_STATES>(&jacobian, interval_s, *state),
+        });
+        let of_rates = of_rates.collect();
         let mut tables = self.motion.tables();
         self.motion.set_tables(&mut tables, &jacobian, interval_s);
         let (of_half, interval_s) = (OnceCell::new(), 0.5 * interval_s);
-        Linearised { point, tables, half: (of_half, interval_s), jacobian, held, covariance, root }
+        Linearised { point, tables, half: (of_half, interval_s), jacobian, held, covariance, root, of_rates }
     }
 
     /// ∂f/∂x of the moving states at rest, row by row: the linear part of a step there.
@@ -231,6 +292,26 @@ impl EquationModel {
         held: &ParameterStep,
         (covariance, root): (&mut [f64], &mut [f64]),
     ) {
+        let density = |i: usize| self.density.get(i).copied().unwrap_or(0.0);
+        let noise = self.discretized::<M>(jacobian, interval_s, density);
+        held.noise((&ProcessNoise::from(noise), self.moving()), covariance, root);
+    }
+
+    /// What a density of 1 of a state's rate adds to the covariance of the moving states over an interval, row by row.
+    fn noise_of_rate<const M: usize>(&self, jacobian: &[f64], interval_s: f64, state: usize) -> Vec<f64> {
+        let moving = self.moving();
+        let density = |i: usize| if i == state { 1.0 } else { 0.0 };
+        let noise = self.discretized::<M>(jacobian, interval_s, density);
+        (0..moving * moving).map(|place| noise.get(place / moving, place % moving)).collect()
+    }
+
+    /// The covariance that noises of these densities add over an interval where the motion has these slopes.
+    fn discretized<const M: usize>(
+        &self,
+        jacobian: &[f64],
+        interval_s: f64,
+        density: impl Fn(usize) -> f64,
+    ) -> Covariance<f64, M> {
         let (moving, states) = (self.moving(), self.rest.len());
         let entry = |i: usize, j: usize| {
             let known = jacobian.get(i * states + j).filter(|_| i < moving && j < moving);
@@ -238,14 +319,39 @@ impl EquationModel {
             known.copied().filter(|slope| slope.is_finite()).unwrap_or(0.0)
         };
         let a = Mat::<f64, M, M>::from_fn(entry);
-        let density =
-            Mat::<f64, M, M>::from_fn(
-                |i, j| {
-                    if i == j { self.density.get(i).copied().unwrap_or(0.0) } else { 0.0 }
-                },
-            );
-        let noise = discretize(&a, &NoiseDensity::from_lower(density), interval_s).noise;
-        held.noise((&ProcessNoise::from(noise), moving), covariance, root);
+        let density = Mat::<f64, M, M>::from_fn(|i, j| if i == j { density(i) } else { 0.0 });
+        discretize(&a, &NoiseDensity::from_lower(density), interval_s).noise
+    }
+
+    /// Adds the noises that vary to the covariance of a step, with its root.
+    fn write_varying<const M: usize>(
+        &self,
+        (linearised, sizes): (&Linearised, &StateNumbers),
+        covariance: &mut [f64],
+        root: &mut [f64],
+    ) {
+        let (moving, states) = (self.moving(), self.rest.len());
+        let entry = |i: usize, j: usize| {
+            let (i, j) = (i.max(j), i.min(j));
+            if i >= moving {
+                return 0.0;
+            }
+            let base = linearised.covariance.get(i * states + j).copied().unwrap_or(0.0);
+            let each = linearised.of_rates.iter().zip(sizes);
+            base + each.map(|(of, size)| size * of.get(i * moving + j).copied().unwrap_or(0.0)).sum::<f64>()
+        };
+        let noise = Covariance::from_lower(Mat::<f64, M, M>::from_fn(entry));
+        linearised.held.noise((&ProcessNoise::from(noise), moving), covariance, root);
+    }
+
+    /// The variance of a measurement's noise over that at rest, at a mean and under inputs; 1 of one that does not vary.
+    pub fn noise_ratio(&self, measure: usize, mean: &[f64], inputs: &[f64]) -> f64 {
+        let Some((_, reading, at_rest)) = self.varying.measures.iter().find(|(of, ..)| *of == measure) else {
+            return 1.0;
+        };
+        let valued = self.valued(mean);
+        let x = valued.get(..mean.len()).unwrap_or_default();
+        reading.borrow_mut().read(x, inputs) / at_rest
     }
 
     /// This step under inputs, from a state with this mean: whole turns of what comes round are taken off.
@@ -262,7 +368,15 @@ impl EquationModel {
             }
         }
         let linearised = self.linearised(interval, mean);
-        UnderInputs { model: self, length_s: interval.length_s, linearised, inputs, turns }
+        let mut sizes = [0.0; MOST_STATES];
+        if !self.varying.rates.is_empty() {
+            let valued = self.valued(mean);
+            let x = valued.get(..mean.len()).unwrap_or_default();
+            for (size, (_, reading)) in sizes.iter_mut().zip(&self.varying.rates) {
+                *size = reading.borrow_mut().read(x, inputs.start);
+            }
+        }
+        UnderInputs { model: self, length_s: interval.length_s, linearised, inputs, turns, sizes }
     }
 
     /// A measurement under inputs.
@@ -409,6 +523,8 @@ struct Linearised {
     held: ParameterStep,
     covariance: Vec<f64>,
     root: Vec<f64>,
+    /// What a density of 1 of each rate whose noise varies adds to the covariance of the moving states, row by row.
+    of_rates: Vec<Vec<f64>>,
 }
 
 /// A number to twelve binary digits, or to a multiple of a step where that is coarser: what a step's linear part is off by then costs the step
@@ -430,6 +546,8 @@ pub struct UnderInputs<'a> {
     linearised: Rc<Linearised>,
     inputs: Nodes<&'a [f64]>,
     turns: StateNumbers,
+    /// The densities of the rates whose noise varies.
+    sizes: StateNumbers,
 }
 
 impl UnderInputs<'_> {
@@ -568,6 +686,16 @@ impl Transition for UnderInputs<'_> {
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+        if !self.model.varying.rates.is_empty() {
+            let of = (&*self.linearised, &self.sizes);
+            return match self.model.moving() {
+                0..=2 => self.model.write_varying::<2>(of, covariance, root),
+                3..=4 => self.model.write_varying::<4>(of, covariance, root),
+                5..=8 => self.model.write_varying::<8>(of, covariance, root),
+                9..=16 => self.model.write_varying::<16>(of, covariance, root),
+                _ => self.model.write_varying::<MOST_STATES>(of, covariance, root),
+            };
+        }
         covariance.copy_from_slice(&self.linearised.covariance);
         root.copy_from_slice(&self.linearised.root);
     }
@@ -634,15 +762,15 @@ pub fn steps_over(pace: f64, interval_s: f64) -> Option<usize> {
 }
 
 /// The noises that a device's table states, at a sampling rate in Hz: the density of each state's rate, 0 where none is stated,
-/// and the variance of a sample of each measurement.
+/// and the variance of a sample of each measurement; of one that varies as it is at rest.
 pub fn noises(
     device: &Device,
-    values: &[f64],
+    (values, rest): (&[f64], &[f64]),
     rate_hz: f64,
 ) -> Result<(Vec<f64>, Vec<Option<f64>>), EquationError> {
     let (mut densities, mut variances) =
         (vec![0.0; device.states().len()], vec![None; device.measures().len()]);
-    for (kind, size) in device.noise(values)? {
+    for (kind, size) in device.noise(values, rest)? {
         match kind {
             NoiseKind::Rate { state } => densities[state] = size,
             NoiseKind::Variance { measure } => variances[measure] = Some(size),

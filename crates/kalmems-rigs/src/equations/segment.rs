@@ -173,20 +173,27 @@ impl Estimator for EquationEstimator<'_> {
         let mut inputs = sampled.stated(&settings.own, &self.columns)?;
         let rates = rates_of_inputs(device, &inputs, segment.interval_s);
         sampled.add_rates(&mut inputs, (device, &rates), &self.columns)?;
-        let (_, variances) = noises(device, values, segment.interval_s.recip()).map_err(wrong)?;
+        let (_, variances) =
+            noises(device, (values, &settings.own.rest), segment.interval_s.recip()).map_err(wrong)?;
         let mut channels = Vec::new();
         for (measure, column) in &self.columns.measured {
             let named = &device.measures()[*measure];
             let signal = segment.recording.column_of(column, names::kind_of(named))?.of(segment.segment);
             let Some(variance) = variances[*measure].filter(|variance| *variance > 0.0) else {
                 let key = Key::from("device.equations.noise").child(&named.name);
-                let remedy = format!(
-                    "write the variance of a sample of it, such as `{} = \"1e-6[{}^2]\"`; a filter weighs the samples by it",
-                    named.name, named.unit_text
-                );
+                let remedy = match variances[*measure] {
+                    Some(variance) => format!(
+                        "its size at rest is {variance}; expected a positive one, by which a filter weighs the samples, such as that of the \
+                         readout added to it"
+                    ),
+                    None => format!(
+                        "write the variance of a sample of it, such as `{} = \"1e-6[{}^2]\"`; a filter weighs the samples by it",
+                        named.name, named.unit_text
+                    ),
+                };
                 return Err(self.experiment.error(key, ConfigFault::MissingKey { remedy }).into());
             };
-            channels.push(SegmentChannel { name: &named.name, measure: *measure, variance, signal });
+            channels.push(SegmentChannel::of(device, *measure, variance, signal));
         }
         let drive = inputs.iter().find_map(|input| input.first_sine().copied());
         let motion = motion(&settings.own, drive.as_ref(), segment.interval_s);

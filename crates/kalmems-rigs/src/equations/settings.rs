@@ -3,7 +3,7 @@
 use super::events::{self, EventSettings, FilterEventUse};
 use super::interpolation::Interpolation;
 use super::inversion::Inverse;
-use super::model::{EquationModel, StepRule, noises, pace};
+use super::model::{EquationModel, RateDensity, StepRule, noises, pace};
 use super::names;
 use super::oscillation::MeasuredOscillation;
 use super::table::{EquationsTable, refused};
@@ -17,7 +17,7 @@ use crate::estimate::{
     refuse_demodulator,
 };
 use crate::units::{Dimension, kind};
-use kalmems_equations::{Device, EquationError, Mode, Motion, modes, vector_elements};
+use kalmems_equations::{Device, EquationError, Mode, Motion, NoiseKind, modes, vector_elements};
 use std::sync::Arc;
 
 /// A device with the values of its parameters, and how it moves when it is left alone.
@@ -400,13 +400,21 @@ impl EquationFilterSettings {
                 values[place] += shift;
             }
         }
-        let (stated, _) = noises(&own.device, &values, f64::NAN)?;
-        let density = stated.iter().zip(&self.density).map(|(stated, own)| own.unwrap_or(*stated)).collect();
+        let (stated, _) = noises(&own.device, (&values, &own.rest), f64::NAN)?;
+        let varying = own.device.varying_noise(&[])?;
+        let of_state = |(state, (stated, own)): (usize, (&f64, &Option<f64>))| match own {
+            Some(own) => RateDensity::Held(*own),
+            None if varying.iter().any(|(kind, _)| *kind == NoiseKind::Rate { state }) => {
+                RateDensity::Varying
+            }
+            None => RateDensity::Held(*stated),
+        };
+        let density: Vec<_> = stated.iter().zip(&self.density).enumerate().map(of_state).collect();
         let rule =
             if self.basics.method == Method::EulerEkf { StepRule::Euler } else { StepRule::Exponential };
         let tracked: &[Tracked] = self.basics.parameters();
         let about = own.rest_about(&self.about(own));
-        EquationModel::new(&own.device, &values, tracked, (density, rule), (&own.rest, &about, own.pace()))
+        EquationModel::new(&own.device, &values, tracked, (&density, rule), (&own.rest, &about, own.pace()))
     }
 }
 

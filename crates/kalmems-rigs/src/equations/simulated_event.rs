@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 
 /// The events whose noise is stated, by their places, with the variances of their times in s² and of their expressions.
 pub fn recorded_events(own: &OwnDevice) -> Result<Vec<(usize, [f64; 2])>, EquationError> {
-    let noise = own.device.noise(&own.values)?;
+    let noise = own.device.noise(&own.values, &own.rest)?;
     let of = |(kind, size): &(NoiseKind, f64)| match kind {
         NoiseKind::EventTime { event } => Some((*event, [*size, 0.0])),
         NoiseKind::Event { event } => Some((*event, [0.0, *size])),

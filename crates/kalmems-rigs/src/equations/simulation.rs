@@ -15,7 +15,7 @@ use crate::simulate::{
     WhiteNoise, drive_of, input_of, parts_of_all,
 };
 use crate::units::kind;
-use kalmems_equations::{Device, EquationError, Named, Reading, ReadoutProgram};
+use kalmems_equations::{Device, EquationError, Named, NoiseKind, Reading, ReadoutProgram};
 use std::ops::{ControlFlow, Range};
 
 /// A simulation by the equations: Runge and Kutta's method of fourth order in steps of the integration rate, behind each of which
@@ -221,7 +221,7 @@ impl EquationSimulation {
         let stated = some(experiment, &Key::from("simulate.start"), &simulate.start, &entries)?;
         let start = own.started(&stated);
         let rate_hz = simulate.sampling_rate.si();
-        let (densities, variances) = noises(device, &own.values, rate_hz).map_err(wrong)?;
+        let (densities, variances) = noises(device, (&own.values, &own.rest), rate_hz).map_err(wrong)?;
         let variances = variances.into_iter().map(|variance| variance.unwrap_or(0.0)).collect();
         let periods = device.periods(&own.values).map_err(wrong)?;
         let events = recorded_events(&own).map_err(wrong)?;
@@ -273,6 +273,16 @@ impl EquationSimulation {
         }
     }
 
+    /// Writes what is true of a sample: the states that an estimate may be compared with, and the quantities.
+    fn write_truth(&self, state: &[f64], quantities: &mut [Reading], truth: &mut [f64]) {
+        for (to, place) in truth.iter_mut().zip(&self.truth_of) {
+            *to = state[*place];
+        }
+        for (to, quantity) in truth.iter_mut().skip(self.truth_of.len()).zip(quantities) {
+            *to = quantity.read(state, &[]);
+        }
+    }
+
     /// What looks for the events that are recorded, with random numbers of its own for each.
     fn simulated_events(&self, noises: Vec<WhiteNoise>) -> Result<Vec<SimulatedEvent>, EquationError> {
         let each = self.events.iter().zip(noises).map(|((event, variances), noise)| {
@@ -283,10 +293,70 @@ impl EquationSimulation {
     }
 }
 
+/// The sizes of the noises of a simulation: those that depend on states or inputs are as they are where a step begins (the sense of Itô), and
+/// at the sample.
+struct NoiseSizes {
+    /// The standard deviation that the noise of each state's rate adds in a step.
+    step_sd: Vec<f64>,
+    /// That of a sample of each measurement.
+    sample_sd: Vec<f64>,
+    /// Those of the rates that vary, by the state.
+    rates: Vec<(usize, Reading)>,
+    /// Those of the measurements that vary, with what makes a variance of their sizes.
+    measures: Vec<(usize, Reading, f64)>,
+    step_s: f64,
+}
+
+impl NoiseSizes {
+    /// In steps of this length in s, from the sizes at rest.
+    fn of(simulation: &EquationSimulation, step_s: f64) -> Result<Self, EquationError> {
+        let EquationSimulation { own, simulate, noises: (densities, variances), .. } = simulation;
+        let (mut rates, mut measures) = (Vec::new(), Vec::new());
+        for (kind, readout) in own.device.varying_noise(&[])? {
+            let reading = Reading::new(readout, &own.values);
+            match kind {
+                NoiseKind::Rate { state } => rates.push((state, reading)),
+                NoiseKind::Variance { measure } => measures.push((measure, reading, 1.0)),
+                NoiseKind::Density { measure } => {
+                    measures.push((measure, reading, 0.5 * simulate.sampling_rate.si()));
+                }
+                NoiseKind::EventTime { .. } | NoiseKind::Event { .. } => {}
+            }
+        }
+        if !simulate.noise {
+            let [step_sd, sample_sd] = [densities, variances].map(|all| vec![0.0; all.len()]);
+            return Ok(Self { step_sd, sample_sd, rates: Vec::new(), measures: Vec::new(), step_s });
+        }
+        let step_sd = densities.iter().map(|density| (density * step_s).sqrt()).collect();
+        let sample_sd = variances.iter().map(|variance| variance.sqrt()).collect();
+        Ok(Self { step_sd, sample_sd, rates, measures, step_s })
+    }
+
+    /// Where a step begins.
+    fn at_step(&mut self, drives: &[Drive], state: &[f64], (from_s, inputs): (f64, &mut [f64])) {
+        if self.rates.is_empty() {
+            return;
+        }
+        inputs_at(drives, from_s, inputs);
+        for (place, reading) in &mut self.rates {
+            self.step_sd[*place] = (reading.read(state, inputs) * self.step_s).sqrt();
+        }
+    }
+
+    /// The standard deviations of the samples of all measurements.
+    fn of_samples(&mut self, state: &[f64], inputs: &[f64]) -> &[f64] {
+        for (place, reading, factor) in &mut self.measures {
+            self.sample_sd[*place] = (reading.read(state, inputs) * *factor).sqrt();
+        }
+        &self.sample_sd
+    }
+}
+
 /// Adds the noise of the rates over a step.
 fn add_noise(state: &mut [f64], sd: &[f64], chance: &mut [WhiteNoise]) {
     for ((state, sd), noise) in state.iter_mut().zip(sd).zip(chance) {
-        if *sd > 0.0 {
+        // A size that is no number makes none of the state, which is reported.
+        if *sd != 0.0 {
             *state += sd * noise.sample();
         }
     }
@@ -361,8 +431,7 @@ impl Simulation for EquationSimulation {
         };
         let rate_hz = simulate.integration_rate.si() * parts as f64;
         let steps = simulate.steps_per_sample() * parts as u64;
-        let step_sd: Vec<f64> = self.noises.0.iter().map(|density| (density / rate_hz).sqrt()).collect();
-        let sample_sd: Vec<f64> = self.noises.1.iter().map(|variance| variance.sqrt()).collect();
+        let mut sizes = NoiseSizes::of(self, rate_hz.recip()).map_err(too_large)?;
         let interval_s = simulate.sampling_rate.si().recip();
         let mut state = self.start.clone();
         let mut next = state.clone();
@@ -370,24 +439,26 @@ impl Simulation for EquationSimulation {
         let measured = self.recorded.len() - self.events.len();
         let mut truth = vec![0.0; self.truth.len()];
         let (mut nodes, mut inputs) = ([const { Vec::new() }; 3], vec![0.0; self.drives.len()]);
+        let mut begins = inputs.clone();
         let mut drives = self.drives.clone();
         let mut tables = motion.tables();
-        let mut advance = |drives: &[Drive], state: &mut Vec<f64>, from_s: f64, to_s: f64| {
-            parts_of_all(drives, (from_s, to_s), &mut nodes, &mut |from_s, to_s, nodes| {
-                motion.set_runge_kutta(&mut tables, to_s - from_s);
-                motion.step(&mut work, state, nodes, &tables, &mut next);
-                std::mem::swap(state, &mut next);
-            });
-            if simulate.noise {
-                add_noise(state, &step_sd, &mut of_rates);
-            }
-        };
+        let mut advance =
+            |sizes: &mut NoiseSizes, drives: &[Drive], state: &mut Vec<f64>, (from_s, to_s): (f64, f64)| {
+                sizes.at_step(drives, state, (from_s, &mut begins));
+                parts_of_all(drives, (from_s, to_s), &mut nodes, &mut |from_s, to_s, nodes| {
+                    motion.set_runge_kutta(&mut tables, to_s - from_s);
+                    motion.step(&mut work, state, nodes, &tables, &mut next);
+                    std::mem::swap(state, &mut next);
+                });
+                add_noise(state, &sizes.step_sd, &mut of_rates);
+            };
         let turn = |state: &mut [f64]| turn(&self.periods, state);
         // Before the recording, where an input asks for that.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, and saturating
         let steps_before = (self.before_s * rate_hz).round() as u64;
         for left in (1..=steps_before).rev() {
-            advance(&drives, &mut state, -(left as f64 / rate_hz), -((left - 1) as f64 / rate_hz));
+            let from_to_s = (-(left as f64 / rate_hz), -((left - 1) as f64 / rate_hz));
+            advance(&mut sizes, &drives, &mut state, from_to_s);
             turn(&mut state);
             if left.is_multiple_of(LOOK) && !state.iter().all(|x| x.is_finite()) {
                 return Err(SimulateError::NotFinite { time_s: -(left as f64 / rate_hz) });
@@ -400,9 +471,10 @@ impl Simulation for EquationSimulation {
             inputs_at(&drives, time_s, &mut inputs);
             let (of_inputs, of_measures) = recorded.split_at_mut(own.device.own_inputs());
             let mut finite = state.iter().chain(&inputs).all(|x| x.is_finite());
+            let sample_sd = sizes.of_samples(&state, &inputs);
             for (place, reading) in readings.iter_mut().enumerate() {
                 // Each channel has random numbers of its own, whatever rows it is sampled at.
-                let noise = if simulate.noise { sample_sd[place] * of_samples[place].sample() } else { 0.0 };
+                let noise = sample_sd[place] * of_samples[place].sample();
                 let analogue = || reading.read(&state, &inputs) + noise;
                 of_measures[place] = self.sampling[place].sample(k, &mut finite, analogue);
             }
@@ -418,12 +490,7 @@ impl Simulation for EquationSimulation {
             for (to, event) in recorded[measured..].iter_mut().zip(&mut events) {
                 *to = event.ago(time_s);
             }
-            for (to, place) in truth.iter_mut().zip(&self.truth_of) {
-                *to = state[*place];
-            }
-            for (to, quantity) in truth.iter_mut().skip(self.truth_of.len()).zip(&mut quantities) {
-                *to = quantity.read(&state, &[]);
-            }
+            self.write_truth(&state, &mut quantities, &mut truth);
             if each(&SimulatedSample { time_s, recorded: &recorded, truth: &truth }).is_break() {
                 return Err(SimulateError::Interrupted);
             }
@@ -433,7 +500,7 @@ impl Simulation for EquationSimulation {
                     inputs_at(&drives, from_s, &mut inputs);
                     event.begin((&motion, &mut rates), &state, (from_s, &inputs));
                 }
-                advance(&drives, &mut state, from_s, to_s);
+                advance(&mut sizes, &drives, &mut state, (from_s, to_s));
                 step_count += 1;
                 for event in &mut events {
                     inputs_at(&drives, to_s, &mut inputs);

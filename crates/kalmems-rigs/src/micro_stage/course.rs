@@ -2,7 +2,10 @@
 
 use super::segment::StageSamples;
 use crate::estimate::driven::Plant;
-use crate::estimate::{Bridge, Course, Filtering, HeldSamples, ProcessTransition, SampleCounts, by_signals};
+use crate::estimate::{
+    Bridge, Course, Filtering, HeldSamples, ProcessTransition, SampleCounts, SignalName, by_signals,
+};
+use crate::units::kind;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{FilterError, Innovation, Nodes};
 use kalmems_models::dynamics::PiezoStage;
@@ -72,8 +75,10 @@ impl<P: Plant> Course for StageCourse<'_, P> {
         self.samples.drive.get(k).copied()
     }
 
-    fn further_signals(&self) -> Vec<String> {
-        self.channels.iter().skip(1).map(|channel| channel.name.to_owned()).collect()
+    fn signals(&self) -> Vec<SignalName> {
+        let of =
+            |channel: &StageChannel<'_>| SignalName { name: channel.name.to_owned(), kind: &kind::VOLTAGE };
+        self.channels.iter().map(of).collect()
     }
 
     fn further_innovations(&self) -> &[[f64; 2]] {

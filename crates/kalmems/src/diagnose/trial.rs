@@ -8,7 +8,6 @@ use crate::fit::Innovations;
 use crate::progress::Interruption;
 use crate::rigs::Rig;
 use crate::signal::Sine;
-use crate::units::kind;
 
 /// Blocks of a segment, of which every second one is fitted.
 const BLOCKS: f64 = 20.0;
@@ -133,7 +132,7 @@ impl DiagnosisTrial {
                 self.updates += usize::from(value.is_finite());
             }
         }
-        self.signal_unit = if *estimate.signal_kind == kind::CAPACITANCE { "F" } else { "V" };
+        self.signal_unit = crate::units::name(&estimate.signal_kind.dimension.to_string());
         if self.start.is_empty() {
             self.drive = estimate.drive;
             let of_motion = trajectory.states.iter().take(MOTION).filter_map(|state| {

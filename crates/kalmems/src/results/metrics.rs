@@ -3,8 +3,8 @@
 use super::{QuantityAnswer, Verdict};
 use crate::diagnose::{FoundNoise, InputFault, NumberCheck, ScaleNote};
 use crate::estimate::{
-    Lock, NisConsistency, ParameterCorrelation, SampleCounts, SegmentEstimate, StretchSummary, Trajectory,
-    TrajectoryKind,
+    Lock, NisConsistency, ParameterCorrelation, SampleCounts, SegmentEstimate, SignalConsistency,
+    StretchSummary, Trajectory, TrajectoryKind,
 };
 use crate::evaluate::{
     ErrorsByState, Grade, Judgement, MotionErrors, ParameterAnswer, Rejections, StepErrors, TestResult,
@@ -141,7 +141,10 @@ fn likeliest(estimators: &[EstimatorMetrics]) -> Option<FilterSelection> {
     let claims = |e: &EstimatorMetrics| {
         predicts(&e) && e.passes() && e.counts.without_signal == estimators[0].counts.without_signal
     };
-    if estimators.iter().filter(predicts).count() < 2 {
+    // Densities of different samples are not compared.
+    let mut signals = estimators.iter().filter(predicts).map(|e| &e.signals);
+    let first = signals.next();
+    if estimators.iter().filter(predicts).count() < 2 || signals.any(|other| Some(other) != first) {
         return None;
     }
     let mut all: Vec<(f64, &EstimatorMetrics)> = (estimators.iter())
@@ -218,6 +221,9 @@ pub struct EstimatorMetrics {
     pub values: ErrorsByState,
     /// The mean NIS after the settling time; `None` for a model that makes no claim.
     pub consistency: Option<NisConsistency>,
+    /// The same by each of the signals that correct it, where there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub by_signal: Vec<SignalConsistency>,
     /// What its steps from sample to sample add to its errors; none where they are exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_errors: Option<StepErrors>,
@@ -231,6 +237,9 @@ pub struct EstimatorMetrics {
     /// Samples after the settling time.
     #[serde(skip)]
     scored: usize,
+    /// The signals that correct it, of a device that can have several.
+    #[serde(skip)]
+    signals: Vec<String>,
     /// Whether the answer was mirrored to have the stated sign.
     pub mirrored: bool,
     /// Where and why it stopped, if it did.
@@ -330,6 +339,7 @@ impl EstimatorMetrics {
             (Some(own), Some(later)) => Some(own.pooled(&later)),
             (own, later) => own.or(later),
         };
+        self.by_signal.iter_mut().zip(&later.by_signal).for_each(|(own, later)| own.pool(later));
         match (&mut self.step_errors, &later.step_errors) {
             (Some(own), Some(later)) => own.pool(later),
             (None, Some(_)) => self.step_errors = later.step_errors,
@@ -542,6 +552,8 @@ fn estimator(
         errors: errors.clone(),
         values: values.clone(),
         consistency: consistency(trajectory, estimate),
+        by_signal: if trajectory.claims() { trajectory.consistency_by_signal(&scored) } else { Vec::new() },
+        signals: trajectory.signals().map(|signal| signal.name.clone()).collect(),
         step_errors: scored_from_s.and_then(|from_s| StepErrors::of(trajectory, from_s)),
         lock: trajectory.lock.clone(),
         crossings_log_likelihood: trajectory.crossings_log_likelihood,

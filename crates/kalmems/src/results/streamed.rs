@@ -1,6 +1,6 @@
 //! What was estimated while samples arrived, as a page at the end.
 
-use super::tracks::{BAND, Tracks, VALUE, is_shown, of_innovation, of_state, signal_unit, state_unit};
+use super::tracks::{BAND, SignalInnovations, Tracks, VALUE, is_shown, of_state, state_unit};
 use crate::config::Experiment;
 use crate::estimate::{SegmentEstimate, Trajectory, TrajectoryKind};
 use crate::stream::StreamSummary;
@@ -20,8 +20,8 @@ struct Answer {
     name: String,
     /// Label, unit and key of each state that is shown.
     states: Vec<(String, &'static str, String)>,
-    /// The unit and the key of its innovations; a smoother has its filter's.
-    innovation: Option<(&'static str, String)>,
+    /// Label, unit and key of its innovations by each signal; a smoother has its filter's.
+    innovations: Vec<(String, &'static str, String)>,
 }
 
 impl StreamTracks {
@@ -35,8 +35,9 @@ impl StreamTracks {
                     (state.name.replace('_', " "), unit, of_state(trajectory, state.name))
                 });
                 let has_own = trajectory.kind == TrajectoryKind::Filtered;
-                let innovation = has_own.then(|| (signal_unit(estimate).0, of_innovation(trajectory)));
-                Answer { name: trajectory.name.clone(), states: states.collect(), innovation }
+                let own = has_own.then(|| SignalInnovations::of(trajectory, estimate)).into_iter().flatten();
+                let innovations = own.map(|one| (one.label(), one.unit.0, one.key)).collect();
+                Answer { name: trajectory.name.clone(), states: states.collect(), innovations }
             };
             self.answers = estimate.trajectories.iter().map(of).collect();
         }
@@ -69,9 +70,10 @@ impl StreamTracks {
             })
         });
         let motion = Self::figure("stream", "Motion", "What each filter said when the samples came.", states);
-        let innovations = self.answers.iter().filter_map(|answer| {
-            let (unit, key) = answer.innovation.as_ref()?;
-            self.panel(("innovation", unit), key, &answer.name, SeriesRole::Bound)
+        let innovations = self.answers.iter().flat_map(|answer| {
+            answer.innovations.iter().filter_map(|(label, unit, key)| {
+                self.panel((label, unit), key, &answer.name, SeriesRole::Bound)
+            })
         });
         let caption =
             "The signal minus what the filter predicted for it, with three standard deviations on each side.";

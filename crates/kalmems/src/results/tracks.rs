@@ -133,11 +133,13 @@ fn each_answer(estimate: &SegmentEstimate, wanted: Option<&str>, sink: &mut impl
         if trajectory.kind == TrajectoryKind::Smoothed {
             continue;
         }
-        let innovations = trajectory.innovation.iter().zip(&trajectory.innovation_sd);
-        let innovations = times().zip(innovations);
-        let each = innovations.map(|(t, (r, sd))| (t, [r * signal_factor, 3.0 * sd * signal_factor]));
-        let quantity = SampledQuantity { unit: signal_unit, band: Some(BandCentre::Zero) };
-        sink.take(&of_innovation(trajectory), quantity, each);
+        for SignalInnovations { key, unit: (unit, factor), innovation, sd, .. } in
+            SignalInnovations::of(trajectory, estimate)
+        {
+            let each = times().zip(innovation.iter().zip(sd));
+            let each = each.map(|(t, (r, sd))| (t, [r * factor, 3.0 * sd * factor]));
+            sink.take(&key, SampledQuantity { unit, band: Some(BandCentre::Zero) }, each);
+        }
         let predicted = times().zip(trajectory.signal.iter().zip(&trajectory.innovation));
         let predicted = predicted.map(|(t, (y, r))| (t, alone((y - r) * signal_factor)));
         sink.take(&of_prediction(trajectory), single(signal_unit), predicted);
@@ -236,10 +238,6 @@ pub(super) fn of_state(trajectory: &Trajectory, state: &str) -> String {
     format!("{}, {state}", trajectory.key)
 }
 
-pub(super) fn of_innovation(trajectory: &Trajectory) -> String {
-    format!("{}, innovation", trajectory.key)
-}
-
 pub(super) fn of_prediction(trajectory: &Trajectory) -> String {
     format!("{}, prediction", trajectory.key)
 }
@@ -275,7 +273,53 @@ pub(super) fn state_unit(trajectory: &Trajectory, state: &StateSeries) -> (&'sta
 
 /// The unit in which people read the signal, and how many of it one of its SI unit is.
 pub(super) fn signal_unit(estimate: &SegmentEstimate) -> (&'static str, f64) {
-    shown(if estimate.signal_kind.name == kind::CAPACITANCE.name { "F" } else { "V" })
+    shown(estimate.signal_kind.ending())
+}
+
+/// A filter's innovations of one of its signals.
+pub(super) struct SignalInnovations<'a> {
+    /// The signal's name, of a filter of several.
+    pub(super) signal: Option<&'a str>,
+    /// Its place among them.
+    pub(super) place: usize,
+    /// The key of their track.
+    pub(super) key: String,
+    /// The unit in which people read them, and how many of it one of its SI unit is.
+    pub(super) unit: (&'static str, f64),
+    /// The innovations in SI.
+    pub(super) innovation: &'a [f64],
+    /// Their standard deviations in SI.
+    pub(super) sd: &'a [f64],
+}
+
+impl<'a> SignalInnovations<'a> {
+    /// Those of all signals of a filter.
+    pub(super) fn of(trajectory: &'a Trajectory, estimate: &SegmentEstimate) -> Vec<Self> {
+        let own = trajectory.signal_name.as_ref();
+        let has_several = !trajectory.further.is_empty();
+        let first = Self {
+            signal: own.filter(|_| has_several).map(|signal| signal.name.as_str()),
+            place: 0,
+            key: format!("{}, innovation", trajectory.key),
+            unit: own.map_or_else(|| signal_unit(estimate), |signal| shown(signal.kind.ending())),
+            innovation: &trajectory.innovation,
+            sd: &trajectory.innovation_sd,
+        };
+        let further = trajectory.further.iter().zip(1..).map(|(signal, place)| Self {
+            signal: Some(&signal.of.name),
+            place,
+            key: format!("{}, innovation of {}", trajectory.key, signal.of.name),
+            unit: shown(signal.of.kind.ending()),
+            innovation: &signal.innovation,
+            sd: &signal.sd,
+        });
+        std::iter::once(first).chain(further).collect()
+    }
+
+    /// What an axis calls them.
+    pub(super) fn label(&self) -> String {
+        self.signal.map_or_else(|| "innovation".to_owned(), |signal| format!("innovation of {signal}"))
+    }
 }
 
 #[cfg(test)]

@@ -17,8 +17,10 @@ mod own_loops;
 mod own_start;
 #[path = "../parts/mod.rs"]
 mod parts;
+mod several_signals;
 mod shooting;
 mod sizes;
 mod step_errors;
 mod table_end;
 mod uncertain_device;
+mod varying_noise;

@@ -46,6 +46,11 @@ impl InterpolationLag {
         experiment.estimate.as_ref().map_or(Self::default(), |estimate| Self(estimate.interpolation_lag))
     }
 
+    /// One that waits for so many samples.
+    pub const fn waiting_for(samples: u32) -> Self {
+        Self(samples)
+    }
+
     /// The samples behind an interval that are waited for.
     pub const fn samples(self) -> u32 {
         self.0

@@ -4,7 +4,7 @@ use super::figures::{label, role, stacked, time_axis};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::InnovationEvidence;
 use crate::results::marks::with_lock;
-use crate::results::tracks::{BAND, Tracks, VALUE, of_innovation, signal_unit};
+use crate::results::tracks::{BAND, SignalInnovations, Tracks, VALUE};
 use crate::workflow::SegmentOutcome;
 use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 
@@ -45,30 +45,32 @@ fn over_time<'a>(
     filters: impl Iterator<Item = &'a Trajectory>,
     prefix: &str,
 ) -> Figure {
-    let (unit, factor) = signal_unit(&segment.estimate);
     let caption = "The innovations: the recorded signal minus what the filter predicted for it, with three of the standard deviations \
                    that the filter gives them on each side. Of a filter that is right they are white noise of that size. Grey is where \
                    there are no samples; points are samples that were rejected as outliers, and where the signal was lost.";
-    let panels = filters.map(|trajectory| {
-        let key = of_innovation(trajectory);
+    let all = filters.flat_map(|trajectory| {
+        SignalInnovations::of(trajectory, &segment.estimate).into_iter().map(move |one| (trajectory, one))
+    });
+    let panels = all.map(|(trajectory, of)| {
+        let (unit, factor) = of.unit;
         // Settling flattens all that follows; the page has it as well.
         let scored = trajectory.scored_after(segment.estimate.start_s, segment.estimate.skip_s);
         let times = || trajectory.time_s[scored.clone()].iter().copied();
-        let sds = times().zip(&trajectory.innovation_sd[scored.clone()]);
+        let sds = times().zip(&of.sd[scored.clone()]);
         let band = Series::band(
             "±3σ",
             SeriesRole::Bound,
             sds.map(|(t, sd)| (t, -3.0 * sd * factor, 3.0 * sd * factor)),
         );
-        let own = times().zip(&trajectory.innovation[scored.clone()]).map(|(t, r)| (t, r * factor));
+        let own = times().zip(&of.innovation[scored.clone()]).map(|(t, r)| (t, r * factor));
         let own = Series::points(label(trajectory, segment, None), role(trajectory), own);
-        let panel = Panel::new(time_axis(), Axis::new("innovation", unit))
-            .with(tracks.whole(&key, BAND, band))
-            .with(tracks.whole(&key, VALUE, own));
+        let panel = Panel::new(time_axis(), Axis::new(of.label(), unit))
+            .with(tracks.whole(&of.key, BAND, band))
+            .with(tracks.whole(&of.key, VALUE, own));
         let mut panel = with_lock(tracks.gaps.shaded(panel), trajectory);
-        if !trajectory.rejected.is_empty() {
-            let rejected = trajectory.rejected.iter().filter(|one| one.signal == 0);
-            let rejected: Vec<_> = rejected.map(|one| (one.time_s, one.innovation * factor)).collect();
+        let rejected = trajectory.rejected.iter().filter(|one| one.signal == of.place);
+        let rejected: Vec<_> = rejected.map(|one| (one.time_s, one.innovation * factor)).collect();
+        if !rejected.is_empty() {
             panel = panel.with(Series::points("rejected", SeriesRole::Model, rejected));
         }
         panel

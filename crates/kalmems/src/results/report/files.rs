@@ -122,18 +122,24 @@ pub(in crate::results) fn columns<'a>(
             columns.push((format!("{}_sd_{}", state.name, state.unit), Cow::from(&state.sd)));
         }
     }
-    let mut update = [&trajectory.innovation, &trajectory.innovation_sd, &trajectory.nis].map(Cow::from);
-    for one in trajectory.rejected.iter().filter(|one| one.signal == 0) {
-        // What was rejected has an innovation and no part in anything.
-        for (column, value) in update.iter_mut().zip([one.innovation, one.sd, f64::NAN]) {
-            if let Some(cell) = column.to_mut().get_mut(one.sample) {
-                *cell = value;
-            }
-        }
+    let unit = trajectory.signal_name.as_ref().map_or(signal_unit, |signal| signal.kind.ending());
+    let own = [&trajectory.innovation, &trajectory.innovation_sd, &trajectory.nis];
+    columns.extend(with_rejections(
+        trajectory,
+        0,
+        own,
+        [format!("innovation_{unit}"), format!("innovation_sd_{unit}"), "nis_1".to_owned()],
+    ));
+    for (signal, place) in trajectory.further.iter().zip(1..) {
+        let (name, unit) = (&signal.of.name, signal.of.kind.ending());
+        let own = [&signal.innovation, &signal.sd, &signal.nis];
+        let names = [
+            format!("innovation_{name}_{unit}"),
+            format!("innovation_sd_{name}_{unit}"),
+            format!("nis_{name}_1"),
+        ];
+        columns.extend(with_rejections(trajectory, place, own, names));
     }
-    let names =
-        [format!("innovation_{signal_unit}"), format!("innovation_sd_{signal_unit}"), "nis_1".to_owned()];
-    columns.extend(names.into_iter().zip(update));
     for (place, one) in trajectory.considered.iter().enumerate() {
         // Numbers whose errors hang together have as many directions.
         let before = trajectory.considered.iter().take(place).filter(|other| other.name == one.name).count();
@@ -143,6 +149,24 @@ pub(in crate::results) fn columns<'a>(
         }
     }
     columns
+}
+
+/// Columns of innovation, standard deviation and NIS of a signal: what was rejected of it has an innovation and no part in anything.
+fn with_rejections<'a>(
+    trajectory: &Trajectory,
+    signal: usize,
+    own: [&'a Vec<f64>; 3],
+    names: [String; 3],
+) -> impl Iterator<Item = (String, Cow<'a, [f64]>)> {
+    let mut update = own.map(Cow::from);
+    for one in trajectory.rejected.iter().filter(|one| one.signal == signal) {
+        for (column, value) in update.iter_mut().zip([one.innovation, one.sd, f64::NAN]) {
+            if let Some(cell) = column.to_mut().get_mut(one.sample) {
+                *cell = value;
+            }
+        }
+    }
+    names.into_iter().zip(update)
 }
 
 /// The names of the columns of a trajectory.
