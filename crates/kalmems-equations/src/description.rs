@@ -51,6 +51,23 @@ pub struct Follower {
     pub order: u8,
 }
 
+/// What happens to some states at once where an expression passes zero.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ResetText {
+    /// Its name.
+    pub name: String,
+    /// Where it stands.
+    pub place: TextPlace,
+    /// The expression, where it happens as that passes zero from below.
+    pub rises: Option<NamedText>,
+    /// The same from above.
+    pub falls: Option<NamedText>,
+    /// The same from either side.
+    pub crosses: Option<NamedText>,
+    /// What the states are then, by their names; the others stay.
+    pub set: Vec<NamedText>,
+}
+
 /// What a curve does beyond its first and last point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CurveExtension {
@@ -135,6 +152,8 @@ pub struct Description {
     pub tables: Vec<CurvePoints>,
     /// Expressions that are zero where something happens.
     pub events: Vec<NamedText>,
+    /// What happens to the states at once where an expression passes zero.
+    pub when: Vec<ResetText>,
     /// The period of a state, by its name.
     pub cyclic: Vec<NamedText>,
     /// States that follow expressions through one pole.

@@ -1,13 +1,15 @@
 //! A description as TOML.
 
-use crate::description::{CurveExtension, CurvePoints, Description, Follower, NamedText, TextPlace};
+use crate::description::{
+    CurveExtension, CurvePoints, Description, Follower, NamedText, ResetText, TextPlace,
+};
 use crate::error::{EquationError, EquationFault, nearest};
 use crate::vectors::{VectorElement, text_of_element, vector_elements};
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
 
 /// The tables of a description, with the one value among them.
-const TABLES: [&str; 15] = [
+const TABLES: [&str; 16] = [
     "states",
     "inputs",
     "parameters",
@@ -19,6 +21,7 @@ const TABLES: [&str; 15] = [
     "noise",
     "tables",
     "events",
+    "when",
     "cyclic",
     "lag",
     "delay",
@@ -73,6 +76,7 @@ impl Description {
                 "tables" => description.tables = each(name, inner, points)?,
                 "lag" => description.lag = followers(name, inner)?,
                 "delay" => description.delay = followers(name, inner)?,
+                "when" => description.when = each(name, inner, reset)?.concat(),
                 _ => {
                     let mut entries = Vec::new();
                     for pair in ordered(inner) {
@@ -222,6 +226,38 @@ fn follower(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<Follow
         }
     };
     Ok(Follower { name: name.to_owned(), of: part("of", of)?, time: part("time", time)?, order })
+}
+
+/// The resets that a key stands for.
+fn reset(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<Vec<ResetText>, EquationError> {
+    let [rises, falls, crosses, set] = fields(place, table, ["rises", "falls", "crosses", "set"])?;
+    let (_, offset, set) = needed(place, "set", set)?;
+    let of_set = TextPlace { key: format!("{}.set", place.key), offset: Some(offset) };
+    let set = table_of(&of_set, set)?;
+    let one = |element: VectorElement| {
+        let part = |found: Option<TableItem<'_, '_>>| -> Result<Option<NamedText>, EquationError> {
+            let Some(written) = found.map(|pair| entry(Some(&place.key), pair)).transpose()? else {
+                return Ok(None);
+            };
+            Ok(Some(NamedText { text: of_element(&written, &element)?, ..written }))
+        };
+        let mut states = Vec::new();
+        for pair in ordered(set) {
+            let written = entry(Some(&of_set.key), pair)?;
+            let key = NamedText { text: written.name.clone(), ..written.clone() };
+            for state in elements(&written.place, &of_element(&key, &element)?)? {
+                let text = of_element(
+                    &NamedText { text: of_element(&written, &element)?, ..written.clone() },
+                    &state,
+                )?;
+                states.push(NamedText { name: state.name, text, place: written.place.clone() });
+            }
+        }
+        let (rises, falls, crosses) = (part(rises)?, part(falls)?, part(crosses)?);
+        let (name, place) = (element.name.clone(), place.clone());
+        Ok(ResetText { name, place, rises, falls, crosses, set: states })
+    };
+    elements(place, name)?.into_iter().map(one).collect()
 }
 
 fn points(name: &str, place: &TextPlace, table: &DeTable<'_>) -> Result<CurvePoints, EquationError> {

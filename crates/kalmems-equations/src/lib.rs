@@ -61,6 +61,7 @@ mod numeric;
 mod program;
 mod quantity;
 mod readout;
+mod resets;
 mod rest_state;
 mod symmetry;
 mod syntax;
@@ -68,7 +69,7 @@ mod table_end;
 mod typeset;
 mod vectors;
 
-pub use description::{CurveExtension, CurvePoints, Description, Follower, NamedText, TextPlace};
+pub use description::{CurveExtension, CurvePoints, Description, Follower, NamedText, ResetText, TextPlace};
 pub use device::{Device, Named, NoiseKind, Parameter};
 pub use emit::{
     EmitDigits, EmitError, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmittedFilter,
@@ -80,5 +81,6 @@ pub use modes::{Mode, modes, shape};
 pub use motion::{MOST_STATES, Motion, StepTables};
 pub use program::ProgramNumbers;
 pub use readout::{Reading, ReadoutProgram};
+pub use resets::{Passing, ResetStep, Resets};
 pub use table_end::LeftTable;
 pub use vectors::{VectorElement, text_of_element, vector_elements};

@@ -76,7 +76,12 @@ impl Device {
         self.readout_of(*self.followed.get(quantity).ok_or_else(missing)?, free, "quantities")
     }
 
-    fn readout_of(&self, node: NodeId, free: &[usize], key: &str) -> Result<ReadoutProgram, EquationError> {
+    pub(crate) fn readout_of(
+        &self,
+        node: NodeId,
+        free: &[usize],
+        key: &str,
+    ) -> Result<ReadoutProgram, EquationError> {
         let mut graph = self.graph.clone();
         let (mut roots, mut columns) = (vec![node], Vec::new());
         for (column, variable) in variables(self.states.len(), free).enumerate() {

@@ -103,7 +103,11 @@ impl Device {
     fn is_hidden(&self, states: &[usize]) -> bool {
         let noises = || self.noise.iter().map(|noise| noise.node);
         let read = || self.readings.iter().chain(&self.crossings).copied().chain(noises());
-        let roots: Vec<NodeId> = self.rates.iter().copied().chain(read()).collect();
+        let of_resets = self
+            .resets
+            .iter()
+            .flat_map(|reset| std::iter::once(reset.crossing).chain(reset.set.iter().map(|(_, node)| *node)));
+        let roots: Vec<NodeId> = self.rates.iter().copied().chain(read()).chain(of_resets).collect();
         let mut graph = self.graph.clone();
         let parities = Parities::of(&mut graph, &roots, states);
         let is = |node: NodeId, wanted: Parity| node == Graph::ZERO || parities.get(node) == wanted;
@@ -111,7 +115,12 @@ impl Device {
             self.rates.iter().enumerate().all(|(state, rate)| {
                 is(*rate, if states.contains(&state) { Parity::Odd } else { Parity::Even })
             });
-        rates && read().all(|node| is(node, Parity::Even))
+        let set = |(state, node): &(usize, NodeId)| {
+            is(*node, if states.contains(state) { Parity::Odd } else { Parity::Even })
+        };
+        let resets =
+            self.resets.iter().all(|reset| is(reset.crossing, Parity::Even) && reset.set.iter().all(set));
+        rates && resets && read().all(|node| is(node, Parity::Even))
     }
 }
 

@@ -7,6 +7,7 @@ mod names;
 mod operations;
 mod plain_parameters;
 mod read;
+mod resets;
 mod resolve;
 mod turns;
 
@@ -16,6 +17,7 @@ pub(crate) use resolve::fault_of;
 use crate::curve::Curve;
 use crate::error::EquationNotice;
 use crate::graph::{Graph, NodeId};
+use crate::resets::DeviceReset;
 use kalmems_units::Unit;
 use std::sync::Arc;
 
@@ -137,6 +139,7 @@ pub struct Device {
     pub(crate) followed: Vec<NodeId>,
     pub(crate) crossings: Vec<NodeId>,
     pub(crate) noise: Vec<Noise>,
+    pub(crate) resets: Vec<DeviceReset>,
     pub(crate) periods: Vec<(usize, NodeId)>,
     pub(crate) energy: Option<NodeId>,
     pub(crate) notices: Vec<EquationNotice>,

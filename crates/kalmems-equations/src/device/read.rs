@@ -45,6 +45,7 @@ impl Device {
         let (quantities, followed) = read.quantities(&mut equations, &measures)?;
         let (events, crossings) = read.events(&mut equations, &measures)?;
         let noise = read.noise(&measures, &events)?;
+        let resets = read.resets(&mut equations)?;
         let periods = read.periods()?;
         let energy = match &description.energy {
             Some(entry) => {
@@ -77,6 +78,7 @@ impl Device {
             followed,
             crossings,
             noise,
+            resets,
             periods,
             energy,
             notices: resolver.notices,

@@ -70,6 +70,11 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
             "its source corrects by every sample; leave `--update-every` out, and call its prediction alone where there is none",
         );
     }
+    if own.device.has_resets() {
+        return refuse(
+            "its states are set at once where an expression passes zero, which the source does not do",
+        );
+    }
     if !own.device.varying_noise(&[]).map_err(|error| refused(experiment, &error))?.is_empty() {
         return refuse(
             "a noise of the device depends on its states or inputs, and the source has each as a constant",

@@ -7,7 +7,7 @@ use kalmems_core::discretize::discretize;
 use kalmems_core::{Covariance, Mat, Nodes, NoiseDensity, ProcessNoise};
 use kalmems_equations::{
     Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, ProgramNumbers, Reading, ReadoutProgram,
-    StepTables,
+    ResetStep, Resets, StepTables,
 };
 use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
@@ -35,6 +35,8 @@ pub struct EquationModel {
     /// Of each event, the states that it does not depend on, now or by its rates.
     apart: Vec<Vec<bool>>,
     work: RefCell<Vec<ProgramNumbers>>,
+    /// What happens to the states at once.
+    resets: Option<RefCell<Resets>>,
     /// Value and scale of each parameter that is a state, and how it drifts.
     free: Vec<(f64, AddedState<f64>)>,
     /// The power density of the noise of each state's rate; 0 of one that varies.
@@ -138,6 +140,7 @@ impl EquationModel {
         let quantities = 0..device.quantities().len();
         let quantities = quantities.map(|k| Ok(Reading::new(device.quantity(k, &places)?, values)));
         let quantities = quantities.collect::<Result<_, EquationError>>()?;
+        let resets = device.resets(values, (&motion, &places))?.map(RefCell::new);
         let apart = events.iter().map(|event| apart(&motion, event)).collect();
         let mut work = vec![motion.work(values)];
         work.extend(readouts.iter().chain(&events).map(|readout| readout.work(values)));
@@ -158,6 +161,7 @@ impl EquationModel {
             quantities,
             apart,
             work: work.into(),
+            resets,
             free,
             density,
             varying,
@@ -177,12 +181,12 @@ impl EquationModel {
 
     /// Whether the motion has kinks, such as that of a contact: how many steps follow it depends on where it is.
     pub fn has_kinks(&self) -> bool {
-        self.rule == StepRule::Exponential && self.motion.has_kinks()
+        self.rule == StepRule::Exponential && (self.motion.has_kinks() || self.resets.is_some())
     }
 
     /// Whether shorter steps are closer to the motion: not where they are exact, or those of a published method.
     pub fn divides(&self) -> bool {
-        self.rule == StepRule::Exponential && !self.motion.is_linear()
+        self.rule == StepRule::Exponential && !self.motion.is_linear() && self.resets.is_none()
     }
 
     /// Where the motion is linearised for a state: at rest, with the states that no equation moves, such as a resonance, at their means, which
@@ -562,7 +566,23 @@ impl UnderInputs<'_> {
             StepRule::Exponential => motion.linearized_step(work, at, &self.inputs, tables, to, jacobian),
             StepRule::Euler => self.by_euler(work, at, to, jacobian),
         });
+        let finite = finite.map(|finite| finite && self.with_resets(at, to, jacobian));
         self.concluded(finite, x, to);
+    }
+
+    /// Takes what a step has led to for one with the resets within it.
+    fn with_resets(&self, at: &[f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
+        let model = self.model;
+        let Some(resets) = &model.resets else { return true };
+        let slopes = &self.linearised.jacobian;
+        let mut set_tables =
+            |tables: &mut StepTables, length_s: f64| model.motion.set_tables(tables, slopes, length_s);
+        let followed = model.with_work(0, |work| {
+            let (motion, inputs, length_s) = (&model.motion, &self.inputs, self.length_s);
+            let mut step = ResetStep { motion, work, inputs, length_s, set_tables: &mut set_tables };
+            resets.borrow_mut().follow(&mut step, at, to, jacobian)
+        });
+        followed == Some(true)
     }
 
     /// Takes whole turns off, and moves the parameters; no numbers where the step is not finite.

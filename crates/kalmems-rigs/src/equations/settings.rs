@@ -218,6 +218,12 @@ impl EquationSettings {
             return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
         };
         let events = events::events(experiment, &own)?;
+        if own.device.has_resets() && !events.is_empty() {
+            let why = "the time of an event is followed back along the motion, which states that are set at once (`when`) interrupt; leave \
+                       the events or the resets out"
+                .to_owned();
+            return Err(experiment.error("estimate.events", ConfigFault::Value { why }));
+        }
         let of = |index| EquationFilterSettings::of(experiment, estimate, (&own, &events), index);
         let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
         Ok(Self { skip_s: estimate.skip.si(), events, filters, own })
@@ -333,6 +339,10 @@ impl EquationFilterSettings {
             }
         }
         let refused = |why| experiment.error(at.clone().child("method"), ConfigFault::Value { why });
+        if device.has_resets() && filter.method == Method::EulerEkf {
+            let why = "a step of Euler's method does not find where states are set at once (`when`); use `ekf` or `ukf`";
+            return Err(refused(why.to_owned()));
+        }
         let mut inverse = None;
         if filter.method == Method::DirectInversion {
             let [measure] = chosen[..] else {

@@ -15,7 +15,10 @@ use crate::simulate::{
     WhiteNoise, drive_of, input_of, parts_of_all,
 };
 use crate::units::kind;
-use kalmems_equations::{Device, EquationError, Named, NoiseKind, Reading, ReadoutProgram};
+use kalmems_equations::{
+    Device, EquationError, Motion, Named, NoiseKind, ProgramNumbers, Reading, ReadoutProgram, ResetStep,
+    Resets, StepTables,
+};
 use std::ops::{ControlFlow, Range};
 
 /// A simulation by the equations: Runge and Kutta's method of fourth order in steps of the integration rate, behind each of which
@@ -352,6 +355,63 @@ impl NoiseSizes {
     }
 }
 
+/// The motion of a simulation, step by step, with what a step works on.
+struct SimulatedMotion {
+    motion: Motion,
+    work: ProgramNumbers,
+    tables: StepTables,
+    resets: Option<Resets>,
+    sizes: NoiseSizes,
+    /// The random numbers of each rate.
+    of_rates: Vec<WhiteNoise>,
+    nodes: [Vec<f64>; 3],
+    inputs: Vec<f64>,
+    next: Vec<f64>,
+}
+
+impl SimulatedMotion {
+    /// In steps of this length in s.
+    fn of(
+        simulation: &EquationSimulation,
+        step_s: f64,
+        of_rates: Vec<WhiteNoise>,
+    ) -> Result<Self, EquationError> {
+        let own = &simulation.own;
+        let motion = own.device.motion(&[])?;
+        Ok(Self {
+            work: motion.work(&own.values),
+            tables: motion.tables(),
+            resets: own.device.resets(&own.values, (&motion, &[]))?,
+            sizes: NoiseSizes::of(simulation, step_s)?,
+            of_rates,
+            nodes: [const { Vec::new() }; 3],
+            inputs: vec![0.0; simulation.drives.len()],
+            next: simulation.start.clone(),
+            motion,
+        })
+    }
+
+    /// A step between two times in s, and behind it the noise of the rates.
+    fn advance(&mut self, drives: &[Drive], state: &mut Vec<f64>, from_to_s: (f64, f64)) {
+        let Self { motion, work, tables, resets, sizes, of_rates, nodes, inputs, next } = self;
+        sizes.at_step(drives, state, (from_to_s.0, inputs));
+        parts_of_all(drives, from_to_s, nodes, &mut |from_s, to_s, nodes| {
+            let length_s = to_s - from_s;
+            motion.set_runge_kutta(tables, length_s);
+            let finite = motion.step(work, state, nodes, tables, next);
+            if let Some(resets) = resets.as_mut().filter(|_| finite) {
+                let set_tables = &mut |tables: &mut _, length_s| motion.set_runge_kutta(tables, length_s);
+                let mut step = ResetStep { motion, work: &mut *work, inputs: nodes, length_s, set_tables };
+                if !resets.follow(&mut step, state, next, &mut []) {
+                    next.fill(f64::NAN);
+                }
+            }
+            std::mem::swap(state, next);
+        });
+        add_noise(state, &sizes.step_sd, of_rates);
+    }
+}
+
 /// Adds the noise of the rates over a step.
 fn add_noise(state: &mut [f64], sd: &[f64], chance: &mut [WhiteNoise]) {
     for ((state, sd), noise) in state.iter_mut().zip(sd).zip(chance) {
@@ -410,8 +470,6 @@ impl Simulation for EquationSimulation {
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
         let Self { own, simulate, .. } = self;
         let too_large = |_| SimulateError::NotFinite { time_s: 0.0 };
-        let motion = own.device.motion(&[]).map_err(too_large)?;
-        let mut work = motion.work(&own.values);
         let mut readings =
             readings_of(own, 0..own.device.measures().len(), Device::readout).map_err(too_large)?;
         let mut quantities =
@@ -421,44 +479,31 @@ impl Simulation for EquationSimulation {
             (0..count).map(|stream| WhiteNoise::new(simulate.seed, (from + stream) as u64)).collect()
         };
         let mut of_samples = streams(0, readings.len());
-        let mut of_rates = streams(readings.len(), self.start.len());
+        let of_rates = streams(readings.len(), self.start.len());
         let of_events = streams(readings.len() + self.start.len(), self.events.len());
         let mut events = self.simulated_events(of_events).map_err(too_large)?;
-        let mut rates = motion.work(&own.values);
         // The stated rate, or a whole multiple of it that follows the fastest motion as well.
         let Some(parts) = steps_over(own.pace(), simulate.integration_rate.si().recip()) else {
             return Err(SimulateError::NotFinite { time_s: 0.0 });
         };
         let rate_hz = simulate.integration_rate.si() * parts as f64;
         let steps = simulate.steps_per_sample() * parts as u64;
-        let mut sizes = NoiseSizes::of(self, rate_hz.recip()).map_err(too_large)?;
+        let mut moved = SimulatedMotion::of(self, rate_hz.recip(), of_rates).map_err(too_large)?;
+        let mut rates = moved.motion.work(&own.values);
         let interval_s = simulate.sampling_rate.si().recip();
         let mut state = self.start.clone();
-        let mut next = state.clone();
         let mut recorded = vec![0.0; self.recorded.len()];
         let measured = self.recorded.len() - self.events.len();
         let mut truth = vec![0.0; self.truth.len()];
-        let (mut nodes, mut inputs) = ([const { Vec::new() }; 3], vec![0.0; self.drives.len()]);
-        let mut begins = inputs.clone();
+        let mut inputs = vec![0.0; self.drives.len()];
         let mut drives = self.drives.clone();
-        let mut tables = motion.tables();
-        let mut advance =
-            |sizes: &mut NoiseSizes, drives: &[Drive], state: &mut Vec<f64>, (from_s, to_s): (f64, f64)| {
-                sizes.at_step(drives, state, (from_s, &mut begins));
-                parts_of_all(drives, (from_s, to_s), &mut nodes, &mut |from_s, to_s, nodes| {
-                    motion.set_runge_kutta(&mut tables, to_s - from_s);
-                    motion.step(&mut work, state, nodes, &tables, &mut next);
-                    std::mem::swap(state, &mut next);
-                });
-                add_noise(state, &sizes.step_sd, &mut of_rates);
-            };
         let turn = |state: &mut [f64]| turn(&self.periods, state);
         // Before the recording, where an input asks for that.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, and saturating
         let steps_before = (self.before_s * rate_hz).round() as u64;
         for left in (1..=steps_before).rev() {
             let from_to_s = (-(left as f64 / rate_hz), -((left - 1) as f64 / rate_hz));
-            advance(&mut sizes, &drives, &mut state, from_to_s);
+            moved.advance(&drives, &mut state, from_to_s);
             turn(&mut state);
             if left.is_multiple_of(LOOK) && !state.iter().all(|x| x.is_finite()) {
                 return Err(SimulateError::NotFinite { time_s: -(left as f64 / rate_hz) });
@@ -471,7 +516,7 @@ impl Simulation for EquationSimulation {
             inputs_at(&drives, time_s, &mut inputs);
             let (of_inputs, of_measures) = recorded.split_at_mut(own.device.own_inputs());
             let mut finite = state.iter().chain(&inputs).all(|x| x.is_finite());
-            let sample_sd = sizes.of_samples(&state, &inputs);
+            let sample_sd = moved.sizes.of_samples(&state, &inputs);
             for (place, reading) in readings.iter_mut().enumerate() {
                 // Each channel has random numbers of its own, whatever rows it is sampled at.
                 let noise = sample_sd[place] * of_samples[place].sample();
@@ -498,13 +543,13 @@ impl Simulation for EquationSimulation {
                 let (from_s, to_s) = (step_count as f64 / rate_hz, (step_count + 1) as f64 / rate_hz);
                 for event in &mut events {
                     inputs_at(&drives, from_s, &mut inputs);
-                    event.begin((&motion, &mut rates), &state, (from_s, &inputs));
+                    event.begin((&moved.motion, &mut rates), &state, (from_s, &inputs));
                 }
-                advance(&mut sizes, &drives, &mut state, (from_s, to_s));
+                moved.advance(&drives, &mut state, (from_s, to_s));
                 step_count += 1;
                 for event in &mut events {
                     inputs_at(&drives, to_s, &mut inputs);
-                    event.end((&motion, &mut rates), &state, (to_s, &inputs));
+                    event.end((&moved.motion, &mut rates), &state, (to_s, &inputs));
                 }
             }
             turn(&mut state);

@@ -7,10 +7,12 @@ use super::ordered::{OfElement, Ordered};
 use super::oscillation::OscillationTable;
 use crate::config::{ConfigError, ConfigFault, DeviceDescription, Experiment, Key};
 use kalmems_equations::{
-    CurvePoints, Description, Device, EquationError, Follower, NamedText, TextPlace, VectorElement,
+    CurvePoints, Description, Device, EquationError, Follower, NamedText, ResetText, TextPlace,
+    VectorElement, vector_elements,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 /// A device as differential equations with units.
@@ -61,6 +63,10 @@ pub struct EquationsTable {
     /// Expressions that are zero where something happens.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub events: Ordered<String>,
+    /// What happens to states at once where an expression passes zero, such as
+    /// `bounce = { falls = "x - stop", set = { v = "-restitution*v" } }`.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub when: Ordered<ResetTable>,
     /// The period of a state that comes round, such as `phase = "2*pi"`.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub cyclic: Ordered<String>,
@@ -82,6 +88,23 @@ pub struct LagTable {
     pub of: String,
     /// Its time constant.
     pub time: String,
+}
+
+/// What happens to states at once where an expression of states and parameters passes zero: one of `rises`, `falls` and `crosses`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ResetTable {
+    /// The expression, where it happens as that passes zero from below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rises: Option<String>,
+    /// The same from above.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub falls: Option<String>,
+    /// The same from either side.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub crosses: Option<String>,
+    /// What the states are then, by the states and parameters before.
+    pub set: BTreeMap<String, String>,
 }
 
 /// An expression a while ago.
@@ -107,6 +130,40 @@ impl OfElement for LagTable {
 impl OfElement for DelayTable {
     fn of_element(&self, element: &VectorElement) -> Result<Self, String> {
         Ok(Self { of: self.of.of_element(element)?, time: self.time.of_element(element)?, order: self.order })
+    }
+}
+
+impl ResetTable {
+    /// What the equations read of it.
+    fn text(&self, name: &str) -> ResetText {
+        let table = format!("when.{name}");
+        let of = |key: &str, text: &Option<String>| {
+            text.as_ref().map(|text| NamedText { name: name.to_owned(), ..NamedText::new(&table, key, text) })
+        };
+        let table_of_set = format!("{table}.set");
+        let mut set = Vec::new();
+        for (key, text) in &self.set {
+            let written = NamedText::new(&table_of_set, key, text);
+            // What is no vector is refused as a name that no state has, and a text as it is read.
+            let name_alone = |_| vec![VectorElement { name: key.clone(), index: None }];
+            for element in vector_elements(key).unwrap_or_else(name_alone) {
+                let text = text.of_element(&element).unwrap_or_else(|_| text.clone());
+                set.push(NamedText { name: element.name, text, place: written.place.clone() });
+            }
+        }
+        let place = TextPlace { key: table.clone(), offset: None };
+        let (rises, falls) = (of("rises", &self.rises), of("falls", &self.falls));
+        ResetText { name: name.to_owned(), place, rises, falls, crosses: of("crosses", &self.crosses), set }
+    }
+}
+
+impl OfElement for ResetTable {
+    fn of_element(&self, element: &VectorElement) -> Result<Self, String> {
+        let part = |text: &Option<String>| text.as_ref().map(|text| text.of_element(element)).transpose();
+        let one =
+            |(name, text): (&String, &String)| Ok((name.of_element(element)?, text.of_element(element)?));
+        let set = self.set.iter().map(one).collect::<Result<_, String>>()?;
+        Ok(Self { rises: part(&self.rises)?, falls: part(&self.falls)?, crosses: part(&self.crosses)?, set })
     }
 }
 
@@ -212,6 +269,7 @@ impl EquationsTable {
             noise: entries("noise", &self.noise),
             tables: curves,
             events: entries("events", &self.events),
+            when: self.when.iter().map(|(name, reset)| reset.text(name)).collect(),
             cyclic: entries("cyclic", &self.cyclic),
             lag: self.lag.iter().map(|(name, lag)| follower("lag", name, [&lag.of, &lag.time], 1)).collect(),
             delay: self

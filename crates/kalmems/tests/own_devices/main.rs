@@ -17,6 +17,7 @@ mod own_loops;
 mod own_start;
 #[path = "../parts/mod.rs"]
 mod parts;
+mod resets;
 mod several_signals;
 mod shooting;
 mod sizes;
