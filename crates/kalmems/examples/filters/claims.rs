@@ -433,7 +433,7 @@ pub fn run(ukf: &contest::Unscented, tuning: &curvature::Tuning) -> Outcome<(Str
     );
     row(
         "carrier circuit: more delays and dynamics; DC circuit: fewer",
-        "The delay ruins the estimate only where the model leaves it out",
+        "The delay ruins the estimate only if the model leaves it out",
         format!(
             "two poles at 31 kHz: ignored {}; as states {}",
             c.carrier_lag_ignored.text(),
@@ -442,7 +442,7 @@ pub fn run(ukf: &contest::Unscented, tuning: &curvature::Tuning) -> Outcome<(Str
     );
     row(
         "EKF: low accuracy; UKF: higher",
-        "Not where samples follow each other closely. In a single correction of an angle that is hardly known, yes",
+        "Not if samples follow each other closely. In a single correction of an angle that is hardly known, yes",
         format!(
             "RMS angle at 1 MHz {} and {} mdeg; after one correction from ± 3° {} and {}, iterated EKF {}",
             digits(ukf.errors[0]),
