@@ -49,7 +49,7 @@ topics! {
     "loss", "signals.md", "a signal that is lost and found again";
     "step", "steps.md", "what the integration step and the sampling rate cost";
     "hidden", "verdict.md", "which errors of the device the signal does not show";
-    "uncertainty", "uncertainty.md", "uncertain numbers of the device, and what they contribute";
+    "uncertainty", "uncertainty.md", "uncertain parameters of the device, and what they contribute";
     "outliers", "signals.md", "samples that a filter rejects";
     "sign", "verdict.md", "the sign of the motion, and the reference";
     "recordings", "recordings.md", "which recording determines what";
