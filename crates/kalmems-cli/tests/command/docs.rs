@@ -9,14 +9,22 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
+/// The names of what stands in a folder.
+fn listed(folder: &str) -> BTreeSet<String> {
+    let entries = fs::read_dir(root().join(folder)).unwrap();
+    entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+}
+
+/// The records of decisions, by their paths from the root, without their index.
+fn decisions() -> Vec<String> {
+    let names = listed("decisions").into_iter().filter(|name| name != "README.md");
+    names.map(|name| format!("decisions/{name}")).collect()
+}
+
 /// The pages that readers are led through, by their paths from the root.
 fn pages() -> Vec<String> {
     let mut pages: Vec<String> =
         ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md"].map(str::to_owned).into();
-    let listed = |folder: &str| {
-        let entries = fs::read_dir(root().join(folder)).unwrap();
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect::<BTreeSet<_>>()
-    };
     let chapters = listed("book/src")
         .into_iter()
         .filter(|name| Path::new(name).extension().is_some_and(|ext| ext == "md"));
@@ -62,7 +70,8 @@ fn links(line: &str) -> Vec<&str> {
 #[test]
 fn every_link_of_the_documentation_leads_to_a_page_and_a_heading() {
     let mut dead = Vec::new();
-    for page in pages() {
+    let others = ["CHANGELOG.md", "decisions/README.md"].map(str::to_owned);
+    for page in pages().into_iter().chain(decisions()).chain(others) {
         let whole = text(&page);
         for (line, _) in lines(&whole).filter(|(line, code)| !code && !line.starts_with("    ")) {
             for target in links(line) {
@@ -91,6 +100,19 @@ fn every_chapter_stands_in_the_summary() {
     let chapters = pages().into_iter().filter_map(|page| page.strip_prefix("book/src/").map(str::to_owned));
     for chapter in chapters.filter(|chapter| chapter != "SUMMARY.md") {
         assert!(summary.contains(&format!("]({chapter})")), "{chapter}");
+    }
+}
+
+#[test]
+fn every_decision_has_its_four_parts_and_stands_in_the_index() {
+    let index = text("decisions/README.md");
+    for decision in decisions() {
+        let name = decision.strip_prefix("decisions/").unwrap();
+        assert_eq!(index.matches(&format!("]({name})")).count(), 1, "{decision}");
+        let whole = text(&decision);
+        let parts = ["# ", "**Context.** ", "**Decision.** ", "**Evidence.** ", "**What would change it.** "];
+        let found = parts.map(|part| whole.lines().position(|line| line.starts_with(part)));
+        assert!(found.is_sorted() && found.iter().all(Option::is_some), "{decision}: {found:?}");
     }
 }
 

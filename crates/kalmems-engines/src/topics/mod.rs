@@ -44,14 +44,14 @@ macro_rules! topics {
 topics! {
     "start", "first_recording.md", "from a recording to an answer in four commands";
     "verdict", "verdict.md", "what the verdict on a filter means";
-    "overconfident", "overconfident.md", "what to do about `doubtful` and `failed`";
+    "overconfident", "verdict.md", "what to do about `doubtful` and `failed`";
     "lock", "verdict.md", "what to do about `no estimate`";
     "loss", "signals.md", "a signal that is lost and found again";
     "step", "steps.md", "what the integration step and the sampling rate cost";
-    "hidden", "diagnosis.md", "which errors of the device the signal does not show";
-    "uncertainty", "uncertainty.md", "uncertain numbers of the device, and what they contribute";
+    "hidden", "verdict.md", "which errors of the device the signal does not show";
+    "uncertainty", "uncertainty.md", "uncertain parameters of the device, and what they contribute";
     "outliers", "signals.md", "samples that a filter rejects";
-    "sign", "faq.md", "the sign of the motion, and the reference";
+    "sign", "verdict.md", "the sign of the motion, and the reference";
     "recordings", "recordings.md", "which recording determines what";
     "findings", "formats.md", "what is found in a recording: gaps, clipping, clocks";
     "identified", "recordings.md", "numbers that `kalmems identify` determines, and those it does not";

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// From what knows nothing of the others to what knows all of them; ARCHITECTURE.md says what each is.
+/// From what knows nothing of the others to what knows all of them; the README of this crate says what each is.
 const ORDER: [&str; 15] = [
     "topics",
     "progress",

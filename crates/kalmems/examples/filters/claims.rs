@@ -389,7 +389,7 @@ pub fn run(ukf: &contest::Unscented, tuning: &curvature::Tuning) -> Outcome<(Str
     let (exact, off) = (&drift[0], &drift[3]);
     row(
         "analogue sensing: prone to temperature",
-        "Yes, where the gain is trusted. As a state it is found from the signal itself; that costs something where it was right",
+        "Yes, if the gain is trusted. As a state it is found from the signal itself; that costs something if it was right",
         format!(
             "gain +3 %: {} mdeg, right: {}; with the gain as a state {} and {}",
             digits(off[0].median),
@@ -400,7 +400,7 @@ pub fn run(ukf: &contest::Unscented, tuning: &curvature::Tuning) -> Outcome<(Str
     );
     row(
         "threshold sensing: accurate, robust to temperature",
-        "Crossings do not know the gain. Alone they say less than the signal. Beside a signal that the filter believes they do not help: there are hundreds of samples to a crossing",
+        "Crossings do not know the gain. Alone they say less than the signal. Together with a signal that the filter trusts they do not help: there are hundreds of samples to a crossing",
         format!(
             "crossings alone {} mdeg at any gain; signal and crossings {} at +3 %, {} where the gain is right",
             digits(off[2].median),
@@ -433,7 +433,7 @@ pub fn run(ukf: &contest::Unscented, tuning: &curvature::Tuning) -> Outcome<(Str
     );
     row(
         "carrier circuit: more delays and dynamics; DC circuit: fewer",
-        "The delay ruins the estimate only where the model leaves it out",
+        "The delay ruins the estimate only if the model leaves it out",
         format!(
             "two poles at 31 kHz: ignored {}; as states {}",
             c.carrier_lag_ignored.text(),
@@ -442,7 +442,7 @@ pub fn run(ukf: &contest::Unscented, tuning: &curvature::Tuning) -> Outcome<(Str
     );
     row(
         "EKF: low accuracy; UKF: higher",
-        "Not where samples follow each other closely. In a single correction of an angle that is hardly known, yes",
+        "Not if samples follow each other closely. In a single correction of an angle that is hardly known, yes",
         format!(
             "RMS angle at 1 MHz {} and {} mdeg; after one correction from ± 3° {} and {}, iterated EKF {}",
             digits(ukf.errors[0]),

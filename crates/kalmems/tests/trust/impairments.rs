@@ -65,7 +65,7 @@ impl Impairment {
             DriveSteps(by) => format!("the drive's frequency steps by {by:e}"),
             Clipped(share) => format!("clipped at {} % of its range", 100.0 * share),
             Offset(sds) => format!("an offset of {sds} σ"),
-            NoiseTold(factor) => format!("noise told {factor} times as strong"),
+            NoiseTold(factor) => format!("noise stated {factor} times as strong"),
             Hum(hz, factor) => format!("hum at {hz} Hz, {factor} times the noise in 1 Hz"),
             SecondHarmonic(share) => format!("a second harmonic of {} %", 100.0 * share),
             Start(sds) => format!("the start {sds} deviations off"),
