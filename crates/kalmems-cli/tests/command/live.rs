@@ -305,3 +305,32 @@ fn estimates_that_a_slow_reader_holds_up_are_behind_by_the_times_of_the_samples(
     let half = half.split("half within ").nth(1).unwrap().split(' ').next().unwrap();
     assert!(half.parse::<f64>().unwrap() > 1e6, "{said}");
 }
+
+/// What the book shows of it is in it.
+#[test]
+fn the_unit_that_is_shipped_starts_a_stream() {
+    let folder = tempfile::tempdir().unwrap();
+    let unit = fs::read_to_string(example("../service/kalmems-stream.service")).unwrap();
+    let book = fs::read_to_string(example("../../book/src/live.md")).unwrap();
+    let shown = book.split("    [Service]\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    assert!(shown.lines().count() > 8, "{shown}");
+    for line in shown.lines() {
+        assert!(unit.lines().any(|own| own.trim() == line.trim()), "{line}");
+    }
+    let whole = unit.replace("\\\n", " ");
+    let mut command = whole.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap().to_owned();
+    for (from, to) in [
+        ("/usr/local/bin/kalmems", env!("CARGO_BIN_EXE_kalmems")),
+        ("/etc/kalmems/stream.toml", example("stream.toml").to_str().unwrap()),
+        ("tcp://instrument:4000", example("recording.csv").to_str().unwrap()),
+        ("/var/lib/kalmems", folder.path().to_str().unwrap()),
+    ] {
+        assert!(command.contains(from), "{command}");
+        command = command.replace(from, to);
+    }
+    let output = Command::new("sh").args(["-c", &command]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    for name in ["state.json", "stream.mcap", "stream.prom"] {
+        assert!(fs::metadata(folder.path().join(name)).unwrap().len() > 100, "{name}");
+    }
+}
