@@ -380,6 +380,17 @@ pub struct StreamArguments {
     /// are then written only where `--lines` is given as well. It may be given several times.
     #[arg(long, value_name = "ADDRESS")]
     pub to: Vec<String>,
+    /// Complete the files of `--lines`, `--frames` and `--to mcap://` at this size, such as `100 MB`, and begin the next: FILE is the
+    /// present one, and one that is completed has the time of its beginning in its name. A signal SIGHUP does the same at once.
+    #[arg(long, value_name = "SIZE")]
+    pub rotate_size: Option<String>,
+    /// Complete these files after this time, such as `1 h`.
+    #[arg(long, value_name = "TIME")]
+    pub rotate_every: Option<String>,
+    /// Write how the stream fares to this file every second, in the text format of Prometheus; for the textfile collector of its
+    /// node exporter the name ends with `.prom`.
+    #[arg(long, value_name = "FILE")]
+    pub metrics: Option<PathBuf>,
     /// Put aside, as FILE.previous, also files that no stream wrote; what one wrote is always kept so.
     #[arg(long)]
     pub force: bool,

@@ -1,6 +1,6 @@
 //! Interruption: a flag that long work looks at, and an end for work that does not look in time.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 #[cfg(not(target_family = "wasm"))]
 mod handler;
@@ -12,6 +12,20 @@ pub use handler::listen;
 pub const fn listen() {}
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Whether a hang-up is no interruption, and how many there were.
+static OUTLIVES_HANGUPS: AtomicBool = AtomicBool::new(false);
+static HANGUPS: AtomicU64 = AtomicU64::new(0);
+
+/// From now on a hang-up (SIGHUP) ends nothing: a service has no terminal that could be gone.
+pub fn outlive_hangups() {
+    OUTLIVES_HANGUPS.store(true, Ordering::Relaxed);
+}
+
+/// How often that has happened.
+pub fn hangups() -> u64 {
+    HANGUPS.load(Ordering::Relaxed)
+}
 
 /// The exit code of a command that was interrupted.
 pub const EXIT_CODE: u8 = 130;
@@ -29,4 +43,5 @@ pub fn request() {
 /// Forgets that an earlier command was asked to end, where a process runs one after the other.
 pub fn forget() {
     INTERRUPTED.store(false, Ordering::Relaxed);
+    OUTLIVES_HANGUPS.store(false, Ordering::Relaxed);
 }

@@ -87,7 +87,9 @@ pub use simulate::{
     SweepDrive, TonesDrive,
 };
 pub use source::Source;
-pub use stream::{FieldType, FrameField, StreamFormat, StreamTable, StreamTrigger, Sync, TriggerChannel};
+pub use stream::{
+    FieldType, FrameCheck, FrameField, StreamFormat, StreamTable, StreamTrigger, Sync, TriggerChannel,
+};
 pub use uncertainty::{CORRELATION, Correlations, Direction, UncertainNumber, cholesky, exactly};
 pub use uses::DeviceUses;
 pub use values::{AnyValue, ExpectedEntry, Values};

@@ -34,6 +34,11 @@ pub struct StreamTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"30 s")]
     pub reconnect: Option<Quantity<Time, Positive>>,
+    /// How long a connection or a serial device may send nothing: after that it counts as broken, and `listen://` can serve another
+    /// client; without end if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"60 s")]
+    pub idle: Option<Quantity<Time, Positive>>,
     /// How often an event `health` is written, whether samples arrive or not; at least 0.1 s, never if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"1 s")]
@@ -112,6 +117,10 @@ pub enum StreamFormat {
         /// field with the name `sequence`, which counts the frames, one that is lost is told from a pause.
         #[schemars(example = frame_fields())]
         fields: Vec<FrameField>,
+        /// The checksum behind the fields, little-endian, of the bytes between `sync` and itself; a frame with another one is no sample and is
+        /// counted. None if left out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        crc: Option<FrameCheck>,
     },
 }
 
@@ -184,6 +193,26 @@ inline_schema!(
     "Sync",
     |_| json_schema!({ "type": "string", "pattern": "^([0-9a-fA-F]{2}){1,16}$", "examples": ["a55a"] })
 );
+
+/// A checksum of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FrameCheck {
+    /// Two bytes: the polynomial 0x1021 from 0xffff on, as CRC-16/IBM-3740 (`CCITT-FALSE`); of `123456789` it is 0x29b1.
+    Crc16,
+    /// Four bytes, as in Ethernet and ZIP; of `123456789` it is 0xcbf43926.
+    Crc32,
+}
+
+impl FrameCheck {
+    /// How many bytes it takes.
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::Crc16 => 2,
+            Self::Crc32 => 4,
+        }
+    }
+}
 
 /// A number in a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -14,6 +14,8 @@ pub(crate) const MOST_NODES: usize = 100_000;
 pub(crate) const MOST_PARTS: usize = 1_000_000;
 /// How many nodes may be gone over while a graph is made.
 pub(crate) const MOST_VISITS: usize = 50_000_000;
+/// How many points a curve or a surface may have: beyond that it is a recording.
+pub(crate) const MOST_POINTS: usize = 1_000_000;
 /// How many notices are kept.
 pub(crate) const MOST_NOTICES: usize = 100;
 /// How many terms of texts are read while a description is resolved; functions are read at each call.

@@ -6,27 +6,36 @@ use crate::interrupt;
 use crate::target::write_page;
 use crate::tell::{StandardError, line, tell};
 use kalmems::recording::ReadError;
-use kalmems::results::create_file;
 use kalmems::rigs::Workbench;
 use kalmems::stream::{
-    AheadSummary, StreamEnd, StreamError, StreamOutputs, StreamSummary, is_frames, is_lines, stream,
-    stream_with_page,
+    AheadSummary, StreamEnd, StreamError, StreamOutputs, StreamSummary, Supervisor, is_frames, is_lines,
+    stream, stream_with_page,
 };
+use kalmems::units::{Value, kind};
+use rotation::{FileSeries, Rotation, SeriesWriter};
 use std::io::{self, BufWriter, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-#[cfg(all(feature = "mcap", not(target_family = "wasm")))]
+#[cfg(not(target_family = "wasm"))]
 mod mcap_file;
 #[cfg(not(target_family = "wasm"))]
+mod mcap_writer;
+#[cfg(not(target_family = "wasm"))]
 mod messages;
+mod rotation;
 mod source;
+#[cfg(not(target_family = "wasm"))]
+mod supervisor;
 #[cfg(not(target_family = "wasm"))]
 mod viewer;
 #[cfg(not(target_family = "wasm"))]
 mod watch;
 #[cfg(not(target_family = "wasm"))]
 mod wires;
+
+/// A file is followed by the next after so long at least, so that their names differ.
+const SHORTEST_SERIES: Duration = Duration::from_secs(1);
 
 /// The exit code where the connection broke.
 const BROKEN: u8 = 4;
@@ -66,13 +75,20 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
     // What a reader that goes leaves unread is no reason to end what others read, and what is kept.
     let kept = [lines.is_some(), frames.is_some(), arguments.state.is_some(), arguments.report.is_some()];
     let goes_on = kept.into_iter().filter(|is_there| *is_there).count() + arguments.to.len() > 1;
-    let mut written = lines.map(|to| output(to, is_lines, (arguments.force, goes_on))).transpose()?;
+    let with = (arguments.force, rotation(arguments)?);
+    let opened = |to: Option<&Path>, form| to.map(|to| output(to, form, goes_on, with)).transpose();
+    let is_head = |line: &[u8]| line.starts_with(b"# ") || line.starts_with(b"origin,");
+    let mut written = opened(lines, (is_lines, is_head))?;
+    let frames = opened(frames, (is_frames, |_| false))?;
     let to = arguments.to.iter();
-    let ends: Vec<WatchEnd> =
-        to.map(|to| watched(to, &mut written, arguments.force)).collect::<Result<_, _>>()?;
+    let ends: Vec<WatchEnd> = to.map(|to| watched(to, &mut written, with)).collect::<Result<_, _>>()?;
+    if ![&io::stdin() as &dyn IsTerminal, &io::stdout(), &io::stderr()].iter().any(|one| one.is_terminal()) {
+        interrupt::outlive_hangups();
+    }
     let outputs = StreamOutputs {
         lines: written,
-        frames: frames.map(|to| output(to, is_frames, (arguments.force, goes_on))).transpose()?,
+        frames,
+        supervisor: supervisor(arguments.metrics.as_deref())?,
         notices: Some(Box::new(StandardError)),
     };
     let state = arguments.state.as_deref();
@@ -133,29 +149,68 @@ type WatchEnd = Box<dyn FnOnce() -> Result<(), CommandEnding>>;
 
 /// Lets what `--to` names take the lines as well as where they are written to.
 #[cfg(not(target_family = "wasm"))]
-fn watched(to: &str, written: &mut Option<Box<dyn Write>>, force: bool) -> Result<WatchEnd, CommandEnding> {
-    let watch = watch::Watch::open(to, written, force)?;
+fn watched(
+    to: &str,
+    written: &mut Option<Box<dyn Write>>,
+    with: (bool, Rotation),
+) -> Result<WatchEnd, CommandEnding> {
+    let watch = watch::Watch::open(to, written, with)?;
     Ok(Box::new(move || watch.finish()))
+}
+
+#[cfg(not(target_family = "wasm"))]
+fn supervisor(metrics: Option<&Path>) -> Result<Option<(Duration, Supervisor)>, CommandEnding> {
+    supervisor::open(metrics).map_err(|e| CommandEnding::Wrong(format!("the socket of `NOTIFY_SOCKET`: {e}")))
+}
+
+/// Nothing watches a browser.
+#[cfg(target_family = "wasm")]
+fn supervisor(_: Option<&Path>) -> Result<Option<(Duration, Supervisor)>, CommandEnding> {
+    Ok(None)
 }
 
 /// A browser sends nothing.
 #[cfg(target_family = "wasm")]
-fn watched(_: &str, _: &mut Option<Box<dyn Write>>, _: bool) -> Result<WatchEnd, CommandEnding> {
+fn watched(_: &str, _: &mut Option<Box<dyn Write>>, _: (bool, Rotation)) -> Result<WatchEnd, CommandEnding> {
     Err(CommandEnding::Wrong("`--to`: a browser has no connections here".to_owned()))
 }
 
-/// Opens what estimates go to; what another stream wrote there is kept beside it.
+/// Opens what estimates go to; what another stream wrote there, by `is_own` of its beginning, is kept beside it.
 fn output(
     to: &Path,
-    is_own: fn(&[u8]) -> bool,
-    (force, goes_on): (bool, bool),
+    (is_own, is_head): (fn(&[u8]) -> bool, fn(&[u8]) -> bool),
+    goes_on: bool,
+    with: (bool, Rotation),
 ) -> Result<Box<dyn Write>, CommandEnding> {
     if to == Path::new("-") {
         let reader = StandardOutput { goes_on, is_gone: false };
         return Ok(Box::new(BufWriter::new(reader)));
     }
-    let file = create_file(to, is_own, force).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
-    Ok(Box::new(BufWriter::new(NamedOutput { name: to.display().to_string(), output: file })))
+    Ok(Box::new(SeriesWriter::new(FileSeries::begin(to, is_own, with)?, is_head)))
+}
+
+/// When files are completed, and followed by the next.
+fn rotation(arguments: &StreamArguments) -> Result<Rotation, CommandEnding> {
+    let wrong = |option: &str, why: &dyn std::fmt::Display| CommandEnding::Wrong(format!("{option}: {why}"));
+    let size = |text: &String| {
+        let units = [("kB", 1e3), ("MB", 1e6), ("GB", 1e9)];
+        let of = |(unit, bytes)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * bytes);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturating
+        let bytes = units.into_iter().find_map(of).filter(|bytes| *bytes >= 1e3).map(|bytes| bytes as u64);
+        let why = format!("found `{text}`; expected a size of 1 kB or more such as `100 MB`");
+        bytes.ok_or_else(|| wrong("--rotate-size", &why))
+    };
+    let time = |text: &String| {
+        let time_s = Value::parse(text).and_then(|value| value.of_kind(&kind::TIME));
+        let time_s = time_s.map_err(|e| wrong("--rotate-every", &e))?;
+        let every = Duration::try_from_secs_f64(time_s).ok().filter(|every| *every >= SHORTEST_SERIES);
+        let why = format!("found `{text}`; expected a time of 1 s or more such as `1 h`");
+        every.ok_or_else(|| wrong("--rotate-every", &why))
+    };
+    Ok(Rotation {
+        bytes: arguments.rotate_size.as_ref().map(size).transpose()?,
+        every: arguments.rotate_every.as_ref().map(time).transpose()?,
+    })
 }
 
 /// Refuses two outputs that are one file, and one that is read.
@@ -168,6 +223,7 @@ fn refuse_same_files(arguments: &StreamArguments, lines: Option<&Path>) -> Resul
         ("--frames", arguments.frames.as_deref()),
         ("--state", arguments.state.as_deref()),
         ("--report", arguments.report.as_deref()),
+        ("--metrics", arguments.metrics.as_deref()),
     ];
     let mut before: Vec<(&str, PathBuf)> = Vec::new();
     for (option, path) in named.into_iter().chain(kept.map(|path| ("--to", Some(Path::new(path))))) {
@@ -274,6 +330,7 @@ fn text(summary: &StreamSummary) -> String {
         (received.passed_over, "samples were acknowledged by an earlier run"),
         (received.damaged_lines, "lines were no samples"),
         (received.damaged_bytes, "bytes were outside of any frame"),
+        (received.damaged_frames, "frames had another checksum than they state, and were left out"),
         (received.cut_off, "lines or frames had no end, which may have cut them off, and were left out"),
         (received.steps_back, "times the clock went back"),
         (received.turned_away, "clients connected and sent no sample"),
@@ -312,6 +369,17 @@ fn text(summary: &StreamSummary) -> String {
     }
     for finding in &summary.diagnosis {
         text += &format!("{finding}\n");
+    }
+    if let Some(sustained_hz) = summary.sustained_hz {
+        let behind = if sustained_hz < summary.rate_hz {
+            ": fewer than come, so that estimates of a live stream fall behind; a larger `every`, fewer filters or fewer samples help"
+        } else {
+            ""
+        };
+        text += &format!(
+            "{:.0} samples could be estimated in a second, of {:.0} that come{behind}\n",
+            sustained_hz, summary.rate_hz
+        );
     }
     let latency = &summary.latency;
     let micro = |d: Duration| format!("{:.0} µs", d.as_secs_f64() * 1e6);

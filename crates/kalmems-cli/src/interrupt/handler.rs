@@ -1,6 +1,8 @@
 //! What an interruption by the system does.
 
 use super::{EXIT_CODE, INTERRUPTED};
+#[cfg(unix)]
+use super::{HANGUPS, OUTLIVES_HANGUPS};
 use crate::tell::tell;
 use std::io::Write as _;
 use std::process::exit;
@@ -39,9 +41,31 @@ pub fn listen() {
             end("interrupted; what was not finished is not there");
         }
     };
-    if let Err(e) = ctrlc::set_handler(handler) {
+    if let Err(e) = set_handler(handler) {
         tell!("warning: interruptions will not be handled: {e}");
     }
+}
+
+/// Signals are taken on a thread of their own.
+#[cfg(unix)]
+fn set_handler(mut handler: impl FnMut() + Send + 'static) -> std::io::Result<()> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    let mut signals = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM])?;
+    let take = move || {
+        for signal in signals.forever() {
+            if signal == SIGHUP && OUTLIVES_HANGUPS.load(Ordering::Relaxed) {
+                HANGUPS.fetch_add(1, Ordering::Relaxed);
+            } else {
+                handler();
+            }
+        }
+    };
+    thread::Builder::new().name("signals".to_owned()).spawn(take).map(|_| ())
+}
+
+#[cfg(not(unix))]
+fn set_handler(handler: impl FnMut() + Send + 'static) -> Result<(), ctrlc::Error> {
+    ctrlc::set_handler(handler)
 }
 
 /// Ends the process, whatever its threads wait for.

@@ -17,7 +17,7 @@ use super::{
 };
 use kalmems_figures::number;
 use kalmems_formats::{Block, CellFault, CellFinding, Instant, TimeReader, TimeUnit, may_be_grouped};
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, TryReserveError, VecDeque};
 use std::ops::Range;
 
 /// A segment: its first row, its times and, once it has ended, the row after its last and its times' verdict.
@@ -117,6 +117,12 @@ impl Pass {
             times: Vec::new(),
             base: 0,
         }
+    }
+
+    /// Makes room for the rows of a block, if there is any.
+    pub(super) fn reserve(&mut self, rows: usize) -> Result<(), TryReserveError> {
+        let columns = self.plan.targets.iter_mut().map(|target| &mut target.values);
+        columns.chain(std::iter::once(&mut self.times)).try_for_each(|values| values.try_reserve(rows))
     }
 
     /// Takes the rows of a block.

@@ -7,6 +7,7 @@ use super::plan::ReadingPlan;
 use super::request::ReadRequest;
 use super::{ReadError, RecordingSource, SampledRecording, TimeSource};
 use kalmems_formats::{Digest, Table, TableEvidence};
+use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -63,10 +64,23 @@ impl RecordingReader {
         })
     }
 
+    /// The memory does not suffice.
+    fn too_large(&self) -> ReadError {
+        let why = format!(
+            "the memory does not suffice for more than {} of its rows; use a part of the file, or allow this program more memory",
+            self.pass.rows()
+        );
+        ReadError::Io {
+            file: self.source.file.clone(),
+            source: io::Error::new(io::ErrorKind::OutOfMemory, why),
+        }
+    }
+
     /// Takes one block; `false` after the last, when the pass is at its end.
     pub(super) fn step(&mut self, progress: ReadProgress) -> Result<bool, ReadError> {
         let before = self.pass.rows();
         if let Some(block) = self.blocks.next(progress)? {
+            self.pass.reserve(block.rows).map_err(|_| self.too_large())?;
             self.pass.take(&block);
             self.source.origin = self.pass.origin();
             self.blocks.reuse(block);

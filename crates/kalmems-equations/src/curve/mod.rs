@@ -7,6 +7,7 @@ pub(crate) use grid::{GROUPS, Grid};
 
 use crate::description::{CurveExtension, CurvePoints};
 use crate::error::{EquationError, EquationFault};
+use crate::limits::MOST_POINTS;
 use spline::{bends, weights};
 
 /// The place of a curve among those of a device.
@@ -41,6 +42,12 @@ impl Curve {
         let CurvePoints { x, y, z, .. } = points;
         if let Some(file) = points.file.as_ref().filter(|_| x.is_empty()) {
             return refuse(format!("the points of the file `{file}` were not read"));
+        }
+        let count = x.len().max(y.len()).max(z.len());
+        if count > MOST_POINTS {
+            return refuse(format!(
+                "the curve has {count} points; expected at most {MOST_POINTS}: leave out points, between which a spline is as good"
+            ));
         }
         let outside = points.outside;
         let (values, expected) = if z.is_empty() { (y, x.len()) } else { (z, x.len() * y.len()) };
@@ -241,6 +248,14 @@ mod tests {
             }
         }
         assert!(surface.at([2.1, 1.0], 0)[0].is_nan() && surface.at([0.0, -0.1], 0)[0].is_nan());
+    }
+
+    #[test]
+    fn a_curve_of_more_points_than_it_needs_is_refused() {
+        let x: Vec<f64> = (0..=MOST_POINTS).map(|k| k as f64).collect();
+        let points = CurvePoints { y: x.clone(), ..of_line(&x) };
+        let why = Curve::through(&points).map(|_| ()).unwrap_err().to_string();
+        assert!(why.contains("1000001 points; expected at most 1000000"), "{why}");
     }
 
     /// Beyond the places of one argument along the tangent of that one, the other as inside.

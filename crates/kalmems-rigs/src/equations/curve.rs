@@ -162,6 +162,15 @@ fn on_a_grid(x: &[f64], y: &[f64], z: &[f64]) -> Result<[Vec<f64>; 3], String> {
         all
     };
     let (rows, columns) = (rising(x), rising(y));
+    // Points that are strewn about have as many places along each argument as there are points.
+    if rows.len().saturating_mul(columns.len()) > 2 * z.len() {
+        return Err(format!(
+            "there are {} values for the {} places of the first column and the {} of the second; each pair needs one",
+            z.len(),
+            rows.len(),
+            columns.len()
+        ));
+    }
     let mut values: Vec<Option<f64>> = vec![None; rows.len() * columns.len()];
     for ((x, y), value) in x.iter().zip(y).zip(z) {
         let place =
@@ -269,3 +278,16 @@ inline_schema!(Coordinates, "Coordinates", |_| json_schema!({
     "oneOf": [{ "type": "array", "items": { "type": "number" } }, { "type": "string" }],
     "title": "numbers, or a column of the file",
 }));
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Their grid would have 10^10 places.
+    #[test]
+    fn points_that_are_strewn_about_are_no_grid_and_take_no_memory() {
+        let x: Vec<f64> = (0..100_000).map(f64::from).collect();
+        let why = on_a_grid(&x, &x, &x).unwrap_err();
+        assert!(why.contains("100000 values for the 100000 places of the first column"), "{why}");
+    }
+}

@@ -83,10 +83,11 @@ pub(super) enum Received {
 pub(super) struct RetriedConnection {
     connection: Box<dyn Connection>,
     reader: Option<Box<dyn Read + Send>>,
-    /// For how long it is tried again.
+    /// For how long it is tried again, and how long it may be silent.
     reconnect: Option<Duration>,
-    /// When it was opened last, and whether samples ever came, and over it.
-    opened: Instant,
+    idle: Option<Duration>,
+    /// How long was waited since it was opened or samples came last, and whether samples ever came, and over it.
+    silent: Duration,
     heard: bool,
     heard_now: bool,
     /// When it broke first since samples came last: one that breaks again before anything came over it was never there.
@@ -104,12 +105,14 @@ struct Lost {
 }
 
 impl RetriedConnection {
-    pub(super) fn new(connection: Box<dyn Connection>, reconnect: Option<Duration>) -> Self {
+    /// It is tried again for so long where it breaks, as it does where no sample comes for so long.
+    pub(super) fn new(connection: Box<dyn Connection>, [reconnect, idle]: [Option<Duration>; 2]) -> Self {
         Self {
             connection,
             reader: None,
             reconnect,
-            opened: Instant::now(),
+            idle,
+            silent: Duration::ZERO,
             heard: false,
             heard_now: false,
             silent_since: None,
@@ -120,17 +123,20 @@ impl RetriedConnection {
     /// Samples came.
     pub(super) fn hear(&mut self) {
         (self.heard, self.heard_now, self.silent_since) = (true, true, None);
+        self.silent = Duration::ZERO;
     }
 
     /// Waits for bytes, some tenths of a second where the connection allows it. An error is that it could not be opened at all.
     pub(super) fn receive(&mut self, piece: &mut [u8]) -> io::Result<Received> {
         let Some(reader) = &mut self.reader else { return self.open() };
+        let begun = Instant::now();
         let read = reader.read(piece);
+        self.silent += begun.elapsed();
         let is_over = match &read {
             Ok(count) => *count == 0,
             Err(e) => !matches!(e.kind(), ErrorKind::Interrupted | ErrorKind::WouldBlock),
         };
-        let is_late = self.opened.elapsed() > FIRST_SAMPLE;
+        let is_late = self.silent > FIRST_SAMPLE;
         if self.connection.is_listener() && !self.heard_now && (is_over || is_late) {
             self.reader = None;
             return Ok(Received::TurnedAway);
@@ -139,11 +145,18 @@ impl RetriedConnection {
             Ok(0) if self.connection.reopens() => Ok(self.broke(CLOSED.to_owned())),
             Ok(0) => Ok(Received::End),
             Ok(count) => Ok(Received::Bytes(count)),
+            Err(_) if !is_over && self.is_idle() => {
+                Ok(self.broke(format!("no sample came for {:.1} s", self.silent.as_secs_f64())))
+            }
             Err(_) if !is_over => Ok(Received::Nothing),
             // What could never be read is no connection that broke.
             Err(e) if !self.heard && !self.connection.reopens() => Err(e),
             Err(e) => Ok(self.broke(e.to_string())),
         }
+    }
+
+    fn is_idle(&self) -> bool {
+        self.connection.reopens() && self.idle.is_some_and(|idle| self.silent > idle)
     }
 
     fn broke(&mut self, why: String) -> Received {
@@ -159,7 +172,7 @@ impl RetriedConnection {
     }
 
     fn open(&mut self) -> io::Result<Received> {
-        (self.opened, self.heard_now) = (Instant::now(), false);
+        (self.silent, self.heard_now) = (Duration::ZERO, false);
         let Some(lost) = &mut self.lost else {
             return match self.connection.open() {
                 Ok(reader) => {
@@ -241,7 +254,7 @@ mod tests {
     #[test]
     fn a_broken_connection_is_tried_again_until_the_time_is_up() {
         let connection = Loose { good: vec![1, 3, 4], opened: 0 };
-        let mut link = RetriedConnection::new(Box::new(connection), Some(Duration::from_millis(400)));
+        let mut link = RetriedConnection::new(Box::new(connection), [Some(Duration::from_millis(400)), None]);
         let (mut bytes, mut again, mut broken) = (0, Vec::new(), 0);
         let begun = Instant::now();
         let why = loop {
@@ -274,7 +287,7 @@ mod tests {
     fn what_cannot_be_opened_again_is_over_when_it_breaks() {
         let mut link = RetriedConnection::new(
             Box::new(OpenedConnection::new(OneByte(false))),
-            Some(Duration::from_secs(9)),
+            [Some(Duration::from_secs(9)), None],
         );
         assert!(matches!(link.receive(&mut [0; 4]).unwrap(), Received::Nothing));
         assert!(matches!(link.receive(&mut [0; 4]).unwrap(), Received::Bytes(1)));

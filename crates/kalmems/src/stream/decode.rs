@@ -1,6 +1,6 @@
 //! Samples from bytes, as text or as frames.
 
-use crate::config::{FrameField, StreamFormat};
+use crate::config::{FrameCheck, FrameField, StreamFormat};
 use kalmems_formats::{CellFinding, CellReader, Shift, TimeReader};
 
 /// One sample as it came.
@@ -19,6 +19,8 @@ pub struct Damage {
     pub lines: u64,
     /// Bytes between frames that belong to none.
     pub bytes: u64,
+    /// Frames whose checksum is another one.
+    pub frames: u64,
     /// Lines and frames that were cut off: a line without its end cannot be told from a shorter one.
     pub cut_off: u64,
 }
@@ -43,16 +45,12 @@ pub struct Decoder {
 
 enum DecoderFormat {
     /// Lines with numbers separated by commas, so many of them.
-    Text {
-        columns: Vec<String>,
-        cells: CellReader,
-        powers: Vec<i32>,
-        in_a_long_line: bool,
-    },
+    Text { columns: Vec<String>, cells: CellReader, powers: Vec<i32>, in_a_long_line: bool },
     Frames {
         sync: Vec<u8>,
         fields: Vec<FrameField>,
         shifts: Vec<Shift>,
+        crc: Option<FrameCheck>,
         length: usize,
     },
 }
@@ -67,11 +65,14 @@ impl Decoder {
                 powers: powers.to_vec(),
                 in_a_long_line: false,
             },
-            StreamFormat::Frames { sync, fields } => DecoderFormat::Frames {
+            StreamFormat::Frames { sync, fields, crc } => DecoderFormat::Frames {
                 sync: sync.bytes().to_vec(),
                 fields: fields.clone(),
                 shifts: powers.iter().map(|power| Shift::new(*power)).collect(),
-                length: sync.bytes().len() + fields.iter().map(|field| field.kind.bytes()).sum::<usize>(),
+                crc: *crc,
+                length: sync.bytes().len()
+                    + fields.iter().map(|field| field.kind.bytes()).sum::<usize>()
+                    + crc.map_or(0, FrameCheck::bytes),
             },
         };
         Self { format, rest: Vec::new(), damage: Damage::default(), times: None, is_ended: false }
@@ -111,9 +112,9 @@ impl Decoder {
                 let kept = (in_a_long_line, &mut self.is_ended);
                 lines(&self.rest, columns, kept, &mut self.damage, &mut numbers, each)
             }
-            DecoderFormat::Frames { sync, fields, shifts, length } => {
+            DecoderFormat::Frames { sync, fields, shifts, crc, length } => {
                 let kept = (&mut shifts[..], times, &mut self.is_ended);
-                frames(&self.rest, (sync, fields, *length), kept, &mut self.damage, each)
+                frames(&self.rest, (sync, fields, *crc, *length), kept, &mut self.damage, each)
             }
         };
         self.rest.drain(..done);
@@ -221,7 +222,7 @@ fn numbers(
 /// The samples of whole frames; how many bytes they take up.
 fn frames(
     bytes: &[u8],
-    (sync, fields, length): (&[u8], &[FrameField], usize),
+    (sync, fields, crc, length): (&[u8], &[FrameField], Option<FrameCheck>, usize),
     (shifts, times, is_ended): (&mut [Shift], &mut Option<(usize, TimeReader)>, &mut bool),
     damage: &mut Damage,
     each: &mut impl FnMut(StreamSample),
@@ -236,6 +237,15 @@ fn frames(
         if !frame.starts_with(sync) {
             damage.bytes += 1;
             from += 1;
+            continue;
+        }
+        if crc.is_some_and(|crc| !is_intact(&frame[sync.len()..], crc)) {
+            // Where no frame follows, these bytes were none.
+            let Some(next) = bytes.get(from + length..from + length + sync.len()) else { return from };
+            let is_frame = next == sync || END_MARK.starts_with(next);
+            damage.frames += u64::from(is_frame);
+            damage.bytes += u64::from(!is_frame);
+            from += if is_frame { length } else { 1 };
             continue;
         }
         let mut sample = StreamSample { sequence: None, numbers: Vec::with_capacity(fields.len()) };
@@ -263,9 +273,69 @@ fn frames(
     }
 }
 
+/// Whether what stands between the beginning and the end of a frame has the checksum behind it.
+fn is_intact(checked: &[u8], crc: FrameCheck) -> bool {
+    let (content, stated) = checked.split_at(checked.len() - crc.bytes());
+    let stated = stated.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte));
+    stated
+        == match crc {
+            FrameCheck::Crc16 => u32::from(crc16(content)),
+            FrameCheck::Crc32 => crc32fast::hash(content),
+        }
+}
+
+/// CRC-16/IBM-3740.
+fn crc16(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0xffff, |sum, byte| {
+        (0..8).fold(sum ^ u16::from(*byte) << 8, |sum: u16, _| sum << 1 ^ 0x1021 * (sum >> 15))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The values that catalogues of checksums give.
+    #[test]
+    fn checksums_are_those_of_the_catalogue() {
+        assert_eq!(crc16(b"123456789"), 0x29b1);
+        assert!(is_intact(b"123456789\x26\x39\xf4\xcb", FrameCheck::Crc32));
+    }
+
+    #[test]
+    fn any_flipped_bit_of_a_frame_with_a_checksum_is_counted_and_costs_this_frame_alone() {
+        let fields = ["u16 sequence", "f64 time_s"].map(|f| FrameField::try_from(f.to_owned()).unwrap());
+        let sync = crate::config::Sync::try_from("a55a".to_owned()).unwrap();
+        for crc in [FrameCheck::Crc16, FrameCheck::Crc32] {
+            let format = StreamFormat::Frames { sync: sync.clone(), fields: fields.to_vec(), crc: Some(crc) };
+            let frame = |k: u16| {
+                let content = [&k.to_le_bytes()[..], &f64::from(k).to_le_bytes()].concat();
+                let check = match crc {
+                    FrameCheck::Crc16 => crc16(&content).to_le_bytes().to_vec(),
+                    FrameCheck::Crc32 => crc32fast::hash(&content).to_le_bytes().to_vec(),
+                };
+                [&[0xa5, 0x5a], &content[..], &check].concat()
+            };
+            let whole: Vec<u8> = (1..=4).flat_map(frame).chain(END_MARK.iter().copied()).collect();
+            let length = frame(1).len();
+            assert_eq!(decoded(&format, &whole, 7).0.len(), 4);
+            for bit in 0..8 * length {
+                for flipped in [1, 3] {
+                    let mut bytes = whole.clone();
+                    bytes[flipped * length + bit / 8] ^= 1 << (bit % 8);
+                    let (samples, damage) = decoded(&format, &bytes, 7);
+                    let found: Vec<u64> = samples.iter().filter_map(|s| s.sequence).collect();
+                    let lost = u64::try_from(flipped).unwrap() + 1;
+                    assert_eq!(found, (1..=4).filter(|k| *k != lost).collect::<Vec<u64>>(), "{bit}");
+                    // What a frame begins with is not under the checksum.
+                    let outside = if bit < 16 { length as u64 } else { 0 };
+                    let expected =
+                        Damage { frames: u64::from(bit >= 16), bytes: outside, ..Damage::default() };
+                    assert_eq!(damage, expected, "{bit}");
+                }
+            }
+        }
+    }
 
     fn decoded(format: &StreamFormat, bytes: &[u8], piece: usize) -> (Vec<StreamSample>, Damage) {
         let mut decoder = Decoder::new(format, &[0, -3]);
@@ -288,7 +358,7 @@ mod tests {
             assert_eq!(numbers.len(), 8);
             assert_eq!(numbers[..5], [0.0, 1.5e-3, 1e-6, 2.5e-3, 2e-6]);
             assert!(numbers[5].is_nan() && numbers[7] == 5.71e-3);
-            assert_eq!(damage, Damage { lines: 2, bytes: 0, cut_off: 1 });
+            assert_eq!(damage, Damage { lines: 2, cut_off: 1, ..Damage::default() });
         }
         // A line without end takes no memory without end, and what follows is read.
         let mut long = vec![b'1'; 3 * LONGEST];
@@ -321,7 +391,7 @@ mod tests {
         let fields =
             ["u16 sequence", "f64 time_s", "f32 cap_mV"].map(|f| FrameField::try_from(f.to_owned()).unwrap());
         let sync = crate::config::Sync::try_from("a55a".to_owned()).unwrap();
-        let format = StreamFormat::Frames { sync, fields: fields.to_vec() };
+        let format = StreamFormat::Frames { sync, fields: fields.to_vec(), crc: None };
         let frame = |k: u16| {
             let mut bytes = vec![0xa5, 0x5a];
             bytes.extend_from_slice(&k.to_le_bytes());
@@ -335,7 +405,7 @@ mod tests {
             let found: Vec<u64> = samples.iter().filter_map(|s| s.sequence).collect();
             assert_eq!(found, [1, 2, 65535]);
             assert_eq!(samples[1].numbers, [2e-6, 2.5e-3]);
-            assert_eq!(damage, Damage { lines: 0, bytes: 7, cut_off: 1 });
+            assert_eq!(damage, Damage { bytes: 7, cut_off: 1, ..Damage::default() });
         }
         // What follows the end mark is no part of the stream.
         for (format, sample) in [

@@ -2,7 +2,8 @@
 //!
 //! What waits in the system before it is read has not arrived by this program's clock, so that the time since its arrival says nothing of it. The
 //! samples' own times do: the estimate of a sample that comes at once is there after the shortest time that was ever between a sample and its
-//! estimate, whatever zero the clock of the samples counts from, and one that comes later is behind by the difference.
+//! estimate, whatever zero the clock of the samples counts from, and one that comes later is behind by the difference. At the beginning the first samples that are read
+//! give that time, as their estimates wait for the settling time and may be held up.
 
 use std::time::{Duration, Instant};
 
@@ -12,6 +13,39 @@ const CLOCK_ERROR: f64 = 2e-4;
 /// Estimates are behind from so many s on, and no longer below the share of it.
 const BEHIND_S: f64 = 0.25;
 const CAUGHT_UP: f64 = 0.5;
+
+/// How long samples are estimated at the beginning until it is known whether that takes longer than they do, and how many there are at least.
+const TRIAL: (Duration, u64) = (Duration::from_millis(50), 16_384);
+
+/// How long the work on samples takes, that of their outputs included.
+#[derive(Default)]
+pub(super) struct WorkWatch {
+    samples: u64,
+    work: Duration,
+    is_judged: bool,
+}
+
+impl WorkWatch {
+    /// So many samples took so long.
+    pub(super) fn take(&mut self, samples: u64, work: Duration) {
+        self.samples += samples;
+        self.work += work;
+    }
+
+    /// Samples that can be estimated in a second; none of nothing.
+    pub(super) fn sustained_hz(&self) -> Option<f64> {
+        (self.samples > 0).then(|| self.samples as f64 / self.work.as_secs_f64().max(1e-9))
+    }
+
+    /// Once, when that is known: the rate that can be sustained, where it is less than that of the samples.
+    pub(super) fn verdict(&mut self, rate_hz: f64) -> Option<f64> {
+        if self.is_judged || self.work < TRIAL.0 || self.samples < TRIAL.1 {
+            return None;
+        }
+        self.is_judged = true;
+        self.sustained_hz().filter(|sustained_hz| *sustained_hz < rate_hz)
+    }
+}
 
 /// A change of whether the estimates are behind.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +67,12 @@ pub(super) struct LagWatch {
 impl LagWatch {
     pub(super) fn new() -> Self {
         Self { zero: Instant::now(), shortest: None, is_behind: false }
+    }
+
+    /// The sample of this time in s was read then, before any estimate.
+    pub(super) fn begin_with(&mut self, (read, time_s): (Instant, f64)) {
+        let read_s = read.saturating_duration_since(self.zero).as_secs_f64();
+        self.shortest.get_or_insert([read_s - time_s, read_s]);
     }
 
     /// The clock of the samples begins anew.
@@ -86,6 +126,22 @@ mod tests {
         assert!((longest_s - 1.0).abs() < 0.01, "{longest_s}");
         let [LagTurn::Behind(behind_s), LagTurn::CaughtUp] = turns[..] else { panic!("{turns:?}") };
         assert!((0.25..0.26).contains(&behind_s), "{behind_s}");
+    }
+
+    #[test]
+    fn samples_that_take_longer_than_they_last_are_told_once_at_the_beginning() {
+        let mut watch = WorkWatch::default();
+        let verdicts: Vec<(u32, f64)> = (0..100)
+            .filter_map(|k| {
+                watch.take(4096, Duration::from_micros(10 * 4096));
+                watch.verdict(200e3).map(|sustained_hz| (k, sustained_hz))
+            })
+            .collect();
+        let [(3, sustained_hz)] = verdicts[..] else { panic!("{verdicts:?}") };
+        assert!((sustained_hz - 100e3).abs() < 1.0, "{sustained_hz}");
+        let mut watch = WorkWatch::default();
+        watch.take(1_000_000, Duration::from_secs(10));
+        assert_eq!(watch.verdict(99e3), None);
     }
 
     #[test]

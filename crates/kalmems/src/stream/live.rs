@@ -1,14 +1,14 @@
 //! The loop that estimates samples while they arrive, and what it keeps.
 
 use super::events::{Event, TrajectoryWatch};
-use super::lag::{LagTurn, LagWatch};
+use super::lag::{LagTurn, LagWatch, WorkWatch};
 use super::latency::{ArrivalTimes, LatencyHistogram};
 use super::noise_only::{NoiseWatch, SignalContent};
 use super::output::{StreamOutputs, StreamWriter};
 use super::shared::Shared;
 use super::state::StateWriter;
 use super::stream_judge::StreamJudge;
-use super::supervision::{FilterHealth, Heartbeat, StreamEvent};
+use super::supervision::{FilterHealth, Health, Heartbeat, StreamEvent};
 use super::{AheadSummary, StreamError, StreamSummary};
 use crate::estimate::{
     EstimateError, MotionRate, Past, PhasePredictionCounts, SegmentEstimate, SegmentPart, StretchAnswer,
@@ -64,6 +64,8 @@ pub(super) struct StreamSettings<'a> {
     pub rig: &'a dyn Rig,
     /// Whether samples come as they are taken.
     pub is_live: bool,
+    /// How many of them come in a second.
+    pub rate_hz: f64,
     /// Samples that an estimate needs to begin.
     pub head: usize,
     /// The settling time in s.
@@ -87,8 +89,10 @@ pub(super) struct LiveEstimate<'a> {
     watches: Vec<(String, TrajectoryWatch)>,
     noise: NoiseWatch,
     judged: StreamJudge,
-    heartbeat: Heartbeat,
+    /// Of the events, and of what supervises the stream.
+    heartbeats: [Heartbeat; 2],
     lag: LagWatch,
+    work: WorkWatch,
     ahead: AheadSummary,
     /// What was told ahead in the stretches before.
     ahead_before: PhasePredictionCounts,
@@ -141,6 +145,8 @@ impl<'a> LiveEstimate<'a> {
             broken: None,
             interrupted: false,
             waits_for: 0,
+            sustained_hz: None,
+            rate_hz: settings.rate_hz,
             latency: LatencyHistogram::default(),
         };
         Self {
@@ -149,8 +155,10 @@ impl<'a> LiveEstimate<'a> {
             watches: Vec::new(),
             noise: NoiseWatch::default(),
             judged: StreamJudge::default(),
-            heartbeat: Heartbeat::new(settings.heartbeat),
+            heartbeats: [settings.heartbeat, outputs.supervisor.as_ref().map(|(every, _)| *every)]
+                .map(Heartbeat::new),
             lag: LagWatch::new(),
+            work: WorkWatch::default(),
             ahead: AheadSummary::default(),
             ahead_before: PhasePredictionCounts::default(),
             writer: StreamWriter::new(outputs, settings.every),
@@ -218,12 +226,14 @@ impl<'a> LiveEstimate<'a> {
                 self.hear(stretches)?;
                 return Ok(true);
             };
+            let (begun, before) = (Instant::now(), self.taken);
             let again = match self.stretch(&stretch, estimator) {
                 // Stopped: what was written is all there is.
                 Err(StreamError::Estimate(EstimateError::Interrupted)) => return Ok(true),
                 taken => taken?,
             };
             self.hear(stretches)?;
+            self.judge_work(self.taken - before, begun.elapsed(), stretch.begins)?;
             if stretch.begins {
                 stretches.give(whole);
             }
@@ -240,6 +250,9 @@ impl<'a> LiveEstimate<'a> {
     /// What came of it.
     pub(super) fn finish(mut self, diagnosis: Vec<Finding>) -> Result<StreamSummary, StreamError> {
         self.tell()?;
+        let health = self.heartbeats[1].measure(&self.shared);
+        let health = self.health(health);
+        self.writer.supervise(&health);
         self.writer.flush()?;
         let stretches = self.judge.finish()?;
         let ends_with_estimate = self.is_estimated && self.watches.iter().any(|(_, watch)| watch.holds());
@@ -281,7 +294,17 @@ impl<'a> LiveEstimate<'a> {
         for notice in self.shared.notices() {
             self.notice(&StreamEvent::from(notice))?;
         }
-        let Some(mut health) = self.heartbeat.beat(&self.shared) else { return Ok(()) };
+        if let Some(health) = self.heartbeats[1].beat(&self.shared) {
+            let health = self.health(health);
+            self.writer.supervise(&health);
+        }
+        let Some(health) = self.heartbeats[0].beat(&self.shared) else { return Ok(()) };
+        let health = self.health(health);
+        self.writer.notice(&StreamEvent::Health(Box::new(health)))
+    }
+
+    /// What is known of the way, with what is known of the estimates.
+    fn health(&self, mut health: Health) -> Health {
         health.time_s = self.last_s;
         (health.estimated, health.not_estimated) = (self.summary.estimated, self.summary.not_estimated);
         health.stretches = self.stretches;
@@ -292,7 +315,7 @@ impl<'a> LiveEstimate<'a> {
             ..watch.health(key)
         };
         health.filters = self.watches.iter().map(of).collect();
-        self.writer.notice(&StreamEvent::Health(Box::new(health)))
+        health
     }
 
     fn notice(&mut self, event: &StreamEvent) -> io::Result<()> {
@@ -351,6 +374,7 @@ impl<'a> LiveEstimate<'a> {
         let again = match answer {
             StretchAnswer::Estimated(estimate) => {
                 self.begin_estimates(&part)?;
+                self.writer.name(&estimate.trajectories)?;
                 // First of all, so that nothing is told ahead of a signal that is noise.
                 let was_noise = self.noise.is_noise_only();
                 let contents = self.contents(&estimate, &part);
@@ -370,13 +394,26 @@ impl<'a> LiveEstimate<'a> {
         let behind = if self.settings.is_live { self.lag.take(last_s) } else { Duration::ZERO };
         let histogram = (&mut self.summary.latency, behind);
         let longest = self.arrivals.done(self.again + self.taken, histogram, before);
-        self.heartbeat.lagged(longest);
+        self.heartbeats.iter_mut().for_each(|heartbeat| heartbeat.lagged(longest));
         match self.lag.turn(behind) {
             Some(LagTurn::Behind(lag_s)) => self.notice(&StreamEvent::Behind { time_s: last_s, lag_s })?,
             Some(LagTurn::CaughtUp) => self.notice(&StreamEvent::CaughtUp { time_s: last_s })?,
             None => {}
         }
         Ok(again)
+    }
+
+    /// Follows how long the work takes, but for that of a beginning, which is searched for.
+    fn judge_work(&mut self, samples: u64, work: Duration, begins: bool) -> io::Result<()> {
+        if begins {
+            return Ok(());
+        }
+        self.work.take(samples, work);
+        self.summary.sustained_hz = self.work.sustained_hz();
+        let rate_hz = self.settings.rate_hz;
+        let (true, Some(time_s)) = (self.settings.is_live, self.last_s) else { return Ok(()) };
+        let Some(sustained_hz) = self.work.verdict(rate_hz) else { return Ok(()) };
+        self.notice(&StreamEvent::TooSlow { time_s, rate_hz, sustained_hz })
     }
 
     /// Some rows at the beginning of a part are not estimated.
@@ -410,7 +447,10 @@ impl<'a> LiveEstimate<'a> {
         }
         let begins_again = self.judge.begins_again();
         self.stretches += u64::from(!begins_again);
-        let Some(after_s) = self.last_s else { return Ok(()) };
+        let Some(after_s) = self.last_s else {
+            self.shared.first().into_iter().for_each(|first| self.lag.begin_with(first));
+            return Ok(());
+        };
         self.watches.iter_mut().for_each(|(_, watch)| watch.begin());
         self.judged.begin();
         self.ahead_before = self.ahead.counts;

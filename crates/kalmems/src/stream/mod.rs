@@ -26,7 +26,7 @@ pub use events::{Event, TrajectoryWatch};
 pub use latency::LatencyHistogram;
 pub use noise_only::{CYCLES, FOUND_BY_CHANCE, NoiseWatch, SignalContent};
 pub use order::{Order, OrderCounts, OrderSettings, OrderedEvent};
-pub use output::{SYNC, SYNC_AHEAD, StreamOutputs, is_frames, is_lines};
+pub use output::{SYNC, SYNC_AHEAD, StreamOutputs, Supervisor, is_frames, is_lines};
 pub use shared::{StreamCounts, StreamEnd};
 pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 
@@ -142,6 +142,12 @@ pub struct StreamSummary {
     pub interrupted: bool,
     /// How many later samples each estimate waits for; that time is in the latency.
     pub waits_for: usize,
+    /// How many samples could be estimated and written in a second.
+    #[serde(skip)]
+    pub sustained_hz: Option<f64>,
+    /// How many come in a second, as the experiment states it.
+    #[serde(skip)]
+    pub rate_hz: f64,
     /// How long each sample took from its arrival to its estimate.
     #[serde(skip)]
     pub latency: LatencyHistogram,
@@ -249,6 +255,7 @@ fn estimated(
     let settings = live::StreamSettings {
         rig,
         is_live,
+        rate_hz,
         head: around.head,
         skip_s: experiment.estimate.as_ref().map_or(0.0, |estimate| estimate.skip.si()),
         over: described.alarm_over.as_ref().map_or(WATCHED, |over| watched(over.si(), rate_hz)),
@@ -340,8 +347,9 @@ fn live_table(
         time,
         interval_s: 1.0 / described.rate.si(),
         longest_gap: longest_gap(layout, described.rate.si()),
-        reconnect: (described.reconnect.as_ref())
-            .map(|time| Duration::try_from_secs_f64(time.si()).unwrap_or(Duration::MAX)),
+        patience: [&described.reconnect, &described.idle].map(|time| {
+            time.as_ref().map(|time| Duration::try_from_secs_f64(time.si()).unwrap_or(Duration::MAX))
+        }),
     };
     Ok(LiveTable::new(connection, &described.input, &settings, shared))
 }

@@ -1,9 +1,11 @@
 //! The estimates of a stream, as lines and as frames.
 
+use super::supervision::Health;
 use crate::estimate::{PredictedPhase, Trajectory};
 use crate::recording::TimeOrigin;
 use serde::Serialize;
 use std::io::{self, Write};
+use std::time::Duration;
 
 /// What each frame of an estimate begins with.
 pub const SYNC: [u8; 4] = *b"kmEs";
@@ -21,16 +23,21 @@ pub fn is_frames(beginning: &[u8]) -> bool {
     [SYNC, SYNC_AHEAD].iter().any(|own| beginning.starts_with(own))
 }
 
-/// Where estimates and events go.
+/// Where estimates and events go. Each call of `write` has whole lines, or one whole frame.
 #[derive(Default)]
 pub struct StreamOutputs {
     /// Lines: estimates, events, and comments that name the columns.
     pub lines: Option<Box<dyn Write>>,
     /// Frames of estimates in binary.
     pub frames: Option<Box<dyn Write>>,
+    /// What hears by the time of day how the stream fares, and how often.
+    pub supervisor: Option<(Duration, Supervisor)>,
     /// What is told of the stream itself, its connection and its health, where no lines are written.
     pub notices: Option<Box<dyn Write>>,
 }
+
+/// Hears how a stream fares, on the thread that estimates: while it is called that thread is alive.
+pub type Supervisor = Box<dyn FnMut(&Health)>;
 
 /// Writes the estimates of all answers at the wanted rate.
 pub(super) struct StreamWriter {
@@ -73,10 +80,6 @@ impl StreamWriter {
     /// cell is empty where there is no number, and a line without any number ends with the reason. A frame is [`SYNC`], the answer's place (u16), the number of values (u16), and
     /// these values as f64, little-endian: the time, and mean and standard deviation of each state.
     pub(super) fn estimates(&mut self, trajectories: &[Trajectory]) -> io::Result<()> {
-        if !self.named {
-            self.named = true;
-            self.names(trajectories)?;
-        }
         self.samples.resize(trajectories.len(), self.before);
         for (place, trajectory) in trajectories.iter().enumerate() {
             for k in 0..trajectory.time_s.len() {
@@ -96,11 +99,8 @@ impl StreamWriter {
         let (Some(origin), false) = (origin, self.origin_told) else { return Ok(()) };
         self.origin_told = true;
         let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
-        write!(lines, "origin,{}", origin.seconds)?;
-        if let Some(utc) = &origin.utc {
-            write!(lines, ",{utc}")?;
-        }
-        writeln!(lines)
+        let utc = origin.utc.as_ref().map_or_else(String::new, |utc| format!(",{utc}"));
+        lines.write_all(format!("origin,{}{utc}\n", origin.seconds).as_bytes())
     }
 
     fn one(&mut self, place: usize, trajectory: &Trajectory, k: usize) -> io::Result<()> {
@@ -139,18 +139,21 @@ impl StreamWriter {
         Ok(())
     }
 
-    /// Says what the columns are, answer by answer.
-    fn names(&mut self, trajectories: &[Trajectory]) -> io::Result<()> {
-        let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
+    /// Says once what the columns are, answer by answer.
+    pub(super) fn name(&mut self, trajectories: &[Trajectory]) -> io::Result<()> {
+        let (Some(lines), false) = (&mut self.outputs.lines, self.named) else { return Ok(()) };
+        self.named = true;
+        let mut names = String::new();
         for trajectory in trajectories {
-            write!(lines, "# {},time_s", trajectory.key)?;
+            names += &format!("# {},time_s", trajectory.key);
             for state in &trajectory.states {
-                write!(lines, ",{}_{},{}_sd_{}", state.name, state.unit, state.name, state.unit)?;
+                names += &format!(",{}_{},{}_sd_{}", state.name, state.unit, state.name, state.unit);
             }
-            writeln!(lines)?;
+            names.push('\n');
         }
-        writeln!(lines, "# a line without numbers ends with the reason: stopped, no_signal or not_known")?;
-        writeln!(lines, "# event,what happened, as JSON")
+        names += "# a line without numbers ends with the reason: stopped, no_signal or not_known\n";
+        names += "# event,what happened, as JSON\n";
+        lines.write_all(names.as_bytes())
     }
 
     /// Writes what happened, in an answer where it is one's: a line `event,{…}`.
@@ -182,10 +185,17 @@ impl StreamWriter {
         frames.write_all(&self.line)
     }
 
+    /// Tells what hears it how the stream fares.
+    pub(super) fn supervise(&mut self, health: &Health) {
+        if let Some((_, supervisor)) = &mut self.outputs.supervisor {
+            supervisor(health);
+        }
+    }
+
     /// Says that samples up to a time in s need not be sent again: a line `acknowledged,time`.
     pub(super) fn acknowledged(&mut self, time_s: f64) -> io::Result<()> {
         if let Some(lines) = &mut self.outputs.lines {
-            writeln!(lines, "acknowledged,{time_s}")?;
+            lines.write_all(format!("acknowledged,{time_s}\n").as_bytes())?;
         }
         self.flush()
     }
@@ -205,7 +215,7 @@ fn write_events(output: &mut impl Write, key: Option<&str>, events: &[impl Seria
         if let (Some(key), Some(object)) = (key, value.as_object_mut()) {
             object.insert("estimator".to_owned(), key.into());
         }
-        writeln!(output, "event,{value}")?;
+        output.write_all(format!("event,{value}\n").as_bytes())?;
     }
     Ok(())
 }

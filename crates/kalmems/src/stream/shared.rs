@@ -16,6 +16,8 @@ pub struct StreamCounts {
     pub damaged_lines: u64,
     /// Bytes between frames.
     pub damaged_bytes: u64,
+    /// Frames whose checksum is another one.
+    pub damaged_frames: u64,
     /// Lines and frames that the end of the stream or a break of the connection cut off; they are no samples.
     pub cut_off: u64,
     /// How often the clock, or the count of the frames, went back.
@@ -66,6 +68,8 @@ struct SharedState {
     broken: Option<StreamEnd>,
     /// When bytes came last.
     heard: Option<Instant>,
+    /// When the first samples were read, and the time of the last of them in s.
+    first: Option<(Instant, f64)>,
     connected: bool,
     stopped: bool,
 }
@@ -83,21 +87,28 @@ impl Shared {
     /// Tells what was received now.
     pub(super) fn received(&self, order: OrderCounts, damage: Damage, passed_over: u64) {
         let mut known = self.known();
-        let Damage { lines, bytes, cut_off } = damage;
+        let Damage { lines, bytes, frames, cut_off } = damage;
         known.counts = StreamCounts {
             order,
             damaged_lines: lines,
             damaged_bytes: bytes,
+            damaged_frames: frames,
             cut_off,
             passed_over,
             ..known.counts
         };
     }
 
-    /// Bytes came.
-    pub(super) fn heard(&self) {
-        let mut known = self.known();
-        (known.heard, known.connected) = (Some(Instant::now()), true);
+    /// Samples came, the last of them in order of this time in s.
+    pub(super) fn heard(&self, last_s: Option<f64>) {
+        let (mut known, now) = (self.known(), Instant::now());
+        (known.heard, known.connected) = (Some(now), true);
+        known.first = known.first.or(last_s.map(|last_s| (now, last_s)));
+    }
+
+    /// When the first samples were read, and the time of the last of them in s.
+    pub(super) fn first(&self) -> Option<(Instant, f64)> {
+        self.known().first
     }
 
     /// A client went without a sample.

@@ -49,6 +49,15 @@ pub enum StreamEvent {
         /// Samples before it that are not estimated.
         not_estimated: u64,
     },
+    /// The estimates of the first samples have taken longer than the samples last: they will fall behind.
+    TooSlow {
+        /// The time of the newest estimate in s.
+        time_s: f64,
+        /// The rate of the samples, as the experiment states it.
+        rate_hz: f64,
+        /// The rate at which they can be estimated here.
+        sustained_hz: f64,
+    },
     /// The estimates are behind the samples: these come faster than they are estimated.
     Behind {
         /// The time of the newest estimate in s.
@@ -189,10 +198,12 @@ impl Heartbeat {
 
     /// What is known of the way, where it is time to tell it; what is known of the estimates is to be put in.
     pub(super) fn beat(&mut self, shared: &Shared) -> Option<Health> {
+        (self.last.elapsed() >= self.every?).then(|| self.measure(shared))
+    }
+
+    /// What is known of the way since the last time.
+    pub(super) fn measure(&mut self, shared: &Shared) -> Health {
         let since = self.last.elapsed();
-        if since < self.every? {
-            return None;
-        }
         let received = shared.counts();
         let new = received.order.passed.saturating_sub(self.received);
         let (connected, silent_s) = shared.silence();
@@ -200,7 +211,7 @@ impl Heartbeat {
         self.last = Instant::now();
         self.received = received.order.passed;
         let day = SystemTime::now().duration_since(UNIX_EPOCH);
-        Some(Health {
+        Health {
             unix_s: day.map_or(f64::NAN, |since| since.as_secs_f64()),
             running_s: self.begun.elapsed().as_secs_f64(),
             connected,
@@ -216,6 +227,6 @@ impl Heartbeat {
             staying: 0,
             noise_only: false,
             filters: Vec::new(),
-        })
+        }
     }
 }

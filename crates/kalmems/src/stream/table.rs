@@ -29,8 +29,8 @@ pub(super) struct LiveSettings {
     pub interval_s: f64,
     /// The most missing samples that rows stand for where there are no times.
     pub longest_gap: u64,
-    /// For how long a connection that broke is tried again.
-    pub reconnect: Option<Duration>,
+    /// For how long a connection that broke is tried again, and how long one may be silent.
+    pub patience: [Option<Duration>; 2],
 }
 
 /// A table whose rows are the samples of a connection in order; a block holds what has arrived.
@@ -112,7 +112,7 @@ impl LiveTable {
             StreamFormat::Text { .. } => "lines of numbers separated by commas",
             StreamFormat::Frames { .. } => "frames",
         };
-        let LiveSettings { wait, time, interval_s, longest_gap, reconnect } = *settings;
+        let LiveSettings { wait, time, interval_s, longest_gap, patience } = *settings;
         let order = OrderSettings {
             wait,
             bits: format.sequence_bits(),
@@ -128,7 +128,7 @@ impl LiveTable {
             shared: shared.clone(),
         };
         Self {
-            link: RetriedConnection::new(connection, reconnect),
+            link: RetriedConnection::new(connection, patience),
             piece: vec![0; PIECE].into_boxed_slice(),
             description: TableDescription {
                 format: "stream",
@@ -220,7 +220,7 @@ impl LiveTable {
         self.bytes += count as u64;
         if any {
             self.link.hear();
-            self.shared.heard();
+            self.shared.heard(self.ready.last_s);
         }
         if self.decoder.is_ended() {
             self.end();

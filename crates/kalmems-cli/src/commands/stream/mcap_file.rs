@@ -1,27 +1,30 @@
 //! Estimates and events as an MCAP file, which Foxglove and other programs open: a channel of JSON with its schema for each answer, and one for events.
 
+use super::mcap_writer::{MAGIC, McapWriter};
 use super::messages::{MessageReader, StreamMessage};
-use mcap::records::MessageHeader;
-use mcap::{McapError, WriteOptions};
+use super::rotation::{FileSeries, Rotation};
+use crate::CommandEnding;
 use serde_json::{Map, Value, json};
 use std::cell::RefCell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
+use std::path::Path;
 use std::rc::Rc;
+use std::time::{Duration, Instant};
 
 /// What such files say that they were written by.
 const LIBRARY: &str = concat!("kalmems ", env!("CARGO_PKG_VERSION"));
 
-/// Bytes of messages that are kept together, so that a reader finds its way: about a second of a thousand estimates.
-const CHUNK: u64 = 1 << 18;
+/// How long messages wait until their chunk is written.
+const WAIT: Duration = Duration::from_secs(5);
 
 /// The topic of events.
 const EVENTS: &str = "events";
 
 /// Whether a file that begins with these bytes was written here.
 pub fn is_own(beginning: &[u8]) -> bool {
-    beginning.starts_with(mcap::MAGIC) && beginning.windows(8).any(|bytes| bytes == b"kalmems ")
+    beginning.starts_with(&MAGIC) && beginning.windows(8).any(|bytes| bytes == b"kalmems ")
 }
 
 /// Takes the lines of a stream; clones write to the same file.
@@ -30,8 +33,11 @@ pub struct McapFile(Rc<RefCell<Open>>);
 
 struct Open {
     reader: MessageReader,
-    writer: mcap::Writer<BufWriter<File>>,
-    channels: HashMap<String, Channel>,
+    series: FileSeries,
+    writer: McapWriter<BufWriter<File>>,
+    /// When a chunk was written last.
+    written: Instant,
+    channels: HashMap<String, u16>,
     /// Where times count from, in whole nanoseconds.
     origin_ns: u64,
     /// The time of the last message: an event without a time has that, and waits where there is none yet.
@@ -41,30 +47,30 @@ struct Open {
     left_out: u64,
 }
 
-/// A channel that has been announced.
-struct Channel {
-    id: u16,
-    /// Messages so far.
-    count: u32,
-}
-
 impl McapFile {
     /// Begins a file.
-    pub fn begin(file: File) -> io::Result<Self> {
-        let options =
-            WriteOptions::new().library(LIBRARY).profile("").compression(None).chunk_size(Some(CHUNK));
-        let writer = options.create(BufWriter::new(file)).map_err(io::Error::other)?;
-        let (reader, channels) = (MessageReader::default(), HashMap::new());
-        let open =
-            Open { reader, writer, channels, origin_ns: 0, last_ns: None, waiting: Vec::new(), left_out: 0 };
-        Ok(Self(Rc::new(RefCell::new(open))))
+    pub fn begin(path: &Path, with: (bool, Rotation)) -> Result<Self, CommandEnding> {
+        let (series, file) = FileSeries::begin(path, is_own, with)?;
+        let writer = McapWriter::begin(BufWriter::new(file), LIBRARY);
+        let writer = writer.map_err(|e| CommandEnding::Wrong(format!("{}: {e}", path.display())))?;
+        Ok(Self(Rc::new(RefCell::new(Open {
+            reader: MessageReader::default(),
+            series,
+            writer,
+            written: Instant::now(),
+            channels: HashMap::new(),
+            origin_ns: 0,
+            last_ns: None,
+            waiting: Vec::new(),
+            left_out: 0,
+        }))))
     }
 
     /// Completes the file: how many messages were left out because they were of times before 1970.
     pub fn finish(&self) -> io::Result<u64> {
         let open = &mut *self.0.borrow_mut();
-        open.begin_at(open.origin_ns).map_err(io::Error::other)?;
-        open.writer.finish().map_err(io::Error::other)?;
+        open.begin_at(open.origin_ns)?;
+        open.writer.finish()?;
         Ok(open.left_out)
     }
 }
@@ -75,7 +81,7 @@ impl Write for McapFile {
         let mut messages = Vec::new();
         open.reader.take(bytes, |message| messages.push(message));
         for message in messages {
-            open.message(message).map_err(io::Error::other)?;
+            open.message(message)?;
         }
         Ok(bytes.len())
     }
@@ -86,7 +92,7 @@ impl Write for McapFile {
 }
 
 impl Open {
-    fn message(&mut self, message: StreamMessage) -> Result<(), McapError> {
+    fn message(&mut self, message: StreamMessage) -> io::Result<()> {
         match message {
             StreamMessage::Origin(seconds) => self.origin_ns = nanoseconds(seconds, 0).unwrap_or(0),
             StreamMessage::Estimate { key, time_s, values } => {
@@ -100,7 +106,7 @@ impl Open {
     }
 
     /// Writes the events that have waited for the first time there is, as this is it.
-    fn begin_at(&mut self, time: u64) -> Result<(), McapError> {
+    fn begin_at(&mut self, time: u64) -> io::Result<()> {
         self.last_ns.get_or_insert(time);
         for event in std::mem::take(&mut self.waiting) {
             self.write(EVENTS, None, &event)?;
@@ -108,7 +114,7 @@ impl Open {
         Ok(())
     }
 
-    fn write(&mut self, topic: &str, time_s: Option<f64>, content: &Value) -> Result<(), McapError> {
+    fn write(&mut self, topic: &str, time_s: Option<f64>, content: &Value) -> io::Result<()> {
         let time = match time_s {
             Some(time_s) => nanoseconds(time_s, self.origin_ns),
             None if self.last_ns.is_none() => {
@@ -123,23 +129,27 @@ impl Open {
         };
         self.begin_at(time)?;
         self.last_ns = Some(time);
-        if !self.channels.contains_key(topic) {
-            let schema = serde_json::to_vec(&schema(topic, content)).map_err(io::Error::from)?;
-            let name = format!("kalmems.{topic}");
-            let schema = self.writer.add_schema(&name, "jsonschema", &schema)?;
-            let id = self.writer.add_channel(schema, &format!("/{topic}"), "json", &BTreeMap::new())?;
-            self.channels.insert(topic.to_owned(), Channel { id, count: 0 });
+        if self.series.is_due(self.writer.bytes()) {
+            self.writer.finish()?;
+            self.writer = McapWriter::begin(BufWriter::new(self.series.next()?), LIBRARY)?;
+            self.channels.clear();
         }
-        let Some(channel) = self.channels.get_mut(topic) else { return Ok(()) };
-        let header = MessageHeader {
-            channel_id: channel.id,
-            sequence: channel.count,
-            log_time: time,
-            publish_time: time,
+        let channel = match self.channels.get(topic) {
+            Some(channel) => *channel,
+            None => {
+                let schema = serde_json::to_vec(&schema(topic, content))?;
+                let name = format!("kalmems.{topic}");
+                let channel = self.writer.announce(&format!("/{topic}"), &name, &schema);
+                self.channels.insert(topic.to_owned(), channel);
+                channel
+            }
         };
-        channel.count = channel.count.wrapping_add(1);
-        let content = serde_json::to_vec(content).map_err(io::Error::from)?;
-        self.writer.write_to_known_channel(&header, &content)
+        self.writer.message(channel, time, &serde_json::to_vec(content)?)?;
+        if self.written.elapsed() >= WAIT {
+            self.written = Instant::now();
+            self.writer.end_chunk()?;
+        }
+        Ok(())
     }
 }
 
@@ -169,12 +179,77 @@ fn nanoseconds(time_s: f64, origin_ns: u64) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mcap::read::Summary;
+    use mcap::sans_io::{
+        DecompressResult, Decompressor, IndexedReadEvent, IndexedReader, LinearReadEvent, LinearReader,
+        LinearReaderOptions,
+    };
+
+    /// The crate `mcap` has LZ4 by a library of C alone.
+    struct Lz4;
+
+    impl Decompressor for Lz4 {
+        fn next_read_size(&self) -> usize {
+            0
+        }
+
+        fn decompress(&mut self, src: &[u8], dst: &mut [u8]) -> mcap::McapResult<DecompressResult> {
+            io::Read::read_exact(&mut lz4_flex::frame::FrameDecoder::new(src), dst)?;
+            Ok(DecompressResult { consumed: src.len(), wrote: dst.len() })
+        }
+
+        fn reset(&mut self) -> mcap::McapResult<()> {
+            Ok(())
+        }
+
+        fn name(&self) -> &'static str {
+            "lz4"
+        }
+    }
+
+    /// The messages that an independent reader finds by the index of a file, whose checksums it has compared.
+    fn messages(bytes: &[u8]) -> Vec<(String, u64, Value)> {
+        let options =
+            LinearReaderOptions::default().with_emit_chunks(true).with_validate_summary_section_crc(true);
+        let (mut checked, mut rest) = (LinearReader::new_with_options(options), bytes);
+        while let Some(event) = checked.next_event() {
+            if let LinearReadEvent::ReadRequest(count) = event.unwrap() {
+                let count = io::Read::read(&mut rest, checked.insert(count)).unwrap();
+                checked.notify_read(count);
+            }
+        }
+        let summary = Summary::read(bytes).unwrap().unwrap();
+        let mut reader = IndexedReader::new(&summary).unwrap();
+        reader.add_decompressor(Lz4).unwrap();
+        let mut found = Vec::new();
+        while let Some(event) = reader.next_event() {
+            match event.unwrap() {
+                IndexedReadEvent::ReadChunkRequest { offset, length } => {
+                    let from = usize::try_from(offset).unwrap();
+                    reader.insert_chunk_record_data(offset, &bytes[from..from + length]).unwrap();
+                }
+                IndexedReadEvent::Message { header, data } => {
+                    let channel = &summary.channels[&header.channel_id];
+                    let schema = channel.schema.as_ref().unwrap();
+                    assert_eq!((&*schema.encoding, &*channel.message_encoding), ("jsonschema", "json"));
+                    let schema: Value = serde_json::from_slice(&schema.data).unwrap();
+                    assert_eq!(schema["type"], "object");
+                    let content = serde_json::from_slice(data).unwrap();
+                    found.push((channel.topic.clone(), header.log_time, content));
+                }
+            }
+        }
+        let told = summary.stats.unwrap();
+        assert_eq!(told.message_count, found.len() as u64);
+        assert_eq!(told.message_start_time, found.iter().map(|(_, time, _)| *time).min().unwrap());
+        found
+    }
 
     #[test]
     fn what_was_written_is_read_back_with_times_schemas_and_values() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
-        let file = McapFile::begin(File::create(&path).unwrap()).unwrap();
+        let file = McapFile::begin(&path, (false, Rotation::default())).unwrap();
         let text = "# ekf,time_s,angle_rad,angle_sd_rad\norigin,1700000000.25\nekf,-0.25,1e-1,\nekf,0.5,2e-1,3e-3\n\
                     event,{\"event\":\"zero_phase\",\"time_s\":0.625}\nevent,{\"event\":\"ended\"}\nekf,-1800000000,1,1\n";
         for piece in text.as_bytes().chunks(11) {
@@ -183,28 +258,10 @@ mod tests {
         assert_eq!(file.finish().unwrap(), 1);
         let bytes = std::fs::read(&path).unwrap();
         assert!(is_own(&bytes[..100]) && !is_own(b"\x89MCAP0\r\n of others"));
-        let found: Vec<(String, u64, Value)> = mcap::MessageStream::new(&bytes)
-            .unwrap()
-            .map(|message| {
-                let message = message.unwrap();
-                let schema = message.channel.schema.as_ref().unwrap();
-                assert_eq!(
-                    (schema.encoding.as_str(), &*message.channel.message_encoding),
-                    ("jsonschema", "json")
-                );
-                let schema: Value = serde_json::from_slice(&schema.data).unwrap();
-                assert_eq!(schema["type"], "object");
-                (
-                    message.channel.topic.clone(),
-                    message.log_time,
-                    serde_json::from_slice(&message.data).unwrap(),
-                )
-            })
-            .collect();
         let start = 1_700_000_000_000_000_000;
         let own = |topic: &str, ns: u64, value| (topic.to_owned(), start + ns, value);
         assert_eq!(
-            found,
+            messages(&bytes),
             [
                 own("/ekf", 0, json!({ "time_s": -0.25, "angle_rad": 0.1 })),
                 own("/ekf", 750_000_000, json!({ "time_s": 0.5, "angle_rad": 0.2, "angle_sd_rad": 0.003 })),
@@ -212,5 +269,31 @@ mod tests {
                 own("/events", 875_000_000, json!({ "event": "ended" })),
             ]
         );
+    }
+
+    #[test]
+    fn files_that_follow_each_other_are_complete_and_hold_every_message_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let rotation = Rotation { bytes: Some(200_000), every: None };
+        let file = McapFile::begin(&folder.path().join("a.mcap"), (false, rotation)).unwrap();
+        file.clone().write_all(b"# ekf,time_s,angle_rad\norigin,1700000000\n").unwrap();
+        for k in 0..40_000 {
+            file.clone().write_all(format!("ekf,{k},{:e}\n", f64::from(k).sqrt()).as_bytes()).unwrap();
+        }
+        assert_eq!(file.finish().unwrap(), 0);
+        let mut times = Vec::new();
+        let files: Vec<_> =
+            std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().path()).collect();
+        assert!((3..20).contains(&files.len()), "{files:?}");
+        for path in &files {
+            assert!(path.extension().is_some_and(|ending| ending == "mcap"), "{files:?}");
+            let found = messages(&std::fs::read(path).unwrap());
+            // Half the size and less of what they hold.
+            let text: usize = found.iter().map(|(_, _, content)| content.to_string().len() + 31).sum();
+            assert!(std::fs::metadata(path).unwrap().len() < text as u64, "{path:?}");
+            times.extend(found.into_iter().map(|(_, time, _)| time / 1_000_000_000 - 1_700_000_000));
+        }
+        times.sort_unstable();
+        assert!(times.into_iter().eq(0..40_000));
     }
 }

@@ -1,16 +1,13 @@
 //! Where `--to` sends the lines of a stream beside what they are written to.
 
 use super::NamedOutput;
+use super::mcap_file::McapFile;
+use super::rotation::Rotation;
 use super::viewer::{self, SCHEME as UDP, USUAL};
 use crate::CommandEnding;
+use crate::tell::tell;
 use std::io::{self, Write};
-#[cfg(feature = "mcap")]
-use {
-    super::mcap_file::{self, McapFile},
-    crate::tell::tell,
-    kalmems::results::create_file,
-    std::path::Path,
-};
+use std::path::Path;
 
 /// What the address of a file begins with.
 const MCAP: &str = "mcap://";
@@ -20,18 +17,22 @@ pub enum Watch {
     /// A program that draws them while they come.
     Viewer,
     /// A file for programs that draw them later.
-    #[cfg(feature = "mcap")]
     File(McapFile),
 }
 
 impl Watch {
     /// Opens what an address names; what takes the lines is put in the place of `written`, which takes them as well.
-    pub fn open(to: &str, written: &mut Option<Box<dyn Write>>, force: bool) -> Result<Self, CommandEnding> {
+    pub fn open(
+        to: &str,
+        written: &mut Option<Box<dyn Write>>,
+        with: (bool, Rotation),
+    ) -> Result<Self, CommandEnding> {
         let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(format!("`--to`: {e}"));
         let (watch, taker): (Self, Box<dyn Write>) = if let Some(address) = to.strip_prefix(UDP) {
             (Self::Viewer, Box::new(viewer::open(address).map_err(|e| wrong(&e))?))
         } else if let Some(path) = to.strip_prefix(MCAP) {
-            Self::file(path, force)?
+            let file = McapFile::begin(Path::new(path), with)?;
+            (Self::File(file.clone()), Box::new(file))
         } else {
             return Err(wrong(&format!(
                 "found `{to}`; expected an address such as `{UDP}{USUAL}` or a file such as `{MCAP}stream.mcap`"
@@ -46,25 +47,10 @@ impl Watch {
         Ok(watch)
     }
 
-    #[cfg(feature = "mcap")]
-    fn file(path: &str, force: bool) -> Result<(Self, Box<dyn Write>), CommandEnding> {
-        let file = create_file(Path::new(path), mcap_file::is_own, force);
-        let file = file.map_err(|e| CommandEnding::Wrong(e.to_string()))?;
-        let file = McapFile::begin(file).map_err(|e| CommandEnding::Wrong(format!("{path}: {e}")))?;
-        Ok((Self::File(file.clone()), Box::new(file)))
-    }
-
-    #[cfg(not(feature = "mcap"))]
-    fn file(_: &str, _: bool) -> Result<(Self, Box<dyn Write>), CommandEnding> {
-        let why = "`--to`: this build of the command has no MCAP files; build it with the feature `mcap`";
-        Err(CommandEnding::Wrong(why.to_owned()))
-    }
-
     /// Completes what was sent.
     pub fn finish(&self) -> Result<(), CommandEnding> {
         match self {
             Self::Viewer => {}
-            #[cfg(feature = "mcap")]
             Self::File(file) => {
                 let left_out = file.finish();
                 let left_out = left_out.map_err(|e| CommandEnding::Wrong(format!("the MCAP file: {e}")))?;
@@ -101,7 +87,9 @@ mod tests {
 
     #[test]
     fn another_address_is_refused_with_what_is_expected() {
-        let Err(CommandEnding::Wrong(why)) = Watch::open("tcp://127.0.0.1:9", &mut None, false) else {
+        let Err(CommandEnding::Wrong(why)) =
+            Watch::open("tcp://127.0.0.1:9", &mut None, (false, Rotation::default()))
+        else {
             panic!("accepted")
         };
         assert!(

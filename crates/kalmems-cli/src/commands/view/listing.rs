@@ -1,6 +1,7 @@
 //! The page that lists the results of a folder.
 
 use kalmems::figures::escaped;
+use kalmems::recording::Instant;
 use kalmems::results::{RUN_FILE, StoredResult};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -167,29 +168,12 @@ fn started(run: &str) -> Option<u64> {
     line.parse().ok().filter(|seconds| *seconds <= LAST_S)
 }
 
-/// A time as date and time of day in UTC, by the calendar that is still in use.
+/// A time as date and time of day in UTC.
 fn utc(seconds: u64) -> String {
-    let (days, second) = (seconds / 86_400, seconds % 86_400);
-    let leap = |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
-    let (mut year, mut day) = (1970, days);
-    loop {
-        let length = if leap(year) { 366 } else { 365 };
-        if day < length {
-            break;
-        }
-        day -= length;
-        year += 1;
-    }
-    let february = if leap(year) { 29 } else { 28 };
-    let mut month = 1;
-    for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
-        if day < length {
-            break;
-        }
-        day -= length;
-        month += 1;
-    }
-    format!("{year}-{month:02}-{:02} {:02}:{:02} UTC", day + 1, second / 3600, second / 60 % 60)
+    let time = i64::try_from(seconds).ok().and_then(|seconds| Instant::of_seconds(seconds).to_utc());
+    let time = time.unwrap_or_default();
+    let part = |range| time.get(range).unwrap_or_default();
+    format!("{} {} UTC", part(0..10), part(11..16))
 }
 
 /// A step of a path as a part of an address.

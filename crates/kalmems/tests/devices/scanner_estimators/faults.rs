@@ -437,11 +437,12 @@ fn every_fault_of_a_stream_is_told_and_its_estimate_right_within_100_cycles() {
     with_faults(1_200_000, 80);
 }
 
-/// 10⁸ samples with 1000 faults. Run it by itself, as the memory is that of the whole process.
+/// 10⁸ samples with 1000 faults, or as many as `KALMEMS_STREAM_SAMPLES` says. Run it by itself, as the memory is that of the whole process.
 #[test]
 #[ignore = "slow"]
 fn slow_a_long_stream_with_1000_faults_takes_constant_memory() {
-    let (_, judged) = with_faults(100_000_000, 1000);
+    let samples = std::env::var("KALMEMS_STREAM_SAMPLES").map_or(100_000_000, |count| count.parse().unwrap());
+    let (_, judged) = with_faults(samples, 1000);
     let memory: Vec<u64> = judged.memory.iter().map(|(_, kib)| *kib).collect();
     let tenth = memory.len() / 10;
     let most = |of: &[u64]| of.iter().copied().max().unwrap();

@@ -1,0 +1,336 @@
+//! A stream that runs for days: files that follow each other, what watches it, and what it says of its own speed.
+#![cfg(unix)]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::os::unix::net::UnixDatagram;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+fn example(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../examples/shared_scanner")
+        .join(file)
+        .canonicalize()
+        .unwrap()
+}
+
+/// The example with these lines in `[stream]`, in a folder.
+fn streaming(folder: &Path, lines: &str) -> PathBuf {
+    let text = fs::read_to_string(example("stream.toml")).unwrap();
+    assert!(text.contains("every = 10"));
+    let experiment = folder.join("stream.toml");
+    fs::write(&experiment, text.replace("every = 10", &format!("{lines}\nevery = 10"))).unwrap();
+    experiment
+}
+
+fn kalmems(experiment: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_kalmems"));
+    command.arg("stream").arg(experiment).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// Waits until something is so.
+fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !is_so() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "{what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+}
+
+/// The files of a folder that are completed, by their names in order of time, and then the present one.
+fn series(folder: &Path, stem: &str, present: &str) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = (fs::read_dir(folder).unwrap())
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(&format!("{stem}-")))
+        .collect();
+    // `x-T.txt` is before `x-T-2.txt`.
+    files.sort_by_key(|path| {
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        let mut parts = name.splitn(3, '-').skip(1).map(str::to_owned);
+        (parts.next().unwrap(), parts.next().map_or(1, |number| number.parse::<u32>().unwrap()))
+    });
+    files.push(folder.join(present));
+    files
+}
+
+#[test]
+fn files_that_follow_each_other_hold_together_what_one_holds_and_each_says_how_to_read_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = example("recording.csv");
+    let whole = kalmems(&example("stream.toml")).arg("--from").arg(&recording).output().unwrap();
+    let whole = String::from_utf8(whole.stdout).unwrap();
+    let output = kalmems(&example("stream.toml"))
+        .current_dir(folder.path())
+        .arg("--from")
+        .arg(&recording)
+        .args(["--lines", "l.txt", "--frames", "f.bin", "--rotate-size", "200 kB"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let files = series(folder.path(), "l", "l.txt");
+    assert!(files.len() > 3, "{files:?}");
+    let mut lines = Vec::new();
+    for path in &files {
+        let text = fs::read_to_string(path).unwrap();
+        assert!(text.starts_with("# ekf,time_s,angle_rad") && text.ends_with('\n'), "{path:?}");
+        assert!(text.len() < 300_000, "{path:?}");
+        lines.extend(
+            text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>(),
+        );
+    }
+    assert!(lines.iter().map(String::as_str).eq(whole.lines().filter(|line| !line.starts_with('#'))));
+    let files = series(folder.path(), "f", "f.bin");
+    assert!(files.len() > 2, "{files:?}");
+    for path in &files {
+        let bytes = fs::read(path).unwrap();
+        let mut rest = &bytes[..];
+        while !rest.is_empty() {
+            assert!(rest.starts_with(b"kmEs") || rest.starts_with(b"kmZp"), "{path:?}");
+            rest = &rest[8 + 8 * usize::from(u16::from_le_bytes([rest[6], rest[7]]))..];
+        }
+    }
+    for (option, value, expected) in [
+        ("--rotate-size", "5", "expected a size of 1 kB or more such as `100 MB`"),
+        ("--rotate-every", "1 ms", "expected a time of 1 s or more such as `1 h`"),
+        ("--rotate-every", "1 V", "1 V"),
+    ] {
+        let output = kalmems(&example("stream.toml")).args([option, value]).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            output.status.code() == Some(1) && said.contains(option) && said.contains(expected),
+            "{said}"
+        );
+    }
+}
+
+/// A hang-up completes the files; the experiment is not read again, and no sample is lost.
+#[test]
+fn a_hangup_begins_the_next_file_and_ends_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = streaming(folder.path(), "");
+    let bytes = fs::read(example("recording.csv")).unwrap();
+    let half = bytes.split(|byte| *byte == b'\n').take(12_001).map(|line| line.len() + 1).sum::<usize>();
+    let mut child = kalmems(&experiment)
+        .current_dir(folder.path())
+        .args(["--lines", "l.txt", "--to", "mcap://m.mcap", "--json"])
+        .spawn()
+        .unwrap();
+    let mut input = child.stdin.take().unwrap();
+    input.write_all(&bytes[..half]).unwrap();
+    let count = |path: &Path| {
+        let text = fs::read_to_string(path).unwrap_or_default();
+        text.lines().filter(|line| line.starts_with("ekf,")).count()
+    };
+    let lines = folder.path().join("l.txt");
+    wait_until("estimates of the first half", || count(&lines) >= 1199);
+    fs::write(&experiment, "this is no experiment").unwrap();
+    signal(&child, "-HUP");
+    std::thread::sleep(Duration::from_millis(200));
+    // As logrotate does.
+    input.write_all(&bytes[half..half + 50_000]).unwrap();
+    wait_until("the next file", || series(folder.path(), "l", "l.txt").len() == 2 && count(&lines) > 0);
+    fs::rename(&lines, folder.path().join("l-20991231T000000Z.txt")).unwrap();
+    fs::write(&lines, "").unwrap();
+    signal(&child, "-HUP");
+    std::thread::sleep(Duration::from_millis(200));
+    input.write_all(&bytes[half + 50_000..]).unwrap();
+    drop(input);
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    let summary: serde_json::Value = serde_json::from_str(&said[said.find('{').unwrap()..]).unwrap();
+    assert_eq!((&summary["estimated"], &summary["interrupted"]), (&24_001.into(), &false.into()));
+    let files = series(folder.path(), "l", "l.txt");
+    assert_eq!(files.len(), 3, "{files:?}");
+    assert_eq!(files.iter().map(|path| count(path)).sum::<usize>(), 2401);
+    assert_eq!(series(folder.path(), "m", "m.mcap").len(), 3);
+}
+
+#[test]
+fn a_service_is_ready_shows_the_watchdog_that_it_lives_and_says_when_it_stops() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, metrics) = (folder.path().join("notify"), folder.path().join("kalmems.prom"));
+    let socket = UnixDatagram::bind(&path).unwrap();
+    socket.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    let next = || {
+        let mut bytes = [0; 4096];
+        let count = socket.recv(&mut bytes).unwrap();
+        String::from_utf8(bytes[..count].to_vec()).unwrap()
+    };
+    let child = kalmems(&example("stream.toml"))
+        .args(["--from", "listen://127.0.0.1:0", "--metrics"])
+        .arg(&metrics)
+        .env("NOTIFY_SOCKET", &path)
+        .env("WATCHDOG_USEC", "400000")
+        .spawn()
+        .unwrap();
+    assert_eq!(next(), "READY=1");
+    // No samples come, and it is alive.
+    let mut last = Instant::now();
+    for beat in 0..10 {
+        let told = next();
+        assert!(told.starts_with("WATCHDOG=1\nSTATUS=not connected, 0 samples"), "{told}");
+        assert!(beat == 0 || last.elapsed() < Duration::from_millis(400), "{:?}", last.elapsed());
+        last = Instant::now();
+    }
+    signal(&child, "-TERM");
+    let told = loop {
+        let told = next();
+        if !told.starts_with("WATCHDOG") {
+            break told;
+        }
+    };
+    assert_eq!(told, "STOPPING=1");
+    assert_eq!(child.wait_with_output().unwrap().status.code(), Some(130));
+    assert!(fs::read_to_string(&metrics).unwrap().contains("\nkalmems_stream_connected 0\n"));
+}
+
+/// The text format of Prometheus: a line of a name, labels and a number, all of a name behind its type.
+#[test]
+fn metrics_hold_what_health_holds_and_are_complete_at_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let metrics = folder.path().join("kalmems.prom");
+    let output = kalmems(&example("stream.toml"))
+        .arg("--from")
+        .arg(example("recording.csv"))
+        .arg("--metrics")
+        .arg(&metrics)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = fs::read_to_string(&metrics).unwrap();
+    let (mut values, mut name) = (BTreeMap::new(), "");
+    for line in text.lines() {
+        if let Some(announced) = line.strip_prefix("# TYPE ") {
+            name = announced.strip_suffix(" untyped").unwrap();
+            continue;
+        }
+        let (sample, value) = line.rsplit_once(' ').unwrap();
+        assert_eq!(sample.split('{').next(), Some(name), "{line}");
+        assert!(values.insert(sample.to_owned(), value.parse::<f64>().unwrap()).is_none(), "{line}");
+    }
+    let value = |name: &str| values.get(&format!("kalmems_stream_{name}")).copied();
+    assert_eq!(
+        (value("estimated"), value("passed"), value("dropped")),
+        (Some(24_001.0), Some(24_001.0), Some(0.0))
+    );
+    assert_eq!(value("filter_lock{estimator=\"ekf\",lock=\"held\"}"), Some(1.0));
+    assert!(
+        value("filter_mean_nis{estimator=\"ekf\"}").is_some_and(|nis| (0.3..3.0).contains(&nis)),
+        "{text}"
+    );
+    assert!(value("unix_s").is_some_and(|unix_s| unix_s > 1.7e9), "{text}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+/// A client that connected, sent samples and is silent holds a listener for the idle limit and no longer.
+#[test]
+fn a_listener_leaves_a_silent_client_after_the_idle_limit() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = streaming(folder.path(), "idle = \"0.3 s\"\nreconnect = \"60 s\"");
+    let mut child = kalmems(&experiment).args(["--json", "--from", "listen://127.0.0.1:0"]).spawn().unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    let address = line.trim().rsplit(' ').next().unwrap();
+    let bytes = fs::read(example("recording.csv")).unwrap();
+    let half = bytes.split(|byte| *byte == b'\n').take(12_001).map(|line| line.len() + 1).sum::<usize>();
+    let output = child.stdout.take().unwrap();
+    let lines = std::thread::spawn(move || std::io::read_to_string(output).unwrap());
+    let mut silent = TcpStream::connect(address).unwrap();
+    silent.write_all(&bytes[..half]).unwrap();
+    let mut other = TcpStream::connect(address).unwrap();
+    other.write_all(&[&bytes[half..], b"# end\n"].concat()).unwrap();
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
+    let summary: serde_json::Value = serde_json::from_str(&rest[rest.find('{').unwrap()..]).unwrap();
+    assert_eq!((&summary["estimated"], &summary["received"]["breaks"]), (&24_001.into(), &1.into()));
+    let lines = lines.join().unwrap();
+    assert!(lines.contains("\"event\":\"disconnected\",\"why\":\"no sample came for 0.3 s\""), "{rest}");
+    drop(silent);
+}
+
+/// Samples that wait in the system are behind by their own time, though this program reads them late and estimates them at once.
+#[test]
+fn estimates_that_a_slow_reader_holds_up_are_behind_by_the_times_of_the_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = streaming(folder.path(), "heartbeat = \"0.1 s\"");
+    let text = fs::read_to_string(&experiment).unwrap();
+    fs::write(&experiment, text.replace("every = 10", "every = 1")).unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp://{}", listener.local_addr().unwrap());
+    let mut child = kalmems(&experiment).args(["--from", &address]).spawn().unwrap();
+    let (mut connection, _) = listener.accept().unwrap();
+    let bytes = fs::read(example("recording.csv")).unwrap();
+    let sender = std::thread::spawn(move || {
+        connection.write_all(&[&bytes[..], b"# end\n"].concat()).unwrap();
+        connection
+    });
+    let mut output = BufReader::new(child.stdout.take().unwrap());
+    let (mut line, mut count) = (String::new(), 0);
+    while count < 6000 {
+        line.clear();
+        assert!(output.read_line(&mut line).unwrap() > 0);
+        count += usize::from(line.starts_with("ekf,"));
+    }
+    std::thread::sleep(Duration::from_millis(1500));
+    let mut rest = String::new();
+    output.read_to_string(&mut rest).unwrap();
+    sender.join().unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let said = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{said}");
+    let events = || rest.lines().filter_map(|line| serde_json::from_str(line.strip_prefix("event,")?).ok());
+    let named = |name: &str| -> Vec<serde_json::Value> {
+        events().filter(|event: &serde_json::Value| event["event"] == name).collect()
+    };
+    let behind = named("behind");
+    let [behind] = &behind[..] else { panic!("{behind:?}") };
+    assert!(behind["lag_s"].as_f64().unwrap() > 0.25, "{behind}");
+    let lags = named("health");
+    let lag_s = lags.iter().filter_map(|health| health["lag_s"].as_f64()).fold(0.0, f64::max);
+    assert!((1.4..30.0).contains(&lag_s), "{lags:?}");
+    // Half of the samples were estimated behind the pause.
+    let half = said.lines().find(|line| line.contains("from arrival to estimate")).unwrap();
+    let half = half.split("half within ").nth(1).unwrap().split(' ').next().unwrap();
+    assert!(half.parse::<f64>().unwrap() > 1e6, "{said}");
+}
+
+/// What the book shows of it is in it.
+#[test]
+fn the_unit_that_is_shipped_starts_a_stream() {
+    let folder = tempfile::tempdir().unwrap();
+    let unit = fs::read_to_string(example("../service/kalmems-stream.service")).unwrap();
+    let book = fs::read_to_string(example("../../book/src/live.md")).unwrap();
+    let shown = book.split("    [Service]\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    assert!(shown.lines().count() > 8, "{shown}");
+    for line in shown.lines() {
+        assert!(unit.lines().any(|own| own.trim() == line.trim()), "{line}");
+    }
+    let whole = unit.replace("\\\n", " ");
+    let mut command = whole.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap().to_owned();
+    for (from, to) in [
+        ("/usr/local/bin/kalmems", env!("CARGO_BIN_EXE_kalmems")),
+        ("/etc/kalmems/stream.toml", example("stream.toml").to_str().unwrap()),
+        ("tcp://instrument:4000", example("recording.csv").to_str().unwrap()),
+        ("/var/lib/kalmems", folder.path().to_str().unwrap()),
+    ] {
+        assert!(command.contains(from), "{command}");
+        command = command.replace(from, to);
+    }
+    let output = Command::new("sh").args(["-c", &command]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    for name in ["state.json", "stream.mcap", "stream.prom"] {
+        assert!(fs::metadata(folder.path().join(name)).unwrap().len() > 100, "{name}");
+    }
+}

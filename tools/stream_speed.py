@@ -1,0 +1,139 @@
+#!/usr/bin/env python3
+"""How many samples `kalmems stream` estimates in a second, and how late its estimates are, each against a program that only copies.
+
+    tools/stream_speed.py target/release/kalmems [--samples 3000000] [--paced 20000] [--rate 5000]
+
+Every sample of the scanner's example comes as a frame and its estimate goes out as a frame, by one extended Kalman filter of two states and by the example
+as it is shipped. A copy of the same bytes by Python, in the same run and over the same kinds of connection, is what all numbers are compared with.
+The program runs on one core where `taskset` is there. Standard library alone; nothing is asserted."""
+
+import argparse
+import os
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+EXAMPLE = ROOT / "examples" / "shared_scanner"
+TEXT = '[stream.input.text]\ncolumns = ["time_s", "drive_V", "cap_V"]'
+FRAMES = '[stream.input.frames]\nsync = "a55a"\nfields = ["f64 time_s", "f32 drive_V", "f32 cap_V"]'
+COPY = "import os,sys,socket\nf=socket.create_connection(('127.0.0.1',int(sys.argv[1]))).fileno()\nwhile b:=os.read(f,65536): os.write(1,b)"
+# Rows of the recording that are whole periods of its drive, so that it can be repeated.
+PERIOD = 20_000
+
+
+def experiments(folder):
+    """One filter of two states, and the example with all that it has."""
+    shipped = (EXAMPLE / "stream.toml").read_text().replace(TEXT, FRAMES).replace("every = 10 ", "every = 1 ")
+    lines = [line for line in shipped.split("\n") if not line.startswith(("phase =", "states =", "smooth_lag =", "ahead =", "[stream.trigger]"))]
+    for name, text in (("one EKF of two states", "\n".join(lines)), ("the shipped example", shipped)):
+        path = folder / f"{name.replace(' ', '_')}.toml"
+        path.write_text(text)
+        yield name, path
+
+
+def samples(count):
+    rows = [line.split(",") for line in (EXAMPLE / "recording.csv").read_text().split("\n")[1:] if line]
+    values = [(float(drive), float(signal)) for _, drive, signal in rows[:PERIOD]]
+    pack = struct.Struct("<2sdff").pack
+    return [pack(b"\xa5\x5a", k * 1e-6, *values[k % PERIOD]) for k in range(count)]
+
+
+def on_one_core(command):
+    return (["taskset", "-c", "0"] if shutil.which("taskset") else []) + command
+
+
+def start(command, listener, out):
+    process = subprocess.Popen(on_one_core(command), stdout=out, stderr=subprocess.PIPE)
+    connection, _ = listener.accept()
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return process, connection
+
+
+def sustained(command, listener, data):
+    """Samples in a second of the processor's time and of the clock's, from the first byte to the end."""
+    process, connection = start(command, listener, subprocess.DEVNULL)
+    begun, before = time.perf_counter(), os.times().children_user + os.times().children_system
+    connection.sendall(data)
+    connection.close()
+    process.communicate()
+    after = os.times().children_user + os.times().children_system
+    return time.perf_counter() - begun, after - before
+
+
+def latencies(command, listener, frames, rate, size, waits):
+    """Times in s from the sending of a sample to the frame that it completes, of samples that are sent at a rate."""
+    into, out = os.pipe()
+    process, connection = start(command, listener, out)
+    os.close(out)
+    got = []
+
+    def read():
+        while piece := os.read(into, 1 << 16):
+            got.append((time.perf_counter(), len(piece)))
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    # The settling time at once: what is late is judged behind it.
+    head = 9000
+    connection.sendall(b"".join(frames[:head]))
+    time.sleep(1.0)
+    sent = []
+    begun = time.perf_counter()
+    for k, frame in enumerate(frames[head:]):
+        while time.perf_counter() < begun + k / rate:
+            time.sleep(0)
+        sent.append(time.perf_counter())
+        connection.sendall(frame)
+    time.sleep(0.2)
+    connection.sendall(b"# end\n")
+    connection.close()
+    process.communicate()
+    reader.join()
+    came, total = [], 0
+    for when, count in got:
+        total += count
+        came.extend([when] * (total // size - len(came)))
+    pairs = [(sent[k - head], came[k - waits]) for k in range(head, len(frames)) if k - waits < len(came)]
+    return sorted(after - before for before, after in pairs)
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("kalmems", type=Path)
+    arguments.add_argument("--samples", type=int, default=3_000_000)
+    arguments.add_argument("--paced", type=int, default=20_000)
+    arguments.add_argument("--rate", type=float, default=5000.0)
+    given = arguments.parse_args()
+    binary = str(given.kalmems.resolve())
+    listener = socket.create_server(("127.0.0.1", 0))
+    port = listener.getsockname()[1]
+    copy = [sys.executable, "-c", COPY, str(port)]
+    frames = samples(max(given.samples, given.paced + 9000))
+    data = b"".join(frames[: given.samples]) + b"# end\n"
+    with tempfile.TemporaryDirectory() as folder:
+        found = list(experiments(Path(folder)))
+        stream = lambda path: [binary, "stream", str(path), "--from", f"tcp://127.0.0.1:{port}", "--frames", "-"]
+        print(f"{given.samples} samples as fast as they are taken, in s of the clock and of the processor")
+        for name, command in [("copy", copy)] + [(name, stream(path)) for name, path in found]:
+            clock_s, work_s = sustained(command, listener, data)
+            print(f"  {name:24} {clock_s:7.2f} {work_s:7.2f}   {given.samples / clock_s / 1e6:6.2f} M samples/s")
+        print(f"{given.paced} samples at {given.rate:.0f} Hz: from sending to the frame that it completes, in us")
+        paced = frames[: given.paced + 9000]
+        size = len(frames[0])
+        for name, command, size, waits in [("copy", copy, size, 0)] + [
+            (name, stream(path), 8 + 8 * 5, 2) for name, path in found[:1]
+        ]:
+            times = latencies(command, listener, paced, given.rate, size, waits)
+            quantile = lambda share: 1e6 * times[min(int(share * len(times)), len(times) - 1)]
+            print(f"  {name:24} half {quantile(0.5):6.0f}   90 % {quantile(0.9):6.0f}   99 % {quantile(0.99):6.0f}   99.9 % {quantile(0.999):6.0f}")
+
+
+if __name__ == "__main__":
+    main()
