@@ -1,7 +1,7 @@
 //! Clocks that a file states beside its samples, channel by channel: those that agree become the time of the table.
 
 use crate::lanes::PaddedLane;
-use crate::records::{CellKind, RecordField, RecordLane};
+use crate::records::{CellKind, RecordField, RecordLane, StoredCell};
 use crate::{Column, Instant};
 use std::fmt::{self, Write as _};
 
@@ -256,12 +256,11 @@ impl RecordField {
     /// Begins so many rows later, of so many in all: what is before and behind is missing.
     fn begin_later(&mut self, lead: u64, rows: u64, lanes: &mut [Box<dyn RecordLane>]) {
         let present = lead..lead + self.rows;
-        if let CellKind::Numbers { lane, .. } = self.cells
+        if let CellKind::Stored { lane, cell: StoredCell::Number(_), .. } = self.cells
             && let Some(lane) = lanes.get_mut(lane)
         {
             let inner = std::mem::replace(lane, Box::new(PaddedLane::NONE));
-            *lane = Box::new(PaddedLane::new(inner, present.clone()));
-            self.present = Some(present);
+            *lane = Box::new(PaddedLane::new(inner, present));
             self.rows = rows;
         }
     }

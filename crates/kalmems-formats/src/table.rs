@@ -25,7 +25,7 @@ pub struct TableDescription {
 }
 
 /// By what a file is known to be a table of numbers, so that messages may show what its names and cells are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TableEvidence {
     /// Its format, which holds tables and nothing else.
     Format,
@@ -35,6 +35,7 @@ pub enum TableEvidence {
     Rows,
     /// Nothing: a text of another kind, or one whose first rows are empty. It may be a file that was not meant, and what it
     /// holds belongs in no message.
+    #[default]
     Nothing,
 }
 
