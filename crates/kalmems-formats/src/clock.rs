@@ -7,6 +7,8 @@ use std::fmt::{self, Write as _};
 
 /// How far a start may be from a whole number of samples, in samples.
 const WHOLE: f64 = 0.01;
+/// Rows of a text that are held until another waveform begins.
+const MOST_ROWS_LATER: u64 = 1 << 16;
 /// Begins of a clock that are named.
 const NAMED: usize = 4;
 
@@ -224,6 +226,28 @@ fn samples_later((of, name): (&[RegularTimes], &str), other: &[RegularTimes]) ->
     #[allow(clippy::cast_possible_truncation)] // within the bound
     let whole = whole as i64;
     Ok(whole)
+}
+
+/// Waveforms of one table: the time of the first row, and the rows by which each begins later; in words why they do not stand beside each
+/// other. There is at least one.
+pub(crate) fn rows_later(names: &[String], waveforms: &[RegularTimes]) -> Result<(f64, Vec<u64>), String> {
+    let first = waveforms.first().ok_or("no waveform")?;
+    let of = (std::slice::from_ref(first), names.first().map_or("", String::as_str));
+    let mut later = Vec::new();
+    for (name, waveform) in names.iter().zip(waveforms) {
+        let samples = samples_later(of, std::slice::from_ref(waveform));
+        later.push(samples.map_err(|why| format!("`{name}`: {why}"))?);
+    }
+    let earliest = later.iter().copied().min().unwrap_or(0);
+    let start_s = waveforms.iter().map(|waveform| waveform.start_s).fold(f64::INFINITY, f64::min);
+    let rows: Vec<u64> = later.into_iter().map(|samples| samples.abs_diff(earliest)).collect();
+    match rows.iter().position(|rows| *rows > MOST_ROWS_LATER) {
+        Some(place) => Err(format!(
+            "`{}` begins {} samples later; at most {MOST_ROWS_LATER} are held",
+            names[place], rows[place]
+        )),
+        None => Ok((start_s, rows)),
+    }
 }
 
 /// A number of ten digits in a message.

@@ -342,7 +342,7 @@ which: `format = { kind = \"csv\", separator = \",\" }` in the table that names 
 two decimal marks: `2.5` in line 3 and `1,5` in line 2; expected one decimal mark, which the settings can say: \
 `format = { kind = \"csv\", decimal = \",\" }` in the table that names the file
 waveforms with times of their own: CSV: a file of a Keysight Infiniium oscilloscope with times of its own for each waveform (`XOrg`, \
-`XInc`) is not read; save those with the same times in a file of their own, or with pairs of time and value
+`XInc`; `Channel 2`: it starts 5e-7 s after `Channel 1`: 0.5 samples, no whole number) is not read; save those with the same times in a file of their own, or with pairs of time and value
 LabOne sweep: CSV: a LabOne file with a line for each field, such as sweeps are saved in, is not read; save samples \
 (`chunk;timestamp;x;y;…`), or as HDF5
 words above blanks: 3 words in line 1 above rows of 2 numbers between blanks; expected a name for each column, in the \
@@ -713,4 +713,51 @@ fn lines_of_words_above_rows_that_may_all_be_names_are_refused_with_what_to_writ
         said.contains("lines 2 to 3 each hold as many words") && said.contains("header_line = 3"),
         "{said}"
     );
+}
+
+/// Waveforms that begin a whole number of samples later than others stand in the rows of their times.
+#[test]
+fn waveforms_that_begin_later_stand_in_the_rows_of_their_times() {
+    let infiniium = "Revision:,1,1\nType:,raw,raw\nPoints:,4,4\nXInc:,1e-3,1e-3\nXOrg:,0.5,0.502\nData:\n\
+                     1,10\n2,20\n3,---\n4,40\n";
+    let yokogawa = "\"Header Size\",4\n\"TraceName\",\"Channel 1\",\"Channel 2\"\n\"HResolution\",1e-3,1e-3\n\
+                    \"HOffset\",0.5,0.502\n,1,10\n,2,20\n,3,---\n,4,40\n";
+    // The second channel begins 2 ms later: 5 ms by its date, less 3 ms by its own start.
+    let labview = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tNo\nX_Columns\tNo\n\
+                   ***End_of_Header***\t\nChannels\t2\nDate\t2026/03/01\t2026/03/01\n\
+                   Time\t23:59:59.998\t23:59:60.003\nX_Dimension\tTime\tTime\nX0\t0.5\t0.497\nDelta_X\t1e-3\t1e-3\n\
+                   ***End_of_Header***\nX_Value\tChannel 1\tChannel 2\tComment\n\t1\t10\n\t2\t20\n\t3\t---\n\t4\t40\n";
+    for (what, file) in [("Infiniium", infiniium), ("Yokogawa", yokogawa), ("LabVIEW", labview)] {
+        for capacity in [1, 3, 100] {
+            let table = text(file, &CsvHints::default()).unwrap_or_else(|error| panic!("{what}: {error}"));
+            let said = table.description().recognised.clone();
+            assert!(said.contains("begins 2 samples later"), "{said}");
+            let block = whole(table, capacity).unwrap();
+            assert_eq!(block.numbers[0], [0.5, 0.501, 0.502, 0.503, 0.504, 0.505], "{what}");
+            let nan = f64::NAN;
+            for (column, expected) in
+                [(1, [1.0, 2.0, 3.0, 4.0, nan, nan]), (2, [nan, nan, 10.0, 20.0, nan, 40.0])]
+            {
+                let bits = |numbers: &[f64]| numbers.iter().map(|n| n.to_bits()).collect::<Vec<_>>();
+                assert_eq!(
+                    bits(&block.numbers[column]),
+                    bits(&expected),
+                    "{what}, {capacity} rows at a time"
+                );
+            }
+            let faults: Vec<_> = block.faults.iter().map(|f| (f.row, f.column, f.fault.clone())).collect();
+            let missing = |row, column| (row, Some(column), CellFinding::Missing);
+            let nothing = (4, Some(2), CellFinding::Nan("---".to_owned()));
+            assert_eq!(faults.len(), 5, "{what}: {faults:?}");
+            for fault in [missing(0, 2), missing(1, 2), missing(4, 1), nothing, missing(5, 1)] {
+                assert!(faults.contains(&fault), "{what}, {capacity} rows at a time: {faults:?}");
+            }
+        }
+    }
+    let records = labview.replace("Multi_Headings\tNo", "Multi_Headings\tYes");
+    let error = text(&records, &CsvHints::default()).err().unwrap().to_string();
+    assert!(error.contains("`Channel 2_") || error.contains("`Channel 2`"), "{error}");
+    let far = infiniium.replace("0.502", "900");
+    let error = text(&far, &CsvHints::default()).err().unwrap().to_string();
+    assert!(error.contains("at most 65536 are held"), "{error}");
 }

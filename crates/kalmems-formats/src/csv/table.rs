@@ -3,6 +3,7 @@
 use super::cell::{CellReader, DigitGroups};
 use super::dialect::{ColumnOrigin, Dialect, Heading, RecordShape, marks};
 use super::input::CsvInput;
+use super::later::LaterWaveforms;
 use super::number::quick;
 use super::split::{BLANKS, Split};
 use crate::{
@@ -82,6 +83,8 @@ pub(super) struct CsvTable {
     empty: (u64, u64),
     /// Whether it was told that the last line has no end.
     end_is_told: bool,
+    /// Columns whose values belong to later rows.
+    later: LaterWaveforms,
     /// Memory that is used again.
     split: Split,
     cells: CellReader,
@@ -161,6 +164,7 @@ impl CsvTable {
             blank: (0, 0),
             empty: (0, 0),
             end_is_told: false,
+            later: LaterWaveforms::default(),
             split: Split::default(),
             cells: CellReader::default(),
             numbers: Vec::new(),
@@ -178,7 +182,9 @@ impl CsvTable {
         let number_of = |cell: usize| self.uses.iter().take(cell).filter(|usage| usage.is_number()).count();
         let (decimal, factor) = (10_f64.powi(unit.power), f64::from(unit.factor));
         match self.origin(column) {
-            Some(ColumnOrigin::Cell(cell)) => NumberSource::Cell(number_of(cell)),
+            Some(ColumnOrigin::Cell(cell) | ColumnOrigin::Later { cell, .. }) => {
+                NumberSource::Cell(number_of(cell))
+            }
             Some(ColumnOrigin::Affine { cell, start, step }) => NumberSource::Affine {
                 cell: number_of(cell),
                 start: start * decimal * factor,
@@ -358,7 +364,10 @@ impl CsvTable {
                         LabelSource::Cell(cell)
                     }
                     Some(ColumnOrigin::Record) => LabelSource::Record,
-                    Some(ColumnOrigin::Counted { .. }) | None => LabelSource::Nothing,
+                    // Refused by `want`.
+                    Some(ColumnOrigin::Later { .. } | ColumnOrigin::Counted { .. }) | None => {
+                        LabelSource::Nothing
+                    }
                 }),
             }
         }
@@ -457,6 +466,7 @@ impl Table for CsvTable {
     }
 
     fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
+        self.later = LaterWaveforms::of(wanted, self.dialect.first_row_line, |column| self.origin(column))?;
         self.uses.fill(CellUse::default());
         self.labels.clear();
         for want in wanted {
@@ -496,6 +506,22 @@ impl Table for CsvTable {
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         block.clear(self.values.len(), self.labels.len());
         let read = self.rows_into(block);
+        if read.is_ok() && !self.later.is_none() {
+            // Behind the last row of the text stand values of waveforms that began later.
+            if block.is_end() {
+                for _ in 0..self.later.rows_behind(block.capacity) {
+                    self.numbers.fill(f64::NAN);
+                    push_row(block, &self.numbers, &self.values, &self.record);
+                    push_labels(block, &self.labels, &self.record, |_| b"");
+                    push_line(block, self.line);
+                    block.rows += 1;
+                    self.line += 1;
+                    self.record.next_row(None);
+                }
+                self.later.leave_out_others(block);
+            }
+            self.later.shift(block);
+        }
         block.set_times(&self.times);
         read
     }

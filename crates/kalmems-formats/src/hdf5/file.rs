@@ -17,8 +17,6 @@ const METADATA_PER_BYTE: u64 = 4;
 /// Bytes of an address and of a length. Others can be asked for in C alone.
 pub(super) const ADDRESS: usize = 8;
 pub(super) const LENGTH: usize = 8;
-/// What the file begins with.
-const MAGIC: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
 /// A file whose beginning is read.
 pub(super) struct Hdf5File {
@@ -36,7 +34,9 @@ pub(super) struct Hdf5File {
 
 impl Hdf5File {
     pub(super) fn open(source: Arc<SharedFile>, name: Option<PathBuf>) -> Result<Self, FormatError> {
-        let base = superblock(&source)?;
+        let base = crate::open::hdf5_begin(&source)?.ok_or_else(|| {
+            FormatError::damaged(FORMAT, "the file", "no beginning", "\\x89HDF at byte 0, 512, 1024, …")
+        })?;
         let most = METADATA_BYTES.max(source.length().saturating_mul(METADATA_PER_BYTE));
         let mut file = Self { source, name, base, root: 0, most, left: AtomicU64::new(most) };
         let head = file.block(base, 48.min(file.source.length().saturating_sub(base)))?;
@@ -106,19 +106,6 @@ impl Hdf5File {
         #[allow(clippy::cast_possible_truncation)] // at most HEADER_BYTES
         self.source.bytes(FORMAT, place, bytes as usize)
     }
-}
-
-/// Where the file begins: anything of 512, 1024, 2048, … bytes may stand before it.
-fn superblock(source: &SharedFile) -> Result<u64, FormatError> {
-    let mut place = 0;
-    while place < source.length() {
-        let mut magic = [0; 8];
-        if source.read_some(place, &mut magic)? == 8 && magic == MAGIC {
-            return Ok(place);
-        }
-        place = if place == 0 { 512 } else { place * 2 };
-    }
-    Err(FormatError::damaged(FORMAT, "the file", "no beginning", "\\x89HDF at byte 0, 512, 1024, …"))
 }
 
 /// Compares the checksum that stands behind what was read of a block with that of it.

@@ -60,6 +60,8 @@ pub(super) struct DialectColumn {
 pub(super) enum ColumnOrigin {
     /// A cell of the row.
     Cell(usize),
+    /// A cell whose value belongs to so many rows later, as its waveform begins later than others.
+    Later { cell: usize, rows: u64 },
     /// A cell times a step that the header states, after a start.
     Affine { cell: usize, start: f64, step: f64 },
     /// The rows of the record, counted from 0, times a step that the header states, after a start.
@@ -81,10 +83,15 @@ pub(super) enum RecordShape {
 }
 
 impl ColumnOrigin {
+    /// A cell whose value belongs to so many rows later.
+    pub(super) const fn later(cell: usize, rows: u64) -> Self {
+        if rows == 0 { Self::Cell(cell) } else { Self::Later { cell, rows } }
+    }
+
     /// The cell, where there is one.
     pub(super) const fn cell(self) -> Option<usize> {
         match self {
-            Self::Cell(cell) | Self::Affine { cell, .. } => Some(cell),
+            Self::Cell(cell) | Self::Later { cell, .. } | Self::Affine { cell, .. } => Some(cell),
             Self::Counted { .. } | Self::Record => None,
         }
     }
@@ -279,6 +286,7 @@ fn finish(
     for (name, origin) in &found.columns {
         match origin {
             ColumnOrigin::Cell(_) | ColumnOrigin::Record => {}
+            ColumnOrigin::Later { rows, .. } => words.push(format!("`{name}` begins {rows} samples later")),
             ColumnOrigin::Affine { start, step, .. } | ColumnOrigin::Counted { start, step } => {
                 words.push(format!("`{name}` from {start:?} on in steps of {step:?}, as the header says"));
             }

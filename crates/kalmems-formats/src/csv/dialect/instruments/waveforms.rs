@@ -4,6 +4,7 @@ use super::super::units::column_name;
 use super::table::WaveformKeys;
 use super::{TextBeginning, distinct, number};
 use crate::FormatError;
+use crate::clock::{RegularTimes, SampleStep, rows_later};
 use crate::csv::dialect::{ColumnOrigin, RecognizedText, marks};
 
 /// The dialect; `None` where rows are of another width than the waveforms have.
@@ -61,27 +62,37 @@ pub(super) fn find(
         let Some(before) = cells.len().checked_sub(names.len()).filter(|before| *before < 2) else {
             return Ok(None);
         };
+        let mut later = Vec::new();
         let clock = number(starts.first()).zip(number(steps.first()));
         match (before == 1 && has_time, clock) {
             (true, _) => columns.push((time("time", 0), ColumnOrigin::Cell(0))),
             (false, Some((start, step))) => {
-                let same =
-                    |cells: &[String]| cells.iter().all(|cell| number(Some(cell)) == number(cells.first()));
-                if !same(&starts) || !same(&steps) {
-                    return Err(FormatError::unsupported(
+                let of =
+                    |cells: &[String], index: usize, first: f64| number(cells.get(index)).unwrap_or(first);
+                let waveform = |index| {
+                    let step = SampleStep::Interval(of(&steps, index, step));
+                    RegularTimes { row: 0, start_s: of(&starts, index, start), step }
+                };
+                let waveforms: Vec<RegularTimes> = (0..names.len()).map(waveform).collect();
+                let (start, rows) = rows_later(&names, &waveforms).map_err(|why| {
+                    FormatError::unsupported(
                         "CSV",
                         format!(
-                            "a file of {instrument} with times of its own for each waveform (`{}`, `{}`)",
+                            "a file of {instrument} with times of its own for each waveform (`{}`, `{}`; {why})",
                             keys.starts, keys.steps
                         ),
                         "save those with the same times in a file of their own, or with pairs of time and value",
-                    ));
-                }
+                    )
+                })?;
+                later = rows;
                 columns.push((time("time", 0), ColumnOrigin::Counted { start, step }));
             }
             (false, None) => {}
         }
-        columns.extend(names.iter().enumerate().map(|(index, name)| value(index, name, index + before)));
+        columns.extend(names.iter().enumerate().map(|(index, name)| {
+            let (name, origin) = value(index, name, index + before);
+            (name, later.get(index).map_or(origin, |rows| ColumnOrigin::later(index + before, *rows)))
+        }));
     }
     let header = text.head.find(keys.names, separator).unwrap_or(0);
     let mut found = text.found(instrument, header, first_row, columns, "units in the preamble");
