@@ -160,7 +160,7 @@ impl ClockedChannels<'_> {
         for (class, (_, others)) in classes.iter().enumerate() {
             for (field, _) in others {
                 let why = samples_later((&runs[of], &of_name), &runs[*field]).err().unwrap_or_default();
-                fields[*field].group = class + 1;
+                fields[*field].column.group = class + 1;
                 fields[*field].column.apart = Some(why);
             }
         }

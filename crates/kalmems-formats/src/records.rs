@@ -6,7 +6,7 @@ use crate::element::Element;
 use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
 use crate::sentinels;
-use crate::table::bytes_until;
+use crate::table::{bytes_until, refuse_apart};
 use crate::time::TimeCode;
 use crate::{
     Arrays, Block, CellFault, CellFinding, Column, Digest, FormatError, Instant, Labels, OmittedPart, Table,
@@ -124,8 +124,6 @@ pub(crate) struct RecordField {
     pub(crate) power: i32,
     /// What the file says is to be done to its numbers.
     pub(crate) scaling: Scaling,
-    /// Columns of several groups do not stand beside each other.
-    pub(crate) group: usize,
 }
 
 impl RecordField {
@@ -135,7 +133,7 @@ impl RecordField {
 
     /// A column whose cells are taken as they are.
     pub(crate) fn new(column: Column, cells: CellKind, rows: u64) -> Self {
-        Self { column, cells, rows, power: 0, scaling: Scaling::default(), group: 0 }
+        Self { column, cells, rows, power: 0, scaling: Scaling::default() }
     }
 }
 
@@ -239,7 +237,8 @@ impl RecordTable {
 
     /// Where the clock of these columns begins anew.
     fn breaks_of(&self, wanted: &[WantedColumn]) -> Vec<(u64, u64)> {
-        let in_group = wanted.iter().any(|want| self.fields.get(want.column()).is_some_and(|f| f.group == 0));
+        let in_group =
+            wanted.iter().any(|want| self.fields.get(want.column()).is_some_and(|f| f.column.group == 0));
         let clock = self.fields.iter().filter(|_| in_group).find_map(|field| match &field.cells {
             CellKind::Clock(runs) => Some(clock::breaks(runs).collect()),
             _ => None,
@@ -254,26 +253,11 @@ impl RecordTable {
     /// The rows that all wanted columns have.
     fn common_rows(&self, wanted: &[WantedColumn]) -> Result<u64, FormatError> {
         let mut common: Option<(u64, &str)> = None;
-        let mut group: Option<&RecordField> = None;
         for want in wanted {
             let Some(field) = self.fields.get(want.column()) else {
                 let column = want.column();
                 return Err(self.unsupported(format!("column {column}"), "name one that is there"));
             };
-            let of = *group.get_or_insert(field);
-            if of.group != field.group {
-                let (apart, other) = if of.group == 0 { (field, of) } else { (of, field) };
-                let what = format!(
-                    "`{}` together with `{}` ({})",
-                    apart.column.name,
-                    other.column.name,
-                    apart.column.apart.as_deref().unwrap_or("its samples have other times")
-                );
-                return Err(self.unsupported(
-                    what,
-                    "name columns that were sampled together, or this one alone with `clock = { rate = … }`",
-                ));
-            }
             if field.is_clock() {
                 continue;
             }
@@ -300,6 +284,8 @@ impl Table for RecordTable {
     }
 
     fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
+        let columns = wanted.iter().filter_map(|want| self.fields.get(want.column()));
+        refuse_apart(self.description.format, columns.map(|field| &field.column))?;
         self.rows = self.common_rows(wanted)?;
         self.used.fill(false);
         for want in wanted {

@@ -9,12 +9,13 @@ use std::path::Path;
 
 /// All that a table gives, a small block at a time.
 fn whole(mut table: Box<dyn Table>, capacity: usize) -> Result<Block, FormatError> {
-    let columns = table.description().columns.len();
+    // Those that stand beside each other.
+    let columns = table.description().columns.iter().enumerate().filter(|(_, column)| column.group == 0);
     let wanted: Vec<WantedColumn> =
-        (0..columns).map(|column| WantedColumn::Number { column, power: 0 }).collect();
+        columns.map(|(column, _)| WantedColumn::Number { column, power: 0 }).collect();
     table.want(&wanted)?;
     let mut all = Block::default();
-    all.clear(columns, 0);
+    all.clear(wanted.len(), 0);
     let mut block = Block::with_capacity(capacity);
     loop {
         table.read(&mut block)?;
@@ -289,7 +290,7 @@ fn dialects_of_instruments() {
             "labview_times_of_each.lvm",
             "written by LabVIEW, separated by tabs, names in line 20, units in the header",
             "time_s Voltage_V time of Force_s Force_N",
-            &[&[0.0, 1.25, 0.0, 0.5], &[0.001, 1.5, 0.002, 0.25]],
+            &[&[0.0, 1.25], &[0.001, 1.5]],
         ),
         (
             "labview_remarks.lvm",
@@ -760,4 +761,31 @@ fn waveforms_that_begin_later_stand_in_the_rows_of_their_times() {
     let far = infiniium.replace("0.502", "900");
     let error = text(&far, &CsvHints::default()).err().unwrap().to_string();
     assert!(error.contains("at most 65536 are held"), "{error}");
+}
+
+/// A waveform with times of its own stands beside the first only where its times are the same.
+#[test]
+fn waveforms_with_other_times_of_their_own_are_refused_beside_each_other_by_name() {
+    let file = |lead: &str| {
+        format!(
+            "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tNo\nX_Columns\tMulti\n\
+             ***End_of_Header***\t\nChannels\t2\nY_Unit_Label\tV\t\tV\nX_Dimension\tTime\t\tTime\n***End_of_Header***\n\
+             X_Value\tdrive\tX_Value\tcap\tComment\n0.000\t1\t0.00{lead}\t10\n0.001\t2\t0.00{lead}5\t20\n"
+        )
+    };
+    let mut table = text(&file("8"), &CsvHints::default()).unwrap();
+    let apart = table.description().columns[3].apart.clone().unwrap();
+    assert_eq!(apart, "its times stand in `time of cap_s` and are not those of `time_s`");
+    let number = |column| WantedColumn::Number { column, power: 0 };
+    let error = table.want(&[number(0), number(3)]).unwrap_err().to_string();
+    assert!(error.contains("together with `time_s`"), "{error}");
+    table.want(&[number(2), number(3)]).unwrap();
+    let mut block = Block::with_capacity(9);
+    table.read(&mut block).unwrap();
+    assert_eq!(block.numbers, [[0.008, 0.0085], [10.0, 20.0]]);
+    // The same times: one row.
+    let same = file("8").replace("0.0085", "0.001").replace("0.008", "0.000");
+    let mut table = text(&same, &CsvHints::default()).unwrap();
+    assert!(table.description().columns.iter().all(|column| column.apart.is_none()));
+    table.want(&[number(0), number(3)]).unwrap();
 }

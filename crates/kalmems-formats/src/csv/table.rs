@@ -6,6 +6,7 @@ use super::input::CsvInput;
 use super::later::LaterWaveforms;
 use super::number::quick;
 use super::split::{BLANKS, Split};
+use crate::table::refuse_apart;
 use crate::{
     Block, CellFault, CellFinding, Digest, FormatError, Table, TableDescription, TimeKind, TimeReader,
     TimeUnit, WantedColumn, sentinels,
@@ -466,6 +467,8 @@ impl Table for CsvTable {
     }
 
     fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
+        let columns = wanted.iter().filter_map(|want| self.description.columns.get(want.column()));
+        refuse_apart(self.description.format, columns)?;
         self.later = LaterWaveforms::of(wanted, self.dialect.first_row_line, |column| self.origin(column))?;
         self.uses.fill(CellUse::default());
         self.labels.clear();

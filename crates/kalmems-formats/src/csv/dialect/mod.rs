@@ -116,6 +116,8 @@ pub(super) struct RecognizedText {
     pub(super) named_cells: bool,
     /// Names, units in them, and where their values come from.
     columns: Vec<(String, ColumnOrigin)>,
+    /// Columns of times of their own, each with its waveform's, behind those of the first waveform, which are the first two.
+    own_times: Vec<(usize, usize)>,
     /// What the lines before the rows state of a clock.
     clock: StatedNumbers,
     /// Where the units are from, for people; empty where the names have them as a matter of course.
@@ -302,10 +304,33 @@ fn finish(
         origin,
         time,
     };
-    let columns = std::mem::take(&mut found.columns).into_iter().zip(times).map(column).collect();
+    let mut columns: Vec<DialectColumn> =
+        std::mem::take(&mut found.columns).into_iter().zip(times).map(column).collect();
+    tell_apart(head, &found, &mut columns);
     let (first_row_line, bytes) = (head.number(found.first_row), head.bytes_before(found.first_row));
     let recognised = words.join(", ");
     Ok((Dialect { text: found, point, first_row_line, columns, grouped, evidence, recognised }, bytes))
+}
+
+/// Says which waveforms have other times than the first, as far as the first rows show it.
+fn tell_apart(head: &TextHead, found: &RecognizedText, columns: &mut [DialectColumn]) {
+    let rows: Vec<Vec<String>> =
+        head.rows(found.first_row).map(|row| head.cells(row, found.separator)).collect();
+    for (number, (time, waveform)) in found.own_times.iter().enumerate() {
+        let [Some(of), Some(own)] = [0, *time].map(|column| columns.get(column)) else { continue };
+        let cells = |column: &DialectColumn| {
+            let cell = column.origin.cell();
+            rows.iter().map(|row| row.get(cell?).cloned()).collect::<Vec<_>>()
+        };
+        if cells(of) != cells(own) {
+            let why =
+                format!("its times stand in `{}` and are not those of `{}`", own.column.name, of.column.name);
+            for column in [*time, *waveform] {
+                let own = columns.get_mut(column).map(|column| &mut column.column);
+                own.into_iter().for_each(|own| (own.apart, own.group) = (Some(why.clone()), number + 1));
+            }
+        }
+    }
 }
 
 /// By what the first lines are known to be those of a table of numbers: below the names there is a row of as many cells, with a

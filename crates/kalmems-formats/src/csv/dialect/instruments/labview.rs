@@ -1,10 +1,10 @@
 //! LabVIEW measurement files (`.lvm`): a header on the file, and for each record one on its channels, and rows.
 
 use super::super::head::TextHead;
-use super::super::units::column_name;
+use super::waveforms::Waveforms;
 use super::{DialectSearch, TextBeginning, distinct};
 use crate::FormatError;
-use crate::clock::{RegularTimes, SampleStep, rows_later};
+use crate::clock::{RegularTimes, SampleStep};
 use crate::csv::dialect::{ColumnOrigin, RecognizedText, RecordShape};
 use crate::time::{IsoTime, parse_iso};
 
@@ -39,6 +39,7 @@ pub(in crate::csv) struct LabviewChannels {
     /// How many cells a row has, but for one of remarks at its end.
     cells: usize,
     columns: Vec<(String, ColumnOrigin)>,
+    own_times: Vec<(usize, usize)>,
 }
 
 pub(super) fn find(text: &TextBeginning) -> DialectSearch {
@@ -88,6 +89,7 @@ fn found(head: &TextHead) -> Result<RecognizedText, FormatError> {
         trailing: true,
         remarks: true,
         columns: channels.columns,
+        own_times: channels.own_times,
         units: "units in the header".to_owned(),
         records: if several { RecordShape::Headed(heading) } else { RecordShape::One },
         ..RecognizedText::default()
@@ -140,7 +142,7 @@ impl Heading {
         };
         let name = |index: &usize| names.get(*index).cloned().unwrap_or_default();
         let channel_names = distinct(channels.iter().map(name));
-        let (mut columns, mut later) = (Vec::new(), Vec::new());
+        let mut clocks = Vec::new();
         if self.times == LabviewTimes::Counted {
             let value = |cells: &[String], index: usize, what: &str| {
                 let number = cells.get(index).and_then(number);
@@ -153,37 +155,30 @@ impl Heading {
                 parse_iso(text.as_bytes()).map(IsoTime::instant)
             };
             let earliest = channels.iter().filter_map(|index| instant(*index)).min();
-            let waveform = |index: &usize| {
+            for index in &channels {
                 let since = instant(*index).zip(earliest).map_or(0.0, |(time, first)| time.since(first));
                 let start_s = value(&starts, *index, "X0")? + since;
                 let step = SampleStep::Interval(value(&steps, *index, "Delta_X")?);
-                Ok(RegularTimes { row: 0, start_s, step })
-            };
-            let waveforms = channels.iter().map(waveform).collect::<Result<Vec<_>, FormatError>>()?;
-            let (start, rows) = rows_later(&channel_names, &waveforms).map_err(|why| {
-                FormatError::unsupported(
-                    "LabVIEW measurement",
-                    format!("channels with times of their own and no column for them ({why})"),
-                    "write those with the same times in a file of their own, or a column of times for each",
-                )
-            })?;
-            later = rows;
-            let step = waveforms.first().map_or(f64::NAN, |waveform| waveform.step.interval_s());
-            columns.extend(seconds.map(|_| ("time_s".to_owned(), ColumnOrigin::Counted { start, step })));
+                clocks.push(RegularTimes { row: 0, start_s, step });
+            }
         }
-        for (place, (index, name)) in channels.iter().zip(&channel_names).enumerate() {
-            let time = match self.times {
-                LabviewTimes::One | LabviewTimes::Each if place == 0 => Some("time".to_owned()),
-                LabviewTimes::Each => Some(format!("time of {name}")),
-                _ => None,
-            };
-            columns.extend(time.map(|time| (column_name(&time, seconds, 0), ColumnOrigin::Cell(index - 1))));
-            columns.push((
-                column_name(name, units.get(*index).map(String::as_str), *index),
-                ColumnOrigin::later(*index, later.get(place).copied().unwrap_or(0)),
-            ));
-        }
-        Ok(LabviewChannels { names: end + 1, cells: count, columns })
+        let times = match self.times {
+            LabviewTimes::Each => channels.iter().map(|index| index - 1).collect(),
+            LabviewTimes::One => vec![0],
+            LabviewTimes::Counted => Vec::new(),
+        };
+        let unit = |index: usize| units.get(*channels.get(index)?).cloned();
+        let (names, cells, time_unit) = (&channel_names, channels.clone(), |_| seconds.map(str::to_owned));
+        let waveforms = Waveforms { names, cells, times, clocks, time_unit: &time_unit, unit: &unit };
+        let own_times = waveforms.own_times();
+        let columns = waveforms.columns().map_err(|why| {
+            FormatError::unsupported(
+                "LabVIEW measurement",
+                format!("channels with times of their own and no column for them ({why})"),
+                "write those with the same times in a file of their own, or a column of times for each",
+            )
+        })?;
+        Ok(LabviewChannels { names: end + 1, cells: count, columns, own_times })
     }
 }
 
