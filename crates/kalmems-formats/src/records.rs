@@ -460,7 +460,9 @@ impl RecordTable {
         match &field.cells {
             CellKind::Stored { .. } if field.power != 0 || !field.scaling.is_none() => {
                 self.numbers(column, 0, rows, out, absent);
-                out.iter_mut().for_each(|number| *number = times.float(*number));
+                for number in out {
+                    *number = times.float(*number);
+                }
             }
             CellKind::Stored { .. } if missing.contains(&true) => {
                 for row in 0..rows {

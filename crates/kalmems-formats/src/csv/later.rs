@@ -88,7 +88,8 @@ impl LaterWaveforms {
             let found = block.faults.iter().filter(|fault| own(fault)).cloned();
             column.faults.extend(found.map(|fault| (first + fault.row as u64 + later, fault)));
             block.faults.retain(|fault| !own(fault));
-            while let Some((row, fault)) = column.faults.pop_front_if(|(row, _)| *row < end) {
+            let count = column.faults.partition_point(|(row, _)| *row < end);
+            for (row, fault) in column.faults.drain(..count) {
                 // Less than the rows of the block.
                 let row = usize::try_from(row - first).unwrap_or(0);
                 block.faults.push(CellFault { row, ..fault });

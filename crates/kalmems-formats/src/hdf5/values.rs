@@ -21,7 +21,7 @@ pub(super) enum DatasetValues {
     /// One after the other from a place of a file on, or in memory.
     Stretch(Arc<SharedFile>, u64),
     /// In chunks, which give records.
-    Chunks(ChunkLane),
+    Chunks(Box<ChunkLane>),
 }
 
 /// The values of a dataset of rows and columns, whose elements have so many bytes. `turned` says that its last axis are the rows.
@@ -64,7 +64,7 @@ pub(super) fn values(
             let (chunk_rows, chunk_columns) = if turned { (second, first) } else { (first, second) };
             let grid = ChunkGrid { rows, columns, element, chunk_rows, chunk_columns, turned };
             grid.check(path)?;
-            Ok(DatasetValues::Chunks(ChunkLane {
+            Ok(DatasetValues::Chunks(Box::new(ChunkLane {
                 file: Arc::clone(file),
                 chunked,
                 space: space.clone(),
@@ -72,7 +72,7 @@ pub(super) fn values(
                 grid,
                 filters,
                 progress: LaneProgress::default(),
-            }))
+            })))
         }
         DataLayout::Virtual => Err(unsupported(
             format!("`{path}`, a virtual dataset whose values are in other datasets,"),
@@ -95,7 +95,7 @@ pub(super) fn lane(
 ) -> Result<Box<dyn RecordLane>, FormatError> {
     let record = usize::try_from(columns).unwrap_or(0) * element;
     let (source, offset) = match values(found, element, (rows, columns), turned, file_bytes)? {
-        DatasetValues::Chunks(lane) => return Ok(Box::new(lane)),
+        DatasetValues::Chunks(lane) => return Ok(lane),
         DatasetValues::Stretch(source, offset) if turned && columns > 1 => {
             let bytes = rows.saturating_mul(record as u64);
             limits::at_most(FORMAT, &format!("the bytes of `{}`", found.path), bytes, limits::HEADER_BYTES)?;

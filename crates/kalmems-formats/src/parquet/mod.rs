@@ -87,7 +87,9 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
     table.recognised = format!("{rows} rows in {} groups", metadata.num_row_groups());
     for pair in metadata.file_metadata().key_value_metadata().into_iter().flatten() {
         let number = pair.value.as_ref().and_then(|text| fast_float2::parse::<f64, _>(text.trim()).ok());
-        number.into_iter().for_each(|number| _ = table.stated.learn(&pair.key, number));
+        if let Some(number) = number {
+            table.stated.learn(&pair.key, number);
+        }
     }
     let file = Arc::new(ParquetFile { source, metadata });
     for (leaf, descriptor) in file.metadata.file_metadata().schema_descr().columns().iter().enumerate() {

@@ -326,8 +326,9 @@ fn tell_apart(head: &TextHead, found: &RecognizedText, columns: &mut [DialectCol
             let why =
                 format!("its times stand in `{}` and are not those of `{}`", own.column.name, of.column.name);
             for column in [*time, *waveform] {
-                let own = columns.get_mut(column).map(|column| &mut column.column);
-                own.into_iter().for_each(|own| (own.apart, own.group) = (Some(why.clone()), number + 1));
+                if let Some(DialectColumn { column, .. }) = columns.get_mut(column) {
+                    (column.apart, column.group) = (Some(why.clone()), number + 1);
+                }
             }
         }
     }
@@ -364,7 +365,9 @@ fn evidence(head: &TextHead, found: &RecognizedText) -> TableEvidence {
 
 /// Whether a column may be the time, by its name or its unit.
 fn may_be_time(name: &str) -> bool {
-    let ending = name.rsplit_once('_').map_or("", |(_, unit)| unit);
+    // What is per second is no time.
+    let unit = name.rsplit_once('_').filter(|(before, _)| before.rsplit('_').next() != Some("per"));
+    let ending = unit.map_or("", |(_, unit)| unit);
     let words = ["zeit", "temps", "tiempo", "tempo", "tijd", "sec", "clock", "date"];
     let lower = name.to_lowercase();
     names_a_time(name)
