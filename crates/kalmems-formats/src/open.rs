@@ -190,10 +190,12 @@ fn recognise(source: &SharedFile, name: &str, hints: &Hints) -> Result<Format, F
                 promised.name()
             ),
         )),
-        (RecognizedContent::Other(what), _) => Err(FormatError::not_recognised(
-            by_ending(name).map_or_else(|| what.clone(), |of| format!("{what}; by its name it is {of}")),
-            "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV",
-        )),
+        (RecognizedContent::Other(what), _) => Err(FormatError::not_recognised(what, READABLE)),
+        (RecognizedContent::Unknown, _) => {
+            let what = format!("begins with {}", excerpt(&beginning));
+            let what = by_ending(name).map_or(what.clone(), |of| format!("{what}; by its name it is {of}"));
+            Err(FormatError::not_recognised(what, READABLE))
+        }
     }
 }
 
@@ -212,8 +214,12 @@ const KNOWN: [(usize, &[u8], Format, &str); 8] = [
 enum RecognizedContent {
     Known(Format, &'static str),
     Text,
-    Other(String),
+    /// What it is, and what to do with it.
+    Other(&'static str),
+    Unknown,
 }
+
+const READABLE: &str = "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV";
 
 /// What is packed or stored otherwise, and what to do with it.
 const OTHERS: [(&[u8], &str); 8] = [
@@ -292,7 +298,7 @@ fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent
     let begins = |begin: &KnownBeginning| begin.0.iter().any(|(place, magic)| at(*place, magic));
     let instrument = INSTRUMENTS.iter().find(|known| begins(known)).map(|(_, what)| *what);
     if let Some(what) = pointer.or(instrument) {
-        return Ok(RecognizedContent::Other(what.to_owned()));
+        return Ok(RecognizedContent::Other(what));
     }
     let known = KNOWN.iter().find(|(place, magic, ..)| !text && at(*place, magic));
     if let Some((_, _, format, name)) = known {
@@ -306,12 +312,12 @@ fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent
         return Ok(RecognizedContent::Known(Format::Mat, "MAT 4"));
     }
     if let Some((_, what)) = OTHERS.iter().find(|(magic, _)| at(0, magic) && (!text || magic.len() > 3)) {
-        return Ok(RecognizedContent::Other((*what).to_owned()));
+        return Ok(RecognizedContent::Other(what));
     }
     if text {
         return Ok(RecognizedContent::Text);
     }
-    Ok(RecognizedContent::Other(format!("begins with {}", excerpt(beginning))))
+    Ok(RecognizedContent::Unknown)
 }
 
 /// Where an HDF5 file begins: anything of 512, 1024, 2048, … bytes may stand before it.
