@@ -36,6 +36,10 @@ impl UnpackedCopies {
     pub(crate) fn begin(&mut self, bytes: u64) -> Option<u64> {
         let length = self.length.checked_add(bytes).filter(|length| *length <= COPIED_BYTES)?;
         if self.file.is_none() {
+            // A browser has no folder for temporary files.
+            if cfg!(target_family = "wasm") {
+                return None;
+            }
             let named = tempfile::NamedTempFile::new().ok()?;
             let reader = SharedFile::new(Box::new(named.reopen().ok()?)).ok()?;
             // Nameless from here on, so that nothing of it is left however the program ends.
