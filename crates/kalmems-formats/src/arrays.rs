@@ -1,16 +1,14 @@
 //! Arrays in memory as a table, in the place of a file.
 
 use crate::element::{Element, ElementKind};
-use crate::records::{CellKind, RecordField, RecordLane, RecordTable, TextEncoding};
-use crate::time::TimeCode;
-use crate::{
-    Block, CellFault, CellFinding, Column, Digest, FormatError, Table, TableDescription, TableEvidence,
-    TimeKind, TimeUnit, WantedColumn, limits,
-};
+use crate::records::{CellKind, RecordField, RecordLane, RecordTable, StoredCell, TextEncoding};
+use crate::time::{TimeCode, TimeForm};
+use crate::{Column, Digest, FormatError, Table, TimeKind, TimeUnit, limits};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
 use std::fmt;
 use std::fmt::Write as _;
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 const FORMAT: &str = "arrays";
@@ -40,29 +38,24 @@ impl ArrayType {
         }
     }
 
-    /// The cells of a lane of them; `None` where there are no such numbers.
-    fn cells(self, lane: usize) -> Option<CellKind> {
-        let time = |unit, kind| {
-            let code = TimeCode::Counted { element: Element::little(ElementKind::Signed, 8), unit, kind };
-            Some(CellKind::Times { lane, offset: 0, code })
-        };
+    /// What an element is; `None` where there are no such numbers.
+    fn cell(self) -> Option<StoredCell> {
         let kind = match self {
             Self::Float(_) => ElementKind::Float,
             Self::Signed(_) => ElementKind::Signed,
             Self::Unsigned(_) => ElementKind::Unsigned,
-            Self::Dates(unit) => return time(unit, TimeKind::Calendar),
-            Self::Durations(unit) => return time(unit, TimeKind::Elapsed),
+            Self::Dates(unit) | Self::Durations(unit) => {
+                let is_date = matches!(self, Self::Dates(_));
+                let kind = if is_date { TimeKind::Calendar } else { TimeKind::Elapsed };
+                let form = TimeForm::Counted(Element::little(ElementKind::Signed, 8));
+                return Some(StoredCell::Time(TimeCode { form, unit, kind }));
+            }
             Self::Texts(bytes) => {
-                return (bytes > 0).then_some(CellKind::Text {
-                    lane,
-                    offset: 0,
-                    bytes,
-                    code: TextEncoding::Bytes,
-                });
+                return (bytes > 0).then_some(StoredCell::Text { bytes, code: TextEncoding::Bytes });
             }
         };
         let element = Element::little(kind, self.bytes());
-        element.exists().then_some(CellKind::Numbers { lane, offset: 0, element })
+        element.exists().then_some(StoredCell::Number(element))
     }
 }
 
@@ -130,7 +123,7 @@ impl Arrays {
         let mut names = BTreeSet::new();
         for array in &arrays {
             let Array { name, of, bytes, missing } = array;
-            if of.cells(0).is_none() || bytes.len() % of.bytes() != 0 {
+            if of.cell().is_none() || bytes.len() % of.bytes() != 0 {
                 return refuse(
                     format!("`{name}` with elements of {} bytes", of.bytes()),
                     "give numbers of 1, 2, 4 or 8 bytes, or texts",
@@ -181,20 +174,16 @@ impl Arrays {
     pub(crate) fn table(&self) -> Box<dyn Table> {
         let (mut fields, mut lanes) = (Vec::new(), Vec::<Box<dyn RecordLane>>::new());
         for (number, array) in self.0.arrays.iter().enumerate() {
-            if let Some(cells) = array.of.cells(number) {
+            if let Some(cell) = array.of.cell() {
+                let cells = CellKind::Stored { lane: number, offset: 0, cell };
                 fields.push(RecordField::new(Column::new(&array.name), cells, self.0.rows as u64));
-                lanes.push(Box::new(ArrayLane { held: Arc::clone(&self.0), number, row: 0 }));
+                lanes.push(Box::new(ArrayLane { held: Arc::clone(&self.0), number, rows: 0..0 }));
             }
         }
         let recognised = format!("{} samples of {} columns in memory", self.0.rows, fields.len());
         let bytes = self.0.arrays.iter().map(|array| array.bytes.len() as u64).sum();
-        let inner = RecordTable::new(FORMAT, recognised, Vec::new(), fields, lanes, bytes);
-        let description = TableDescription {
-            evidence: TableEvidence::Arrays,
-            protection: String::new(),
-            ..inner.description().clone()
-        };
-        Box::new(ArrayTable { arrays: self.clone(), inner, description, wanted: Vec::new(), row: 0 })
+        let table = RecordTable::new(FORMAT, recognised, Vec::new(), fields, lanes, bytes);
+        Box::new(table.of_arrays(self.clone()))
     }
 }
 
@@ -220,7 +209,8 @@ impl fmt::Debug for Arrays {
 struct ArrayLane {
     held: Arc<SharedArrays>,
     number: usize,
-    row: usize,
+    /// Those that were read last.
+    rows: Range<usize>,
 }
 
 impl RecordLane for ArrayLane {
@@ -232,77 +222,15 @@ impl RecordLane for ArrayLane {
         out.clear();
         let record = self.record();
         if let Some(array) = self.held.arrays.get(self.number) {
-            let end = self.row.saturating_add(rows).min(self.held.rows);
-            out.extend_from_slice(array.bytes.get(self.row * record..end * record).unwrap_or_default());
-            self.row = end;
+            let (start, end) = (self.rows.end, self.rows.end.saturating_add(rows).min(self.held.rows));
+            out.extend_from_slice(array.bytes.get(start * record..end * record).unwrap_or_default());
+            self.rows = start..end;
         }
         Ok(())
     }
-}
 
-/// A table of records whose rows count from 0, and of which elements may be missing.
-struct ArrayTable {
-    arrays: Arrays,
-    inner: RecordTable,
-    description: TableDescription,
-    wanted: Vec<WantedColumn>,
-    row: usize,
-}
-
-impl ArrayTable {
-    /// Takes the elements out that are missing.
-    fn leave_out_missing(&self, block: &mut Block) {
-        let numbers = self.wanted.iter().filter(|wanted| !wanted.is_label());
-        for (slot, wanted) in numbers.enumerate() {
-            let column = wanted.column();
-            let missing = self.arrays.0.arrays.get(column).map_or(&[][..], |array| array.missing.as_slice());
-            let Some(missing) = missing.get(self.row..self.row + block.rows) else { continue };
-            let gone =
-                |fault: &CellFault| fault.column == Some(column) && missing.get(fault.row) == Some(&true);
-            block.faults.retain(|fault| !gone(fault));
-            let Some(values) = block.numbers.get_mut(slot) else { continue };
-            for (row, value) in values.iter_mut().enumerate().filter(|(row, _)| missing[*row]) {
-                *value = f64::NAN;
-                let line = (self.row + row) as u64;
-                block.faults.push(CellFault { row, line, column: Some(column), fault: CellFinding::Missing });
-            }
-        }
-        block.faults.sort_by_key(|fault| fault.row);
-    }
-}
-
-impl Table for ArrayTable {
-    fn description(&self) -> &TableDescription {
-        &self.description
-    }
-
-    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
-        self.wanted = wanted.to_vec();
-        self.inner.want(wanted)
-    }
-
-    fn time_kind(&self, column: usize) -> Option<TimeKind> {
-        self.inner.time_kind(column)
-    }
-
-    fn header_line(&self) -> u64 {
-        0
-    }
-
-    fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
-        self.inner.read(block)?;
-        block.lines.iter_mut().for_each(|(_, line)| *line = line.saturating_sub(1));
-        block.faults.iter_mut().for_each(|fault| fault.line = fault.line.saturating_sub(1));
-        self.leave_out_missing(block);
-        self.row += block.rows;
-        Ok(())
-    }
-
-    fn progress(&self) -> (u64, u64) {
-        self.inner.progress()
-    }
-
-    fn digest(&mut self) -> Option<Digest> {
-        Some(self.arrays.digest().clone())
+    fn missing(&self) -> &[bool] {
+        let array = self.held.arrays.get(self.number);
+        array.and_then(|array| array.missing.get(self.rows.clone())).unwrap_or_default()
     }
 }

@@ -1,12 +1,14 @@
 //! Clocks that a file states beside its samples, channel by channel: those that agree become the time of the table.
 
 use crate::lanes::PaddedLane;
-use crate::records::{CellKind, RecordField, RecordLane};
+use crate::records::{CellKind, RecordField, RecordLane, StoredCell};
 use crate::{Column, Instant};
 use std::fmt::{self, Write as _};
 
 /// How far a start may be from a whole number of samples, in samples.
 const WHOLE: f64 = 0.01;
+/// Rows of a text that are held until another waveform begins.
+const MOST_ROWS_LATER: u64 = 1 << 16;
 /// Begins of a clock that are named.
 const NAMED: usize = 4;
 
@@ -158,7 +160,7 @@ impl ClockedChannels<'_> {
         for (class, (_, others)) in classes.iter().enumerate() {
             for (field, _) in others {
                 let why = samples_later((&runs[of], &of_name), &runs[*field]).err().unwrap_or_default();
-                fields[*field].group = class + 1;
+                fields[*field].column.group = class + 1;
                 fields[*field].column.apart = Some(why);
             }
         }
@@ -226,6 +228,28 @@ fn samples_later((of, name): (&[RegularTimes], &str), other: &[RegularTimes]) ->
     Ok(whole)
 }
 
+/// Waveforms of one table: the time of the first row, and the rows by which each begins later; in words why they do not stand beside each
+/// other. There is at least one.
+pub(crate) fn rows_later(names: &[String], waveforms: &[RegularTimes]) -> Result<(f64, Vec<u64>), String> {
+    let first = waveforms.first().ok_or("no waveform")?;
+    let of = (std::slice::from_ref(first), names.first().map_or("", String::as_str));
+    let mut later = Vec::new();
+    for (name, waveform) in names.iter().zip(waveforms) {
+        let samples = samples_later(of, std::slice::from_ref(waveform));
+        later.push(samples.map_err(|why| format!("`{name}`: {why}"))?);
+    }
+    let earliest = later.iter().copied().min().unwrap_or(0);
+    let start_s = waveforms.iter().map(|waveform| waveform.start_s).fold(f64::INFINITY, f64::min);
+    let rows: Vec<u64> = later.into_iter().map(|samples| samples.abs_diff(earliest)).collect();
+    match rows.iter().position(|rows| *rows > MOST_ROWS_LATER) {
+        Some(place) => Err(format!(
+            "`{}` begins {} samples later; at most {MOST_ROWS_LATER} are held",
+            names[place], rows[place]
+        )),
+        None => Ok((start_s, rows)),
+    }
+}
+
 /// A number of ten digits in a message.
 fn short(number: f64) -> String {
     crate::element::shortest(format!("{number:.9e}").parse().unwrap_or(number))
@@ -256,12 +280,11 @@ impl RecordField {
     /// Begins so many rows later, of so many in all: what is before and behind is missing.
     fn begin_later(&mut self, lead: u64, rows: u64, lanes: &mut [Box<dyn RecordLane>]) {
         let present = lead..lead + self.rows;
-        if let CellKind::Numbers { lane, .. } = self.cells
+        if let CellKind::Stored { lane, cell: StoredCell::Number(_), .. } = self.cells
             && let Some(lane) = lanes.get_mut(lane)
         {
             let inner = std::mem::replace(lane, Box::new(PaddedLane::NONE));
-            *lane = Box::new(PaddedLane::new(inner, present.clone()));
-            self.present = Some(present);
+            *lane = Box::new(PaddedLane::new(inner, present));
             self.rows = rows;
         }
     }

@@ -87,7 +87,7 @@ impl Element {
         power: i32,
         out: &mut Vec<f64>,
     ) {
-        if power != 0 && self.is_long() {
+        if self.bytes > 8 || power != 0 && self.is_long() {
             let mut shift = Shift::new(power);
             out.extend(
                 records(raw, offset, stride, self.bytes).take(rows).map(|b| shift.integer(self.integer(b))),
@@ -178,17 +178,11 @@ impl Element {
     /// A number as a label: its shortest form.
     pub(crate) fn label(self, raw: &[u8], out: &mut Vec<u8>) {
         out.clear();
-        match self.kind {
-            ElementKind::Unsigned | ElementKind::Signed => {
-                out.extend_from_slice(self.integer(raw).to_string().as_bytes());
-            }
-            _ => {
-                let mut number = Vec::with_capacity(1);
-                self.numbers(raw, 0, self.bytes, 1, 0, &mut number);
-                let number = number.first().copied().unwrap_or(f64::NAN);
-                out.extend_from_slice(shortest(number).as_bytes());
-            }
-        }
+        let text = match self.exact(raw) {
+            ExactNumber::Integer(integer) => integer.to_string(),
+            ExactNumber::Float(float) => shortest(float),
+        };
+        out.extend_from_slice(text.as_bytes());
     }
 
     /// A number as it stands, without a loss.
@@ -233,7 +227,8 @@ pub(crate) fn shortest(number: f64) -> String {
     }
 }
 
-fn records(raw: &[u8], offset: usize, stride: usize, bytes: usize) -> impl Iterator<Item = &[u8]> {
+/// The cells that stand from an offset on in records of a length.
+pub(crate) fn records(raw: &[u8], offset: usize, stride: usize, bytes: usize) -> impl Iterator<Item = &[u8]> {
     raw.chunks(stride.max(1)).filter_map(move |record| record.get(offset..offset + bytes))
 }
 

@@ -68,6 +68,16 @@ impl FormatError {
         Self::Damaged { format, place: place.into(), found: found.into(), expected: expected.into() }
     }
 
+    /// The same at a byte of the file.
+    pub(crate) fn damaged_at(
+        format: &'static str,
+        byte: u64,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::damaged(format, format!("byte {byte}"), found, expected)
+    }
+
     /// What is not read, and what to do.
     pub(crate) fn unsupported(
         format: &'static str,

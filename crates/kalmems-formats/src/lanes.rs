@@ -28,13 +28,11 @@ impl RecordLane for UnpackedRecords {
 }
 
 /// Texts that are in memory.
-#[cfg(any(feature = "mat", feature = "hdf5"))]
 pub(crate) struct TextLane {
     pub(crate) texts: Vec<Vec<u8>>,
     pub(crate) next: usize,
 }
 
-#[cfg(any(feature = "mat", feature = "hdf5"))]
 impl RecordLane for TextLane {
     fn record(&self) -> usize {
         0
@@ -53,18 +51,19 @@ impl RecordLane for TextLane {
     }
 }
 
-/// Records that stand in some rows of a longer table; those of the others are zeros, which nobody reads.
+/// Records that stand in some rows of a longer table; the others are missing.
 pub(crate) struct PaddedLane {
     inner: Option<Box<dyn RecordLane>>,
     present: Range<u64>,
     row: u64,
+    missing: Vec<bool>,
 }
 
 impl PaddedLane {
-    pub(crate) const NONE: Self = Self { inner: None, present: 0..0, row: 0 };
+    pub(crate) const NONE: Self = Self { inner: None, present: 0..0, row: 0, missing: Vec::new() };
 
     pub(crate) fn new(inner: Box<dyn RecordLane>, present: Range<u64>) -> Self {
-        Self { inner: Some(inner), present, row: 0 }
+        Self { inner: Some(inner), present, ..Self::NONE }
     }
 }
 
@@ -75,6 +74,10 @@ impl RecordLane for PaddedLane {
 
     fn protection(&self) -> Option<&'static str> {
         self.inner.as_ref().and_then(|inner| inner.protection())
+    }
+
+    fn missing(&self) -> &[bool] {
+        &self.missing
     }
 
     fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
@@ -90,6 +93,8 @@ impl RecordLane for PaddedLane {
         }
         out.splice(0..0, std::iter::repeat_n(0, few(from - self.row) * record));
         out.resize(rows * record, 0);
+        self.missing.clear();
+        self.missing.extend((self.row..end).map(|row| !self.present.contains(&row)));
         self.row = end;
         Ok(())
     }

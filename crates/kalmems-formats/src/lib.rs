@@ -21,6 +21,7 @@ mod arrays;
 mod block;
 mod clock;
 mod csv;
+mod cursor;
 mod decimal;
 mod element;
 mod error;
@@ -43,7 +44,6 @@ mod scaling;
 mod sentinels;
 mod source;
 mod stated_clock;
-#[cfg(any(feature = "mat", feature = "npy"))]
 mod stream;
 mod table;
 mod table_parts;

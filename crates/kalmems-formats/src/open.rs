@@ -142,7 +142,7 @@ fn open_as(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn 
         Format::Hdf5 => crate::hdf5::open(source, hints),
         // From version 7.3 on they are HDF5.
         #[cfg(feature = "hdf5")]
-        Format::Mat if begins_as_hdf5(&source)? => crate::hdf5::open(source, hints),
+        Format::Mat if hdf5_begin(&source)?.is_some() => crate::hdf5::open(source, hints),
         #[cfg(feature = "mat")]
         Format::Mat => crate::mat::open(source, hints),
         #[cfg(feature = "tdms")]
@@ -190,18 +190,36 @@ fn recognise(source: &SharedFile, name: &str, hints: &Hints) -> Result<Format, F
                 promised.name()
             ),
         )),
-        (RecognizedContent::Other(what), _) => Err(FormatError::not_recognised(
-            by_ending(name).map_or_else(|| what.clone(), |of| format!("{what}; by its name it is {of}")),
-            "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV",
-        )),
+        (RecognizedContent::Other(what), _) => Err(FormatError::not_recognised(what, READABLE)),
+        (RecognizedContent::Unknown, _) => {
+            let what = format!("begins with {}", excerpt(&beginning));
+            let what = by_ending(name).map_or(what.clone(), |of| format!("{what}; by its name it is {of}"));
+            Err(FormatError::not_recognised(what, READABLE))
+        }
     }
 }
+
+/// What files begin with that are no text, from a place on, and what messages call them.
+const KNOWN: [(usize, &[u8], Format, &str); 8] = [
+    (0, b"\x93NUMPY", Format::Npy, "NPY"),
+    (0, b"PK\x03\x04", Format::Npz, "a zip file"),
+    (0, b"PK\x05\x06", Format::Npz, "a zip file"),
+    (0, b"TDSm", Format::Tdms, "TDMS"),
+    (8, b"WAVE", Format::Wav, "WAV"),
+    (0, b"PAR1", Format::Parquet, "Parquet"),
+    (124, b"\0\x01IM", Format::Mat, "MAT 5"),
+    (124, b"\x01\0MI", Format::Mat, "MAT 5"),
+];
 
 enum RecognizedContent {
     Known(Format, &'static str),
     Text,
-    Other(String),
+    /// What it is, and what to do with it.
+    Other(&'static str),
+    Unknown,
 }
+
+const READABLE: &str = "a file of CSV, NPY, NPZ, Parquet, HDF5, MAT 4 to 7.3, TDMS or WAV";
 
 /// What is packed or stored otherwise, and what to do with it.
 const OTHERS: [(&[u8], &str); 8] = [
@@ -280,63 +298,39 @@ fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent
     let begins = |begin: &KnownBeginning| begin.0.iter().any(|(place, magic)| at(*place, magic));
     let instrument = INSTRUMENTS.iter().find(|known| begins(known)).map(|(_, what)| *what);
     if let Some(what) = pointer.or(instrument) {
-        return Ok(RecognizedContent::Other(what.to_owned()));
+        return Ok(RecognizedContent::Other(what));
     }
-    if at(0, b"\x93NUMPY") {
-        return Ok(RecognizedContent::Known(Format::Npy, "NPY"));
+    let known = KNOWN.iter().find(|(place, magic, ..)| !text && at(*place, magic));
+    if let Some((_, _, format, name)) = known {
+        return Ok(RecognizedContent::Known(*format, name));
     }
-    if at(0, b"PK\x03\x04") || at(0, b"PK\x05\x06") {
-        return Ok(RecognizedContent::Known(Format::Npz, "a zip file"));
-    }
-    if at(0, b"TDSm") && !text {
-        return Ok(RecognizedContent::Known(Format::Tdms, "TDMS"));
-    }
-    if (at(0, b"RIFF") || at(0, b"RF64") || at(0, b"BW64")) && at(8, b"WAVE") {
-        return Ok(RecognizedContent::Known(Format::Wav, "WAV"));
-    }
-    // The first column of a text can have the name.
-    if at(0, b"PAR1") && (!text || ends_with(source, *b"PAR1")?) {
-        return Ok(RecognizedContent::Known(Format::Parquet, "Parquet"));
-    }
-    if begins_as_hdf5(source)? {
+    if hdf5_begin(source)?.is_some() {
         return Ok(RecognizedContent::Known(Format::Hdf5, "HDF5"));
-    }
-    if at(126, b"IM") || at(126, b"MI") {
-        let version = beginning.get(124..126);
-        if version == Some(&[0, 1]) || version == Some(&[1, 0]) {
-            return Ok(RecognizedContent::Known(Format::Mat, "MAT 5"));
-        }
     }
     #[cfg(feature = "mat")]
     if !text && crate::mat::begins_as_four(beginning) {
         return Ok(RecognizedContent::Known(Format::Mat, "MAT 4"));
     }
     if let Some((_, what)) = OTHERS.iter().find(|(magic, _)| at(0, magic) && (!text || magic.len() > 3)) {
-        return Ok(RecognizedContent::Other((*what).to_owned()));
+        return Ok(RecognizedContent::Other(what));
     }
     if text {
         return Ok(RecognizedContent::Text);
     }
-    Ok(RecognizedContent::Other(format!("begins with {}", excerpt(beginning))))
+    Ok(RecognizedContent::Unknown)
 }
 
-/// An HDF5 file may begin with anything of 512, 1024, 2048, … bytes.
-fn begins_as_hdf5(source: &SharedFile) -> Result<bool, FormatError> {
+/// Where an HDF5 file begins: anything of 512, 1024, 2048, … bytes may stand before it.
+pub(crate) fn hdf5_begin(source: &SharedFile) -> Result<Option<u64>, FormatError> {
     let mut place = 0;
     while place < source.length() {
         let mut magic = [0; 8];
         if source.read_some(place, &mut magic)? == 8 && magic == *b"\x89HDF\r\n\x1a\n" {
-            return Ok(true);
+            return Ok(Some(place));
         }
         place = if place == 0 { 512 } else { place * 2 };
     }
-    Ok(false)
-}
-
-fn ends_with(source: &SharedFile, magic: [u8; 4]) -> Result<bool, FormatError> {
-    let mut end = [0; 4];
-    let place = source.length().saturating_sub(4);
-    Ok(place >= 4 && source.read_some(place, &mut end)? == 4 && end == magic)
+    Ok(None)
 }
 
 /// Text holds no control characters but white space. UTF-16 says so in its first two bytes; it is for the reader of

@@ -6,10 +6,10 @@ use crate::element::Element;
 use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
 use crate::sentinels;
-use crate::table::bytes_until;
+use crate::table::{bytes_until, refuse_apart};
 use crate::time::TimeCode;
 use crate::{
-    Block, CellFault, CellFinding, Column, FormatError, Instant, Labels, OmittedPart, Table,
+    Arrays, Block, CellFault, CellFinding, Column, Digest, FormatError, Instant, Labels, OmittedPart, Table,
     TableDescription, TableEvidence, TimeKind, TimeReader, TimeUnit, WantedColumn,
 };
 use std::collections::BTreeMap;
@@ -28,6 +28,11 @@ pub(crate) trait RecordLane: Send {
     /// Reads the next records; `out` holds them and nothing else afterwards.
     fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError>;
 
+    /// Which of the records that were read last have no value, whatever stands in their place; nothing where all have one.
+    fn missing(&self) -> &[bool] {
+        &[]
+    }
+
     /// Reads the next texts, where the records are texts of several lengths.
     fn texts(&mut self, _rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
         out.clear();
@@ -38,16 +43,63 @@ pub(crate) trait RecordLane: Send {
 /// What the cells of a column are.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum CellKind {
-    /// Numbers at an offset in each record of a lane.
-    Numbers { lane: usize, offset: usize, element: Element },
-    /// Times at an offset in each record of a lane.
-    Times { lane: usize, offset: usize, code: TimeCode },
-    /// Texts of as many bytes in each record of a lane.
-    Text { lane: usize, offset: usize, bytes: usize, code: TextEncoding },
+    /// At an offset in each record of a lane.
+    Stored { lane: usize, offset: usize, cell: StoredCell },
     /// Texts of several lengths, a lane of their own.
     Texts { lane: usize },
     /// Times by regular clocks, the first of which begins with row 0; not in the file.
     Clock(Vec<RegularTimes>),
+}
+
+/// What stands at a place of a record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum StoredCell {
+    Number(Element),
+    Time(TimeCode),
+    /// A text of as many bytes.
+    Text {
+        bytes: usize,
+        code: TextEncoding,
+    },
+}
+
+impl StoredCell {
+    /// How many bytes it takes.
+    pub(crate) const fn bytes(self) -> usize {
+        match self {
+            Self::Number(element) => element.bytes,
+            Self::Time(code) => code.bytes(),
+            Self::Text { bytes, .. } => bytes,
+        }
+    }
+}
+
+impl CellKind {
+    /// The lane that they are in.
+    fn lane(&self) -> Option<usize> {
+        match self {
+            Self::Stored { lane, .. } | Self::Texts { lane } => Some(*lane),
+            Self::Clock(_) => None,
+        }
+    }
+
+    /// Whether they are numbers.
+    pub(crate) fn is_numbers(&self) -> bool {
+        matches!(self, Self::Stored { cell: StoredCell::Number(_), .. })
+    }
+
+    /// Whether they are texts.
+    fn is_text(&self) -> bool {
+        matches!(self, Self::Stored { cell: StoredCell::Text { .. }, .. } | Self::Texts { .. })
+    }
+
+    /// What they are as times, where the file says so.
+    pub(crate) fn time(&self) -> Option<TimeCode> {
+        match self {
+            Self::Stored { cell: StoredCell::Time(code), .. } => Some(*code),
+            _ => None,
+        }
+    }
 }
 
 /// How a text of a fixed length is written. It ends with its last character that is neither NUL nor white space.
@@ -56,10 +108,8 @@ pub(crate) enum TextEncoding {
     /// Bytes as they are.
     Bytes,
     /// UTF-16.
-    #[cfg(feature = "hdf5")]
     Utf16 { big_endian: bool },
     /// Four bytes a character.
-    #[cfg(feature = "npy")]
     Utf32 { big_endian: bool },
 }
 
@@ -70,12 +120,10 @@ pub(crate) struct RecordField {
     pub(crate) cells: CellKind,
     /// As many; a clock has as many as are needed.
     pub(crate) rows: u64,
+    /// Its numbers are the stored ones times this power of ten.
+    pub(crate) power: i32,
     /// What the file says is to be done to its numbers.
     pub(crate) scaling: Scaling,
-    /// Which of its rows have a value, where it begins later than other columns or ends before them.
-    pub(crate) present: Option<Range<u64>>,
-    /// Columns of several groups do not stand beside each other.
-    pub(crate) group: usize,
 }
 
 impl RecordField {
@@ -85,7 +133,7 @@ impl RecordField {
 
     /// A column whose cells are taken as they are.
     pub(crate) fn new(column: Column, cells: CellKind, rows: u64) -> Self {
-        Self { column, cells, rows, scaling: Scaling::default(), present: None, group: 0 }
+        Self { column, cells, rows, power: 0, scaling: Scaling::default() }
     }
 }
 
@@ -117,6 +165,8 @@ pub(crate) struct RecordTable {
     absent: Vec<(usize, CellFinding)>,
     /// Rows at which a clock of the file begins anew, and how many are missing before each.
     breaks: Vec<(u64, u64)>,
+    /// The arrays that it is made of, if it is no file.
+    arrays: Option<Arrays>,
 }
 
 impl RecordTable {
@@ -132,11 +182,11 @@ impl RecordTable {
         let lengths = lengths(&fields);
         let protection = protection(&fields, &lanes);
         let rows = if let [only] = &lengths[..] { Some(only.0) } else { None };
-        let is_text =
-            |field: &RecordField| matches!(field.cells, CellKind::Text { .. } | CellKind::Texts { .. });
         let own = |field: &RecordField| (lengths.len() > 1 && !field.is_clock()).then_some(field.rows);
-        let columns =
-            fields.iter().map(|f| Column { text: is_text(f), rows: own(f), ..f.column.clone() }).collect();
+        let columns = fields
+            .iter()
+            .map(|f| Column { text: f.cells.is_text(), rows: own(f), ..f.column.clone() })
+            .collect();
         if !left_out.is_empty() {
             recognised.push_str(&format!("; left out: {}", limits::list(&left_out)));
         }
@@ -168,12 +218,27 @@ impl RecordTable {
             texts: vec![Vec::new(); count],
             absent: Vec::new(),
             breaks: Vec::new(),
+            arrays: None,
         }
+    }
+
+    /// The same of arrays in memory: rows count from 0, as samples, and have no lines.
+    pub(crate) fn of_arrays(self, arrays: Arrays) -> Self {
+        let (evidence, protection) = (TableEvidence::Arrays, String::new());
+        let description = TableDescription { evidence, protection, ..self.description };
+        Self { description, arrays: Some(arrays), ..self }
+    }
+
+    /// Which of the rows that were read last have no value in a column.
+    fn missing(&self, column: usize) -> &[bool] {
+        let lane = self.fields[column].cells.lane();
+        lane.and_then(|lane| self.lanes.get(lane)).map_or(&[], |lane| lane.missing())
     }
 
     /// Where the clock of these columns begins anew.
     fn breaks_of(&self, wanted: &[WantedColumn]) -> Vec<(u64, u64)> {
-        let in_group = wanted.iter().any(|want| self.fields.get(want.column()).is_some_and(|f| f.group == 0));
+        let in_group =
+            wanted.iter().any(|want| self.fields.get(want.column()).is_some_and(|f| f.column.group == 0));
         let clock = self.fields.iter().filter(|_| in_group).find_map(|field| match &field.cells {
             CellKind::Clock(runs) => Some(clock::breaks(runs).collect()),
             _ => None,
@@ -188,26 +253,11 @@ impl RecordTable {
     /// The rows that all wanted columns have.
     fn common_rows(&self, wanted: &[WantedColumn]) -> Result<u64, FormatError> {
         let mut common: Option<(u64, &str)> = None;
-        let mut group: Option<&RecordField> = None;
         for want in wanted {
             let Some(field) = self.fields.get(want.column()) else {
                 let column = want.column();
                 return Err(self.unsupported(format!("column {column}"), "name one that is there"));
             };
-            let of = *group.get_or_insert(field);
-            if of.group != field.group {
-                let (apart, other) = if of.group == 0 { (field, of) } else { (of, field) };
-                let what = format!(
-                    "`{}` together with `{}` ({})",
-                    apart.column.name,
-                    other.column.name,
-                    apart.column.apart.as_deref().unwrap_or("its samples have other times")
-                );
-                return Err(self.unsupported(
-                    what,
-                    "name columns that were sampled together, or this one alone with `clock = { rate = … }`",
-                ));
-            }
             if field.is_clock() {
                 continue;
             }
@@ -234,35 +284,24 @@ impl Table for RecordTable {
     }
 
     fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
+        let columns = wanted.iter().filter_map(|want| self.fields.get(want.column()));
+        refuse_apart(self.description.format, columns.map(|field| &field.column))?;
         self.rows = self.common_rows(wanted)?;
         self.used.fill(false);
         for want in wanted {
             let Some(field) = self.fields.get(want.column()) else { continue };
-            match (&field.cells, want) {
-                (
-                    CellKind::Text { .. } | CellKind::Texts { .. },
-                    WantedColumn::Number { .. } | WantedColumn::Time { .. },
-                ) => {
-                    let what = format!("text where numbers belong, in column `{}`,", field.column.name);
-                    return Err(self.unsupported(what, "name a column of numbers"));
-                }
-                (
-                    CellKind::Numbers { lane, .. }
-                    | CellKind::Times { lane, .. }
-                    | CellKind::Text { lane, .. }
-                    | CellKind::Texts { lane },
-                    _,
-                ) => self.used[*lane] = true,
-                (CellKind::Clock(_), _) => {}
+            if field.cells.is_text() && !want.is_label() {
+                let what = format!("text where numbers belong, in column `{}`,", field.column.name);
+                return Err(self.unsupported(what, "name a column of numbers"));
             }
+            field.cells.lane().into_iter().for_each(|lane| self.used[lane] = true);
         }
         self.row_bytes =
             self.lanes.iter().zip(&self.used).filter(|(_, used)| **used).map(|(l, _)| l.record()).sum();
         if let Some((column, unit, origin)) = WantedColumn::time(wanted, self.description.format)? {
             let unit = match self.fields.get(column).map(|field| &field.cells) {
-                Some(CellKind::Times { code, .. }) => code.unit(),
                 Some(CellKind::Clock(_)) => TimeUnit::SECOND,
-                _ => unit,
+                cells => cells.and_then(CellKind::time).map_or(unit, |code| code.unit),
             };
             self.times = TimeReader::new(unit, origin);
         }
@@ -280,7 +319,8 @@ impl Table for RecordTable {
             return Ok(());
         }
         block.rows = rows;
-        block.lines.push((0, self.row + 1));
+        let line = self.row + self.header_line();
+        block.lines.push((0, line));
         let end = self.row + rows as u64;
         let first = self.breaks.partition_point(|(row, _)| *row < self.row);
         let within = self.breaks.iter().skip(first).take_while(|(row, _)| *row < end);
@@ -297,50 +337,58 @@ impl Table for RecordTable {
         }
         let (mut number, mut label) = (0, 0);
         for want in self.wanted.clone() {
-            match want {
-                WantedColumn::Number { column, power } => {
-                    let (mut absent, first) = (std::mem::take(&mut self.absent), block.faults.len());
-                    absent.clear();
-                    self.numbers(column, power, rows, &mut block.numbers[number], &mut absent);
-                    refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
-                    // They are NaN so far, and were taken for such.
-                    for fault in &mut block.faults[first..] {
-                        if let Ok(place) = absent.binary_search_by_key(&fault.row, |(row, _)| *row) {
-                            fault.fault = absent[place].1.clone();
-                        }
-                    }
-                    self.absent = absent;
-                    number += 1;
-                }
-                WantedColumn::Time { column, .. } => {
-                    let mut times =
-                        std::mem::replace(&mut self.times, TimeReader::new(TimeUnit::SECOND, None));
-                    self.times_of(column, rows, &mut times, &mut block.numbers[number]);
-                    block.set_times(&times);
-                    self.times = times;
-                    refuse_infinities(&mut block.numbers[number], column, self.row, &mut block.faults);
-                    number += 1;
-                }
-                WantedColumn::Label { column } => {
-                    self.labels(column, rows, &mut block.labels[label]);
-                    label += 1;
+            let (column, first) = (want.column(), block.faults.len());
+            if want.is_label() {
+                self.labels(column, rows, &mut block.labels[label]);
+                let missing = self.missing(column).iter().enumerate().filter(|(_, missing)| **missing);
+                block.faults.extend(missing.map(|(row, _)| CellFault {
+                    row,
+                    line: line + row as u64,
+                    column: Some(column),
+                    fault: CellFinding::Missing,
+                }));
+                label += 1;
+                continue;
+            }
+            let (out, mut absent) = (&mut block.numbers[number], std::mem::take(&mut self.absent));
+            absent.clear();
+            if let WantedColumn::Number { power, .. } = want {
+                self.numbers(column, power, rows, out, &mut absent);
+            } else {
+                let mut times = std::mem::replace(&mut self.times, TimeReader::new(TimeUnit::SECOND, None));
+                self.times_of(column, rows, &mut times, out, &mut absent);
+                self.times = times;
+            }
+            refuse_infinities(out, column, line, &mut block.faults);
+            // They are NaN so far, and were taken for such.
+            for fault in &mut block.faults[first..] {
+                if let Ok(place) = absent.binary_search_by_key(&fault.row, |(row, _)| *row) {
+                    fault.fault = absent[place].1.clone();
                 }
             }
+            self.absent = absent;
+            number += 1;
         }
+        block.set_times(&self.times);
         block.faults.sort_by_key(|fault| fault.row);
         self.row += rows as u64;
         Ok(())
     }
 
     fn time_kind(&self, column: usize) -> Option<TimeKind> {
-        match self.fields.get(column)?.cells {
-            CellKind::Times { code, .. } => Some(code.kind()),
-            _ => None,
-        }
+        self.fields.get(column)?.cells.time().map(|code| code.kind)
+    }
+
+    fn header_line(&self) -> u64 {
+        u64::from(self.arrays.is_none())
     }
 
     fn progress(&self) -> (u64, u64) {
         (bytes_until((self.row, self.rows), self.file_bytes), self.file_bytes)
+    }
+
+    fn digest(&mut self) -> Option<Digest> {
+        self.arrays.as_ref().map(|arrays| arrays.digest().clone())
     }
 }
 
@@ -353,13 +401,14 @@ impl RecordTable {
         out: &mut Vec<f64>,
         absent: &mut Vec<(usize, CellFinding)>,
     ) {
-        let scaling = &self.fields[column].scaling;
-        match &self.fields[column].cells {
-            &CellKind::Numbers { lane, offset, element } if scaling.is_none() => {
+        let RecordField { cells, scaling, power: stored, .. } = &self.fields[column];
+        match cells {
+            &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } if scaling.is_none() => {
+                let power = power.saturating_add(*stored);
                 element.numbers(&self.raw[lane], offset, self.lanes[lane].record(), rows, power, out);
                 sentinels::take_out(element, power, out, absent);
             }
-            &CellKind::Numbers { lane, offset, element } => {
+            &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } => {
                 let (raw, record) = (&self.raw[lane], self.lanes[lane].record());
                 element.numbers(raw, offset, record, rows, 0, out);
                 let cells =
@@ -379,77 +428,107 @@ impl RecordTable {
                 let times = (0..rows as u64).map(|row| clock::time_at(clock, self.row + row));
                 out.extend(times.map(|time| shift.float(time)));
             }
-            &CellKind::Times { lane, offset, code } => {
+            &CellKind::Stored { lane, offset, cell: StoredCell::Time(code) } => {
                 // As seconds since 1970, or of the duration.
-                let mut times = TimeReader::new(code.unit(), Some(Instant::ZERO));
+                let mut times = TimeReader::new(code.unit, Some(Instant::ZERO));
                 code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, &mut times, out);
             }
             // Refused by `want`.
-            CellKind::Text { .. } | CellKind::Texts { .. } => {}
+            CellKind::Stored { .. } | CellKind::Texts { .. } => {}
         }
-        absent.sort_by_key(|(row, _)| *row);
-        let Some(present) = &self.fields[column].present else { return };
-        // What the zeros in their places say counts for nothing.
-        absent.retain(|(row, _)| present.contains(&(self.row + *row as u64)));
-        for (row, number) in out.iter_mut().enumerate() {
-            if !present.contains(&(self.row + row as u64)) {
-                *number = f64::NAN;
-                absent.push((row, CellFinding::Missing));
-            }
+        let missing = self.missing(column);
+        let is_missing = |row: usize| missing.get(row) == Some(&true);
+        // What stands in their places counts for nothing.
+        absent.retain(|(row, _)| !is_missing(*row));
+        for (row, number) in out.iter_mut().enumerate().filter(|(row, _)| is_missing(*row)) {
+            *number = f64::NAN;
+            absent.push((row, CellFinding::Missing));
         }
         absent.sort_by_key(|(row, _)| *row);
     }
 
-    fn times_of(&self, column: usize, rows: usize, times: &mut TimeReader, out: &mut Vec<f64>) {
-        match &self.fields[column].cells {
-            CellKind::Numbers { .. }
-                if !self.fields[column].scaling.is_none() || self.fields[column].present.is_some() =>
-            {
-                let mut absent = Vec::new();
-                self.numbers(column, 0, rows, out, &mut absent);
+    fn times_of(
+        &self,
+        column: usize,
+        rows: usize,
+        times: &mut TimeReader,
+        out: &mut Vec<f64>,
+        absent: &mut Vec<(usize, CellFinding)>,
+    ) {
+        let (field, missing) = (&self.fields[column], self.missing(column));
+        let is_missing = |row: usize| missing.get(row) == Some(&true);
+        match &field.cells {
+            CellKind::Stored { .. } if field.power != 0 || !field.scaling.is_none() => {
+                self.numbers(column, 0, rows, out, absent);
                 for number in out {
                     *number = times.float(*number);
                 }
             }
-            &CellKind::Numbers { lane, offset, element } => {
-                element.times(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
+            CellKind::Stored { .. } if missing.contains(&true) => {
+                for row in 0..rows {
+                    if is_missing(row) {
+                        out.push(f64::NAN);
+                        absent.push((row, CellFinding::Missing));
+                    } else {
+                        self.stored_times(column, row..row + 1, times, out);
+                    }
+                }
             }
-            &CellKind::Times { lane, offset, code } => {
-                code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, times, out);
+            CellKind::Stored { .. } => {
+                self.stored_times(column, 0..rows, times, out);
             }
             CellKind::Clock(clock) => {
                 let row = self.row;
                 out.extend((0..rows as u64).map(|k| times.computed(clock::time_at(clock, row + k))));
             }
             // Refused by `want`.
-            CellKind::Text { .. } | CellKind::Texts { .. } => {}
+            CellKind::Texts { .. } => {}
+        }
+    }
+
+    /// The times of some rows of the block, as they are stored.
+    fn stored_times(&self, column: usize, rows: Range<usize>, times: &mut TimeReader, out: &mut Vec<f64>) {
+        let CellKind::Stored { lane, offset, cell } = self.fields[column].cells else { return };
+        let record = self.lanes[lane].record();
+        let (raw, rows) = (self.raw[lane].get(rows.start * record..).unwrap_or_default(), rows.len());
+        match cell {
+            StoredCell::Number(element) => element.times(raw, offset, record, rows, times, out),
+            StoredCell::Time(code) => code.read(raw, offset, record, rows, times, out),
+            StoredCell::Text { .. } => {}
         }
     }
 
     fn labels(&self, column: usize, rows: usize, out: &mut Labels) {
-        let mut text = Vec::new();
+        let RecordField { cells, scaling, power, .. } = &self.fields[column];
+        let (mut text, missing) = (Vec::new(), self.missing(column));
         for row in 0..rows {
+            if missing.get(row) == Some(&true) {
+                push_label(out, row, b"");
+                continue;
+            }
             let cell = |lane: usize, offset: usize, bytes: usize| {
                 let start = row * self.lanes[lane].record() + offset;
                 self.raw[lane].get(start..start + bytes).unwrap_or_default()
             };
-            match &self.fields[column].cells {
-                &CellKind::Numbers { lane, offset, element } if self.fields[column].scaling.is_none() => {
+            match cells {
+                &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) }
+                    if scaling.is_none() && *power == 0 =>
+                {
                     element.label(cell(lane, offset, element.bytes), &mut text);
                 }
-                &CellKind::Numbers { lane, offset, element } => {
-                    let cell = cell(lane, offset, element.bytes);
-                    let mut number = [element.exact(cell).rounded()];
-                    let scaling = &self.fields[column].scaling;
+                &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } => {
+                    let (cell, mut number) = (cell(lane, offset, element.bytes), Vec::with_capacity(1));
+                    element.numbers(cell, 0, element.bytes, 1, *power, &mut number);
                     scaling.mark(element, [cell].into_iter(), &mut number, &mut Vec::new());
                     scaling.apply(&mut number);
-                    text = crate::element::shortest(number[0]).into_bytes();
+                    let number = number.first().copied().unwrap_or(f64::NAN);
+                    text = crate::element::shortest(number).into_bytes();
                 }
-                &CellKind::Times { lane, offset, code } => {
+                &CellKind::Stored { lane, offset, cell: StoredCell::Time(code) } => {
                     let raw = cell(lane, offset, code.bytes());
                     text = code.label(raw).into_bytes();
                 }
-                &CellKind::Text { lane, offset, bytes, code } => {
+                &CellKind::Stored { lane, offset, cell: StoredCell::Text { bytes, code } } => {
                     code.read(cell(lane, offset, bytes), &mut text);
                 }
                 CellKind::Texts { lane } => {
@@ -468,26 +547,20 @@ impl RecordTable {
 
 /// Which of the columns are under a checksum, as a sentence.
 fn protection(fields: &[RecordField], lanes: &[Box<dyn RecordLane>]) -> String {
-    let lane = |field: &RecordField| match field.cells {
-        CellKind::Numbers { lane, .. }
-        | CellKind::Times { lane, .. }
-        | CellKind::Text { lane, .. }
-        | CellKind::Texts { lane } => lanes.get(lane),
-        CellKind::Clock(_) => None,
-    };
+    let lane = |field: &RecordField| lanes.get(field.cells.lane()?);
     let of = |field: &RecordField| Some((field.column.name.clone(), lane(field)?.protection()));
     crate::table::protection(&fields.iter().filter_map(of).collect::<Vec<_>>())
 }
 
 /// Adds a row's label to the runs.
-pub(crate) fn push_label(labels: &mut Labels, row: usize, text: &[u8]) {
+fn push_label(labels: &mut Labels, row: usize, text: &[u8]) {
     if labels.last().is_none_or(|(_, last)| last != text) {
         labels.push((row, text.to_vec()));
     }
 }
 
-/// Puts NaN for what is no finite number, and tells it. `row` is the file's row of the block's first.
-pub(crate) fn refuse_infinities(numbers: &mut [f64], column: usize, row: u64, faults: &mut Vec<CellFault>) {
+/// Puts NaN for what is no finite number, and tells it. `line` is that of the block's first row.
+fn refuse_infinities(numbers: &mut [f64], column: usize, line: u64, faults: &mut Vec<CellFault>) {
     // Counted without a branch: in nearly all blocks there is none.
     if numbers.iter().filter(|number| !number.is_finite()).count() == 0 {
         return;
@@ -502,7 +575,7 @@ pub(crate) fn refuse_infinities(numbers: &mut [f64], column: usize, row: u64, fa
             CellFinding::Infinite(number.to_string())
         };
         *number = f64::NAN;
-        faults.push(CellFault { row: place, line: row + place as u64 + 1, column: Some(column), fault });
+        faults.push(CellFault { row: place, line: line + place as u64, column: Some(column), fault });
     }
 }
 
@@ -512,7 +585,6 @@ impl TextEncoding {
         out.clear();
         match self {
             Self::Bytes => out.extend_from_slice(trimmed(raw)),
-            #[cfg(feature = "hdf5")]
             Self::Utf16 { big_endian } => {
                 let units = raw.chunks_exact(2).map(|two| {
                     if big_endian {
@@ -525,7 +597,6 @@ impl TextEncoding {
                     char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
                 out.extend_from_slice(trimmed(letters.collect::<String>().as_bytes()));
             }
-            #[cfg(feature = "npy")]
             Self::Utf32 { big_endian } => {
                 let mut text = String::new();
                 for four in raw.chunks_exact(4) {

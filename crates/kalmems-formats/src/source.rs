@@ -2,9 +2,12 @@
 
 use crate::FormatError;
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Bytes of a file's packed parts that are kept unpacked on the disk; what is beyond them is unpacked once more when it is read.
+const COPIED_BYTES: u64 = 4 << 30;
 
 /// What a table can be read from: a file, or bytes in memory.
 pub trait ReadSeek: Read + Seek + Send {}
@@ -17,13 +20,56 @@ pub(crate) struct SharedFile {
     length: u64,
     /// Where other files are that it refers to.
     folder: Option<PathBuf>,
+    copies: Mutex<UnpackedCopies>,
+}
+
+/// Parts of a file as they unpack, in a temporary file without a name: they are unpacked once, and read after their checksum was compared.
+#[derive(Default)]
+pub(crate) struct UnpackedCopies {
+    /// Where they are written, and where they are read from.
+    file: Option<(File, Arc<SharedFile>)>,
+    length: u64,
+}
+
+impl UnpackedCopies {
+    /// Makes room for as many bytes; where they begin. `None` where there is no room or no disk.
+    pub(crate) fn begin(&mut self, bytes: u64) -> Option<u64> {
+        let length = self.length.checked_add(bytes).filter(|length| *length <= COPIED_BYTES)?;
+        if self.file.is_none() {
+            // A browser has no folder for temporary files.
+            if cfg!(target_family = "wasm") {
+                return None;
+            }
+            let named = tempfile::NamedTempFile::new().ok()?;
+            let reader = SharedFile::new(Box::new(named.reopen().ok()?)).ok()?;
+            // Nameless from here on, so that nothing of it is left however the program ends.
+            self.file = Some((named.into_file(), Arc::new(reader)));
+        }
+        self.file.as_mut()?.0.seek(SeekFrom::Start(self.length)).ok()?;
+        Some(std::mem::replace(&mut self.length, length))
+    }
+
+    /// Writes the next bytes; `None` where the disk is full.
+    pub(crate) fn append(&mut self, bytes: &[u8]) -> Option<()> {
+        self.file.as_mut()?.0.write_all(bytes).ok()
+    }
+
+    /// What reads them.
+    pub(crate) fn reader(&self) -> Option<Arc<SharedFile>> {
+        self.file.as_ref().map(|(_, reader)| Arc::clone(reader))
+    }
 }
 
 impl SharedFile {
     /// Takes a file from its first byte, wherever it stands.
     pub(crate) fn new(mut file: Box<dyn ReadSeek>) -> Result<Self, FormatError> {
         let length = file.seek(SeekFrom::End(0))?;
-        Ok(Self { file: Mutex::new(file), length, folder: None })
+        Ok(Self { file: Mutex::new(file), length, folder: None, copies: Mutex::default() })
+    }
+
+    /// What was unpacked of it.
+    pub(crate) fn copies(&self) -> MutexGuard<'_, UnpackedCopies> {
+        self.copies.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A file on a disk.
@@ -33,7 +79,6 @@ impl SharedFile {
     }
 
     /// The folder of a file on a disk.
-    #[cfg(feature = "hdf5")]
     pub(crate) fn folder(&self) -> Option<&Path> {
         self.folder.as_deref()
     }

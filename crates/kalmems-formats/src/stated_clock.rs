@@ -79,14 +79,15 @@ pub(crate) fn settle_each(
     stated_by: &'static str,
 ) -> String {
     let is_time = |field: &RecordField| {
-        matches!(field.cells, CellKind::Times { .. } | CellKind::Clock(_)) || names_a_time(&field.column.name)
+        field.cells.time().is_some()
+            || matches!(field.cells, CellKind::Clock(_))
+            || names_a_time(&field.column.name)
     };
     if fields.iter().any(is_time) {
         return String::new();
     }
-    let of = |(field, clock): (&RecordField, &ChannelClock)| match field.cells {
-        CellKind::Numbers { .. } => vec![ClockRun { row: 0, clock: *clock }],
-        _ => Vec::new(),
+    let of = |(field, clock): (&RecordField, &ChannelClock)| {
+        if field.cells.is_numbers() { vec![ClockRun { row: 0, clock: *clock }] } else { Vec::new() }
     };
     let clocks = fields.iter().zip(clocks).map(of).collect();
     ClockedChannels { fields, lanes, clocks, stated_by }.settle()

@@ -19,10 +19,8 @@ pub(crate) enum Compression {
     /// Not at all.
     Stored,
     /// Deflate (RFC 1951), as in zip files.
-    #[cfg(feature = "npy")]
     Deflate,
     /// Zlib (RFC 1950), as in MAT files.
-    #[cfg(feature = "mat")]
     Zlib,
 }
 
@@ -41,9 +39,12 @@ pub(crate) struct FileStretch {
     pub(crate) unpacked: u64,
     /// The CRC-32 of the unpacked bytes, where there is one.
     pub(crate) crc: Option<u32>,
-    /// Filled once the whole stretch agrees with its lengths and its checksum.
-    pub(crate) verified: Arc<OnceLock<()>>,
+    /// Filled once the whole stretch agrees with its lengths and its checksum: where it stands unpacked, if it does.
+    pub(crate) verified: Arc<OnceLock<Option<UnpackedPlace>>>,
 }
+
+/// A file of unpacked bytes and a place in it.
+type UnpackedPlace = (Arc<SharedFile>, u64);
 
 impl FileStretch {
     /// A whole file as it is.
@@ -55,31 +56,36 @@ impl FileStretch {
 
     /// Begins at its front.
     pub(crate) fn stream(&self) -> StretchReader {
+        if let Some(Some((source, at))) = self.verified.get() {
+            let (source, at, end) = (Arc::clone(source), *at, at + self.unpacked);
+            return StretchReader { stretch: self.clone(), source, at, end, inflate: None, position: 0 };
+        }
         let inflate = match self.packing {
             Compression::Stored => None,
-            #[cfg(feature = "npy")]
             Compression::Deflate => Some(Inflate::new(false)),
-            #[cfg(feature = "mat")]
             Compression::Zlib => Some(Inflate::new(true)),
         };
-        StretchReader { stretch: self.clone(), at: self.start, inflate, position: 0 }
+        let (source, at, end) = (Arc::clone(&self.source), self.start, self.end);
+        StretchReader { stretch: self.clone(), source, at, end, inflate, position: 0 }
     }
 
     /// Which checksum its bytes have.
     pub(crate) fn protection(&self) -> Option<&'static str> {
         match self.packing {
-            #[cfg(feature = "mat")]
             Compression::Zlib => Some("Adler-32"),
             _ => self.crc.map(|_| "CRC-32"),
         }
     }
 
     /// Reads it to its end, once for all columns in it, and compares lengths and checksum with what is stated. A damaged bit changes
-    /// what is unpacked long before the checksum, so that no number may be used before.
+    /// what is unpacked long before the checksum, so that no number may be used before. What it unpacks to is kept, unless it is short.
     pub(crate) fn verify(&self) -> Result<(), FormatError> {
+        let mut copies = self.source.copies();
         if self.verified.get().is_some() || self.protection().is_none() {
             return Ok(());
         }
+        let is_kept = self.packing != Compression::Stored && self.unpacked > VERIFIED_AT_ONCE;
+        let mut copy = if is_kept { copies.begin(self.unpacked) } else { None };
         let (mut stream, mut sum) = (self.stream(), Crc::new());
         let mut piece = vec![0; INPUT];
         let mut left = self.unpacked;
@@ -89,6 +95,7 @@ impl FileStretch {
             if self.crc.is_some() {
                 sum.update(&piece[..some]);
             }
+            copy = copy.filter(|_| copies.append(&piece[..some]).is_some());
             left -= some as u64;
         }
         stream.expect_end()?;
@@ -98,8 +105,7 @@ impl FileStretch {
                 format!("{expected:08x}, as it is stored"),
             ));
         }
-        // Another column may have been as fast.
-        let _ = self.verified.set(());
+        let _ = self.verified.set(copies.reader().zip(copy));
         Ok(())
     }
 
@@ -115,8 +121,11 @@ impl FileStretch {
 /// A stretch that is being read.
 pub(crate) struct StretchReader {
     stretch: FileStretch,
-    /// The next packed byte that is not in memory.
+    /// The bytes, as they are in the file or unpacked.
+    source: Arc<SharedFile>,
+    /// The next of them that is not in memory, and their end.
     at: u64,
+    end: u64,
     inflate: Option<Inflate>,
     /// Unpacked bytes so far.
     position: u64,
@@ -142,7 +151,6 @@ impl Inflate {
 
 impl StretchReader {
     /// Bytes of the whole stretch in the file.
-    #[cfg(feature = "mat")]
     pub(crate) fn packed(&self) -> u64 {
         self.stretch.end - self.stretch.start
     }
@@ -168,13 +176,13 @@ impl StretchReader {
             self.unpack(buffer)?;
         } else {
             let count = buffer.len() as u64;
-            if self.stretch.end - self.at < count {
+            if self.end - self.at < count {
                 return Err(self.damaged(
-                    format!("its end after {} more bytes", self.stretch.end - self.at),
+                    format!("its end after {} more bytes", self.end - self.at),
                     format!("{count} bytes"),
                 ));
             }
-            self.stretch.source.read_exact(self.stretch.format, self.at, buffer)?;
+            self.source.read_exact(self.stretch.format, self.at, buffer)?;
             self.at += count;
         }
         self.position += buffer.len() as u64;
@@ -191,9 +199,9 @@ impl StretchReader {
     /// Passes over bytes.
     pub(crate) fn skip(&mut self, mut count: u64) -> Result<(), FormatError> {
         if self.inflate.is_none() {
-            if self.stretch.end - self.at < count {
+            if self.end - self.at < count {
                 return Err(self.damaged(
-                    format!("its end after {} more bytes", self.stretch.end - self.at),
+                    format!("its end after {} more bytes", self.end - self.at),
                     format!("{count} bytes"),
                 ));
             }
@@ -214,7 +222,7 @@ impl StretchReader {
     fn expect_end(&mut self) -> Result<(), FormatError> {
         let mut more = [0];
         let unpacked = self.inflate.is_some() && self.unpack(&mut more).is_ok();
-        let left = self.stretch.end - self.at + self.inflate.as_ref().map_or(0, Inflate::left);
+        let left = self.end - self.at + self.inflate.as_ref().map_or(0, Inflate::left);
         match &self.inflate {
             _ if unpacked => Err(self.damaged("more bytes", "its end, as its length is stated")),
             Some(inflate) if !inflate.ended => {
@@ -231,10 +239,10 @@ impl StretchReader {
         let mut filled = 0;
         while filled < buffer.len() {
             let Some(inflate) = &mut self.inflate else { break };
-            if inflate.next == inflate.input.len() && self.at < self.stretch.end {
-                let count = usize::try_from(self.stretch.end - self.at).unwrap_or(INPUT).min(INPUT);
+            if inflate.next == inflate.input.len() && self.at < self.end {
+                let count = usize::try_from(self.end - self.at).unwrap_or(INPUT).min(INPUT);
                 inflate.input.resize(count, 0);
-                self.stretch.source.read_exact(self.stretch.format, self.at, &mut inflate.input)?;
+                self.source.read_exact(self.stretch.format, self.at, &mut inflate.input)?;
                 inflate.next = 0;
                 self.at += count as u64;
             }

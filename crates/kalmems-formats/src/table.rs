@@ -25,7 +25,7 @@ pub struct TableDescription {
 }
 
 /// By what a file is known to be a table of numbers, so that messages may show what its names and cells are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TableEvidence {
     /// Its format, which holds tables and nothing else.
     Format,
@@ -35,6 +35,7 @@ pub enum TableEvidence {
     Rows,
     /// Nothing: a text of another kind, or one whose first rows are empty. It may be a file that was not meant, and what it
     /// holds belongs in no message.
+    #[default]
     Nothing,
 }
 
@@ -72,6 +73,8 @@ pub struct Column {
     pub rows: Option<u64>,
     /// Why its rows cannot stand beside those of most others, where the file states other times for them; in words that follow "as".
     pub apart: Option<String>,
+    /// Columns of several groups do not stand beside each other; most are of the group 0.
+    pub group: usize,
 }
 
 impl Column {
@@ -177,6 +180,27 @@ pub trait Table: Send {
     fn digest(&mut self) -> Option<Digest> {
         None
     }
+}
+
+/// Refuses columns that do not stand beside each other.
+pub(crate) fn refuse_apart<'a>(
+    format: &'static str,
+    wanted: impl Iterator<Item = &'a Column>,
+) -> Result<(), FormatError> {
+    let mut first: Option<&Column> = None;
+    for column in wanted {
+        let of = *first.get_or_insert(column);
+        if of.group != column.group {
+            let (apart, other) = if of.group == 0 { (column, of) } else { (of, column) };
+            let why = apart.apart.as_deref().unwrap_or("its samples have other times");
+            return Err(FormatError::unsupported(
+                format,
+                format!("`{}` together with `{}` ({why})", apart.name, other.name),
+                "name columns that were sampled together, or this one alone with `clock = { rate = … }`",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Which columns are under a checksum, each with the one that it has.

@@ -1,9 +1,29 @@
 //! A table of records that is being put together, part by part, by the reader of a format.
 
 use crate::clock::ChannelClock;
-use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
+use crate::records::{CellKind, RecordField, RecordLane, RecordTable, StoredCell};
 use crate::stated_clock::{StatedNumbers, settle_each};
-use crate::{Column, FormatError, OmittedPart, Table, limits};
+use crate::stream::{FileStretch, StreamLane};
+use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+
+/// Columns of an array of two axes that become columns beside others.
+const BESIDE: u64 = 64;
+
+/// An array of rows and columns in a stretch of the file.
+pub(crate) struct StoredArray<'a> {
+    pub(crate) stretch: &'a FileStretch,
+    /// Where it begins in it.
+    pub(crate) place: u64,
+    pub(crate) rows: u64,
+    pub(crate) cell: StoredCell,
+    /// Its columns stand one after the other.
+    pub(crate) by_column: bool,
+}
+
+/// Whether the columns of an array of two axes become columns beside others.
+pub(crate) fn becomes_columns(rows: u64, columns: u64) -> bool {
+    columns <= BESIDE.min(rows)
+}
 
 /// What was found so far.
 #[derive(Default)]
@@ -34,6 +54,56 @@ impl TableParts {
     pub(crate) fn add(&mut self, column: Column, cells: CellKind, rows: u64, lane: Box<dyn RecordLane>) {
         self.fields.push(RecordField::new(column, cells, rows));
         self.lanes.push(lane);
+    }
+
+    /// The names of the columns of an array of so many: those of the experiment, or else of the file. `what` is the array, for messages.
+    pub(crate) fn names(
+        &self,
+        hints: &Hints,
+        stored: Option<Vec<String>>,
+        columns: u64,
+        what: &str,
+    ) -> Result<Vec<String>, FormatError> {
+        match hints.columns.clone().or(stored) {
+            Some(names) if names.len() as u64 == columns => Ok(names),
+            names => {
+                let with = names.map_or("out names".to_owned(), |names| format!(" {} names", names.len()));
+                let kind = self.format.split(' ').next().unwrap_or_default().to_lowercase();
+                Err(FormatError::unsupported(
+                    self.format,
+                    format!("{what} with{with}"),
+                    format!(
+                        "write their names, such as `format = {{ kind = \"{kind}\", columns = [\"time_s\", \"cap_V\"] }}`, as \
+                         many as there are columns; rows are along the first axis"
+                    ),
+                ))
+            }
+        }
+    }
+
+    /// Adds the columns of an array, which stand one after the other or beside each other.
+    pub(crate) fn add_array(&mut self, array: &StoredArray, names: &[String]) -> Result<(), FormatError> {
+        let &StoredArray { stretch, place, rows, cell, by_column } = array;
+        let (count, size) = (names.len(), cell.bytes());
+        limits::at_most(self.format, "the number of columns", count as u64, limits::COLUMNS as u64)?;
+        let wide = if by_column { size } else { count.saturating_mul(size) };
+        limits::at_most(self.format, "the bytes of a row", wide as u64, limits::ROW_BYTES as u64)?;
+        let first = self.lanes.len();
+        for (number, name) in names.iter().enumerate() {
+            let (lane, offset) = if by_column { (first + number, 0) } else { (first, number * size) };
+            let column = if count > 1 {
+                Column::new(name).at(format!("column {}", number + 1))
+            } else {
+                Column::new(name)
+            };
+            let cells = CellKind::Stored { lane, offset, cell };
+            self.fields.push(RecordField::new(column, cells, rows));
+            if by_column || number == 0 {
+                let skip = place + lane.abs_diff(first) as u64 * rows * size as u64;
+                self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, wide)));
+            }
+        }
+        Ok(())
     }
 
     /// The table, with the time that the file states. `stated_by` says what states it, and `remedy` what to do where there is no column.

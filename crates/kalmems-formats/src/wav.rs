@@ -1,10 +1,12 @@
 //! Sound: RIFF/WAVE of 1991, RF64 of 2006 (EBU Tech 3306) and BW64 of 2015 (ITU-R BS.2088).
 
 use crate::clock::{RegularTimes, SampleStep};
+use crate::cursor::ByteCursor;
 use crate::element::{Element, ElementKind};
 use crate::lanes::UnpackedRecords;
-use crate::records::{CellKind, RecordField, RecordTable};
+use crate::records::{CellKind, RecordField, RecordTable, StoredCell};
 use crate::source::SharedFile;
+use crate::table_parts::TableParts;
 use crate::{Column, FormatError, Hints, Table, limits};
 use std::sync::Arc;
 
@@ -17,17 +19,9 @@ const ELSEWHERE: u32 = u32::MAX;
 pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
     let sound = SampleFormat::read(&source)?;
     let channels = sound.channels;
-    let names: Vec<String> = match &hints.columns {
-        None => (1..=channels).map(|channel| format!("channel{channel}_1")).collect(),
-        Some(names) if names.len() == channels => names.clone(),
-        Some(names) => {
-            return Err(FormatError::unsupported(
-                FORMAT,
-                format!("{channels} channels with {} names", names.len()),
-                "write as many names in `columns` as there are channels",
-            ));
-        }
-    };
+    let own = (1..=channels).map(|channel| format!("channel{channel}_1")).collect();
+    let what = format!("a recording of {channels} channels");
+    let names = TableParts::new(FORMAT).names(hints, Some(own), channels as u64, &what)?;
     let record = channels * sound.element.bytes;
     let rows = sound.bytes / record as u64;
     let step = SampleStep::Rate(f64::from(sound.rate));
@@ -40,7 +34,7 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         let column = Column::new(&name).at(format!("channel {}", channel + 1));
         fields.push(RecordField::new(
             column,
-            CellKind::Numbers { lane: 0, offset, element: sound.element },
+            CellKind::Stored { lane: 0, offset, cell: StoredCell::Number(sound.element) },
             rows,
         ));
     }
@@ -77,7 +71,7 @@ impl SampleFormat {
     fn read(source: &SharedFile) -> Result<Self, FormatError> {
         let head = source.bytes(FORMAT, 0, 12)?;
         let long = head.starts_with(b"RF64") || head.starts_with(b"BW64");
-        let whole = u32_at(&head, 4);
+        let whole = ByteCursor::new(FORMAT, &head, 0).skip(4)?.u32()?;
         // Of one that was not ended the length is open, and of a longer one it is elsewhere.
         if !matches!(whole, 0 | ELSEWHERE) {
             refuse_other_length(source, u64::from(whole))?;
@@ -89,23 +83,23 @@ impl SampleFormat {
                 break;
             }
             let chunk = source.bytes(FORMAT, place, 8)?;
-            let start = place + 8;
-            let short = u32_at(&chunk, 4);
+            let mut chunk = ByteCursor::new(FORMAT, &chunk, place);
+            let (start, kind, short) = (place + 8, chunk.take(4)?, chunk.u32()?);
             let mut length = u64::from(short);
-            match &chunk[..4] {
+            match kind {
                 b"ds64" if long => {
                     if length < 24 {
                         return Err(damaged(place, format!("a ds64 chunk of {length} bytes"), "at least 24"));
                     }
                     let sizes = source.bytes(FORMAT, start, 24)?;
-                    long_data = Some(u64::from(u32_at(&sizes, 8)) | u64::from(u32_at(&sizes, 12)) << 32);
-                    let whole = u64::from(u32_at(&sizes, 0)) | u64::from(u32_at(&sizes, 4)) << 32;
-                    refuse_other_length(source, whole)?;
+                    let mut sizes = ByteCursor::new(FORMAT, &sizes, start);
+                    refuse_other_length(source, sizes.u64()?)?;
+                    long_data = Some(sizes.u64()?);
                 }
                 // EBU Tech 3285: texts of 256, 32, 32, 10 and 8 bytes stand before the samples since midnight.
                 b"bext" if length >= 346 => {
                     let count = source.bytes(FORMAT, start + 338, 8)?;
-                    since_midnight = u64::from(u32_at(&count, 0)) | u64::from(u32_at(&count, 4)) << 32;
+                    since_midnight = ByteCursor::new(FORMAT, &count, start).u64()?;
                 }
                 b"fmt " => shape = Some(shape_of(source, place, length)?),
                 b"data" => {
@@ -185,17 +179,14 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
     }
     #[allow(clippy::cast_possible_truncation)] // at most 1024
     let chunk = source.bytes(FORMAT, place + 8, length as usize)?;
-    let mut code = u16_at(&chunk, 0);
-    let (channels, rate) = (usize::from(u16_at(&chunk, 2)), u32_at(&chunk, 4));
-    let byte_rate = u32_at(&chunk, 8);
-    let (frame, bits) = (usize::from(u16_at(&chunk, 12)), u16_at(&chunk, 14));
+    let mut chunk = ByteCursor::new(FORMAT, &chunk, place + 8);
+    let mut code = chunk.u16()?;
+    let (channels, rate, byte_rate) = (usize::from(chunk.u16()?), chunk.u32()?, chunk.u32()?);
+    let (frame, bits) = (usize::from(chunk.u16()?), chunk.u16()?);
     if code == 0xfffe {
-        if chunk.len() < 40 {
-            return Err(damaged(place, format!("an extensible fmt chunk of {length} bytes"), "40"));
-        }
-        code = u16_at(&chunk, 24);
-        let valid = u16_at(&chunk, 18);
-        if chunk[26..40] != *b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
+        let valid = chunk.skip(2)?.u16()?;
+        code = chunk.skip(4)?.u16()?;
+        if chunk.take(14)? != b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
             || (valid != bits && valid != 0)
         {
             return Err(FormatError::unsupported(
@@ -235,14 +226,6 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
     Ok((channels, rate, element))
 }
 
-fn u16_at(bytes: &[u8], place: usize) -> u16 {
-    u16::from_le_bytes([bytes[place], bytes[place + 1]])
-}
-
-fn u32_at(bytes: &[u8], place: usize) -> u32 {
-    u32::from(u16_at(bytes, place)) | u32::from(u16_at(bytes, place + 2)) << 16
-}
-
 fn damaged(place: u64, found: String, expected: &str) -> FormatError {
-    FormatError::damaged(FORMAT, format!("byte {place}"), found, expected)
+    FormatError::damaged_at(FORMAT, place, found, expected)
 }

@@ -5,6 +5,7 @@ mod dialect;
 mod grouped;
 mod hints;
 mod input;
+mod later;
 pub(crate) mod number;
 mod split;
 mod table;

@@ -3,8 +3,10 @@
 use super::cell::{CellReader, DigitGroups};
 use super::dialect::{ColumnOrigin, Dialect, Heading, RecordShape, marks};
 use super::input::CsvInput;
+use super::later::LaterWaveforms;
 use super::number::quick;
 use super::split::{BLANKS, Split};
+use crate::table::refuse_apart;
 use crate::{
     Block, CellFault, CellFinding, Digest, FormatError, Table, TableDescription, TimeKind, TimeReader,
     TimeUnit, WantedColumn, sentinels,
@@ -82,6 +84,8 @@ pub(super) struct CsvTable {
     empty: (u64, u64),
     /// Whether it was told that the last line has no end.
     end_is_told: bool,
+    /// Columns whose values belong to later rows.
+    later: LaterWaveforms,
     /// Memory that is used again.
     split: Split,
     cells: CellReader,
@@ -131,7 +135,7 @@ enum RowOutcome {
 
 impl CsvTable {
     pub(super) fn new(input: CsvInput, dialect: Dialect) -> Self {
-        let mut column_of = vec![None; dialect.cells];
+        let mut column_of = vec![None; dialect.text.cells];
         for (index, column) in dialect.columns.iter().enumerate() {
             if let Some(of) = column.origin.cell().and_then(|cell| column_of.get_mut(cell)) {
                 *of = Some(index);
@@ -149,7 +153,7 @@ impl CsvTable {
         Self {
             input,
             description,
-            uses: vec![CellUse::default(); dialect.cells],
+            uses: vec![CellUse::default(); dialect.text.cells],
             wanted: Vec::new(),
             values: Vec::new(),
             labels: Vec::new(),
@@ -161,6 +165,7 @@ impl CsvTable {
             blank: (0, 0),
             empty: (0, 0),
             end_is_told: false,
+            later: LaterWaveforms::default(),
             split: Split::default(),
             cells: CellReader::default(),
             numbers: Vec::new(),
@@ -178,7 +183,9 @@ impl CsvTable {
         let number_of = |cell: usize| self.uses.iter().take(cell).filter(|usage| usage.is_number()).count();
         let (decimal, factor) = (10_f64.powi(unit.power), f64::from(unit.factor));
         match self.origin(column) {
-            Some(ColumnOrigin::Cell(cell)) => NumberSource::Cell(number_of(cell)),
+            Some(ColumnOrigin::Cell(cell) | ColumnOrigin::Later { cell, .. }) => {
+                NumberSource::Cell(number_of(cell))
+            }
             Some(ColumnOrigin::Affine { cell, start, step }) => NumberSource::Affine {
                 cell: number_of(cell),
                 start: start * decimal * factor,
@@ -197,7 +204,7 @@ impl CsvTable {
     /// of blanks separates the cells.
     fn quick_rows<const BLANK: bool>(&mut self, block: &mut Block) -> RowOutcome {
         // A row after blank lines is told differently.
-        if self.blank.1 > 0 || self.empty.1 > 0 || self.dialect.named_cells {
+        if self.blank.1 > 0 || self.empty.1 > 0 || self.dialect.text.named_cells {
             return RowOutcome::On;
         }
         // The first time, of a row that is one, says where they count from.
@@ -206,8 +213,8 @@ impl CsvTable {
         }
         let text = self.input.lines();
         let mut place = 0;
-        let headed = matches!(self.dialect.records, RecordShape::Headed(_));
-        let record_rows = self.dialect.record_rows();
+        let headed = matches!(self.dialect.text.records, RecordShape::Headed(_));
+        let record_rows = self.dialect.text.record_rows();
         while block.rows < block.capacity {
             // A header between records begins with a word, in what may be a cell that is not read.
             if headed && text.get(place).is_some_and(u8::is_ascii_alphabetic) {
@@ -255,7 +262,7 @@ impl CsvTable {
         let extent = loop {
             let text = self.input.lines();
             if !text.is_empty()
-                && let Some(extent) = self.split.row(text, self.dialect.separator, self.input.ended())
+                && let Some(extent) = self.split.row(text, self.dialect.text.separator, self.input.ended())
             {
                 break extent;
             }
@@ -264,7 +271,10 @@ impl CsvTable {
                     return Ok(RowOutcome::End);
                 }
                 // An open quote takes all that is left.
-                break self.split.row(self.input.lines(), self.dialect.separator, true).unwrap_or_default();
+                break self
+                    .split
+                    .row(self.input.lines(), self.dialect.text.separator, true)
+                    .unwrap_or_default();
             }
         };
         let lines = 1 + extent.inside;
@@ -277,7 +287,7 @@ impl CsvTable {
             self.empty = (if self.empty.1 == 0 { self.line } else { self.empty.0 }, self.empty.1 + 1);
         } else if !self.take_empty_rows(block) || !self.take_blank_lines(block) {
             return Ok(RowOutcome::Full);
-        } else if !self.dialect.fits(&self.split) {
+        } else if !self.dialect.text.fits(&self.split) {
             self.leave_out(block);
         } else if block.rows == block.capacity {
             return Ok(RowOutcome::Full);
@@ -291,14 +301,14 @@ impl CsvTable {
 
     /// Whether the row that is split has nothing in it, not even as many empty cells as a row has.
     fn is_blank(&self) -> bool {
-        let headed = matches!(self.dialect.records, RecordShape::Headed(_));
-        let is_row = !headed && self.dialect.fits(&self.split);
+        let headed = matches!(self.dialect.text.records, RecordShape::Headed(_));
+        let is_row = !headed && self.dialect.text.fits(&self.split);
         self.split.is_blank() || !is_row && self.split.iter().all(<[u8]>::is_empty)
     }
 
     /// Passes over a header between records, if the row that is split is the first line of one.
     fn pass_header(&mut self) -> Result<bool, FormatError> {
-        let RecordShape::Headed(heading) = self.dialect.records else { return Ok(false) };
+        let RecordShape::Headed(heading) = self.dialect.text.records else { return Ok(false) };
         if !Heading::begins(self.split.cell(0)) {
             return Ok(false);
         }
@@ -355,7 +365,10 @@ impl CsvTable {
                         LabelSource::Cell(cell)
                     }
                     Some(ColumnOrigin::Record) => LabelSource::Record,
-                    Some(ColumnOrigin::Counted { .. }) | None => LabelSource::Nothing,
+                    // Refused by `want`.
+                    Some(ColumnOrigin::Later { .. } | ColumnOrigin::Counted { .. }) | None => {
+                        LabelSource::Nothing
+                    }
                 }),
             }
         }
@@ -388,7 +401,7 @@ impl CsvTable {
     fn take_blank_lines(&mut self, block: &mut Block) -> bool {
         let (line, count) = self.blank;
         // In a text with one column a blank line is a row with an empty cell.
-        if self.dialect.cells == 1 {
+        if self.dialect.text.cells == 1 {
             self.blank = self.take_rows_of_nothing(block, line, count);
             return self.blank.1 == 0;
         }
@@ -415,7 +428,7 @@ impl CsvTable {
             }
             _ => false,
         };
-        let (found, expected) = (self.split.len(), self.dialect.cells);
+        let (found, expected) = (self.split.len(), self.dialect.text.cells);
         tell_together(block, self.line, before, CellFinding::CellCount { found, expected, rows: 1 });
     }
 
@@ -424,7 +437,7 @@ impl CsvTable {
         self.numbers.clear();
         for (index, usage) in self.uses.iter_mut().enumerate() {
             let cell = self.split.cell(index);
-            let cell = if self.dialect.named_cells { marks::behind_name(cell) } else { cell };
+            let cell = if self.dialect.text.named_cells { marks::behind_name(cell) } else { cell };
             let number = match usage.power {
                 Some(power) => self.cells.read_in_groups(cell, self.dialect.point, power, &mut usage.groups),
                 None if usage.time => self.times.cell(cell, self.dialect.point),
@@ -440,7 +453,7 @@ impl CsvTable {
         push_labels(block, &self.labels, &self.record, |cell| self.split.cell(cell));
         push_line(block, self.line);
         block.rows += 1;
-        self.record.next_row(self.dialect.record_rows());
+        self.record.next_row(self.dialect.text.record_rows());
     }
 }
 
@@ -450,10 +463,13 @@ impl Table for CsvTable {
     }
 
     fn header_line(&self) -> u64 {
-        self.dialect.header_line
+        self.dialect.text.header_line
     }
 
     fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
+        let columns = wanted.iter().filter_map(|want| self.description.columns.get(want.column()));
+        refuse_apart(self.description.format, columns)?;
+        self.later = LaterWaveforms::of(wanted, self.dialect.first_row_line, |column| self.origin(column))?;
         self.uses.fill(CellUse::default());
         self.labels.clear();
         for want in wanted {
@@ -493,6 +509,22 @@ impl Table for CsvTable {
     fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
         block.clear(self.values.len(), self.labels.len());
         let read = self.rows_into(block);
+        if read.is_ok() && !self.later.is_none() {
+            // Behind the last row of the text stand values of waveforms that began later.
+            if block.is_end() {
+                for _ in 0..self.later.rows_behind(block.capacity) {
+                    self.numbers.fill(f64::NAN);
+                    push_row(block, &self.numbers, &self.values, &self.record);
+                    push_labels(block, &self.labels, &self.record, |_| b"");
+                    push_line(block, self.line);
+                    block.rows += 1;
+                    self.line += 1;
+                    self.record.next_row(None);
+                }
+                self.later.leave_out_others(block);
+            }
+            self.later.shift(block);
+        }
         block.set_times(&self.times);
         read
     }
@@ -514,7 +546,7 @@ impl CsvTable {
     /// Reads rows until the block is full.
     fn rows_into(&mut self, block: &mut Block) -> Result<(), FormatError> {
         let (begin, _) = self.input.progress();
-        let blanks = self.dialect.separator == BLANKS;
+        let blanks = self.dialect.text.separator == BLANKS;
         loop {
             let step = if blanks { self.quick_rows::<true>(block) } else { self.quick_rows::<false>(block) };
             if matches!(step, RowOutcome::Full) {
@@ -563,7 +595,7 @@ fn quick_row<const BLANK: bool>(
 ) -> Option<usize> {
     numbers.clear();
     labels.clear();
-    let separator = dialect.separator;
+    let separator = dialect.text.separator;
     for (index, usage) in uses.iter().enumerate() {
         if BLANK {
             let before = place;
@@ -617,7 +649,7 @@ fn quick_row<const BLANK: bool>(
     if end == b'\n' {
         return Some(place + 1);
     }
-    if end == separator && dialect.trailing {
+    if end == separator && dialect.text.trailing {
         place += 1;
     }
     place += usize::from(*text.get(place)? == b'\r');

@@ -28,7 +28,7 @@ pub(super) struct Attributes(Vec<(String, AttributeValue)>);
 impl Attributes {
     pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Self, FormatError> {
         let mut all = Self::default();
-        header.each(file, MessageKind::Attribute, |cursor| all.push(attribute(cursor)?))?;
+        header.each(file, MessageKind::Attribute, |cursor| all.push(attribute(file, cursor)?))?;
         if let Some((heap, names)) = header.dense(file, MessageKind::AttributeInfo, 2)? {
             let mut heap = FractalHeap::read(file, heap)?;
             tree::newer(file, names, &mut |kind, record| {
@@ -38,7 +38,7 @@ impl Attributes {
                 let place = record.place();
                 let id = record.take(heap.id_bytes)?;
                 match heap.object(id)? {
-                    Some(body) => all.push(attribute(&mut MetadataCursor::new(file, &body, place))?),
+                    Some(body) => all.push(attribute(file, &mut file.cursor(&body, place))?),
                     None => Ok(()),
                 }
             })?;
@@ -137,10 +137,10 @@ impl Dataspace {
         if axes > 32 {
             return Err(cursor.damaged(format!("{axes} axes"), "at most 32"));
         }
-        let shape = (0..axes).map(|_| cursor.length()).collect::<Result<Vec<_>, _>>()?;
+        let shape = (0..axes).map(|_| cursor.u64()).collect::<Result<Vec<_>, _>>()?;
         let endless = u64::MAX;
         let most = if flags & 1 != 0 {
-            let most = (0..axes).map(|_| cursor.length()).collect::<Result<Vec<_>, _>>()?;
+            let most = (0..axes).map(|_| cursor.u64()).collect::<Result<Vec<_>, _>>()?;
             most.into_iter().map(|length| (length != endless).then_some(length)).collect()
         } else {
             shape.iter().map(|length| Some(*length)).collect()
@@ -156,7 +156,10 @@ impl Dataspace {
     }
 }
 
-fn attribute(cursor: &mut MetadataCursor<'_>) -> Result<(String, AttributeValue), FormatError> {
+fn attribute(
+    file: &Hdf5File,
+    cursor: &mut MetadataCursor<'_>,
+) -> Result<(String, AttributeValue), FormatError> {
     let (version, flags) = (cursor.u8()?, cursor.u8()?);
     if !(1..=3).contains(&version) {
         return Err(cursor.damaged(format!("version {version} of an attribute"), "1 to 3"));
@@ -181,21 +184,22 @@ fn attribute(cursor: &mut MetadataCursor<'_>) -> Result<(String, AttributeValue)
     }
     let element = if version > 1 && flags & 1 != 0 {
         let address = header::shared(&mut element)?;
-        let there = ObjectHeader::read(cursor.file, address)?.first(
-            cursor.file,
-            MessageKind::Datatype,
-            datatype::read,
-        )?;
+        let there = ObjectHeader::read(file, address)?.first(file, MessageKind::Datatype, datatype::read)?;
         there.unwrap_or(Type::Other("a type that is not there"))
     } else {
         datatype::read(&mut element)?
     };
     let count = Dataspace::read(&mut space)?.count();
-    let value = if count > ELEMENTS { AttributeValue::Other } else { value(cursor, &element, count)? };
+    let value = if count > ELEMENTS { AttributeValue::Other } else { value(file, cursor, &element, count)? };
     Ok((name, value))
 }
 
-fn value(cursor: &mut MetadataCursor<'_>, element: &Type, count: u64) -> Result<AttributeValue, FormatError> {
+fn value(
+    file: &Hdf5File,
+    cursor: &mut MetadataCursor<'_>,
+    element: &Type,
+    count: u64,
+) -> Result<AttributeValue, FormatError> {
     Ok(match element {
         Type::Number(element) => {
             let numbers = (0..count).map(|_| Ok(element.exact(cursor.take(element.bytes)?)));
@@ -206,7 +210,7 @@ fn value(cursor: &mut MetadataCursor<'_>, element: &Type, count: u64) -> Result<
             AttributeValue::Texts(texts.collect::<Result<_, FormatError>>()?)
         }
         Type::Texts => {
-            let mut heap = HeapTexts::new(cursor.file);
+            let mut heap = HeapTexts::new(file);
             let texts = (0..count).map(|_| Ok(text(&heap.text(cursor)?)));
             AttributeValue::Texts(texts.collect::<Result<_, FormatError>>()?)
         }

@@ -2,6 +2,7 @@
 
 use super::file::MetadataCursor;
 use crate::element::{self, Element};
+use crate::records::{StoredCell, TextEncoding};
 use crate::{FormatError, limits};
 
 /// Types within one another.
@@ -34,6 +35,15 @@ impl DatatypeKind {
             Self::Number(element) => element.bytes,
             Self::Text { bytes } | Self::Fields { bytes, .. } => *bytes,
             Self::Texts | Self::References | Self::Other(_) => 0,
+        }
+    }
+
+    /// What stands at its place, if that has one length.
+    pub(super) fn stored(&self) -> Option<StoredCell> {
+        match self {
+            Self::Number(element) => Some(StoredCell::Number(*element)),
+            Self::Text { bytes } => Some(StoredCell::Text { bytes: *bytes, code: TextEncoding::Bytes }),
+            _ => None,
         }
     }
 

@@ -1,6 +1,6 @@
 //! The header of an object: its messages (HDF5 File Format Specification, section IV.A).
 
-use super::file::{Hdf5File, LENGTH, MetadataCursor};
+use super::file::{Hdf5File, LENGTH, MetadataCursor, check_sum};
 use super::{FORMAT, unsupported};
 use crate::{FormatError, limits};
 
@@ -45,11 +45,11 @@ impl ObjectHeader {
         let mut header = Self { messages: Vec::new() };
         let mut blocks: Vec<(u64, u64)> = Vec::new();
         let start = file.block(address, 16.min(file.source.length().saturating_sub(address)))?;
-        let mut cursor = MetadataCursor::new(file, &start, address);
+        let mut cursor = file.cursor(&start, address);
         let newer = start.starts_with(b"OHDR");
         let mut ordered = false;
         if newer {
-            cursor.mark("OHDR")?;
+            cursor.mark(b"OHDR")?;
             let (version, flags) = (cursor.u8()?, cursor.u8()?);
             if version != 2 {
                 return Err(cursor.damaged(format!("version {version} of an object's header"), "2"));
@@ -58,14 +58,14 @@ impl ObjectHeader {
             let width = 1_u64 << (flags & 3);
             let prefix = 6 + if flags & 32 != 0 { 16 } else { 0 } + if flags & 16 != 0 { 4 } else { 0 };
             let head = file.block(address, prefix + width)?;
-            let mut cursor = MetadataCursor::new(file, &head, address);
+            let mut cursor = file.cursor(&head, address);
             #[allow(clippy::cast_possible_truncation)] // at most 8
             let bytes =
                 cursor.skip(usize::from(u8::try_from(prefix).unwrap_or(0)))?.number(width as usize)?;
             let all = prefix.checked_add(width).and_then(|all| all.checked_add(bytes)?.checked_add(4));
             let all = all.ok_or_else(|| cursor.damaged(format!("a header of {bytes} bytes"), "fewer"))?;
             let block = file.block(address, all)?;
-            let mut cursor = MetadataCursor::new(file, &block, address);
+            let mut cursor = file.cursor(&block, address);
             #[allow(clippy::cast_possible_truncation)] // below 32
             cursor.skip((prefix + width) as usize)?;
             header.newer(&mut cursor, ordered, &mut blocks)?;
@@ -76,16 +76,16 @@ impl ObjectHeader {
             }
             let bytes = u64::from(cursor.skip(7)?.u32()?);
             let block = file.block(address + 16, bytes)?;
-            header.older(&mut MetadataCursor::new(file, &block, address + 16), &mut blocks)?;
+            header.older(&mut file.cursor(&block, address + 16), &mut blocks)?;
         }
         let mut next = 0;
         while let Some((place, bytes)) = blocks.get(next).copied() {
             next += 1;
             limits::at_most(FORMAT, "the number of parts of a header", next as u64, BLOCKS as u64)?;
             let block = file.block(place, bytes)?;
-            let mut cursor = MetadataCursor::new(file, &block, place);
+            let mut cursor = file.cursor(&block, place);
             if newer {
-                cursor.mark("OCHK")?;
+                cursor.mark(b"OCHK")?;
                 header.newer(&mut cursor, ordered, &mut blocks)?;
             } else {
                 header.older(&mut cursor, &mut blocks)?;
@@ -125,7 +125,7 @@ impl ObjectHeader {
         }
         // Fewer bytes than a message needs are a gap.
         let gap = cursor.left().checked_sub(4);
-        cursor.skip(gap.unwrap_or(0))?.check_sum()
+        check_sum(cursor.skip(gap.unwrap_or(0))?)
     }
 
     fn add(
@@ -136,7 +136,7 @@ impl ObjectHeader {
         blocks: &mut Vec<(u64, u64)>,
     ) -> Result<(), FormatError> {
         if kind == MessageKind::Continuation as u16 {
-            blocks.push((body.known_address()?, body.length()?));
+            blocks.push((body.known_address()?, body.u64()?));
             return Ok(());
         }
         limits::at_most(
@@ -206,7 +206,7 @@ impl HeaderMessage {
         file: &Hdf5File,
         read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T, FormatError>,
     ) -> Result<T, FormatError> {
-        let mut cursor = MetadataCursor::new(file, &self.body, self.place);
+        let mut cursor = file.cursor(&self.body, self.place);
         if !self.shared {
             return read(&mut cursor);
         }
@@ -216,7 +216,7 @@ impl HeaderMessage {
         let Some(body) = body else {
             return Err(cursor.damaged(format!("a message elsewhere, at byte {address}"), "it there"));
         };
-        read(&mut MetadataCursor::new(file, &body.body, body.place))
+        read(&mut file.cursor(&body.body, body.place))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Where HDF5 keeps what has a length of its own: local heaps (names of old groups), global heaps (texts) and fractal
 //! heaps (links and attributes of large objects); HDF5 File Format Specification, sections III.D, E and G.
 
-use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
+use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
 use super::{FORMAT, NEW_FILE, unsupported};
 use crate::{FormatError, limits};
 
@@ -14,16 +14,16 @@ pub(super) struct LocalHeap {
 impl LocalHeap {
     pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self, FormatError> {
         let head = file.block(address, 8 + 2 * LENGTH as u64 + ADDRESS as u64)?;
-        let mut cursor = MetadataCursor::new(file, &head, address);
-        cursor.mark("HEAP")?;
-        let bytes = cursor.skip(4)?.length()?;
-        cursor.length()?;
+        let mut cursor = file.cursor(&head, address);
+        cursor.mark(b"HEAP")?;
+        let bytes = cursor.skip(4)?.u64()?;
+        cursor.u64()?;
         let place = cursor.known_address()?;
         Ok(Self { bytes: file.block(place, bytes)?, place })
     }
 
     pub(super) fn text(&self, file: &Hdf5File, offset: u64) -> Result<String, FormatError> {
-        let mut cursor = MetadataCursor::new(file, &self.bytes, self.place);
+        let mut cursor = file.cursor(&self.bytes, self.place);
         cursor.skip(usize::try_from(offset).unwrap_or(usize::MAX))?.name()
     }
 }
@@ -49,13 +49,13 @@ impl<'a> HeapTexts<'a> {
             _ => {
                 let file = self.file;
                 let head = file.block(address, 8 + LENGTH as u64)?;
-                let mut cursor = MetadataCursor::new(file, &head, address);
-                cursor.mark("GCOL")?;
-                let bytes = cursor.skip(4)?.length()?;
+                let mut cursor = file.cursor(&head, address);
+                cursor.mark(b"GCOL")?;
+                let bytes = cursor.skip(4)?.u64()?;
                 (address, file.block(address, bytes)?)
             }
         };
-        let text = find(&mut MetadataCursor::new(self.file, &bytes, place), number, length)?;
+        let text = find(&mut self.file.cursor(&bytes, place), number, length)?;
         self.collection = Some((place, bytes));
         Ok(text)
     }
@@ -66,7 +66,7 @@ fn find(cursor: &mut MetadataCursor<'_>, number: u32, length: usize) -> Result<V
     cursor.skip(8 + LENGTH)?;
     while cursor.left() >= 8 + LENGTH {
         let found = cursor.u16()?;
-        let bytes = cursor.skip(6)?.length()?;
+        let bytes = cursor.skip(6)?.u64()?;
         // The rest is free.
         if found == 0 {
             break;
@@ -105,8 +105,8 @@ pub(super) struct FractalHeap<'a> {
 impl<'a> FractalHeap<'a> {
     pub(super) fn read(file: &'a Hdf5File, address: u64) -> Result<Self, FormatError> {
         let head = file.block(address, (26 + 12 * LENGTH + 3 * ADDRESS) as u64)?;
-        let mut cursor = MetadataCursor::new(file, &head, address);
-        cursor.mark("FRHP")?;
+        let mut cursor = file.cursor(&head, address);
+        cursor.mark(b"FRHP")?;
         let id_bytes = usize::from(cursor.skip(1)?.u16()?);
         if cursor.u16()? > 0 {
             return Err(unsupported("links or attributes that are packed", NEW_FILE));
@@ -114,11 +114,11 @@ impl<'a> FractalHeap<'a> {
         let largest = u64::from(cursor.skip(1)?.u32()?);
         cursor.skip(10 * LENGTH + 2 * ADDRESS)?;
         let width = u64::from(cursor.u16()?);
-        let (start_bytes, direct_bytes) = (cursor.length()?, cursor.length()?);
+        let (start_bytes, direct_bytes) = (cursor.u64()?, cursor.u64()?);
         let offset_bits = u32::from(cursor.u16()?);
         cursor.skip(2)?;
         let (root, root_rows) = (cursor.address()?, u32::from(cursor.u16()?));
-        cursor.check_sum()?;
+        check_sum(&mut cursor)?;
         let powers = [width, start_bytes, direct_bytes].iter().all(|length| length.is_power_of_two());
         if !powers || direct_bytes < start_bytes || offset_bits > 64 || !(1..=64).contains(&id_bytes) {
             return Err(cursor.damaged("a heap whose blocks do not double", "lengths that are powers of two"));
@@ -142,7 +142,7 @@ impl<'a> FractalHeap<'a> {
 
     /// Reads an object; none where it is kept in a way that small objects are not.
     pub(super) fn object(&mut self, id: &[u8]) -> Result<Option<Vec<u8>>, FormatError> {
-        let mut cursor = MetadataCursor::new(self.file, id, 0);
+        let mut cursor = self.file.cursor(id, 0);
         let kind = cursor.u8()?;
         match (kind >> 4) & 3 {
             0 => {}
@@ -159,7 +159,7 @@ impl<'a> FractalHeap<'a> {
             Some(kept) => kept,
             None => self.find(offset)?,
         };
-        let mut cursor = MetadataCursor::new(self.file, &block, place);
+        let mut cursor = self.file.cursor(&block, place);
         #[allow(clippy::cast_possible_truncation)] // within a block
         let object = cursor.skip((offset - start) as usize)?.take(bytes)?.to_vec();
         self.block = Some((start, block, place));
@@ -208,8 +208,8 @@ impl<'a> FractalHeap<'a> {
         let prefix = 5 + ADDRESS as u64 + self.offset_bytes as u64;
         let all = u64::from(rows).saturating_mul(self.width).saturating_mul(ADDRESS as u64);
         let block = self.file.block(place, prefix.saturating_add(all).saturating_add(4))?;
-        let mut cursor = MetadataCursor::new(self.file, &block, place);
-        cursor.mark("FHIB")?;
+        let mut cursor = self.file.cursor(&block, place);
+        cursor.mark(b"FHIB")?;
         let before = usize::try_from(prefix + number * ADDRESS as u64).unwrap_or(usize::MAX);
         cursor.skip(before.saturating_sub(4))?.address()
     }

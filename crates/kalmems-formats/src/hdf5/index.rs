@@ -1,7 +1,7 @@
 //! Arrays of chunks: of a fixed number, and extensible ones, whose blocks double (HDF5 File Format Specification, sections VII.C and D).
 
 use super::FORMAT;
-use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
+use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
 use crate::{FormatError, limits};
 
 /// Entries of an index that are looked at, there or not.
@@ -66,12 +66,12 @@ impl<'a> ChunkArray<'a> {
 
     fn fixed(&'a self, address: u64, each: Visit<'_>) -> Result<(), FormatError> {
         let head = self.file.block(address, (12 + LENGTH + ADDRESS) as u64)?;
-        let mut cursor = MetadataCursor::new(self.file, &head, address);
-        cursor.mark("FAHD")?;
+        let mut cursor = self.file.cursor(&head, address);
+        cursor.mark(b"FAHD")?;
         let mut entries = self.entries(cursor.skip(1)?)?;
         entries.page = 1_u64.checked_shl(u32::from(cursor.u8()?)).unwrap_or(u64::MAX);
-        let (count, block) = (cursor.length()?, cursor.address()?);
-        cursor.check_sum()?;
+        let (count, block) = (cursor.u64()?, cursor.address()?);
+        check_sum(&mut cursor)?;
         limits::at_most(FORMAT, "the number of chunks", count, ENTRIES)?;
         entries.used = count;
         let Some(block) = block else { return Ok(()) };
@@ -80,25 +80,25 @@ impl<'a> ChunkArray<'a> {
         }
         let bits = count.div_ceil(entries.page).div_ceil(8);
         let raw = self.file.block(block, PREFIX as u64 + bits + 4)?;
-        let mut cursor = MetadataCursor::new(self.file, &raw, block);
-        cursor.mark("FADB")?;
+        let mut cursor = self.file.cursor(&raw, block);
+        cursor.mark(b"FADB")?;
         let written = cursor.skip(PREFIX - 4)?.take(small(bits))?;
-        cursor.check_sum()?;
+        check_sum(&mut cursor)?;
         entries.pages(block + raw.len() as u64, (0, count), written, each)
     }
 
     fn extensible(&'a self, address: u64, each: Visit<'_>) -> Result<(), FormatError> {
         let head = self.file.block(address, (16 + 6 * LENGTH + ADDRESS) as u64)?;
-        let mut cursor = MetadataCursor::new(self.file, &head, address);
-        cursor.mark("EAHD")?;
+        let mut cursor = self.file.cursor(&head, address);
+        cursor.mark(b"EAHD")?;
         let mut entries = self.entries(cursor.skip(1)?)?;
         let count_bits = u32::from(cursor.u8()?);
         let in_index = u64::from(cursor.u8()?);
         let (smallest, pointers) = (u64::from(cursor.u8()?), u64::from(cursor.u8()?));
         let page_bits = u32::from(cursor.u8()?);
-        entries.used = cursor.skip(4 * LENGTH)?.length()?;
+        entries.used = cursor.skip(4 * LENGTH)?.u64()?;
         let index = cursor.skip(LENGTH)?.address()?;
-        cursor.check_sum()?;
+        check_sum(&mut cursor)?;
         let powers = smallest.is_power_of_two() && pointers.is_power_of_two();
         if !powers || count_bits > LEVELS || page_bits > 32 {
             return Err(
@@ -163,13 +163,13 @@ impl ArrayEntries<'_> {
         let file = self.array.file;
         let length = count.saturating_mul(self.bytes as u64).saturating_add(prefix as u64 + 4);
         let raw = file.block(place, length)?;
-        let mut cursor = MetadataCursor::new(file, &raw, place);
-        cursor.mark(mark)?;
+        let mut cursor = file.cursor(&raw, place);
+        cursor.mark(mark.as_bytes())?;
         cursor.skip(prefix - mark.len())?;
         for number in first..first + count {
             self.entry(&mut cursor, number, each)?;
         }
-        cursor.check_sum()
+        check_sum(&mut cursor)
     }
 
     /// The same in pages with a checksum each, of which some may never have been written; the last is as long as it needs to be.
@@ -208,8 +208,8 @@ impl DoublingBlocks {
         let addresses = direct + u64::from(self.levels.saturating_sub(self.direct_levels));
         let own = self.in_index * entries.bytes as u64;
         let raw = file.block(index, PREFIX as u64 + own + addresses * ADDRESS as u64 + 4)?;
-        let mut cursor = MetadataCursor::new(file, &raw, index);
-        cursor.mark("EAIB")?;
+        let mut cursor = file.cursor(&raw, index);
+        cursor.mark(b"EAIB")?;
         cursor.skip(PREFIX - 4)?;
         for number in 0..self.in_index {
             entries.entry(&mut cursor, number, each)?;
@@ -231,7 +231,7 @@ impl DoublingBlocks {
                 number = number.saturating_add(count);
             }
         }
-        cursor.check_sum()
+        check_sum(&mut cursor)
     }
 
     /// The blocks of a level that has a list of its own.
@@ -248,8 +248,8 @@ impl DoublingBlocks {
         let bits = pages.div_ceil(8);
         let length = blocks.saturating_mul(bits + ADDRESS as u64).saturating_add(prefix as u64 + 4);
         let raw = file.block(place, length)?;
-        let mut cursor = MetadataCursor::new(file, &raw, place);
-        cursor.mark("EASB")?;
+        let mut cursor = file.cursor(&raw, place);
+        cursor.mark(b"EASB")?;
         // Bounded by the length of the block.
         let written = cursor.skip(prefix - 4)?.take(small(blocks * bits))?;
         for block in 0..blocks {
@@ -260,9 +260,9 @@ impl DoublingBlocks {
                 }
                 Some(address) => {
                     let raw = file.block(address, prefix as u64 + 4)?;
-                    let mut own = MetadataCursor::new(file, &raw, address);
-                    own.mark("EADB")?;
-                    own.skip(prefix - 4)?.check_sum()?;
+                    let mut own = file.cursor(&raw, address);
+                    own.mark(b"EADB")?;
+                    check_sum(own.skip(prefix - 4)?)?;
                     let written =
                         written.get(small(block * bits)..small((block + 1) * bits)).unwrap_or_default();
                     entries.pages(address + raw.len() as u64, (number, count), written, each)?;
@@ -271,7 +271,7 @@ impl DoublingBlocks {
             }
             number = number.saturating_add(count);
         }
-        cursor.check_sum()
+        check_sum(&mut cursor)
     }
 }
 

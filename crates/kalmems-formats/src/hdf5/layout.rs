@@ -114,7 +114,7 @@ fn newest(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
     let kind = cursor.u8()?;
     let index = match kind {
         1 => {
-            let packed = if flags & 2 != 0 { Some((cursor.length()?, cursor.u32()?)) } else { None };
+            let packed = if flags & 2 != 0 { Some((cursor.u64()?, cursor.u32()?)) } else { None };
             cursor.address()?.map(|address| ChunkIndex::Single(address, packed))
         }
         2 => {

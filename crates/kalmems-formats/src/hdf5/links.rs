@@ -59,7 +59,7 @@ pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupL
             let place = record.place();
             let id = record.take(heap.id_bytes)?;
             match heap.object(id)? {
-                Some(body) => push(&mut links, link(&mut MetadataCursor::new(file, &body, place))?),
+                Some(body) => push(&mut links, link(&mut file.cursor(&body, place))?),
                 None => Ok(()),
             }
         })?;
@@ -86,12 +86,12 @@ fn entries(
     links: &mut Vec<GroupLink>,
 ) -> Result<(), FormatError> {
     let head = file.block(place, 8)?;
-    let mut cursor = MetadataCursor::new(file, &head, place);
-    cursor.mark("SNOD")?;
+    let mut cursor = file.cursor(&head, place);
+    cursor.mark(b"SNOD")?;
     let count = u64::from(cursor.skip(2)?.u16()?);
     let entry = (2 * ADDRESS + 24) as u64;
     let block = file.block(place + 8, count * entry)?;
-    let mut cursor = MetadataCursor::new(file, &block, place + 8);
+    let mut cursor = file.cursor(&block, place + 8);
     for _ in 0..count {
         let name = cursor.number(ADDRESS)?;
         let address = cursor.address()?;
@@ -123,12 +123,12 @@ fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink, FormatError> {
     let length = cursor.number(1 << (flags & 3))?;
     limits::at_most(FORMAT, "the length of a name", length, limits::TEXT_BYTES as u64)?;
     #[allow(clippy::cast_possible_truncation)] // at most TEXT_BYTES
-    let name = text(cursor, length as usize)?;
+    let name = cursor.text(length as usize)?;
     let target = match kind {
         0 => LinkTarget::Object(cursor.known_address()?),
         1 => {
             let length = usize::from(cursor.u16()?);
-            LinkTarget::Path(text(cursor, length)?)
+            LinkTarget::Path(cursor.text(length)?)
         }
         64 => {
             // Version and flags are zero.
@@ -138,8 +138,4 @@ fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink, FormatError> {
         _ => LinkTarget::Other,
     };
     Ok(GroupLink { name, target })
-}
-
-fn text(cursor: &mut MetadataCursor<'_>, length: usize) -> Result<String, FormatError> {
-    Ok(String::from_utf8_lossy(cursor.take(length)?).into_owned())
 }

@@ -20,13 +20,15 @@ mod search;
 mod tree;
 mod values;
 
+use crate::element::{Element, ElementKind};
+use crate::lanes::UnpackedRecords;
 use crate::name::with_unit;
-use crate::records::{CellKind, RecordField, TextEncoding};
+use crate::records::{CellKind, RecordField, StoredCell, TextEncoding};
 use crate::scaling::{self, Scaling, ScalingStep};
 use crate::source::SharedFile;
 use crate::stated_clock::StatedNumbers;
-use crate::table_parts::TableParts;
-use crate::time::{TimeCode, TimeKind};
+use crate::table_parts::{TableParts, becomes_columns};
+use crate::time::{TimeCode, TimeForm, TimeKind};
 use crate::{Column, FormatError, Hints, Table, limits};
 use attributes::{Attributes, Dataspace};
 use datatype::DatatypeKind;
@@ -34,6 +36,7 @@ use header::{MessageKind as Message, ObjectHeader};
 use links::{GroupLink, is_group, links};
 use objects::{LinkOutcome, LinkedFiles, Object};
 use std::sync::Arc;
+use values::DatasetValues;
 
 const FORMAT: &str = "HDF5";
 const MAT: &str = "MAT 7.3";
@@ -43,8 +46,6 @@ const OBJECTS: usize = 4096;
 const TEXTS: u64 = 1 << 18;
 /// The attribute that says how long a tick of a device's clock is.
 const TIMEBASE: &str = "timebase";
-/// Columns of a dataset of two axes that becomes columns beside others.
-const BESIDE: u64 = 64;
 /// What to do with what h5py, MATLAB, LabVIEW and LabOne do not write unless they are asked to in C.
 const NEW_FILE: &str = "write its values into a new file with h5py, such as by `new[name] = old[name][()]`";
 /// What MATLAB needs to be told to write what others can read.
@@ -113,13 +114,8 @@ impl FoundDataset {
         // Of netCDF, which had no unsigned numbers.
         let unsigned = attributes.text("_Unsigned").is_some_and(|text| text.eq_ignore_ascii_case("true"));
         let kind = match kind {
-            DatatypeKind::Number(element)
-                if unsigned && element.kind == crate::element::ElementKind::Signed =>
-            {
-                DatatypeKind::Number(crate::element::Element {
-                    kind: crate::element::ElementKind::Unsigned,
-                    ..element
-                })
+            DatatypeKind::Number(element) if unsigned && element.kind == ElementKind::Signed => {
+                DatatypeKind::Number(Element { kind: ElementKind::Unsigned, ..element })
             }
             kind => kind,
         };
@@ -295,17 +291,7 @@ impl Hdf5TableParts {
         };
         let lane = self.table.lanes.len();
         let counted = cf::time(found.attributes.units().first().map_or("", String::as_str));
-        let cells = match &found.kind {
-            DatatypeKind::Number(element) => match counted {
-                Some(unit) => {
-                    let code = TimeCode::Counted { element: *element, unit, kind: TimeKind::Calendar };
-                    CellKind::Times { lane, offset: 0, code }
-                }
-                None => CellKind::Numbers { lane, offset: 0, element: *element },
-            },
-            DatatypeKind::Text { bytes } => {
-                CellKind::Text { lane, offset: 0, bytes: *bytes, code: TextEncoding::Bytes }
-            }
+        let cell = match &found.kind {
             DatatypeKind::Texts | DatatypeKind::References => {
                 let Some(texts) = values::texts(found)? else {
                     self.table.leave_out(name, "references");
@@ -321,11 +307,20 @@ impl Hdf5TableParts {
                 self.table.leave_out(name, format!("a table of its own: write `group = \"{}\"`", found.path));
                 return Ok(());
             }
-            DatatypeKind::Other(what) => {
-                self.table.leave_out(name, *what);
+            kind => kind.stored(),
+        };
+        let cell = match (cell, counted) {
+            (Some(StoredCell::Number(element)), Some(unit)) => {
+                let form = TimeForm::Counted(element);
+                StoredCell::Time(TimeCode { form, unit, kind: TimeKind::Calendar })
+            }
+            (Some(cell), _) => cell,
+            (None, _) => {
+                self.table.leave_out(name, found.kind.what());
                 return Ok(());
             }
         };
+        let cells = CellKind::Stored { lane, offset: 0, cell };
         let unit = found.attributes.units().first().map_or("", String::as_str);
         let tick_s = self.tick_s(found, name);
         let unit = match (counted, tick_s) {
@@ -341,7 +336,7 @@ impl Hdf5TableParts {
         if found.attributes.single_numbers().filter(|(name, number)| own.learn(name, *number)).count() > 0 {
             self.table.own_clocks.push((self.table.fields.len(), own.clock()));
         }
-        self.table.lanes.push(values::lane(found, rows, 1, turned, self.file_bytes)?);
+        self.table.lanes.push(values::lane(found, found.kind.bytes(), (rows, 1), turned, self.file_bytes)?);
         self.table.fields.push(RecordField { scaling, ..RecordField::new(column, cells, rows) });
         Ok(())
     }
@@ -365,14 +360,9 @@ impl Hdf5TableParts {
     /// A dataset of rows and columns beside datasets that are columns.
     fn add_beside(&mut self, found: &FoundDataset, name: &str) -> Result<(), FormatError> {
         let (rows, columns) = self.rows_and_columns(found)?;
-        if columns > BESIDE || columns > rows {
-            self.table.leave_out(
-                name,
-                format!(
-                    "{rows} rows and {columns} columns: write `group = \"{}\"` and `columns`",
-                    found.path
-                ),
-            );
+        if !becomes_columns(rows, columns) {
+            let what = format!("{rows} rows and {columns} columns");
+            self.table.leave_out(name, format!("{what}: write `group = \"{}\"` and `columns`", found.path));
             return Ok(());
         }
         let names: Vec<String> = match stored_names(found) {
@@ -419,27 +409,43 @@ impl Hdf5TableParts {
             units if units.len() == names.len() => units.to_vec(),
             _ => Vec::new(),
         };
-        let (lane, place, scaling) = (self.table.lanes.len(), found.place(), found.scaling());
-        let first = self.table.fields.len();
+        let (first, place, scaling) = (self.table.lanes.len(), found.place(), found.scaling());
+        let (size, shape, turned) = (element.bytes, (rows, names.len() as u64), self.is_turned(found));
+        // Columns that stand one after the other are read on their own.
+        let by_column = match values::values(found, size, shape, turned, self.file_bytes)? {
+            DatasetValues::Stretch(source, offset) if turned => Some((source, offset)),
+            _ => None,
+        };
+        if by_column.is_none() {
+            self.table.lanes.push(values::lane(found, size, shape, turned, self.file_bytes)?);
+        }
         for (number, name) in names.iter().enumerate() {
             let unit = units.get(number).filter(|_| united).map_or("", String::as_str);
             let column = Column::new(&with_unit(name, unit)).at(format!("{place}, column {}", number + 1));
-            let cells = CellKind::Numbers { lane, offset: number * element.bytes, element };
+            let (lane, offset) =
+                if by_column.is_some() { (first + number, 0) } else { (first, number * size) };
+            let cells = CellKind::Stored { lane, offset, cell: StoredCell::Number(element) };
             self.table
                 .fields
                 .push(RecordField { scaling: scaling.clone(), ..RecordField::new(column, cells, rows) });
-        }
-        self.say(&found.path, &scaling);
-        let turned = self.matlab && found.space.shape.len() == 2;
-        let added = values::lane(found, rows, names.len() as u64, turned, self.file_bytes);
-        match added {
-            Ok(lane) => self.table.lanes.push(lane),
-            Err(error) => {
-                self.table.fields.truncate(first);
-                return Err(error);
+            if let Some((source, offset)) = &by_column {
+                let offset = offset + number as u64 * rows * size as u64;
+                let source = Arc::clone(source);
+                self.table.lanes.push(Box::new(UnpackedRecords {
+                    source,
+                    format: FORMAT,
+                    offset,
+                    record: size,
+                }));
             }
         }
+        self.say(&found.path, &scaling);
         Ok(())
+    }
+
+    /// Whether the last axis of a dataset of two are the rows, as MATLAB has them.
+    fn is_turned(&self, found: &FoundDataset) -> bool {
+        self.matlab && found.space.shape.len() == 2
     }
 
     /// Characters of MATLAB: a text a row, along the second axis.
@@ -457,8 +463,9 @@ impl Hdf5TableParts {
         // At most TEXT_BYTES.
         let bytes = usize::try_from(width).unwrap_or(0) * 2;
         let code = TextEncoding::Utf16 { big_endian: element.big_endian };
-        let cells = CellKind::Text { lane: self.table.lanes.len(), offset: 0, bytes, code };
-        self.table.lanes.push(values::lane(found, rows, width, true, self.file_bytes)?);
+        let cell = StoredCell::Text { bytes, code };
+        let cells = CellKind::Stored { lane: self.table.lanes.len(), offset: 0, cell };
+        self.table.lanes.push(values::lane(found, 2, (rows, width), true, self.file_bytes)?);
         self.table.fields.push(RecordField::new(column, cells, rows));
         Ok(())
     }
@@ -474,22 +481,21 @@ impl Hdf5TableParts {
             let (rows, lane, fields) = (*rows, self.table.lanes.len(), fields.clone());
             let units = Some(found.attributes.units()).filter(|units| units.len() == fields.len());
             for (number, (name, offset, kind)) in fields.iter().enumerate() {
-                let cells = match kind {
-                    DatatypeKind::Number(element) => {
-                        CellKind::Numbers { lane, offset: *offset, element: *element }
-                    }
-                    DatatypeKind::Text { bytes } => {
-                        CellKind::Text { lane, offset: *offset, bytes: *bytes, code: TextEncoding::Bytes }
-                    }
-                    other => {
-                        self.table.leave_out(name, other.what());
-                        continue;
-                    }
+                let Some(cell) = kind.stored() else {
+                    self.table.leave_out(name, kind.what());
+                    continue;
                 };
+                let cells = CellKind::Stored { lane, offset: *offset, cell };
                 let name = with_unit(name, units.map_or("", |units| units[number].as_str()));
                 self.table.fields.push(RecordField::new(Column::new(&name).at(found.place()), cells, rows));
             }
-            self.table.lanes.push(values::lane(found, rows, 1, false, self.file_bytes)?);
+            self.table.lanes.push(values::lane(
+                found,
+                found.kind.bytes(),
+                (rows, 1),
+                false,
+                self.file_bytes,
+            )?);
             return Ok(());
         }
         if !matches!(found.kind, DatatypeKind::Number(_)) {
@@ -499,19 +505,12 @@ impl Hdf5TableParts {
             ));
         }
         let (rows, columns) = self.rows_and_columns(found)?;
-        let names = match hints.columns.as_deref().or_else(|| stored_names(found)) {
-            Some(names) if names.len() as u64 == columns => names.to_vec(),
-            // Its own name.
-            None if columns == 1 => vec![path.rsplit('/').next().unwrap_or(&path).to_owned()],
-            names => {
-                return Err(unsupported(
-                    format!("`{path}` of {columns} columns with {} names", names.map_or(0, <[String]>::len)),
-                    "write as many names as there are columns, in `columns` of the experiment or in an attribute \
-                     `columns`",
-                ));
-            }
-        };
-        self.table.recognised = format!("`{path}` of {rows} rows and {columns} columns");
+        // Its own name, of a single column.
+        let own = || (columns == 1).then(|| vec![path.rsplit('/').next().unwrap_or(&path).to_owned()]);
+        let stored = stored_names(found).map(<[String]>::to_vec).or_else(own);
+        let what = format!("`{path}` of {rows} rows and {columns} columns");
+        let names = self.table.names(hints, stored, columns, &what)?;
+        self.table.recognised = what;
         self.add_columns(found, rows, &names, hints.columns.is_none())
     }
 }

@@ -1,6 +1,6 @@
 //! HDF5's B-trees, whose records are visited in their order (HDF5 File Format Specification, section III.A).
 
-use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
+use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
 use crate::{FormatError, limits};
 
 /// Levels of a tree.
@@ -27,8 +27,8 @@ fn node(
 ) -> Result<(), FormatError> {
     let prefix = 8 + 2 * ADDRESS;
     let head = file.block(address, prefix as u64)?;
-    let mut cursor = MetadataCursor::new(file, &head, address);
-    cursor.mark("TREE")?;
+    let mut cursor = file.cursor(&head, address);
+    cursor.mark(b"TREE")?;
     let (found, level) = (cursor.u8()?, cursor.u8()?);
     if found != kind || level > LEVELS || above.is_some_and(|above| level.checked_add(1) != Some(above)) {
         return Err(cursor.damaged(
@@ -39,7 +39,7 @@ fn node(
     let entries = usize::from(cursor.u16()?);
     let bytes = prefix + entries * (key + ADDRESS);
     let block = file.block(address, bytes as u64)?;
-    let mut cursor = MetadataCursor::new(file, &block, address);
+    let mut cursor = file.cursor(&block, address);
     cursor.skip(prefix)?;
     for _ in 0..entries {
         let mut before = cursor.part(key)?;
@@ -60,15 +60,15 @@ pub(super) fn newer(
     visit: &mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<(), FormatError>,
 ) -> Result<(), FormatError> {
     let head = file.block(address, (22 + ADDRESS + LENGTH) as u64)?;
-    let mut cursor = MetadataCursor::new(file, &head, address);
-    cursor.mark("BTHD")?;
+    let mut cursor = file.cursor(&head, address);
+    cursor.mark(b"BTHD")?;
     let kind = cursor.skip(1)?.u8()?;
     let node_bytes = cursor.u32()?;
     let (record, depth) = (usize::from(cursor.u16()?), cursor.u16()?);
     let root = cursor.skip(2)?.address()?;
     let records = usize::from(cursor.u16()?);
-    cursor.length()?;
-    cursor.check_sum()?;
+    cursor.u64()?;
+    check_sum(&mut cursor)?;
     let small = (node_bytes as usize) < 10 + record || record == 0 || depth > u16::from(LEVELS);
     if small || u64::from(node_bytes) > limits::HEADER_BYTES {
         return Err(cursor.damaged(
@@ -118,15 +118,15 @@ impl BTree<'_> {
         let children = if level == 0 { 0 } else { records + 1 };
         let bytes = 6 + records * self.record + children * pointer + 4;
         let block = self.file.block(address, (bytes as u64).min(u64::from(self.node_bytes)))?;
-        let mut cursor = MetadataCursor::new(self.file, &block, address);
-        cursor.mark(if level == 0 { "BTLF" } else { "BTIN" })?;
+        let mut cursor = self.file.cursor(&block, address);
+        cursor.mark(if level == 0 { b"BTLF" } else { b"BTIN" })?;
         let kind = cursor.skip(1)?.u8()?;
         if kind != self.kind {
             return Err(cursor.damaged(format!("a node of kind {kind}"), &format!("{}", self.kind)));
         }
         let mut own = cursor.part(records * self.record)?;
         let mut pointers = cursor.part(children * pointer)?;
-        cursor.check_sum()?;
+        check_sum(&mut cursor)?;
         for number in 0..records.max(children) {
             if number < children {
                 let child = pointers.known_address()?;

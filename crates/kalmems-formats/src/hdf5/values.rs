@@ -2,7 +2,7 @@
 
 use super::chunks::{ChunkGrid, ChunkLane, LaneProgress};
 use super::datatype::DatatypeKind;
-use super::file::{ADDRESS, MetadataCursor};
+use super::file::ADDRESS;
 use super::filters::{self, DatasetFilter};
 use super::header::{MessageKind as Message, ObjectHeader};
 use super::heap;
@@ -16,75 +16,55 @@ use crate::source::SharedFile;
 use crate::{FormatError, limits};
 use std::sync::Arc;
 
-/// The values of a dataset as records of a table.
-pub(super) fn lane(
-    found: &FoundDataset,
-    rows: u64,
-    columns: u64,
-    turned: bool,
-    file_bytes: u64,
-) -> Result<Box<dyn RecordLane>, FormatError> {
-    lane_of(found, found.kind.bytes(), (rows, columns), turned, file_bytes)
+/// Where the values of a dataset are.
+pub(super) enum DatasetValues {
+    /// One after the other from a place of a file on, or in memory.
+    Stretch(Arc<SharedFile>, u64),
+    /// In chunks, which give records.
+    Chunks(Box<ChunkLane>),
 }
 
-/// The same with elements of so many bytes.
-fn lane_of(
+/// The values of a dataset of rows and columns, whose elements have so many bytes. `turned` says that its last axis are the rows.
+pub(super) fn values(
     found: &FoundDataset,
     element: usize,
     (rows, columns): (u64, u64),
     turned: bool,
     file_bytes: u64,
-) -> Result<Box<dyn RecordLane>, FormatError> {
+) -> Result<DatasetValues, FormatError> {
     let FoundDataset { object: Object { file, .. }, header, path, space, .. } = found;
     let what = format!("the bytes of an element of `{path}`");
     limits::at_most(FORMAT, &what, element as u64, limits::ROW_BYTES as u64)?;
     limits::plausible_rows(FORMAT, rows.saturating_mul(columns), file_bytes.max(file.source.length()))?;
     let bytes = rows.saturating_mul(columns).saturating_mul(element as u64);
-    let record = usize::try_from(columns).unwrap_or(0) * element;
-    let whole =
-        ChunkGrid { rows, columns, element, chunk_rows: rows.max(1), chunk_columns: columns.max(1), turned };
+    let damaged = |found: String, expected: String| FormatError::damaged(FORMAT, path, found, expected);
     let never = || unsupported(format!("`{path}`, which was never written,"), "write its values");
     let source = Arc::clone(&file.source);
     match DataLayout::read(file, header)?.ok_or_else(never)? {
-        _ if rows == 0 => Ok(Box::new(Memory { bytes: Vec::new(), record, row: 0 })),
+        _ if rows == 0 => Ok(DatasetValues::Stretch(source, 0)),
         DataLayout::Contiguous(None) => Err(never()),
         DataLayout::Contiguous(Some(offset)) => {
             source.within(FORMAT, offset, bytes)?;
-            if !turned || columns == 1 {
-                return Ok(Box::new(UnpackedRecords { source, format: FORMAT, offset, record }));
-            }
-            Ok(Box::new(TransposedColumns { source, offset, rows, columns, element, row: 0 }))
+            Ok(DatasetValues::Stretch(source, offset))
         }
-        DataLayout::Compact(raw) => {
-            if raw.len() as u64 != bytes {
-                return Err(FormatError::damaged(
-                    FORMAT,
-                    path,
-                    format!("{} bytes", raw.len()),
-                    format!("{bytes}"),
-                ));
-            }
-            let bytes = if turned && columns > 1 { turn(&raw, element, &whole) } else { raw };
-            Ok(Box::new(Memory { bytes, record, row: 0 }))
+        DataLayout::Compact(raw) if raw.len() as u64 == bytes => {
+            Ok(DatasetValues::Stretch(in_memory(raw)?, 0))
         }
+        DataLayout::Compact(raw) => Err(damaged(format!("{} bytes", raw.len()), format!("{bytes}"))),
         DataLayout::Chunked(chunked) => {
             let filters = filters_of(file, header, path)?;
             let (first, second) = match chunked.shape[..] {
                 [first] if space.shape.len() == 1 => (first, 1),
                 [first, second] if space.shape.len() == 2 => (first, second),
                 _ => {
-                    return Err(FormatError::damaged(
-                        FORMAT,
-                        path,
-                        format!("chunks of {} axes", chunked.shape.len()),
-                        format!("{}, as the dataset has", space.shape.len()),
-                    ));
+                    let found = format!("chunks of {} axes", chunked.shape.len());
+                    return Err(damaged(found, format!("{}, as the dataset has", space.shape.len())));
                 }
             };
             let (chunk_rows, chunk_columns) = if turned { (second, first) } else { (first, second) };
-            let grid = ChunkGrid { chunk_rows, chunk_columns, ..whole };
+            let grid = ChunkGrid { rows, columns, element, chunk_rows, chunk_columns, turned };
             grid.check(path)?;
-            Ok(Box::new(ChunkLane {
+            Ok(DatasetValues::Chunks(Box::new(ChunkLane {
                 file: Arc::clone(file),
                 chunked,
                 space: space.clone(),
@@ -92,7 +72,7 @@ fn lane_of(
                 grid,
                 filters,
                 progress: LaneProgress::default(),
-            }))
+            })))
         }
         DataLayout::Virtual => Err(unsupported(
             format!("`{path}`, a virtual dataset whose values are in other datasets,"),
@@ -103,6 +83,33 @@ fn lane_of(
             "copy them into one with h5repack",
         )),
     }
+}
+
+/// The values of a dataset as records, each of a row.
+pub(super) fn lane(
+    found: &FoundDataset,
+    element: usize,
+    (rows, columns): (u64, u64),
+    turned: bool,
+    file_bytes: u64,
+) -> Result<Box<dyn RecordLane>, FormatError> {
+    let record = usize::try_from(columns).unwrap_or(0) * element;
+    let (source, offset) = match values(found, element, (rows, columns), turned, file_bytes)? {
+        DatasetValues::Chunks(lane) => return Ok(lane),
+        DatasetValues::Stretch(source, offset) if turned && columns > 1 => {
+            let bytes = rows.saturating_mul(record as u64);
+            limits::at_most(FORMAT, &format!("the bytes of `{}`", found.path), bytes, limits::HEADER_BYTES)?;
+            let raw = source.bytes(FORMAT, offset, usize::try_from(bytes).unwrap_or(0))?;
+            (in_memory(turn(&raw, element, usize::try_from(rows).unwrap_or(0)))?, 0)
+        }
+        DatasetValues::Stretch(source, offset) => (source, offset),
+    };
+    Ok(Box::new(UnpackedRecords { source, format: FORMAT, offset, record }))
+}
+
+/// Bytes in memory as a file.
+fn in_memory(bytes: Vec<u8>) -> Result<Arc<SharedFile>, FormatError> {
+    SharedFile::new(Box::new(std::io::Cursor::new(bytes))).map(Arc::new)
 }
 
 fn filters_of(
@@ -133,7 +140,7 @@ pub(super) fn texts(found: &FoundDataset) -> Result<Option<Vec<Vec<u8>>>, Format
     let mut heap = heap::HeapTexts::new(file);
     let mut texts = Vec::new();
     for bytes in raw.chunks_exact(cell) {
-        let mut cursor = MetadataCursor::new(file, bytes, 0);
+        let mut cursor = file.cursor(bytes, 0);
         let text = if is_text {
             heap.text(&mut cursor)?
         } else {
@@ -189,66 +196,14 @@ fn cells(found: &FoundDataset, element: usize) -> Result<Vec<u8>, FormatError> {
         _ => return Err(unsupported(format!("`{path}` of {} axes", shape.len()), "write one axis")),
     };
     let mut raw = Vec::new();
-    let mut lane = lane_of(found, element, (rows, columns), false, found.object.file.source.length())?;
+    let mut lane = lane(found, element, (rows, columns), false, found.object.file.source.length())?;
     // At most HEADER_BYTES.
     lane.read(usize::try_from(rows).unwrap_or(0), &mut raw)?;
     Ok(raw)
 }
 
-/// Records in memory.
-struct Memory {
-    bytes: Vec<u8>,
-    record: usize,
-    row: usize,
-}
-
-impl RecordLane for Memory {
-    fn record(&self) -> usize {
-        self.record
-    }
-
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
-        out.clear();
-        out.extend_from_slice(&self.bytes[self.row * self.record..(self.row + rows) * self.record]);
-        self.row += rows;
-        Ok(())
-    }
-}
-
-/// Columns one after the other, as records.
-struct TransposedColumns {
-    source: Arc<SharedFile>,
-    offset: u64,
-    rows: u64,
-    columns: u64,
-    element: usize,
-    row: u64,
-}
-
-impl RecordLane for TransposedColumns {
-    fn record(&self) -> usize {
-        usize::try_from(self.columns).unwrap_or(0) * self.element
-    }
-
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
-        let record = self.record();
-        out.resize(rows * record, 0);
-        let mut column_bytes = vec![0; rows * self.element];
-        for column in 0..self.columns {
-            let first = column * self.rows + self.row;
-            self.source.read_exact(FORMAT, self.offset + first * self.element as u64, &mut column_bytes)?;
-            let at = usize::try_from(column).unwrap_or(0) * self.element;
-            for (row, cell) in out.chunks_exact_mut(record).zip(column_bytes.chunks_exact(self.element)) {
-                row[at..at + self.element].copy_from_slice(cell);
-            }
-        }
-        self.row += rows as u64;
-        Ok(())
-    }
-}
-
-fn turn(raw: &[u8], element: usize, grid: &ChunkGrid) -> Vec<u8> {
-    let rows = usize::try_from(grid.rows).unwrap_or(0);
+/// Columns one after the other as rows one after the other.
+fn turn(raw: &[u8], element: usize, rows: usize) -> Vec<u8> {
     let mut turned = Vec::with_capacity(raw.len());
     for row in 0..rows {
         for column in raw.chunks_exact(rows * element) {

@@ -3,12 +3,13 @@
 mod array;
 mod version4;
 
+use crate::cursor::ByteCursor;
 use crate::element::Element;
 use crate::lanes::TextLane;
-use crate::records::CellKind;
+use crate::records::{CellKind, StoredCell};
 use crate::source::SharedFile;
-use crate::stream::{Compression, FileStretch, StreamLane, VERIFIED_AT_ONCE};
-use crate::table_parts::TableParts;
+use crate::stream::{Compression, FileStretch, VERIFIED_AT_ONCE};
+use crate::table_parts::{StoredArray, TableParts, becomes_columns};
 use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
 use array::{COMPRESSED, Elements, FORMAT, MATRIX, MatValue, MatVariable, MemoryBudget};
 use std::sync::Arc;
@@ -18,8 +19,6 @@ const HEADER: u64 = 128;
 
 /// What MATLAB needs to be told to write what others can read.
 const TABLE_REMEDY: &str = "save `S = table2struct(T, ToScalar=true)` with `save(…, \"-struct\", \"S\")`";
-/// Columns of a matrix that become columns beside others.
-const BESIDE: u64 = 64;
 
 pub(crate) use version4::begins as begins_as_four;
 
@@ -41,7 +40,7 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     if let Some(path) = &hints.group {
         let (stretch, value) = at_path(format, found.collect(), path)?;
         match value {
-            MatValue::Fields(fields) => table.add_struct(&stretch, path, fields),
+            MatValue::Fields(fields) => table.add_struct(&stretch, path, fields)?,
             value => table.add_matrix(&stretch, &MatVariable { name: path.clone(), value }, hints)?,
         }
         return table.finish(source.length());
@@ -63,10 +62,10 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
             .left_out
             .extend(structs.iter().map(|(_, variable)| OmittedPart::new(&variable.name, "a struct")));
         for (stretch, variable) in columns {
-            table.add(&stretch, variable);
+            table.add(&stretch, variable)?;
         }
         for (stretch, matrix) in matrices {
-            table.add_beside(&stretch, matrix);
+            table.add_beside(&stretch, matrix)?;
         }
         return table.finish(source.length());
     }
@@ -79,7 +78,7 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     match (&mut places[..], &matrices[..]) {
         ([_], []) => {
             for (stretch, path, fields) in places {
-                table.add_struct(&stretch, &path, fields);
+                table.add_struct(&stretch, &path, fields)?;
                 table.0.recognised = format!("the fields of the only struct, `{path}`, a column each");
             }
         }
@@ -90,7 +89,7 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
                 places.iter().map(|(_, path, _)| format!("`{path}`")).chain(names).collect();
             if names.is_empty() {
                 for (stretch, variable) in columns {
-                    table.add(&stretch, variable);
+                    table.add(&stretch, variable)?;
                 }
                 return table.finish(source.length());
             }
@@ -142,20 +141,20 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
     let mut at = HEADER;
     while at < source.length() {
         let tag = source.bytes(FORMAT, at, 8)?;
-        let word = |b: &[u8]| {
-            let bytes = [b[0], b[1], b[2], b[3]];
-            if big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
+        let words = |tag: &[u8]| {
+            let mut tag = ByteCursor::new(FORMAT, tag, at).with(0, big_endian);
+            Ok::<_, FormatError>((tag.u32()?, u64::from(tag.u32()?)))
         };
-        let (kind, bytes) = (word(&tag), u64::from(word(&tag[4..])));
+        let (kind, bytes) = words(&tag)?;
         let start = at + 8;
         let end = source.within(FORMAT, start, bytes)?;
         let (packing, start) = match kind {
             MATRIX => (Compression::Stored, at),
             COMPRESSED => (Compression::Zlib, start),
             _ => {
-                return Err(FormatError::damaged(
+                return Err(FormatError::damaged_at(
                     FORMAT,
-                    format!("byte {at}"),
+                    at,
                     format!("an element of type {kind}"),
                     "an array (14), or one that is packed (15)",
                 ));
@@ -166,7 +165,7 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
         let mut stretch = FileStretch { packing, start, end, unpacked: end - start, ..whole };
         if packing == Compression::Zlib {
             // An array with its tag of eight bytes.
-            stretch.unpacked = 8 + u64::from(word(&stretch.stream().bytes(8)?[4..]));
+            stretch.unpacked = 8 + words(&stretch.stream().bytes(8)?)?.1;
         }
         let mut elements = Elements { stream: stretch.stream(), big_endian };
         let variable = elements.array(&mut budget)?;
@@ -219,61 +218,64 @@ struct MatTable(TableParts);
 
 impl MatTable {
     /// The fields of a struct.
-    fn add_struct(&mut self, stretch: &FileStretch, path: &str, fields: Vec<MatVariable>) {
+    fn add_struct(
+        &mut self,
+        stretch: &FileStretch,
+        path: &str,
+        fields: Vec<MatVariable>,
+    ) -> Result<(), FormatError> {
         self.0.recognised = format!("the fields of `{path}`, a column each");
         for field in fields {
             match field.value {
                 MatValue::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => {
-                    self.add_beside(stretch, field);
+                    self.add_beside(stretch, field)?;
                 }
-                _ => self.add(stretch, field),
+                _ => self.add(stretch, field)?,
             }
         }
+        Ok(())
     }
 
     /// A matrix beside vectors: its columns as MATLAB names them.
-    fn add_beside(&mut self, stretch: &FileStretch, matrix: MatVariable) {
+    fn add_beside(&mut self, stretch: &FileStretch, matrix: MatVariable) -> Result<(), FormatError> {
         let MatVariable { name, value } = matrix;
-        let MatValue::Numbers { place, element, rows, columns } = value else { return };
-        if columns > BESIDE || columns > rows {
+        let MatValue::Numbers { place, element, rows, columns } = value else { return Ok(()) };
+        if !becomes_columns(rows, columns) {
             let why = format!("{rows} × {columns}: name it by `group`, and its columns by `columns`");
             self.0.leave_out(name, why);
-            return;
+            return Ok(());
         }
         let names: Vec<String> = (1..=columns).map(|column| format!("{name}(:,{column})")).collect();
-        self.add_columns(stretch, (place, element, rows), &names);
+        self.add_columns(stretch, (place, element, rows), &names)
     }
 
-    /// The columns of a matrix, which stand one after the other.
+    /// The columns of a matrix.
     fn add_columns(
         &mut self,
         stretch: &FileStretch,
         (place, element, rows): (u64, Element, u64),
         names: &[String],
-    ) {
-        for (number, name) in names.iter().enumerate() {
-            let lane = self.0.lanes.len();
-            let skip = place + number as u64 * rows * element.bytes as u64;
-            let column = Column::new(name).at(format!("column {}", number + 1));
-            let own = Box::new(StreamLane::new(stretch.clone(), skip, element.bytes));
-            self.0.add(column, CellKind::Numbers { lane, offset: 0, element }, rows, own);
-        }
+    ) -> Result<(), FormatError> {
+        let cell = StoredCell::Number(element);
+        self.0.add_array(&StoredArray { stretch, place, rows, cell, by_column: true }, names)
     }
 
-    fn add(&mut self, stretch: &FileStretch, variable: MatVariable) {
+    fn add(&mut self, stretch: &FileStretch, variable: MatVariable) -> Result<(), FormatError> {
         let MatVariable { name, value } = variable;
-        let column = Column::new(&name);
         let lane = self.0.lanes.len();
         let single = !is_column(&value);
         match value {
             MatValue::Numbers { place, element, rows, columns } if !single => {
-                let rows = rows * columns;
-                let own = Box::new(StreamLane::new(stretch.clone(), place, element.bytes));
-                self.0.add(column, CellKind::Numbers { lane, offset: 0, element }, rows, own);
+                self.add_columns(stretch, (place, element, rows * columns), &[name])?;
             }
             MatValue::Texts(texts) if !single => {
                 let rows = texts.len() as u64;
-                self.0.add(column, CellKind::Texts { lane }, rows, Box::new(TextLane { texts, next: 0 }));
+                self.0.add(
+                    Column::new(&name),
+                    CellKind::Texts { lane },
+                    rows,
+                    Box::new(TextLane { texts, next: 0 }),
+                );
             }
             MatValue::Numbers { place, element, rows: 1, columns: 1 }
                 if stretch.number(place, element).is_ok_and(|number| self.0.stated.learn(&name, number)) => {}
@@ -291,6 +293,7 @@ impl MatTable {
                 self.0.leave_out(name, format!("a {class} of MATLAB: {remedy}"));
             }
         }
+        Ok(())
     }
 
     /// A matrix whose columns the experiment names.
@@ -306,20 +309,10 @@ impl MatTable {
             let what = format!("`{}`, which is no struct and no matrix of numbers,", matrix.name);
             return Err(unsupported(what, "write the name of one that is"));
         };
-        let names = match &hints.columns {
-            Some(names) if names.len() as u64 == columns => names,
-            found => {
-                let what = format!(
-                    "the matrix `{}` of {rows} rows and {columns} columns with {} names",
-                    matrix.name,
-                    found.as_ref().map_or(0, Vec::len)
-                );
-                return Err(unsupported(what, "write as many names in `columns` as there are columns"));
-            }
-        };
+        let what = format!("the matrix `{}` of {rows} rows and {columns} columns", matrix.name);
+        let names = self.0.names(hints, None, columns, &what)?;
         self.0.recognised = format!("the matrix `{}`, its columns named by the experiment", matrix.name);
-        self.add_columns(stretch, (place, element, rows), names);
-        Ok(())
+        self.add_columns(stretch, (place, element, rows), &names)
     }
 
     fn finish(self, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {

@@ -2,6 +2,7 @@
 //! MAT-File Format, appendix on level 4).
 
 use super::array::{MatValue, MatVariable};
+use crate::cursor::ByteCursor;
 use crate::element::{Element, ElementKind};
 use crate::source::SharedFile;
 use crate::stream::FileStretch;
@@ -35,17 +36,11 @@ pub(crate) fn begins(beginning: &[u8]) -> bool {
 impl Mat4Header {
     /// None where it is no header.
     fn read(bytes: &[u8]) -> Option<Self> {
-        let words = |big_endian: bool| {
-            let word = |b: &[u8]| {
-                let bytes = [b[0], b[1], b[2], b[3]];
-                if big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
-            };
-            bytes.chunks_exact(4).map(word).collect::<Vec<u32>>()
-        };
         // The thousands say which order of bytes it is, in that order.
         let of_order = |big_endian: bool| {
-            let words = words(big_endian);
-            let [code, rows, columns, complex, name] = words[..] else { return None };
+            let mut words = ByteCursor::new(FORMAT, bytes, 0).with(0, big_endian);
+            let mut word = || words.u32().ok();
+            let (code, rows, columns, complex, name) = (word()?, word()?, word()?, word()?, word()?);
             let (machine, zero, number, kind) = (code / 1000, code / 100 % 10, code / 10 % 10, code % 10);
             let (element, bytes) = match number {
                 0 => (ElementKind::Float, 8),

@@ -4,8 +4,8 @@ use super::literal::{self, Literal};
 use crate::FormatError;
 use crate::element::{Element, ElementKind};
 use crate::limits;
-use crate::records::TextEncoding;
-use crate::time::{TimeCode, TimeKind, TimeUnit};
+use crate::records::{StoredCell, TextEncoding};
+use crate::time::{TimeCode, TimeForm, TimeKind, TimeUnit};
 
 /// An array.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,13 +29,7 @@ pub(super) enum Descr {
 /// What is at one place of an element.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Cell {
-    Number(Element),
-    Text {
-        bytes: usize,
-        code: TextEncoding,
-    },
-    /// Dates or durations.
-    Time(TimeCode),
+    Stored(StoredCell),
     /// Complex numbers, arrays, padding.
     Other {
         bytes: usize,
@@ -46,9 +40,8 @@ pub(super) enum Cell {
 impl Cell {
     pub(super) fn bytes(&self) -> usize {
         match self {
-            Self::Number(element) => element.bytes,
-            Self::Time(code) => code.bytes(),
-            Self::Text { bytes, .. } | Self::Other { bytes, .. } => *bytes,
+            Self::Stored(cell) => cell.bytes(),
+            Self::Other { bytes, .. } => *bytes,
         }
     }
 }
@@ -219,7 +212,7 @@ fn cell(code: &str) -> Result<Cell, String> {
     let number = |kind| {
         let element = Element { kind, bytes: size, big_endian };
         if element.exists() {
-            Cell::Number(element)
+            Cell::Stored(StoredCell::Number(element))
         } else {
             Cell::Other { bytes: size, what: format!("numbers of type `{code}`") }
         }
@@ -230,14 +223,14 @@ fn cell(code: &str) -> Result<Cell, String> {
         'u' => number(ElementKind::Unsigned),
         // 0 and 1.
         'b' if size == 1 => number(ElementKind::Unsigned),
-        'S' | 'a' => Cell::Text { bytes: size, code: TextEncoding::Bytes },
-        'U' => Cell::Text { bytes: size * 4, code: TextEncoding::Utf32 { big_endian } },
+        'S' | 'a' => Cell::Stored(StoredCell::Text { bytes: size, code: TextEncoding::Bytes }),
+        'U' => Cell::Stored(StoredCell::Text { bytes: size * 4, code: TextEncoding::Utf32 { big_endian } }),
         'c' => Cell::Other { bytes: size, what: "complex numbers".to_owned() },
         'M' | 'm' if size == 8 => match time_unit(after) {
             Some(unit) => {
                 let element = Element { kind: ElementKind::Signed, bytes: size, big_endian };
                 let kind = if kind == 'M' { TimeKind::Calendar } else { TimeKind::Elapsed };
-                Cell::Time(TimeCode::Numpy { element, unit, kind })
+                Cell::Stored(StoredCell::Time(TimeCode { form: TimeForm::Integer(element), unit, kind }))
             }
             None => Cell::Other {
                 bytes: size,

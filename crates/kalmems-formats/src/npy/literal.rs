@@ -58,14 +58,22 @@ impl LiteralReader<'_> {
                 return Ok(literal);
             }
         }
-        if self.takes("[") {
-            return self.several("]", depth);
-        }
-        if self.takes("(") {
-            return self.several(")", depth);
+        for (begin, end) in [("[", "]"), ("(", ")")] {
+            if self.takes(begin) {
+                return self.until(end, |reader| reader.literal(depth - 1)).map(Literal::Several);
+            }
         }
         if self.takes("{") {
-            return self.named(depth);
+            let entry = |reader: &mut Self| {
+                let Literal::Text(key) = reader.literal(depth - 1)? else {
+                    return Err((reader.at, "a quoted key"));
+                };
+                if !reader.takes(":") {
+                    return Err((reader.at, "a colon"));
+                }
+                Ok((key, reader.literal(depth - 1)?))
+            };
+            return self.until("}", entry).map(Literal::Named);
         }
         match self.rest().chars().next() {
             Some(quote @ ('\'' | '"')) => self.quoted(quote).map(Literal::Text),
@@ -83,38 +91,20 @@ impl LiteralReader<'_> {
         }
     }
 
-    fn several(&mut self, end: &str, depth: usize) -> Result<Literal, (usize, &'static str)> {
+    /// What stands between commas up to a bracket.
+    fn until<T>(
+        &mut self,
+        end: &str,
+        mut next: impl FnMut(&mut Self) -> Result<T, (usize, &'static str)>,
+    ) -> Result<Vec<T>, (usize, &'static str)> {
         let mut values = Vec::new();
-        loop {
-            if self.takes(end) {
-                return Ok(Literal::Several(values));
-            }
-            values.push(self.literal(depth - 1)?);
+        while !self.takes(end) {
+            values.push(next(self)?);
             if !self.takes(",") {
-                return if self.takes(end) {
-                    Ok(Literal::Several(values))
-                } else {
-                    Err((self.at, "a comma"))
-                };
+                return if self.takes(end) { Ok(values) } else { Err((self.at, "a comma")) };
             }
         }
-    }
-
-    fn named(&mut self, depth: usize) -> Result<Literal, (usize, &'static str)> {
-        let mut values = Vec::new();
-        loop {
-            if self.takes("}") {
-                return Ok(Literal::Named(values));
-            }
-            let Literal::Text(key) = self.literal(depth - 1)? else { return Err((self.at, "a quoted key")) };
-            if !self.takes(":") {
-                return Err((self.at, "a colon"));
-            }
-            values.push((key, self.literal(depth - 1)?));
-            if !self.takes(",") {
-                return if self.takes("}") { Ok(Literal::Named(values)) } else { Err((self.at, "a comma")) };
-            }
-        }
+        Ok(values)
     }
 
     fn quoted(&mut self, quote: char) -> Result<String, (usize, &'static str)> {

@@ -4,17 +4,14 @@ mod header;
 mod literal;
 mod zip;
 
-use crate::records::{CellKind, RecordField, RecordLane};
+use crate::records::{CellKind, RecordField, StoredCell};
 use crate::source::SharedFile;
 use crate::stated_clock::StatedNumbers;
 use crate::stream::{FileStretch, StreamLane, VERIFIED_AT_ONCE};
-use crate::table_parts::TableParts;
+use crate::table_parts::{StoredArray, TableParts, becomes_columns};
 use crate::{Column, FormatError, Hints, Table, limits};
 use header::{Cell, Descr, NpyHeader};
 use std::sync::Arc;
-
-/// Columns of an array of two axes that become columns beside others.
-const BESIDE: u64 = 64;
 
 /// Opens a single array.
 pub(crate) fn open_npy(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
@@ -65,7 +62,8 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
     } else {
         let any = !vectors.is_empty();
         for array in vectors {
-            array.add_column(&mut table);
+            let names = [array.name.clone()];
+            array.add_columns(&names, &mut table)?;
         }
         for array in others {
             match array.names_beside().filter(|_| any) {
@@ -131,47 +129,26 @@ impl NpyArray {
 
     /// One axis, but for others of one element.
     fn is_column(&self) -> bool {
-        let readable =
-            matches!(self.header.element, Descr::Plain(Cell::Number(_) | Cell::Time(_) | Cell::Text { .. }));
-        let shape = &self.header.shape;
-        readable
-            && match shape.len() {
-                1 => true,
-                2 => shape[0] == 1 || shape[1] == 1,
-                _ => false,
-            }
+        matches!(self.header.element, Descr::Plain(Cell::Stored(_)))
+            && matches!(self.header.shape[..], [_] | [1, _] | [_, 1])
     }
 
     /// Whether it is a single number that states a clock.
     fn states_a_clock(&self, stated: &mut StatedNumbers) -> Result<bool, FormatError> {
         match (&self.header.element, &self.header.shape[..]) {
-            (Descr::Plain(Cell::Number(element)), [] | [1]) => {
+            (Descr::Plain(Cell::Stored(StoredCell::Number(element))), [] | [1]) => {
                 Ok(stated.learn(&self.name, self.stretch.number(self.header.bytes, *element)?))
             }
             _ => Ok(false),
         }
     }
 
-    fn lane(&self, skip: u64, record: usize) -> Box<dyn RecordLane> {
-        Box::new(StreamLane::new(self.stretch.clone(), self.header.bytes + skip, record))
-    }
-
-    /// The array as a column.
-    fn add_column(&self, table: &mut TableParts) {
-        let Descr::Plain(cell) = &self.header.element else { return };
-        let rows = self.header.shape.iter().product();
-        let lane = table.lanes.len();
-        if let Some(cells) = cells(cell, lane, 0) {
-            table.add(Column::new(&self.name), cells, rows, self.lane(0, cell.bytes()));
-        }
-    }
-
     /// The names of the columns of two axes that stand beside arrays of one, as Python names them; none where it is no such
     /// array, or has many columns.
     fn names_beside(&self) -> Option<Vec<String>> {
-        let Descr::Plain(Cell::Number(_)) = self.header.element else { return None };
+        let Descr::Plain(Cell::Stored(StoredCell::Number(_))) = self.header.element else { return None };
         let [rows, columns] = self.header.shape[..] else { return None };
-        (columns <= BESIDE && columns <= rows)
+        becomes_columns(rows, columns)
             .then(|| (0..columns).map(|column| format!("{}[:,{column}]", self.name)).collect())
     }
 
@@ -183,22 +160,24 @@ impl NpyArray {
         match (element, shape.len()) {
             (Descr::Fields(fields), 1) => {
                 table.recognised = format!("an array of {} rows with {} fields", shape[0], fields.len());
-                let mut offset = 0;
+                let (lane, mut offset) = (table.lanes.len(), 0);
                 for (name, cell) in fields {
-                    match cells(cell, table.lanes.len(), offset) {
-                        Some(cells) => {
+                    match cell {
+                        Cell::Stored(cell) => {
+                            let cells = CellKind::Stored { lane, offset, cell: *cell };
                             table.fields.push(RecordField::new(Column::new(name), cells, shape[0]));
                         }
                         // Padding has no name.
-                        None if name.is_empty() => {}
-                        None => table.leave_out(name, what(cell)),
+                        Cell::Other { .. } if name.is_empty() => {}
+                        Cell::Other { what, .. } => table.leave_out(name, what),
                     }
                     offset += cell.bytes();
                 }
-                table.lanes.push(self.lane(0, offset));
+                let lane = StreamLane::new(self.stretch.clone(), self.header.bytes, offset);
+                table.lanes.push(Box::new(lane));
                 return Ok(());
             }
-            (Descr::Plain(Cell::Number(_) | Cell::Time(_) | Cell::Text { .. }), 1 | 2) => {}
+            (Descr::Plain(Cell::Stored(_)), 1 | 2) => {}
             _ => {
                 return Err(unsupported(
                     format!("an array of {}", self.shape()),
@@ -208,69 +187,19 @@ impl NpyArray {
             }
         }
         let (rows, columns) = (shape[0], shape.get(1).copied().unwrap_or(1));
-        let names = match &hints.columns {
-            Some(names) if names.len() as u64 == columns => names,
-            Some(names) => {
-                return Err(unsupported(
-                    format!("an array of {rows} rows and {columns} columns with {} names", names.len()),
-                    "write as many names in `columns` as there are columns; rows are along the first axis",
-                ));
-            }
-            None => {
-                return Err(unsupported(
-                    format!("an array of {rows} rows and {columns} columns without names"),
-                    "write their names, such as `format = { kind = \"npy\", columns = [\"time_s\", \"cap_V\"] }`",
-                ));
-            }
-        };
-        table.recognised = format!("an array of {rows} rows and {columns} columns, named by the experiment");
-        self.add_columns(names, table)
+        let what = format!("an array of {rows} rows and {columns} columns");
+        let names = table.names(hints, None, columns, &what)?;
+        table.recognised = format!("{what}, named by the experiment");
+        self.add_columns(&names, table)
     }
 
     /// The columns of an array of one or two axes.
     fn add_columns(&self, names: &[String], table: &mut TableParts) -> Result<(), FormatError> {
-        let Descr::Plain(cell) = &self.header.element else { return Ok(()) };
-        let (rows, size) = (self.header.shape[0], cell.bytes());
-        limits::at_most(
-            self.stretch.format,
-            "the number of columns",
-            names.len() as u64,
-            limits::COLUMNS as u64,
-        )?;
-        let wide = names.len().saturating_mul(size);
-        limits::at_most(self.stretch.format, "the bytes of a row", wide as u64, limits::ROW_BYTES as u64)?;
-        let first = table.lanes.len();
-        for (number, name) in names.iter().enumerate() {
-            let (lane, offset) =
-                if self.header.fortran { (table.lanes.len(), 0) } else { (first, number * size) };
-            if let Some(cells) = cells(cell, lane, offset) {
-                let column = Column::new(name).at(format!("column {}", number + 1));
-                table.fields.push(RecordField::new(column, cells, rows));
-            }
-            if self.header.fortran {
-                table.lanes.push(self.lane(number as u64 * rows * size as u64, size));
-            }
-        }
-        if !self.header.fortran {
-            table.lanes.push(self.lane(0, wide));
-        }
-        Ok(())
-    }
-}
-
-fn what(cell: &Cell) -> &str {
-    match cell {
-        Cell::Other { what, .. } => what,
-        _ => "",
-    }
-}
-
-fn cells(cell: &Cell, lane: usize, offset: usize) -> Option<CellKind> {
-    match cell {
-        Cell::Number(element) => Some(CellKind::Numbers { lane, offset, element: *element }),
-        Cell::Time(code) => Some(CellKind::Times { lane, offset, code: *code }),
-        Cell::Text { bytes, code } => Some(CellKind::Text { lane, offset, bytes: *bytes, code: *code }),
-        Cell::Other { .. } => None,
+        let Descr::Plain(Cell::Stored(cell)) = self.header.element else { return Ok(()) };
+        let columns = (names.len() as u64).max(1);
+        let rows = self.header.shape.iter().product::<u64>() / columns;
+        let (stretch, place, by_column) = (&self.stretch, self.header.bytes, self.header.fortran);
+        table.add_array(&StoredArray { stretch, place, rows, cell, by_column }, names)
     }
 }
 

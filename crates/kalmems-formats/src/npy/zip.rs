@@ -1,6 +1,7 @@
 //! The directory of a zip file (PKWARE's APPNOTE 6.3), as far as NumPy writes it.
 
 use crate::FormatError;
+use crate::cursor::ByteCursor;
 use crate::limits;
 use crate::source::SharedFile;
 use crate::stream::{Compression, FileStretch};
@@ -30,36 +31,28 @@ pub(super) fn members(source: &SharedFile) -> Result<Vec<ZipMember>, FormatError
     #[allow(clippy::cast_possible_truncation)] // bounded by the line above
     let bytes = source.bytes(FORMAT, offset, size as usize)?;
     let mut members: Vec<ZipMember> = Vec::new();
-    let mut at = 0;
+    let mut cursor = ByteCursor::new(FORMAT, &bytes, offset);
     for _ in 0..entries {
-        let place = offset + at as u64;
-        let fixed = bytes.get(at..at + 46).filter(|fixed| fixed.starts_with(b"PK\x01\x02"));
-        let fixed = fixed.ok_or_else(|| damaged(place, "no entry of the directory", "one more"))?;
-        let (name, extra) = (usize::from(u16_at(fixed, 28)), usize::from(u16_at(fixed, 30)));
-        let comment = usize::from(u16_at(fixed, 32));
-        let end = at + 46 + name + extra + comment;
-        let (Some(name_bytes), Some(extra_bytes), true) = (
-            bytes.get(at + 46..at + 46 + name),
-            bytes.get(at + 46 + name..at + 46 + name + extra),
-            end <= bytes.len(),
-        ) else {
-            return Err(damaged(place, "an entry beyond the directory", "an entry that ends in it"));
-        };
-        if name > limits::TEXT_BYTES {
-            return Err(damaged(place, "a name of more than 4096 bytes", "a shorter one"));
+        cursor.mark(b"PK\x01\x02")?.skip(4)?;
+        let (flags, method) = (cursor.u16()?, cursor.u16()?);
+        let (crc, packed, unpacked) = (cursor.skip(4)?.u32()?, cursor.u32()?, cursor.u32()?);
+        let (name, extra, comment) = (cursor.u16()?, cursor.u16()?, cursor.u16()?);
+        let header = cursor.skip(8)?.u32()?;
+        if usize::from(name) > limits::TEXT_BYTES {
+            return Err(cursor.damaged("a name of more than 4096 bytes", "a shorter one"));
         }
         let mut member = ZipMember {
-            name: String::from_utf8_lossy(name_bytes).into_owned(),
-            unpacked: u64::from(u32_at(fixed, 24)),
-            packed: u64::from(u32_at(fixed, 20)),
-            method: u16_at(fixed, 10),
-            encrypted: u16_at(fixed, 8) & 1 != 0,
-            crc: u32_at(fixed, 16),
-            header: u64::from(u32_at(fixed, 42)),
+            name: cursor.text(usize::from(name))?,
+            unpacked: u64::from(unpacked),
+            packed: u64::from(packed),
+            method,
+            encrypted: flags & 1 != 0,
+            crc,
+            header: u64::from(header),
         };
-        member.widen(extra_bytes, place)?;
+        member.widen(&mut cursor.part(usize::from(extra))?)?;
+        cursor.skip(usize::from(comment))?;
         members.push(member);
-        at = end;
     }
     refuse_overlaps(source, &members, offset)?;
     Ok(members)
@@ -67,23 +60,15 @@ pub(super) fn members(source: &SharedFile) -> Result<Vec<ZipMember>, FormatError
 
 impl ZipMember {
     /// Takes the lengths of 64 bits where those of 32 are not enough.
-    fn widen(&mut self, mut extra: &[u8], place: u64) -> Result<(), FormatError> {
+    fn widen(&mut self, extra: &mut ByteCursor<'_>) -> Result<(), FormatError> {
         let elsewhere = u64::from(u32::MAX);
-        while extra.len() >= 4 {
-            let (id, length) = (u16_at(extra, 0), usize::from(u16_at(extra, 2)));
-            let Some(mut body) = extra.get(4..4 + length) else { break };
-            if id == 1 {
-                for long in [&mut self.unpacked, &mut self.packed, &mut self.header] {
-                    if *long == elsewhere {
-                        if body.len() < 8 {
-                            return Err(damaged(place, "a long length that is missing", "8 bytes for each"));
-                        }
-                        *long = u64_at(body, 0);
-                        body = &body[8..];
-                    }
-                }
+        while extra.left() >= 4 {
+            let (id, length) = (extra.u16()?, usize::from(extra.u16()?));
+            let mut body = extra.part(length.min(extra.left()))?;
+            let lengths = [&mut self.unpacked, &mut self.packed, &mut self.header];
+            for long in lengths.into_iter().filter(|long| id == 1 && **long == elsewhere) {
+                *long = body.u64()?;
             }
-            extra = &extra[4 + length..];
         }
         Ok(())
     }
@@ -106,19 +91,18 @@ impl ZipMember {
             other => return Err(unsupported(&format!("packed by method {other}"))),
         };
         let header = source.bytes(FORMAT, self.header, 30)?;
-        if !header.starts_with(b"PK\x03\x04") {
-            return Err(damaged(self.header, "no member", "a header of one"));
-        }
+        let mut header = ByteCursor::new(FORMAT, &header, self.header);
+        let method = header.mark(b"PK\x03\x04")?.skip(4)?.u16()?;
+        let (name, extra) = (header.skip(16)?.u16()?, header.u16()?);
         // The directory and the member's own header both have its name and its method.
-        let own_name = source.bytes(FORMAT, self.header + 30, usize::from(u16_at(&header, 26)))?;
-        if String::from_utf8_lossy(&own_name) != self.name || u16_at(&header, 8) != self.method {
-            let found =
-                format!("a header of `{}`, packed by method {}", own_name.escape_ascii(), u16_at(&header, 8));
+        let own_name = source.bytes(FORMAT, self.header + 30, usize::from(name))?;
+        if String::from_utf8_lossy(&own_name) != self.name || method != self.method {
+            let found = format!("a header of `{}`, packed by method {method}", own_name.escape_ascii());
             let expected =
                 format!("that of `{}`, packed by method {}, as the directory says", self.name, self.method);
             return Err(damaged(self.header, &found, &expected));
         }
-        let start = self.header + 30 + own_name.len() as u64 + u64::from(u16_at(&header, 28));
+        let start = self.header + 30 + u64::from(name) + u64::from(extra);
         let end = source.within(FORMAT, start, self.packed)?;
         if packing == Compression::Stored && self.packed != self.unpacked {
             return Err(damaged(self.header, "unpacked bytes of another length", "the same"));
@@ -158,41 +142,31 @@ fn directory(source: &SharedFile) -> Result<(u64, u64, u64), FormatError> {
     let tail_start = source.length().saturating_sub(TAIL);
     #[allow(clippy::cast_possible_truncation)] // at most TAIL
     let tail = source.bytes(FORMAT, tail_start, (source.length() - tail_start) as usize)?;
-    let found = tail
-        .windows(22)
-        .rposition(|record| record.starts_with(b"PK\x05\x06"))
-        .filter(|place| place + 22 + usize::from(u16_at(&tail, place + 20)) == tail.len());
+    let ends_there = |place: &usize| {
+        let mut end = ByteCursor::new(FORMAT, &tail[*place..], 0);
+        end.skip(20).and_then(ByteCursor::u16).is_ok_and(|comment| usize::from(comment) == end.left())
+    };
+    let found = tail.windows(22).rposition(|record| record.starts_with(b"PK\x05\x06")).filter(ends_there);
     let Some(place) = found else {
         return Err(damaged(source.length(), "no end of a directory", "the end of a zip file that is whole"));
     };
-    let last = &tail[place..];
-    let (entries, size, offset) = (u16_at(last, 10), u32_at(last, 12), u32_at(last, 16));
+    let mut last = ByteCursor::new(FORMAT, &tail[place..], tail_start + place as u64);
+    let (entries, size, offset) = (last.skip(10)?.u16()?, last.u32()?, last.u32()?);
+    let short = (u64::from(entries), u64::from(offset), u64::from(size));
     if entries < u16::MAX && size < u32::MAX && offset < u32::MAX {
-        return Ok((u64::from(entries), u64::from(offset), u64::from(size)));
+        return Ok(short);
     }
     let locator = place.checked_sub(20).map(|start| &tail[start..place]);
     let Some(locator) = locator.filter(|locator| locator.starts_with(b"PK\x06\x07")) else {
-        return Ok((u64::from(entries), u64::from(offset), u64::from(size)));
+        return Ok(short);
     };
-    let long = source.bytes(FORMAT, u64_at(locator, 8), 56)?;
-    if !long.starts_with(b"PK\x06\x06") {
-        return Err(damaged(u64_at(locator, 8), "no end of a long directory", "one"));
-    }
-    Ok((u64_at(&long, 32), u64_at(&long, 48), u64_at(&long, 40)))
-}
-
-fn u16_at(bytes: &[u8], place: usize) -> u16 {
-    u16::from_le_bytes([bytes[place], bytes[place + 1]])
-}
-
-fn u32_at(bytes: &[u8], place: usize) -> u32 {
-    u32::from(u16_at(bytes, place)) | u32::from(u16_at(bytes, place + 2)) << 16
-}
-
-fn u64_at(bytes: &[u8], place: usize) -> u64 {
-    u64::from(u32_at(bytes, place)) | u64::from(u32_at(bytes, place + 4)) << 32
+    let at = ByteCursor::new(FORMAT, locator, 0).skip(8)?.u64()?;
+    let long = source.bytes(FORMAT, at, 56)?;
+    let mut long = ByteCursor::new(FORMAT, &long, at);
+    let (entries, size, offset) = (long.mark(b"PK\x06\x06")?.skip(28)?.u64()?, long.u64()?, long.u64()?);
+    Ok((entries, offset, size))
 }
 
 fn damaged(place: u64, found: &str, expected: &str) -> FormatError {
-    FormatError::damaged(FORMAT, format!("byte {place}"), found, expected)
+    FormatError::damaged_at(FORMAT, place, found, expected)
 }

@@ -1,142 +1,108 @@
 //! The types of the fields of Parquet's metadata (parquet-format 2.12, `parquet.thrift`).
 //!
 //! The library takes a field for what its number says, whatever type the file gives it, and is then somewhere else in the
-//! bytes than who reads the types. So both must agree before it is asked.
+//! bytes than who reads the types. So both must agree before it is asked. Fields stand here in the order of their numbers, from 1 on.
 
-use super::thrift::{ThriftField, ThriftKind};
+use super::thrift::ThriftKind::{self, Byte, Bytes, Double, Flag, List, Number, Struct, Unknown};
 
-use ThriftKind::{Bytes, Double, Flag, List, Number, Struct};
-
-pub(super) const FILE: &[ThriftField] = &[
-    (1, Number),
-    (2, List(&Struct(SCHEMA_ELEMENT))),
-    (3, Number),
-    (4, List(&Struct(ROW_GROUP))),
-    (5, List(&Struct(KEY_VALUE))),
-    (6, Bytes),
-    (7, List(&Struct(&[(1, Struct(&[])), (2, Struct(&[]))]))),
-    (8, Struct(ENCRYPTION)),
-    (9, Bytes),
+pub(super) const FILE: &[ThriftKind] = &[
+    Number,
+    List(&Struct(SCHEMA_ELEMENT)),
+    Number,
+    List(&Struct(ROW_GROUP)),
+    List(&Struct(KEY_VALUE)),
+    Bytes,
+    List(&Struct(&[Struct(&[]), Struct(&[])])),
+    Struct(ENCRYPTION),
+    Bytes,
 ];
 
-const SCHEMA_ELEMENT: &[ThriftField] = &[
-    (1, Number),
-    (2, Number),
-    (3, Number),
-    (4, Bytes),
-    (5, Number),
-    (6, Number),
-    (7, Number),
-    (8, Number),
-    (9, Number),
-    (10, Struct(LOGICAL_TYPE)),
-];
+const SCHEMA_ELEMENT: &[ThriftKind] =
+    &[Number, Number, Number, Bytes, Number, Number, Number, Number, Number, Struct(LOGICAL_TYPE)];
 
 const EMPTY: ThriftKind = Struct(&[]);
-const TIME: ThriftKind = Struct(&[(1, Flag), (2, Struct(&[(1, EMPTY), (2, EMPTY), (3, EMPTY)]))]);
+const TIME: ThriftKind = Struct(&[Flag, Struct(&[EMPTY, EMPTY, EMPTY])]);
 
-const LOGICAL_TYPE: &[ThriftField] = &[
-    (1, EMPTY),
-    (2, EMPTY),
-    (3, EMPTY),
-    (4, EMPTY),
-    (5, Struct(&[(1, Number), (2, Number)])),
-    (6, EMPTY),
-    (7, TIME),
-    (8, TIME),
-    (10, Struct(&[(1, ThriftKind::Byte), (2, Flag)])),
-    (11, EMPTY),
-    (12, EMPTY),
-    (13, EMPTY),
-    (14, EMPTY),
-    (15, EMPTY),
-    (16, Struct(&[(1, ThriftKind::Byte)])),
-    (17, Struct(&[(1, Bytes)])),
-    (18, Struct(&[(1, Bytes), (2, Number)])),
-    (19, EMPTY),
+const LOGICAL_TYPE: &[ThriftKind] = &[
+    EMPTY,
+    EMPTY,
+    EMPTY,
+    EMPTY,
+    Struct(&[Number, Number]),
+    EMPTY,
+    TIME,
+    TIME,
+    Unknown,
+    Struct(&[Byte, Flag]),
+    EMPTY,
+    EMPTY,
+    EMPTY,
+    EMPTY,
+    EMPTY,
+    Struct(&[Byte]),
+    Struct(&[Bytes]),
+    Struct(&[Bytes, Number]),
+    EMPTY,
 ];
 
-const KEY_VALUE: &[ThriftField] = &[(1, Bytes), (2, Bytes)];
+const KEY_VALUE: &[ThriftKind] = &[Bytes, Bytes];
 
-const AES: ThriftKind = Struct(&[(1, Bytes), (2, Bytes), (3, Flag)]);
-const ENCRYPTION: &[ThriftField] = &[(1, AES), (2, AES)];
+const AES: ThriftKind = Struct(&[Bytes, Bytes, Flag]);
+const ENCRYPTION: &[ThriftKind] = &[AES, AES];
 
-const ROW_GROUP: &[ThriftField] = &[
-    (1, List(&Struct(COLUMN_CHUNK))),
-    (2, Number),
-    (3, Number),
-    (4, List(&Struct(&[(1, Number), (2, Flag), (3, Flag)]))),
-    (5, Number),
-    (6, Number),
-    (7, Number),
+const ROW_GROUP: &[ThriftKind] = &[
+    List(&Struct(COLUMN_CHUNK)),
+    Number,
+    Number,
+    List(&Struct(&[Number, Flag, Flag])),
+    Number,
+    Number,
+    Number,
 ];
 
-const COLUMN_CHUNK: &[ThriftField] = &[
-    (1, Bytes),
-    (2, Number),
-    (3, Struct(COLUMN)),
-    (4, Number),
-    (5, Number),
-    (6, Number),
-    (7, Number),
-    (8, Struct(&[(1, EMPTY), (2, Struct(&[(1, List(&Bytes)), (2, Bytes)]))])),
-    (9, Bytes),
+const COLUMN_CHUNK: &[ThriftKind] = &[
+    Bytes,
+    Number,
+    Struct(COLUMN),
+    Number,
+    Number,
+    Number,
+    Number,
+    Struct(&[EMPTY, Struct(&[List(&Bytes), Bytes])]),
+    Bytes,
 ];
 
-const COLUMN: &[ThriftField] = &[
-    (1, Number),
-    (2, List(&Number)),
-    (3, List(&Bytes)),
-    (4, Number),
-    (5, Number),
-    (6, Number),
-    (7, Number),
-    (8, List(&Struct(KEY_VALUE))),
-    (9, Number),
-    (10, Number),
-    (11, Number),
-    (12, Struct(STATISTICS)),
-    (13, List(&Struct(&[(1, Number), (2, Number), (3, Number)]))),
-    (14, Number),
-    (15, Number),
-    (16, Struct(&[(1, Number), (2, List(&Number)), (3, List(&Number))])),
-    (17, Struct(&[(1, Struct(BOX)), (2, List(&Number))])),
+const COLUMN: &[ThriftKind] = &[
+    Number,
+    List(&Number),
+    List(&Bytes),
+    Number,
+    Number,
+    Number,
+    Number,
+    List(&Struct(KEY_VALUE)),
+    Number,
+    Number,
+    Number,
+    Struct(STATISTICS),
+    List(&Struct(&[Number, Number, Number])),
+    Number,
+    Number,
+    Struct(&[Number, List(&Number), List(&Number)]),
+    Struct(&[Struct(BOX), List(&Number)]),
 ];
 
-const BOX: &[ThriftField] =
-    &[(1, Double), (2, Double), (3, Double), (4, Double), (5, Double), (6, Double), (7, Double), (8, Double)];
+const BOX: &[ThriftKind] = &[Double, Double, Double, Double, Double, Double, Double, Double];
 
-const STATISTICS: &[ThriftField] = &[
-    (1, Bytes),
-    (2, Bytes),
-    (3, Number),
-    (4, Number),
-    (5, Bytes),
-    (6, Bytes),
-    (7, Flag),
-    (8, Flag),
-    (9, Number),
-];
+const STATISTICS: &[ThriftKind] = &[Bytes, Bytes, Number, Number, Bytes, Bytes, Flag, Flag, Number];
 
-pub(super) const PAGE: &[ThriftField] = &[
-    (1, Number),
-    (2, Number),
-    (3, Number),
-    (4, Number),
-    (5, Struct(&[(1, Number), (2, Number), (3, Number), (4, Number), (5, Struct(STATISTICS))])),
-    (6, EMPTY),
-    (7, Struct(&[(1, Number), (2, Number), (3, Flag)])),
-    (
-        8,
-        Struct(&[
-            (1, Number),
-            (2, Number),
-            (3, Number),
-            (4, Number),
-            (5, Number),
-            (6, Number),
-            (7, Flag),
-            (8, Struct(STATISTICS)),
-        ]),
-    ),
+pub(super) const PAGE: &[ThriftKind] = &[
+    Number,
+    Number,
+    Number,
+    Number,
+    Struct(&[Number, Number, Number, Number, Struct(STATISTICS)]),
+    EMPTY,
+    Struct(&[Number, Number, Flag]),
+    Struct(&[Number, Number, Number, Number, Number, Number, Flag, Struct(STATISTICS)]),
 ];

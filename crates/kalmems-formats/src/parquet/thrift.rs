@@ -25,18 +25,17 @@ pub(super) enum ThriftKind {
     Bytes,
     /// Elements of one kind.
     List(&'static Self),
-    /// Fields by their numbers; others may be among them.
-    Struct(&'static [ThriftField]),
+    /// Fields in the order of their numbers, from 1 on; others may follow.
+    Struct(&'static [Self]),
+    /// Nothing is known of it.
+    Unknown,
 }
-
-/// A field's number and what it holds.
-pub(super) type ThriftField = (i64, ThriftKind);
 
 /// How long the struct is that the bytes begin with, if it is one of these fields, each of its type, with all that it claims
 /// to hold. `each` hears the numbers with the places that lead to them, a flag as 0 or 1.
 pub(super) fn length_of_struct(
     bytes: &[u8],
-    fields: &'static [ThriftField],
+    fields: &'static [ThriftKind],
     each: &mut dyn FnMut(&[i64], i64),
 ) -> Option<usize> {
     let mut reader = ThriftReader { rest: bytes, place: Vec::new(), each };
@@ -81,7 +80,7 @@ impl ThriftReader<'_> {
         Some((number >> 1).cast_signed() ^ -(number & 1).cast_signed())
     }
 
-    fn fields(&mut self, fields: &'static [ThriftField], depth: usize) -> Option<()> {
+    fn fields(&mut self, fields: &'static [ThriftKind], depth: usize) -> Option<()> {
         let mut last = 0_i64;
         loop {
             let head = self.byte()?;
@@ -91,7 +90,8 @@ impl ThriftReader<'_> {
             let number =
                 if head >> 4 == 0 { self.signed()? } else { last.checked_add(i64::from(head >> 4))? };
             last = i64::from(i16::try_from(number).ok()?);
-            let kind = fields.iter().find(|(known, _)| *known == last).map(|(_, kind)| *kind);
+            let known = usize::try_from(last - 1).ok().and_then(|place| fields.get(place)).copied();
+            let kind = known.filter(|kind| !matches!(kind, ThriftKind::Unknown));
             self.place.push(last);
             match (head & 15, kind) {
                 (flag @ (1 | 2), None | Some(ThriftKind::Flag)) => {
@@ -139,12 +139,12 @@ impl ThriftReader<'_> {
 #[cfg(test)]
 mod tests {
     use super::ThriftKind::{Bytes, Flag, List, Number, Struct};
-    use super::{ThriftField, length_of_struct};
+    use super::{ThriftKind, length_of_struct};
 
-    const FIELDS: &[ThriftField] = &[(1, Number), (2, Bytes), (3, List(&Struct(&[(1, Number)]))), (4, Flag)];
+    const FIELDS: &[ThriftKind] = &[Number, Bytes, List(&Struct(&[Number])), Flag];
 
     /// The numbers in a struct, or `None` where there is none.
-    fn numbers(bytes: &[u8], fields: &'static [ThriftField]) -> Option<Vec<(Vec<i64>, i64)>> {
+    fn numbers(bytes: &[u8], fields: &'static [ThriftKind]) -> Option<Vec<(Vec<i64>, i64)>> {
         let mut found = Vec::new();
         let length =
             length_of_struct(bytes, fields, &mut |place, number| found.push((place.to_vec(), number)));

@@ -3,16 +3,20 @@
 use super::scales::{Properties, Property};
 use crate::FormatError;
 use crate::clock::ClockRun;
+use crate::cursor::ByteCursor;
 use crate::element::{Element, ElementKind};
 use crate::limits;
+use crate::records::StoredCell;
 use crate::source::SharedFile;
+use crate::time::{TimeCode, TimeForm};
+use crate::{TimeKind, TimeUnit};
 use std::collections::HashMap;
 
 pub(super) const FORMAT: &str = "TDMS";
 /// Bytes before a segment's metadata.
 const LEAD_IN: u64 = 28;
 /// Versions of the format.
-const VERSIONS: [u64; 2] = [4712, 4713];
+const VERSIONS: [u32; 2] = [4712, 4713];
 /// Segments of a file; each is a few numbers in memory.
 const SEGMENTS: u64 = 1 << 20;
 /// Channels of all layouts together.
@@ -59,14 +63,10 @@ pub(super) struct TdmsChannel {
 }
 
 /// What a channel's values are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum TdmsValue {
-    Number(Element),
+    Stored(StoredCell),
     Text {
-        big_endian: bool,
-    },
-    /// Dates of 16 bytes.
-    Time {
         big_endian: bool,
     },
     /// Anything else of a known length.
@@ -79,15 +79,14 @@ pub(super) enum TdmsValue {
 impl TdmsValue {
     fn bytes(self) -> u64 {
         match self {
-            Self::Number(element) => element.bytes as u64,
-            Self::Time { .. } => 16,
+            Self::Stored(cell) => cell.bytes() as u64,
             Self::Other { bytes, .. } => bytes as u64,
             Self::Text { .. } => 0,
         }
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct RawDataIndex {
     value: TdmsValue,
     rows: u64,
@@ -157,16 +156,11 @@ impl TdmsFile {
         budget: &mut u64,
     ) -> Result<u64, FormatError> {
         let lead = source.bytes(FORMAT, at, 28)?;
-        if !lead.starts_with(b"TDSm") {
-            return Err(damaged(
-                at,
-                format!("`{}`", lead[..4].escape_ascii()),
-                "a segment, which begins with TDSm",
-            ));
-        }
-        let contents = u32::from_le_bytes([lead[4], lead[5], lead[6], lead[7]]);
+        let mut lead = ByteCursor::new(FORMAT, &lead, at);
+        let contents = lead.mark(b"TDSm")?.u32()?;
         let big_endian = contents & toc::BIG_ENDIAN != 0;
-        let version = number(&lead[8..12], big_endian);
+        let mut lead = lead.with(0, big_endian);
+        let version = lead.u32()?;
         if contents & !toc::ALL != 0 || !VERSIONS.contains(&version) {
             return Err(damaged(
                 at,
@@ -174,8 +168,7 @@ impl TdmsFile {
                 "version 4712 or 4713, and contents of known kinds",
             ));
         }
-        let long = |place: usize| number(&lead[place..place + 8], big_endian);
-        let (next, raw) = (long(12), long(20));
+        let (next, raw) = (lead.u64()?, lead.u64()?);
         let start = at + LEAD_IN;
         let unfinished = next == u64::MAX;
         let end = if unfinished { source.length() } else { source.within(FORMAT, start, next)? };
@@ -190,7 +183,7 @@ impl TdmsFile {
             *budget -= raw;
             #[allow(clippy::cast_possible_truncation)] // bounded by the line above
             let bytes = source.bytes(FORMAT, start, raw as usize)?;
-            let mut reader = MetadataReader { bytes: &bytes, at: 0, place: start, big_endian };
+            let mut reader = ByteCursor::new(FORMAT, &bytes, start).with(0, big_endian);
             self.objects(&mut reader, active, contents & toc::NEW_OBJECTS != 0)?;
         }
         if contents & toc::RAW_DATA == 0 || raw_start == end {
@@ -208,7 +201,7 @@ impl TdmsFile {
     /// Reads the list of objects.
     fn objects(
         &mut self,
-        reader: &mut MetadataReader<'_>,
+        reader: &mut ByteCursor<'_>,
         active: &mut Vec<usize>,
         all_new: bool,
     ) -> Result<(), FormatError> {
@@ -217,7 +210,7 @@ impl TdmsFile {
         }
         self.changed |= all_new;
         for _ in 0..reader.u32()? {
-            let path = reader.text()?;
+            let path = text(reader)?;
             let names = names(&path).ok_or_else(|| {
                 reader.damaged(
                     format!("the path `{}`", path.chars().take(64).collect::<String>()),
@@ -244,7 +237,7 @@ impl TdmsFile {
                 (0x1269 | 0x126a | 0x1369 | 0x6912_0000 | 0x6a12_0000 | 0x6913_0000, _) => {
                     return Err(unsupported(DAQMX, DAQMX_REMEDY));
                 }
-                (_, Some(_)) => Some(reader.index()?),
+                (_, Some(_)) => Some(index(reader)?),
                 (_, None) => {
                     return Err(reader.damaged("values of a group".to_owned(), "values of channels alone"));
                 }
@@ -269,8 +262,8 @@ impl TdmsFile {
                 }
             }
             for _ in 0..reader.u32()? {
-                let name = reader.text()?;
-                let value = reader.property()?;
+                let name = text(reader)?;
+                let value = property(reader)?;
                 let properties = match (channel, &of_group) {
                     (Some(number), _) => &mut self.channels[number].properties,
                     (None, Some(group)) => {
@@ -403,111 +396,83 @@ impl TdmsFile {
     }
 }
 
-/// Metadata in memory.
-struct MetadataReader<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    place: u64,
-    big_endian: bool,
+/// A text behind its length.
+fn text(reader: &mut ByteCursor<'_>) -> Result<String, FormatError> {
+    let length = reader.u32()? as usize;
+    reader.text(length)
 }
 
-impl<'a> MetadataReader<'a> {
-    fn damaged(&self, found: String, expected: &str) -> FormatError {
-        damaged(self.place + self.at as u64, found, expected)
-    }
-
-    fn take(&mut self, count: usize) -> Result<&'a [u8], FormatError> {
-        let taken = self.at.checked_add(count).and_then(|end| self.bytes.get(self.at..end));
-        let taken = taken.ok_or_else(|| {
-            self.damaged("the end of the metadata".to_owned(), &format!("{count} more bytes"))
-        })?;
-        self.at += count;
-        Ok(taken)
-    }
-
-    fn u32(&mut self) -> Result<u32, FormatError> {
-        let bytes = self.take(4)?;
-        #[allow(clippy::cast_possible_truncation)] // four bytes
-        Ok(number(bytes, self.big_endian) as u32)
-    }
-
-    fn u64(&mut self) -> Result<u64, FormatError> {
-        let bytes = self.take(8)?;
-        Ok(number(bytes, self.big_endian))
-    }
-
-    fn text(&mut self) -> Result<String, FormatError> {
-        let length = self.u32()? as usize;
-        Ok(String::from_utf8_lossy(self.take(length)?).into_owned())
-    }
-
-    fn value(&mut self, code: u32) -> Result<TdmsValue, FormatError> {
-        let number = |kind, bytes| TdmsValue::Number(Element { kind, bytes, big_endian: self.big_endian });
-        Ok(match code {
-            1 => number(ElementKind::Signed, 1),
-            2 => number(ElementKind::Signed, 2),
-            3 => number(ElementKind::Signed, 4),
-            4 => number(ElementKind::Signed, 8),
-            // 0 and 1.
-            5 | 0x21 => number(ElementKind::Unsigned, 1),
-            6 => number(ElementKind::Unsigned, 2),
-            7 => number(ElementKind::Unsigned, 4),
-            8 => number(ElementKind::Unsigned, 8),
-            9 | 0x19 => number(ElementKind::Float, 4),
-            10 | 0x1a => number(ElementKind::Float, 8),
-            0x20 => TdmsValue::Text { big_endian: self.big_endian },
-            0x44 => TdmsValue::Time { big_endian: self.big_endian },
-            0x0008_000c => TdmsValue::Other { bytes: 8, what: "complex numbers" },
-            0x0010_000d => TdmsValue::Other { bytes: 16, what: "complex numbers" },
-            _ => {
-                return Err(self.damaged(format!("values of type {code:#x}"), "a type of a known length"));
-            }
-        })
-    }
-
-    fn index(&mut self) -> Result<RawDataIndex, FormatError> {
-        let code = self.u32()?;
-        let value = self.value(code)?;
-        let axes = self.u32()?;
-        if axes != 1 {
-            return Err(self.damaged(format!("values along {axes} axes"), "1"));
+/// What values are, by their code.
+fn value(reader: &mut ByteCursor<'_>) -> Result<TdmsValue, FormatError> {
+    let code = reader.u32()?;
+    let number = |kind, bytes| {
+        TdmsValue::Stored(StoredCell::Number(Element { kind, bytes, big_endian: reader.big_endian }))
+    };
+    Ok(match code {
+        1 => number(ElementKind::Signed, 1),
+        2 => number(ElementKind::Signed, 2),
+        3 => number(ElementKind::Signed, 4),
+        4 => number(ElementKind::Signed, 8),
+        // 0 and 1.
+        5 | 0x21 => number(ElementKind::Unsigned, 1),
+        6 => number(ElementKind::Unsigned, 2),
+        7 => number(ElementKind::Unsigned, 4),
+        8 => number(ElementKind::Unsigned, 8),
+        9 | 0x19 => number(ElementKind::Float, 4),
+        10 | 0x1a => number(ElementKind::Float, 8),
+        0x20 => TdmsValue::Text { big_endian: reader.big_endian },
+        0x44 => {
+            let form = TimeForm::Labview { big_endian: reader.big_endian };
+            let code = TimeCode { form, unit: TimeUnit::SECOND, kind: TimeKind::Calendar };
+            TdmsValue::Stored(StoredCell::Time(code))
         }
-        let rows = self.u64()?;
-        let bytes = match value {
-            TdmsValue::Text { .. } => self.u64()?,
-            _ => rows
-                .checked_mul(value.bytes())
-                .ok_or_else(|| self.damaged(format!("{rows} values"), "fewer"))?,
-        };
-        if matches!(value, TdmsValue::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes)
-        {
-            return Err(
-                self.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts")
-            );
+        0x0008_000c => TdmsValue::Other { bytes: 8, what: "complex numbers" },
+        0x0010_000d => TdmsValue::Other { bytes: 16, what: "complex numbers" },
+        _ => {
+            return Err(reader.damaged(format!("values of type {code:#x}"), "a type of a known length"));
         }
-        Ok(RawDataIndex { value, rows, bytes })
-    }
+    })
+}
 
-    fn property(&mut self) -> Result<Property, FormatError> {
-        let code = self.u32()?;
-        let value = self.value(code)?;
-        match value {
-            TdmsValue::Text { .. } => Ok(Property::Text(self.text()?)),
-            TdmsValue::Number(element) => {
-                let mut number = Vec::with_capacity(1);
-                element.numbers(self.take(element.bytes)?, 0, element.bytes, 1, 0, &mut number);
-                Ok(number.first().map_or(Property::Other, |number| Property::Number(*number)))
-            }
-            TdmsValue::Time { big_endian } => {
-                let time = crate::time::labview(self.take(16)?, big_endian);
-                Ok(time.map_or(Property::Other, Property::Time))
-            }
-            TdmsValue::Other { bytes, .. } => {
-                self.take(bytes)?;
-                Ok(Property::Other)
-            }
-        }
+/// What a segment says of the values of a channel.
+fn index(reader: &mut ByteCursor<'_>) -> Result<RawDataIndex, FormatError> {
+    let value = value(reader)?;
+    let axes = reader.u32()?;
+    if axes != 1 {
+        return Err(reader.damaged(format!("values along {axes} axes"), "1"));
     }
+    let rows = reader.u64()?;
+    let bytes = match value {
+        TdmsValue::Text { .. } => reader.u64()?,
+        _ => rows
+            .checked_mul(value.bytes())
+            .ok_or_else(|| reader.damaged(format!("{rows} values"), "fewer"))?,
+    };
+    if matches!(value, TdmsValue::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes) {
+        return Err(
+            reader.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts")
+        );
+    }
+    Ok(RawDataIndex { value, rows, bytes })
+}
+
+/// A property's value behind its code.
+fn property(reader: &mut ByteCursor<'_>) -> Result<Property, FormatError> {
+    let value = value(reader)?;
+    Ok(match value {
+        TdmsValue::Text { .. } => Property::Text(text(reader)?),
+        TdmsValue::Stored(StoredCell::Number(element)) => {
+            Property::Number(element.exact(reader.take(element.bytes)?).rounded())
+        }
+        TdmsValue::Stored(cell) => {
+            let time = crate::time::labview(reader.take(cell.bytes())?, reader.big_endian);
+            time.map_or(Property::Other, Property::Time)
+        }
+        TdmsValue::Other { bytes, .. } => {
+            reader.take(bytes)?;
+            Property::Other
+        }
+    })
 }
 
 /// Group and channel of a path such as `/'group'/'channel'`; a quote within a name stands twice.
@@ -539,13 +504,8 @@ fn names(path: &str) -> Option<(Option<String>, Option<String>)> {
     Some((names.next(), names.next()))
 }
 
-fn number(bytes: &[u8], big_endian: bool) -> u64 {
-    let append = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
-    if big_endian { bytes.iter().fold(0, append) } else { bytes.iter().rev().fold(0, append) }
-}
-
 pub(super) fn damaged(place: u64, found: String, expected: &str) -> FormatError {
-    FormatError::damaged(FORMAT, format!("byte {place}"), found, expected)
+    FormatError::damaged_at(FORMAT, place, found, expected)
 }
 
 pub(super) fn unsupported(what: &str, remedy: &str) -> FormatError {

@@ -8,7 +8,6 @@ use crate::name::with_unit;
 use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
 use crate::scaling::{self, Scaling};
 use crate::source::SharedFile;
-use crate::time::TimeCode;
 use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
 use metadata::{ChunkPart, FORMAT, TdmsFile, TdmsValue, damaged, unsupported};
 use std::sync::Arc;
@@ -24,19 +23,12 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     for (number, channel) in file.channels.iter().enumerate().filter(|(_, channel)| channel.group == group) {
         let lane = lanes.len();
         let (cells, record) = match channel.kind {
-            Some(TdmsValue::Number(element)) => {
-                (CellKind::Numbers { lane, offset: 0, element }, element.bytes)
-            }
-            Some(TdmsValue::Time { big_endian }) => {
-                (CellKind::Times { lane, offset: 0, code: TimeCode::Labview { big_endian } }, 16)
-            }
+            Some(TdmsValue::Stored(cell)) => (CellKind::Stored { lane, offset: 0, cell }, cell.bytes()),
             Some(TdmsValue::Text { .. }) => (CellKind::Texts { lane }, 0),
-            Some(TdmsValue::Other { what, .. }) => {
+            other => {
+                let what =
+                    if let Some(TdmsValue::Other { what, .. }) = other { what } else { "without values" };
                 left_out.push(OmittedPart::new(&channel.name, what));
-                continue;
-            }
-            None => {
-                left_out.push(OmittedPart::new(&channel.name, "without values"));
                 continue;
             }
         };
@@ -54,13 +46,13 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         if !steps.is_empty() {
             scaled.push_str(&format!("; `{name}` = {} of the stored x", scaling::text(&steps)));
         }
-        clocks.push(match (&cells, &channel.clocks[..]) {
+        clocks.push(match &channel.clocks[..] {
+            _ if !cells.is_numbers() => Vec::new(),
             // What is stated behind the values is of all of them.
-            (CellKind::Numbers { .. }, [only]) if only.clock.step.is_none() => {
+            [only] if only.clock.step.is_none() => {
                 vec![ClockRun { row: 0, clock: channel.properties.clock() }]
             }
-            (CellKind::Numbers { .. }, runs) => runs.to_vec(),
-            _ => Vec::new(),
+            runs => runs.to_vec(),
         });
         let column = Column::new(&name).at(format!("{} of {group}", channel.name));
         let scaling = Scaling { missing: Vec::new(), steps };

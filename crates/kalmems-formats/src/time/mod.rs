@@ -10,9 +10,7 @@ mod reader;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use code::TimeCode;
-#[cfg(feature = "tdms")]
-pub(crate) use code::labview;
+pub(crate) use code::{TimeCode, TimeForm, labview};
 pub use instant::{Instant, NoInstant};
 pub(crate) use iso::{IsoTime, parse_iso};
 pub use reader::TimeReader;

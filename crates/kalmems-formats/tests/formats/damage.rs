@@ -2,8 +2,10 @@
 
 use super::{fixture, group, named};
 use kalmems_formats::{Block, FormatError, Hints, WantedColumn, open_reader};
-use std::io::Cursor;
+use std::io::{Cursor, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// All that a file holds: its columns with the bits of their numbers, `None` where there is none, or their texts.
 type Everything = Vec<(String, Vec<Option<u64>>, Vec<Vec<u8>>)>;
@@ -265,4 +267,75 @@ fn lengths_that_are_swapped_are_refused() {
         (0..npz.len() - 30).filter(|place| npz[*place..].starts_with(b"PK\x03\x04")).collect();
     assert!(altered("sums.npz", names[0] + 30, b"X").contains("as the directory says"));
     assert!(altered("waveforms.tdms", 8, &[0, 0]).contains("version 4712 or 4713"));
+}
+
+/// Bytes in memory that count how many of them were read.
+struct Counted(Cursor<Vec<u8>>, Arc<AtomicUsize>);
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.0.read(buffer)?;
+        self.1.fetch_add(count, Ordering::Relaxed);
+        Ok(count)
+    }
+}
+
+impl Seek for Counted {
+    fn seek(&mut self, place: SeekFrom) -> std::io::Result<u64> {
+        self.0.seek(place)
+    }
+}
+
+/// A file of MATLAB with a packed matrix of two columns of so many numbers: k and the square of its sine.
+fn packed_matrix(rows: u32) -> Vec<u8> {
+    let element = |kind: u32, bytes: &[u8]| {
+        let length = u32::try_from(bytes.len()).unwrap();
+        let mut all = [kind.to_le_bytes(), length.to_le_bytes()].concat();
+        all.extend(bytes);
+        all.resize(all.len().next_multiple_of(8), 0);
+        all
+    };
+    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    let numbers = (0..rows).map(f64::from).chain((0..rows).map(|k| f64::from(k).sin().powi(2)));
+    let numbers = numbers.flat_map(f64::to_le_bytes).collect::<Vec<u8>>();
+    let parts =
+        [element(6, &words(&[6, 0])), element(5, &words(&[rows, 2])), element(1, b"M"), element(9, &numbers)];
+    let mut packer = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+    packer.write_all(&element(14, &parts.concat())).unwrap();
+    let mut packed = packer.finish().unwrap();
+    let mut file = vec![b' '; 124];
+    file.extend([0, 1, b'I', b'M']);
+    file.extend(words(&[15, u32::try_from(packed.len()).unwrap()]));
+    file.append(&mut packed);
+    file
+}
+
+/// The checksum behind a long variable is compared first, and yet it is unpacked once for all of its columns.
+#[test]
+fn a_packed_variable_is_unpacked_once() {
+    const ROWS: u32 = 150_000;
+    let (file, read) = (packed_matrix(ROWS), Arc::new(AtomicUsize::new(0)));
+    let length = file.len();
+    let source = Counted(Cursor::new(file.clone()), Arc::clone(&read));
+    let mut table = open_reader(source, "packed.mat", &named(&["k_1", "square_1"])).unwrap();
+    table.want(&[0, 1].map(|column| WantedColumn::Number { column, power: 0 })).unwrap();
+    let mut block = Block::with_capacity(4096);
+    let mut row = 0;
+    loop {
+        table.read(&mut block).unwrap();
+        if block.is_end() {
+            break;
+        }
+        for (k, square) in block.numbers[0].iter().zip(&block.numbers[1]) {
+            assert!(*k == f64::from(row) && *square == f64::from(row).sin().powi(2), "{row}");
+            row += 1;
+        }
+    }
+    assert_eq!(row, ROWS);
+    let read = read.load(Ordering::Relaxed);
+    assert!(read < length + length / 2, "{read} of {length} bytes");
+    // A bit of its last numbers.
+    let mut damaged = file;
+    damaged[length - 100] ^= 1;
+    assert!(open_reader(Cursor::new(damaged), "packed.mat", &named(&["k_1", "square_1"])).is_err());
 }

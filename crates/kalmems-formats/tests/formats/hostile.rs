@@ -351,8 +351,12 @@ fn segments_that_claim_too_much_are_refused() {
     refused(&tdms(&channel(99, 1, &none), &[0; 16]), &hints, "values of type 0x63");
     // A property with a name of four gigabytes, and as many properties.
     let long = [1_u32.to_le_bytes(), u32::MAX.to_le_bytes()].concat();
-    refused(&tdms(&channel(10, 2, &long), &[0; 16]), &hints, "the end of the metadata");
-    refused(&tdms(&channel(10, 2, &u32::MAX.to_le_bytes()), &[0; 16]), &hints, "the end of the metadata");
+    refused(&tdms(&channel(10, 2, &long), &[0; 16]), &hints, "the end of what is described there");
+    refused(
+        &tdms(&channel(10, 2, &u32::MAX.to_le_bytes()), &[0; 16]),
+        &hints,
+        "the end of what is described there",
+    );
     // Texts whose ends run backwards.
     let texts = [8_u32.to_le_bytes(), 4_u32.to_le_bytes(), [0; 4], [0; 4]].concat();
     let bytes = tdms(&channel(0x20, 2, &[&16_u64.to_le_bytes()[..], &none].concat()), &texts);

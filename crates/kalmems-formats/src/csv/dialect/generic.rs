@@ -60,11 +60,7 @@ pub(super) fn find(
     let unit = |index: usize| {
         units.as_ref().filter(|_| !is_date(index)).and_then(|units| unit_cell(units.get(index)?))
     };
-    let of = |(index, name): (usize, &String)| {
-        (column_name(name, unit(index).as_deref(), index), ColumnOrigin::Cell(index))
-    };
-    let columns: Vec<(String, ColumnOrigin)> = names.iter().take(cells).enumerate().map(of).collect();
-    let joined = columns.iter().zip(&names).any(|((joined, _), name)| joined != name);
+    let (columns, joined) = named_columns(names.get(..cells).unwrap_or(&names), unit);
     let mut clock = preamble::stated_numbers((0..header).map(|line| head.line(line)).chain(comments.lines()));
     let columns = without_settings(columns, &mut clock);
     Ok(RecognizedText {
@@ -100,11 +96,7 @@ fn below_comments(
     }
     let Some(said) = comments.names(separator, count) else { return Ok(None) };
     let unit = |index: usize| said.units.as_ref().and_then(|(_, units)| unit_cell(units.get(index)?));
-    let named = |(index, name): (usize, &String)| {
-        (column_name(name, unit(index).as_deref(), index), ColumnOrigin::Cell(index))
-    };
-    let columns: Vec<(String, ColumnOrigin)> = said.columns.iter().enumerate().map(named).collect();
-    let joined = columns.iter().zip(&said.columns).any(|((joined, _), name)| joined != name);
+    let (columns, joined) = named_columns(&said.columns, unit);
     Ok(Some(RecognizedText {
         instrument: comments.instrument.map(|instrument| instrument.name),
         separator,
@@ -121,6 +113,19 @@ fn below_comments(
         },
         ..RecognizedText::default()
     }))
+}
+
+/// Columns with their units, and whether a name was joined with one that stands elsewhere.
+fn named_columns(
+    names: &[String],
+    unit: impl Fn(usize) -> Option<String>,
+) -> (Vec<(String, ColumnOrigin)>, bool) {
+    let named = |(index, name): (usize, &String)| {
+        (column_name(name, unit(index).as_deref(), index), ColumnOrigin::Cell(index))
+    };
+    let columns: Vec<(String, ColumnOrigin)> = names.iter().enumerate().map(named).collect();
+    let joined = columns.iter().zip(names).any(|((joined, _), name)| joined != name);
+    (columns, joined)
 }
 
 /// Columns without names that are settings themselves, such as `tInc = 2.000000e-06`, with which a Rigol ends the line of its names.

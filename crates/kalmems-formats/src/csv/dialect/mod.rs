@@ -30,26 +30,16 @@ const BYTES: usize = 1 << 20;
 const MOST_COLUMNS: usize = 10_000;
 
 /// How a text is written.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Default)]
 pub(super) struct Dialect {
-    pub(super) separator: u8,
+    pub(super) text: RecognizedText,
     /// The decimal mark.
     pub(super) point: u8,
-    /// The line of the names, and that of the first row.
-    pub(super) header_line: u64,
+    /// The line of the first row.
     pub(super) first_row_line: u64,
-    /// How many cells a row has.
-    pub(super) cells: usize,
-    /// Whether a separator may stand at the end of a row, with nothing behind it.
-    pub(super) trailing: bool,
-    /// Whether remarks may stand behind that separator.
-    pub(super) remarks: bool,
-    /// Whether each cell begins with the name of its column: `ax:1.5`.
-    pub(super) named_cells: bool,
     pub(super) columns: Vec<DialectColumn>,
     /// The cells of a row whose digits stand in groups beyond doubt.
     pub(super) grouped: BTreeSet<usize>,
-    pub(super) records: RecordShape,
     /// By what it is known to be a table of numbers.
     pub(super) evidence: TableEvidence,
     /// All of this for people.
@@ -70,6 +60,8 @@ pub(super) struct DialectColumn {
 pub(super) enum ColumnOrigin {
     /// A cell of the row.
     Cell(usize),
+    /// A cell whose value belongs to so many rows later, as its waveform begins later than others.
+    Later { cell: usize, rows: u64 },
     /// A cell times a step that the header states, after a start.
     Affine { cell: usize, start: f64, step: f64 },
     /// The rows of the record, counted from 0, times a step that the header states, after a start.
@@ -91,16 +83,49 @@ pub(super) enum RecordShape {
 }
 
 impl ColumnOrigin {
+    /// A cell whose value belongs to so many rows later.
+    pub(super) const fn later(cell: usize, rows: u64) -> Self {
+        if rows == 0 { Self::Cell(cell) } else { Self::Later { cell, rows } }
+    }
+
     /// The cell, where there is one.
     pub(super) const fn cell(self) -> Option<usize> {
         match self {
-            Self::Cell(cell) | Self::Affine { cell, .. } => Some(cell),
+            Self::Cell(cell) | Self::Later { cell, .. } | Self::Affine { cell, .. } => Some(cell),
             Self::Counted { .. } | Self::Record => None,
         }
     }
 }
 
-impl Dialect {
+/// What the beginning of a text tells.
+#[derive(Default)]
+pub(super) struct RecognizedText {
+    /// The instrument or program, where its preamble is known.
+    instrument: Option<&'static str>,
+    pub(super) separator: u8,
+    /// The decimal mark, once it is known.
+    point: Option<u8>,
+    /// The line of the names in the file, and that of the first row in the head.
+    pub(super) header_line: u64,
+    first_row: usize,
+    /// How many cells a row has, and whether a separator, or one with remarks behind it, may stand behind them.
+    pub(super) cells: usize,
+    pub(super) trailing: bool,
+    remarks: bool,
+    /// Whether each cell begins with the name of its column: `ax:1.5`.
+    pub(super) named_cells: bool,
+    /// Names, units in them, and where their values come from.
+    columns: Vec<(String, ColumnOrigin)>,
+    /// Columns of times of their own, each with its waveform's, behind those of the first waveform, which are the first two.
+    own_times: Vec<(usize, usize)>,
+    /// What the lines before the rows state of a clock.
+    clock: StatedNumbers,
+    /// Where the units are from, for people; empty where the names have them as a matter of course.
+    units: String,
+    pub(super) records: RecordShape,
+}
+
+impl RecognizedText {
     /// How many rows a record has, where that is stated.
     pub(super) const fn record_rows(&self) -> Option<u64> {
         match self.records {
@@ -116,31 +141,6 @@ impl Dialect {
                 && row.len() == self.cells + 1
                 && (self.remarks || row.cell(self.cells).is_empty())
     }
-}
-
-/// What the beginning of a text tells.
-#[derive(Default)]
-struct RecognizedText {
-    /// The instrument or program, where its preamble is known.
-    instrument: Option<&'static str>,
-    separator: u8,
-    /// The decimal mark, once it is known.
-    point: Option<u8>,
-    /// The line of the names in the file, and that of the first row in the head.
-    header_line: u64,
-    first_row: usize,
-    /// How many cells a row has, and whether a separator, or one with remarks behind it, may stand behind them.
-    cells: usize,
-    trailing: bool,
-    remarks: bool,
-    named_cells: bool,
-    /// Names, units in them, and where their values come from.
-    columns: Vec<(String, ColumnOrigin)>,
-    /// What the lines before the rows state of a clock.
-    clock: StatedNumbers,
-    /// Where the units are from, for people; empty where the names have them as a matter of course.
-    units: String,
-    records: RecordShape,
 }
 
 /// Tells the dialect and takes all that comes before the first row.
@@ -288,6 +288,7 @@ fn finish(
     for (name, origin) in &found.columns {
         match origin {
             ColumnOrigin::Cell(_) | ColumnOrigin::Record => {}
+            ColumnOrigin::Later { rows, .. } => words.push(format!("`{name}` begins {rows} samples later")),
             ColumnOrigin::Affine { start, step, .. } | ColumnOrigin::Counted { start, step } => {
                 words.push(format!("`{name}` from {start:?} on in steps of {step:?}, as the header says"));
             }
@@ -303,22 +304,34 @@ fn finish(
         origin,
         time,
     };
-    let dialect = Dialect {
-        separator: found.separator,
-        point,
-        header_line: found.header_line,
-        first_row_line: head.number(found.first_row),
-        cells: found.cells,
-        trailing: found.trailing,
-        remarks: found.remarks,
-        named_cells: found.named_cells,
-        grouped,
-        records: found.records,
-        evidence,
-        columns: found.columns.into_iter().zip(times).map(column).collect(),
-        recognised: words.join(", "),
-    };
-    Ok((dialect, head.bytes_before(found.first_row)))
+    let mut columns: Vec<DialectColumn> =
+        std::mem::take(&mut found.columns).into_iter().zip(times).map(column).collect();
+    tell_apart(head, &found, &mut columns);
+    let (first_row_line, bytes) = (head.number(found.first_row), head.bytes_before(found.first_row));
+    let recognised = words.join(", ");
+    Ok((Dialect { text: found, point, first_row_line, columns, grouped, evidence, recognised }, bytes))
+}
+
+/// Says which waveforms have other times than the first, as far as the first rows show it.
+fn tell_apart(head: &TextHead, found: &RecognizedText, columns: &mut [DialectColumn]) {
+    let rows: Vec<Vec<String>> =
+        head.rows(found.first_row).map(|row| head.cells(row, found.separator)).collect();
+    for (number, (time, waveform)) in found.own_times.iter().enumerate() {
+        let [Some(of), Some(own)] = [0, *time].map(|column| columns.get(column)) else { continue };
+        let cells = |column: &DialectColumn| {
+            let cell = column.origin.cell();
+            rows.iter().map(|row| row.get(cell?).cloned()).collect::<Vec<_>>()
+        };
+        if cells(of) != cells(own) {
+            let why =
+                format!("its times stand in `{}` and are not those of `{}`", own.column.name, of.column.name);
+            for column in [*time, *waveform] {
+                if let Some(DialectColumn { column, .. }) = columns.get_mut(column) {
+                    (column.apart, column.group) = (Some(why.clone()), number + 1);
+                }
+            }
+        }
+    }
 }
 
 /// By what the first lines are known to be those of a table of numbers: below the names there is a row of as many cells, with a
@@ -352,7 +365,9 @@ fn evidence(head: &TextHead, found: &RecognizedText) -> TableEvidence {
 
 /// Whether a column may be the time, by its name or its unit.
 fn may_be_time(name: &str) -> bool {
-    let ending = name.rsplit_once('_').map_or("", |(_, unit)| unit);
+    // What is per second is no time.
+    let unit = name.rsplit_once('_').filter(|(before, _)| before.rsplit('_').next() != Some("per"));
+    let ending = unit.map_or("", |(_, unit)| unit);
     let words = ["zeit", "temps", "tiempo", "tempo", "tijd", "sec", "clock", "date"];
     let lower = name.to_lowercase();
     names_a_time(name)
@@ -379,19 +394,6 @@ fn times(head: &TextHead, found: &RecognizedText) -> Vec<Option<TimeKind>> {
 
 /// The dialect of an empty text.
 fn nothing() -> Dialect {
-    Dialect {
-        separator: b',',
-        point: b'.',
-        header_line: 1,
-        first_row_line: 1,
-        cells: 0,
-        trailing: false,
-        remarks: false,
-        named_cells: false,
-        records: RecordShape::One,
-        evidence: TableEvidence::Nothing,
-        columns: Vec::new(),
-        grouped: BTreeSet::new(),
-        recognised: "nothing".to_owned(),
-    }
+    let text = RecognizedText { separator: b',', header_line: 1, ..RecognizedText::default() };
+    Dialect { text, point: b'.', first_row_line: 1, recognised: "nothing".to_owned(), ..Dialect::default() }
 }

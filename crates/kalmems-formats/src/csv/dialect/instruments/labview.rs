@@ -1,10 +1,12 @@
 //! LabVIEW measurement files (`.lvm`): a header on the file, and for each record one on its channels, and rows.
 
 use super::super::head::TextHead;
-use super::super::units::column_name;
+use super::waveforms::Waveforms;
 use super::{DialectSearch, TextBeginning, distinct};
 use crate::FormatError;
+use crate::clock::{RegularTimes, SampleStep};
 use crate::csv::dialect::{ColumnOrigin, RecognizedText, RecordShape};
+use crate::time::{IsoTime, parse_iso};
 
 /// What ends either header.
 const END: &[u8] = b"***End_of_Header***";
@@ -37,6 +39,7 @@ pub(in crate::csv) struct LabviewChannels {
     /// How many cells a row has, but for one of remarks at its end.
     cells: usize,
     columns: Vec<(String, ColumnOrigin)>,
+    own_times: Vec<(usize, usize)>,
 }
 
 pub(super) fn find(text: &TextBeginning) -> DialectSearch {
@@ -68,6 +71,7 @@ fn found(head: &TextHead) -> Result<RecognizedText, FormatError> {
     let several = value("Multi_Headings") == "Yes" || !others.is_empty();
     let mut channels = heading.channels(head, *first + 1, *second)?;
     if several {
+        channels.refuse_later()?;
         channels.columns.push(("segment".to_owned(), ColumnOrigin::Record));
     }
     Ok(RecognizedText {
@@ -85,6 +89,7 @@ fn found(head: &TextHead) -> Result<RecognizedText, FormatError> {
         trailing: true,
         remarks: true,
         columns: channels.columns,
+        own_times: channels.own_times,
         units: "units in the header".to_owned(),
         records: if several { RecordShape::Headed(heading) } else { RecordShape::One },
         ..RecognizedText::default()
@@ -137,42 +142,59 @@ impl Heading {
         };
         let name = |index: &usize| names.get(*index).cloned().unwrap_or_default();
         let channel_names = distinct(channels.iter().map(name));
-        let mut columns = Vec::new();
+        let mut clocks = Vec::new();
         if self.times == LabviewTimes::Counted {
-            let value = |cells: &[String], what: &str| {
-                let mut values = channels.iter().filter_map(|index| number(cells.get(*index)?));
-                let first = values
-                    .next()
-                    .ok_or_else(|| damaged(&format!("no `{what}`"), "a number for each channel"))?;
-                if values.any(|other| other != first) {
-                    return Err(FormatError::unsupported(
-                        "LabVIEW measurement",
-                        "channels with times of their own and no column for them",
-                        "write those with the same times in a file of their own, or a column of times for each",
-                    ));
-                }
-                Ok(first)
+            let value = |cells: &[String], index: usize, what: &str| {
+                let number = cells.get(index).and_then(number);
+                number.ok_or_else(|| damaged(&format!("no `{what}`"), "a number for each channel"))
             };
-            let (start, step) = (value(&starts, "X0")?, value(&steps, "Delta_X")?);
-            columns.extend(seconds.map(|_| ("time_s".to_owned(), ColumnOrigin::Counted { start, step })));
-        }
-        for (place, (index, name)) in channels.iter().zip(&channel_names).enumerate() {
-            let time = match self.times {
-                LabviewTimes::One | LabviewTimes::Each if place == 0 => Some("time".to_owned()),
-                LabviewTimes::Each => Some(format!("time of {name}")),
-                _ => None,
+            // The instants from which the starts of the channels count.
+            let (dates, times) = (of("Date"), of("Time"));
+            let instant = |index: usize| {
+                let text = format!("{} {}", dates.get(index)?, times.get(index)?.replace(',', "."));
+                parse_iso(text.as_bytes()).map(IsoTime::instant)
             };
-            columns.extend(time.map(|time| (column_name(&time, seconds, 0), ColumnOrigin::Cell(index - 1))));
-            columns.push((
-                column_name(name, units.get(*index).map(String::as_str), *index),
-                ColumnOrigin::Cell(*index),
-            ));
+            let earliest = channels.iter().filter_map(|index| instant(*index)).min();
+            for index in &channels {
+                let since = instant(*index).zip(earliest).map_or(0.0, |(time, first)| time.since(first));
+                let start_s = value(&starts, *index, "X0")? + since;
+                let step = SampleStep::Interval(value(&steps, *index, "Delta_X")?);
+                clocks.push(RegularTimes { row: 0, start_s, step });
+            }
         }
-        Ok(LabviewChannels { names: end + 1, cells: count, columns })
+        let times = match self.times {
+            LabviewTimes::Each => channels.iter().map(|index| index - 1).collect(),
+            LabviewTimes::One => vec![0],
+            LabviewTimes::Counted => Vec::new(),
+        };
+        let unit = |index: usize| units.get(*channels.get(index)?).cloned();
+        let (names, cells, time_unit) = (&channel_names, channels.clone(), |_| seconds.map(str::to_owned));
+        let waveforms = Waveforms { names, cells, times, clocks, time_unit: &time_unit, unit: &unit };
+        let own_times = waveforms.own_times();
+        let columns = waveforms.columns().map_err(|why| {
+            FormatError::unsupported(
+                "LabVIEW measurement",
+                format!("channels with times of their own and no column for them ({why})"),
+                "write those with the same times in a file of their own, or a column of times for each",
+            )
+        })?;
+        Ok(LabviewChannels { names: end + 1, cells: count, columns, own_times })
     }
 }
 
 impl LabviewChannels {
+    /// Refuses channels that begin at different times, in a file of several records.
+    fn refuse_later(&self) -> Result<(), FormatError> {
+        match self.columns.iter().find(|(_, origin)| matches!(origin, ColumnOrigin::Later { .. })) {
+            None => Ok(()),
+            Some((name, _)) => Err(FormatError::unsupported(
+                "LabVIEW measurement",
+                format!("a file of several records in which `{name}` begins later than other channels"),
+                "write each record to a file of its own",
+            )),
+        }
+    }
+
     /// Where the values come from, where the channels are those before; how many bytes and lines the header takes.
     pub(in crate::csv) fn continue_with(
         self,
@@ -180,6 +202,7 @@ impl LabviewChannels {
         text: &[u8],
     ) -> Result<(Vec<ColumnOrigin>, usize, u64), FormatError> {
         let same = self.columns.iter().zip(before).all(|((name, _), column)| *name == column.column.name);
+        self.refuse_later()?;
         // The last column is the number of the record.
         if !same || self.columns.len() + 1 != before.len() {
             return Err(FormatError::unsupported(

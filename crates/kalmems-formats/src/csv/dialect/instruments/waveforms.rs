@@ -4,7 +4,50 @@ use super::super::units::column_name;
 use super::table::WaveformKeys;
 use super::{TextBeginning, distinct, number};
 use crate::FormatError;
+use crate::clock::{RegularTimes, SampleStep, rows_later};
 use crate::csv::dialect::{ColumnOrigin, RecognizedText, marks};
+
+/// Waveforms that stand in cells beside each other.
+pub(super) struct Waveforms<'a> {
+    pub(super) names: &'a [String],
+    pub(super) cells: Vec<usize>,
+    /// The cells of times: one before the first waveform, or one before each.
+    pub(super) times: Vec<usize>,
+    /// What is stated of their times, where there is no cell of them.
+    pub(super) clocks: Vec<RegularTimes>,
+    /// The units of times and values, where they are known.
+    pub(super) time_unit: &'a dyn Fn(usize) -> Option<String>,
+    pub(super) unit: &'a dyn Fn(usize) -> Option<String>,
+}
+
+impl Waveforms<'_> {
+    /// Their columns; in words why they do not stand beside each other.
+    pub(super) fn columns(&self) -> Result<Vec<(String, ColumnOrigin)>, String> {
+        let (mut columns, mut later) = (Vec::new(), Vec::new());
+        if let (true, Some(first)) = (self.times.is_empty(), self.clocks.first()) {
+            let (start, rows) = rows_later(self.names, &self.clocks)?;
+            later = rows;
+            let origin = ColumnOrigin::Counted { start, step: first.step.interval_s() };
+            columns.extend((self.time_unit)(0).map(|unit| (column_name("time", Some(&unit), 0), origin)));
+        }
+        for (index, (name, cell)) in self.names.iter().zip(&self.cells).enumerate() {
+            let own = if index == 0 { "time".to_owned() } else { format!("time of {name}") };
+            let time = |cell: &usize| {
+                (column_name(&own, (self.time_unit)(index).as_deref(), 0), ColumnOrigin::Cell(*cell))
+            };
+            columns.extend(self.times.get(index).map(time));
+            let rows = later.get(index).copied().unwrap_or(0);
+            let name = column_name(name, (self.unit)(index).as_deref(), *cell);
+            columns.push((name, ColumnOrigin::later(*cell, rows)));
+        }
+        Ok(columns)
+    }
+
+    /// Which of the columns are times of waveforms behind the first, each with its waveform's.
+    pub(super) fn own_times(&self) -> Vec<(usize, usize)> {
+        (1..self.times.len()).map(|waveform| (2 * waveform, 2 * waveform + 1)).collect()
+    }
+}
 
 /// The dialect; `None` where rows are of another width than the waveforms have.
 pub(super) fn find(
@@ -42,50 +85,41 @@ pub(super) fn find(
     };
     let (time_units, value_units) = (units(keys.time_units), units(keys.value_units));
     let unit_at = |units: &[String], index: usize| units.get(index).or(units.first()).cloned();
-    let time = |name: &str, index: usize| {
-        let unit = unit_at(&time_units, index).unwrap_or_else(|| "s".to_owned());
-        column_name(name, Some(&unit), 0)
-    };
-    let value = |index: usize, name: &String, cell: usize| {
-        (column_name(name, unit_at(&value_units, index).as_deref(), cell), ColumnOrigin::Cell(cell))
-    };
     let has_time = cells.first().is_some_and(|cell| !cell.is_empty());
-    let mut columns = Vec::new();
-    if has_time && cells.len() == 2 * names.len() {
-        for (index, name) in names.iter().enumerate() {
-            let own = if index == 0 { "time".to_owned() } else { format!("time of {name}") };
-            columns.push((time(&own, index), ColumnOrigin::Cell(2 * index)));
-            columns.push(value(index, name, 2 * index + 1));
-        }
-    } else {
-        let Some(before) = cells.len().checked_sub(names.len()).filter(|before| *before < 2) else {
-            return Ok(None);
+    let (times, before): (Vec<usize>, usize) = match cells.len().checked_sub(names.len()) {
+        Some(before) if before < 2 => (if has_time { (0..before).collect() } else { Vec::new() }, before),
+        Some(count) if has_time && count == names.len() => ((0..count).map(|index| 2 * index).collect(), 0),
+        _ => return Ok(None),
+    };
+    let cell = |index: usize| if times.len() > 1 { 2 * index + 1 } else { index + before };
+    let clocks = number(starts.first()).zip(number(steps.first())).map(|(start, step)| {
+        let of = |cells: &[String], index: usize, first: f64| number(cells.get(index)).unwrap_or(first);
+        let clock = |index| {
+            let step = SampleStep::Interval(of(&steps, index, step));
+            RegularTimes { row: 0, start_s: of(&starts, index, start), step }
         };
-        let clock = number(starts.first()).zip(number(steps.first()));
-        match (before == 1 && has_time, clock) {
-            (true, _) => columns.push((time("time", 0), ColumnOrigin::Cell(0))),
-            (false, Some((start, step))) => {
-                let same =
-                    |cells: &[String]| cells.iter().all(|cell| number(Some(cell)) == number(cells.first()));
-                if !same(&starts) || !same(&steps) {
-                    return Err(FormatError::unsupported(
-                        "CSV",
-                        format!(
-                            "a file of {instrument} with times of its own for each waveform (`{}`, `{}`)",
-                            keys.starts, keys.steps
-                        ),
-                        "save those with the same times in a file of their own, or with pairs of time and value",
-                    ));
-                }
-                columns.push((time("time", 0), ColumnOrigin::Counted { start, step }));
-            }
-            (false, None) => {}
-        }
-        columns.extend(names.iter().enumerate().map(|(index, name)| value(index, name, index + before)));
-    }
+        (0..names.len()).map(clock).collect()
+    });
+    let waveforms = Waveforms {
+        cells: (0..names.len()).map(cell).collect(),
+        names: &names,
+        times,
+        clocks: clocks.unwrap_or_default(),
+        time_unit: &|index| unit_at(&time_units, index).or_else(|| Some("s".to_owned())),
+        unit: &|index| unit_at(&value_units, index),
+    };
+    let own_times = waveforms.own_times();
+    let columns = waveforms.columns().map_err(|why| {
+        let (starts, steps) = (keys.starts, keys.steps);
+        FormatError::unsupported(
+            "CSV",
+            format!("a file of {instrument} with times of its own for each waveform (`{starts}`, `{steps}`; {why})"),
+            "save those with the same times in a file of their own, or with pairs of time and value",
+        )
+    })?;
     let header = text.head.find(keys.names, separator).unwrap_or(0);
     let mut found = text.found(instrument, header, first_row, columns, "units in the preamble");
-    (found.cells, found.trailing) = (cells.len(), trailing);
+    (found.cells, found.trailing, found.own_times) = (cells.len(), trailing, own_times);
     found.point = Some(marks::point(text.head, first_row, separator, &crate::CsvHints::default())?);
     Ok(Some(found))
 }
