@@ -33,6 +33,7 @@ integration_rate = "500 kHz"
 seed = 1
 start = { x = "1.5 um", v = "0 m/s" }
 [simulate.drive.sine]
+offset = "0 V"
 amplitude = "1 V"
 frequency = "1 kHz"
 [estimate]
@@ -82,6 +83,7 @@ integration_rate = "37 Hz"
 noise = false
 seed = 1
 start = { x = "1 m", v = "0 m/s" }
+[simulate.drive.inputs]
 [estimate]
 skip = "0 s"
 [[estimate.filter]]
@@ -128,6 +130,7 @@ integration_rate = "70 Hz"
 noise = false
 seed = 1
 start = { T = "19 K", on = "1" }
+[simulate.drive.inputs]
 [estimate]
 skip = "0 s"
 [[estimate.filter]]
