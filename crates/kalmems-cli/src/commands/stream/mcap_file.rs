@@ -180,9 +180,9 @@ fn nanoseconds(time_s: f64, origin_ns: u64) -> Option<u64> {
 mod tests {
     use super::*;
     use mcap::read::Summary;
+    use mcap::sans_io::decompressor::{DecompressResult, Decompressor};
     use mcap::sans_io::{
-        DecompressResult, Decompressor, IndexedReadEvent, IndexedReader, LinearReadEvent, LinearReader,
-        LinearReaderOptions,
+        IndexedReadEvent, IndexedReader, LinearReadEvent, LinearReader, LinearReaderOptions,
     };
 
     /// The crate `mcap` has LZ4 by a library of C alone.
