@@ -297,7 +297,7 @@ fn is_intact(checked: &[u8], crc: FrameCheck) -> bool {
 /// CRC-16/IBM-3740.
 fn crc16(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xffff, |sum, byte| {
-        (0..8).fold(sum ^ u16::from(*byte) << 8, |sum: u16, _| sum << 1 ^ 0x1021 * (sum >> 15))
+        (0..8).fold(sum ^ (u16::from(*byte) << 8), |sum: u16, _| (sum << 1) ^ (0x1021 * (sum >> 15)))
     })
 }
 
