@@ -25,7 +25,7 @@ states = {{ x = "um", v = "um/s" }}
 inputs = {{ drive = "V" }}
 derivative = {{ x = "v", v = "force*drive - w0/quality*v - w0^2*x" }}
 measure = {{ signal = "gain*x in V" }}
-noise = {{ signal = "{NOISE_V**2}[V^2]", v = "1e2[um^2/s^3]" }}
+noise = {{ signal = "{NOISE_V**2}[V^2]", v = "1e-1[um^2/s^3]" }}
 [device.equations.parameters]
 w0 = "{2 * math.pi * FREE_HZ!r} rad/s"
 quality = {QUALITY}

@@ -30,6 +30,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// How a command ended, other than well.
+#[derive(Debug)]
 enum CommandEnding {
     /// Something is wrong; in words.
     Wrong(String),

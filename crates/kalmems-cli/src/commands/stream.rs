@@ -175,10 +175,13 @@ fn watched(_: &str, _: &mut Option<Box<dyn Write>>, _: (bool, Rotation)) -> Resu
     Err(CommandEnding::Wrong("`--to`: a browser has no connections here".to_owned()))
 }
 
+/// Tells what some bytes are.
+type BytesTest = fn(&[u8]) -> bool;
+
 /// Opens what estimates go to; what another stream wrote there, by `is_own` of its beginning, is kept beside it.
 fn output(
     to: &Path,
-    (is_own, is_head): (fn(&[u8]) -> bool, fn(&[u8]) -> bool),
+    (is_own, is_head): (BytesTest, BytesTest),
     goes_on: bool,
     with: (bool, Rotation),
 ) -> Result<Box<dyn Write>, CommandEnding> {

@@ -160,3 +160,25 @@ fn motion_does_not_pass_as_rest() {
     let (_, told) = rest(timed(white(7)), COLUMN);
     assert_eq!(told, "[]");
 }
+
+/// The rates of a record at rest are held whole.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_record_that_the_memory_does_not_hold_is_refused_with_its_rows_and_ends_nothing_by_an_abort() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("rest.csv"), "w_rad_per_s\n".to_owned() + &"0\n1\n".repeat(6 << 20))
+        .unwrap();
+    let settings = "name = \"rest\"\n[gyroscope]\nrate = \"100 Hz\"\nclock_tolerance = \"1 %\"\nchannels = { z = \"w_rad_per_s\" }\n\
+                    [rest]\nfile = \"rest.csv\"\nclock = { rate = \"100 Hz\" }\n";
+    std::fs::write(folder.path().join("rest.toml"), settings).unwrap();
+    // The program itself takes 220 MB of addresses as tests are built, a column of 12 million rows twice as much while it grows.
+    let output = Command::new("sh")
+        .current_dir(folder.path())
+        .args(["-c", "ulimit -v 280000 && exec \"$0\" calibrate gyro rest.toml --out out"])
+        .arg(env!("CARGO_BIN_EXE_kalmems"))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("cannot read `rest.csv`: the memory does not suffice for more than"), "{said}");
+}

@@ -1,6 +1,6 @@
 //! Samples from bytes, as text or as frames.
 
-use crate::config::{FrameCheck, FrameField, StreamFormat};
+use crate::config::{FieldType, FrameCheck, FrameField, StreamFormat};
 use kalmems_formats::{CellFinding, CellReader, Shift, TimeReader};
 
 /// One sample as it came.
@@ -229,20 +229,25 @@ fn frames(
 ) -> usize {
     let mut from = 0;
     loop {
-        if bytes.get(from..).is_some_and(|rest| rest.starts_with(END_MARK)) {
-            *is_ended = true;
-            return from;
-        }
-        let Some(frame) = bytes.get(from..from + length) else { return from };
-        if !frame.starts_with(sync) {
+        let rest = bytes.get(from..).unwrap_or_default();
+        // The mark of the end is waited for, though it is shorter than a frame.
+        if !may_become(rest, sync) && !may_become(rest, END_MARK) {
             damage.bytes += 1;
             from += 1;
             continue;
         }
+        if rest.starts_with(END_MARK) {
+            *is_ended = true;
+            return from;
+        }
+        let Some(frame) = rest.get(..length).filter(|frame| frame.starts_with(sync)) else { return from };
         if crc.is_some_and(|crc| !is_intact(&frame[sync.len()..], crc)) {
             // Where no frame follows, these bytes were none.
-            let Some(next) = bytes.get(from + length..from + length + sync.len()) else { return from };
-            let is_frame = next == sync || END_MARK.starts_with(next);
+            let next = &rest[length..];
+            if next.is_empty() {
+                return from;
+            }
+            let is_frame = may_become(next, sync) || may_become(next, END_MARK);
             damage.frames += u64::from(is_frame);
             damage.bytes += u64::from(!is_frame);
             from += if is_frame { length } else { 1 };
@@ -259,9 +264,9 @@ fn frames(
             } else {
                 let (number, shift) = (field.kind.number(raw), shifts.next());
                 let number = match times {
-                    Some((place, times)) if *place == sample.numbers.len() => match field.kind.integer(raw) {
-                        Some(integer) => times.integer(integer),
-                        None => times.float(number),
+                    Some((place, times)) if *place == sample.numbers.len() => match field.kind {
+                        FieldType::F32 | FieldType::F64 => times.float(number),
+                        kind => kind.integer(raw).map_or(f64::NAN, |integer| times.integer(integer)),
                     },
                     _ => shift.map_or(number, |shift| shift.float(number)),
                 };
@@ -271,6 +276,11 @@ fn frames(
         each(sample);
         from += length;
     }
+}
+
+/// Whether bytes begin with a mark, as far as they have come.
+fn may_become(bytes: &[u8], mark: &[u8]) -> bool {
+    bytes.iter().zip(mark).all(|(byte, own)| byte == own)
 }
 
 /// Whether what stands between the beginning and the end of a frame has the checksum behind it.

@@ -134,15 +134,13 @@ impl Open {
             self.writer = McapWriter::begin(BufWriter::new(self.series.next()?), LIBRARY)?;
             self.channels.clear();
         }
-        let channel = match self.channels.get(topic) {
-            Some(channel) => *channel,
-            None => {
-                let schema = serde_json::to_vec(&schema(topic, content))?;
-                let name = format!("kalmems.{topic}");
-                let channel = self.writer.announce(&format!("/{topic}"), &name, &schema);
-                self.channels.insert(topic.to_owned(), channel);
-                channel
-            }
+        let channel = if let Some(channel) = self.channels.get(topic) {
+            *channel
+        } else {
+            let schema = serde_json::to_vec(&schema(topic, content))?;
+            let channel = self.writer.announce(&format!("/{topic}"), &format!("kalmems.{topic}"), &schema);
+            self.channels.insert(topic.to_owned(), channel);
+            channel
         };
         self.writer.message(channel, time, &serde_json::to_vec(content)?)?;
         if self.written.elapsed() >= WAIT {
@@ -180,9 +178,9 @@ fn nanoseconds(time_s: f64, origin_ns: u64) -> Option<u64> {
 mod tests {
     use super::*;
     use mcap::read::Summary;
+    use mcap::sans_io::decompressor::{DecompressResult, Decompressor};
     use mcap::sans_io::{
-        DecompressResult, Decompressor, IndexedReadEvent, IndexedReader, LinearReadEvent, LinearReader,
-        LinearReaderOptions,
+        IndexedReadEvent, IndexedReader, LinearReadEvent, LinearReader, LinearReaderOptions,
     };
 
     /// The crate `mcap` has LZ4 by a library of C alone.

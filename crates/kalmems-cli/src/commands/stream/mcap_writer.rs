@@ -199,7 +199,9 @@ fn record(kind: u8, parts: &[&[u8]]) -> Vec<u8> {
     let mut record = Vec::with_capacity(9 + length);
     record.push(kind);
     record.extend_from_slice(&(length as u64).to_le_bytes());
-    parts.iter().for_each(|part| record.extend_from_slice(part));
+    for part in parts {
+        record.extend_from_slice(part);
+    }
     record
 }
 
