@@ -500,7 +500,11 @@ impl RecordTable {
 
     fn labels(&self, column: usize, rows: usize, out: &mut Labels) {
         let RecordField { cells, scaling, power, .. } = &self.fields[column];
-        let (mut text, missing) = (Vec::new(), self.missing(column));
+        let (mut text, missing, mut numbers) = (Vec::new(), self.missing(column), Vec::new());
+        let is_stored = scaling.is_none() && *power == 0;
+        if matches!(cells, CellKind::Clock(_)) || cells.is_numbers() && !is_stored {
+            self.numbers(column, 0, rows, &mut numbers, &mut Vec::new());
+        }
         for row in 0..rows {
             if missing.get(row) == Some(&true) {
                 push_label(out, row, b"");
@@ -510,19 +514,13 @@ impl RecordTable {
                 let start = row * self.lanes[lane].record() + offset;
                 self.raw[lane].get(start..start + bytes).unwrap_or_default()
             };
+            if let Some(number) = numbers.get(row) {
+                push_label(out, row, crate::element::shortest(*number).as_bytes());
+                continue;
+            }
             match cells {
-                &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) }
-                    if scaling.is_none() && *power == 0 =>
-                {
-                    element.label(cell(lane, offset, element.bytes), &mut text);
-                }
                 &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } => {
-                    let (cell, mut number) = (cell(lane, offset, element.bytes), Vec::with_capacity(1));
-                    element.numbers(cell, 0, element.bytes, 1, *power, &mut number);
-                    scaling.mark(element, [cell].into_iter(), &mut number, &mut Vec::new());
-                    scaling.apply(&mut number);
-                    let number = number.first().copied().unwrap_or(f64::NAN);
-                    text = crate::element::shortest(number).into_bytes();
+                    element.label(cell(lane, offset, element.bytes), &mut text);
                 }
                 &CellKind::Stored { lane, offset, cell: StoredCell::Time(code) } => {
                     let raw = cell(lane, offset, code.bytes());
@@ -535,10 +533,8 @@ impl RecordTable {
                     text.clear();
                     text.extend_from_slice(trimmed(self.texts[*lane].get(row).map_or(&[], Vec::as_slice)));
                 }
-                CellKind::Clock(clock) => {
-                    let time = clock::time_at(clock, self.row + row as u64);
-                    text = crate::element::shortest(time).into_bytes();
-                }
+                // Computed above.
+                CellKind::Clock(_) => text.clear(),
             }
             push_label(out, row, &text);
         }

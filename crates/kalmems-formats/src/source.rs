@@ -49,9 +49,14 @@ impl UnpackedCopies {
         Some(std::mem::replace(&mut self.length, length))
     }
 
-    /// Writes the next bytes; `None` where the disk is full.
-    pub(crate) fn append(&mut self, bytes: &[u8]) -> Option<()> {
-        self.file.as_mut()?.0.write_all(bytes).ok()
+    /// Writes the next bytes of the part that begins at `start`; `None` where the disk is full, which gives back what the part took.
+    pub(crate) fn append(&mut self, start: u64, bytes: &[u8]) -> Option<()> {
+        let (file, _) = self.file.as_mut()?;
+        let written = file.write_all(bytes).ok();
+        if written.is_none() {
+            file.set_len(start).ok();
+        }
+        written
     }
 
     /// What reads them.

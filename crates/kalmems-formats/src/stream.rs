@@ -95,7 +95,7 @@ impl FileStretch {
             if self.crc.is_some() {
                 sum.update(&piece[..some]);
             }
-            copy = copy.filter(|_| copies.append(&piece[..some]).is_some());
+            copy = copy.filter(|start| copies.append(*start, &piece[..some]).is_some());
             left -= some as u64;
         }
         stream.expect_end()?;

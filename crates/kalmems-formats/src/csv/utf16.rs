@@ -5,9 +5,8 @@
 #[derive(Debug)]
 pub(super) struct Utf16 {
     big_endian: bool,
-    /// The first byte of a unit, and the first unit of a pair.
-    byte: Option<u8>,
-    high: Option<u16>,
+    /// Bytes that wait for others: half of a unit, and the first unit of a pair.
+    rest: Vec<u8>,
 }
 
 impl Utf16 {
@@ -18,40 +17,23 @@ impl Utf16 {
             [0xfe, 0xff] => true,
             _ => return None,
         };
-        Some(Self { big_endian, byte: None, high: None })
+        Some(Self { big_endian, rest: Vec::new() })
     }
 
-    /// Appends what some bytes say; at most three bytes for two.
+    /// Appends what some bytes say; at most three bytes for two, and for those that waited.
     pub(super) fn decode(&mut self, bytes: &[u8], out: &mut Vec<u8>) {
-        for byte in bytes {
-            let Some(first) = self.byte.take() else {
-                self.byte = Some(*byte);
-                continue;
-            };
-            let pair = [first, *byte];
-            let unit = if self.big_endian { u16::from_be_bytes(pair) } else { u16::from_le_bytes(pair) };
-            match (self.high.take(), unit) {
-                (Some(high), 0xdc00..0xe000) => {
-                    let pair = char::decode_utf16([high, unit]).next();
-                    push(pair.and_then(Result::ok).unwrap_or(char::REPLACEMENT_CHARACTER), out);
-                }
-                (high, _) => {
-                    // Half a pair alone.
-                    if high.is_some() {
-                        push(char::REPLACEMENT_CHARACTER, out);
-                    }
-                    match unit {
-                        0xd800..0xdc00 => self.high = Some(unit),
-                        _ => push(char::from_u32(unit.into()).unwrap_or(char::REPLACEMENT_CHARACTER), out),
-                    }
-                }
-            }
+        self.rest.extend_from_slice(bytes);
+        let unit = |pair: &[u8; 2]| {
+            if self.big_endian { u16::from_be_bytes(*pair) } else { u16::from_le_bytes(*pair) }
+        };
+        let mut units: Vec<u16> = self.rest.as_chunks().0.iter().map(unit).collect();
+        units.pop_if(|last| (0xd800..0xdc00).contains(last));
+        self.rest.drain(..2 * units.len());
+        for letter in char::decode_utf16(units) {
+            let letter = letter.unwrap_or(char::REPLACEMENT_CHARACTER);
+            out.extend_from_slice(letter.encode_utf8(&mut [0; 4]).as_bytes());
         }
     }
-}
-
-fn push(character: char, out: &mut Vec<u8>) {
-    out.extend_from_slice(character.encode_utf8(&mut [0; 4]).as_bytes());
 }
 
 #[cfg(test)]

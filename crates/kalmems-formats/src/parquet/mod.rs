@@ -91,7 +91,7 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
             table.stated.learn(&pair.key, number);
         }
     }
-    let file = Arc::new(ParquetFile { source, metadata });
+    let file = Arc::new(OpenParquet { source, metadata });
     for (leaf, descriptor) in file.metadata.file_metadata().schema_descr().columns().iter().enumerate() {
         let name = descriptor.path().string();
         let (cell, power) = match values::stored(descriptor) {
@@ -110,14 +110,14 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
 }
 
 /// A file whose metadata are read.
-struct ParquetFile {
+struct OpenParquet {
     source: Arc<SharedFile>,
     metadata: ParquetMetaData,
 }
 
 /// The values of a column, group of rows by group of rows.
 struct ColumnLane {
-    file: Arc<ParquetFile>,
+    file: Arc<OpenParquet>,
     leaf: usize,
     /// What it is, for messages.
     place: String,
@@ -129,7 +129,7 @@ struct ColumnLane {
 }
 
 impl ColumnLane {
-    fn new(file: &Arc<ParquetFile>, leaf: usize, name: &str, cell: Option<StoredCell>) -> Self {
+    fn new(file: &Arc<OpenParquet>, leaf: usize, name: &str, cell: Option<StoredCell>) -> Self {
         let first = file.metadata.row_groups().first().map(|group| group.column(leaf));
         Self {
             file: Arc::clone(file),

@@ -323,11 +323,12 @@ fn tell_apart(head: &TextHead, found: &RecognizedText, columns: &mut [DialectCol
             rows.iter().map(|row| row.get(cell?).cloned()).collect::<Vec<_>>()
         };
         if cells(of) != cells(own) {
-            let why =
-                format!("its times stand in `{}` and are not those of `{}`", own.column.name, of.column.name);
-            for column in [*time, *waveform] {
+            let (own, first) = (own.column.name.clone(), of.column.name.clone());
+            let why = format!("its times stand in `{own}` and are not those of `{first}`");
+            let others = [(*waveform, why), (*time, format!("it holds other times than `{first}`"))];
+            for (column, why) in others {
                 if let Some(DialectColumn { column, .. }) = columns.get_mut(column) {
-                    (column.apart, column.group) = (Some(why.clone()), number + 1);
+                    (column.apart, column.group) = (Some(why), number + 1);
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! LabVIEW measurement files (`.lvm`): a header on the file, and for each record one on its channels, and rows.
 
 use super::super::head::TextHead;
-use super::waveforms::Waveforms;
+use super::waveforms::WaveformColumns;
 use super::{DialectSearch, TextBeginning, distinct};
 use crate::FormatError;
 use crate::clock::{RegularTimes, SampleStep};
@@ -169,7 +169,7 @@ impl Heading {
         };
         let unit = |index: usize| units.get(*channels.get(index)?).cloned();
         let (names, cells, time_unit) = (&channel_names, channels.clone(), |_| seconds.map(str::to_owned));
-        let waveforms = Waveforms { names, cells, times, clocks, time_unit: &time_unit, unit: &unit };
+        let waveforms = WaveformColumns { names, cells, times, clocks, time_unit: &time_unit, unit: &unit };
         let own_times = waveforms.own_times();
         let columns = waveforms.columns().map_err(|why| {
             FormatError::unsupported(

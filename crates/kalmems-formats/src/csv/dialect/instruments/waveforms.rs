@@ -8,7 +8,7 @@ use crate::clock::{RegularTimes, SampleStep, rows_later};
 use crate::csv::dialect::{ColumnOrigin, RecognizedText, marks};
 
 /// Waveforms that stand in cells beside each other.
-pub(super) struct Waveforms<'a> {
+pub(super) struct WaveformColumns<'a> {
     pub(super) names: &'a [String],
     pub(super) cells: Vec<usize>,
     /// The cells of times: one before the first waveform, or one before each.
@@ -20,7 +20,7 @@ pub(super) struct Waveforms<'a> {
     pub(super) unit: &'a dyn Fn(usize) -> Option<String>,
 }
 
-impl Waveforms<'_> {
+impl WaveformColumns<'_> {
     /// Their columns; in words why they do not stand beside each other.
     pub(super) fn columns(&self) -> Result<Vec<(String, ColumnOrigin)>, String> {
         let (mut columns, mut later) = (Vec::new(), Vec::new());
@@ -100,7 +100,7 @@ pub(super) fn find(
         };
         (0..names.len()).map(clock).collect()
     });
-    let waveforms = Waveforms {
+    let waveforms = WaveformColumns {
         cells: (0..names.len()).map(cell).collect(),
         names: &names,
         times,
