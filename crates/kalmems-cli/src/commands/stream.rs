@@ -12,7 +12,7 @@ use kalmems::stream::{
     stream, stream_with_page,
 };
 use kalmems::units::{Value, kind};
-use rotation::{FileSeries, Rotation, SeriesWriter};
+use rotation::{FileRotation, FileSeries, SeriesWriter};
 use std::io::{self, BufWriter, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -152,7 +152,7 @@ type WatchEnd = Box<dyn FnOnce() -> Result<(), CommandEnding>>;
 fn watched(
     to: &str,
     written: &mut Option<Box<dyn Write>>,
-    with: (bool, Rotation),
+    with: (bool, FileRotation),
 ) -> Result<WatchEnd, CommandEnding> {
     let watch = watch::Watch::open(to, written, with)?;
     Ok(Box::new(move || watch.finish()))
@@ -171,7 +171,11 @@ fn supervisor(_: Option<&Path>) -> Result<Option<(Duration, Supervisor)>, Comman
 
 /// A browser sends nothing.
 #[cfg(target_family = "wasm")]
-fn watched(_: &str, _: &mut Option<Box<dyn Write>>, _: (bool, Rotation)) -> Result<WatchEnd, CommandEnding> {
+fn watched(
+    _: &str,
+    _: &mut Option<Box<dyn Write>>,
+    _: (bool, FileRotation),
+) -> Result<WatchEnd, CommandEnding> {
     Err(CommandEnding::Wrong("`--to`: a browser has no connections here".to_owned()))
 }
 
@@ -183,7 +187,7 @@ fn output(
     to: &Path,
     (is_own, is_head): (BytesTest, BytesTest),
     goes_on: bool,
-    with: (bool, Rotation),
+    with: (bool, FileRotation),
 ) -> Result<Box<dyn Write>, CommandEnding> {
     if to == Path::new("-") {
         let reader = StandardOutput { goes_on, is_gone: false };
@@ -193,7 +197,7 @@ fn output(
 }
 
 /// When files are completed, and followed by the next.
-fn rotation(arguments: &StreamArguments) -> Result<Rotation, CommandEnding> {
+fn rotation(arguments: &StreamArguments) -> Result<FileRotation, CommandEnding> {
     let wrong = |option: &str, why: &dyn std::fmt::Display| CommandEnding::Wrong(format!("{option}: {why}"));
     let size = |text: &String| {
         let units = [("kB", 1e3), ("MB", 1e6), ("GB", 1e9)];
@@ -210,7 +214,7 @@ fn rotation(arguments: &StreamArguments) -> Result<Rotation, CommandEnding> {
         let why = format!("found `{text}`; expected a time of 1 s or more such as `1 h`");
         every.ok_or_else(|| wrong("--rotate-every", &why))
     };
-    Ok(Rotation {
+    Ok(FileRotation {
         bytes: arguments.rotate_size.as_ref().map(size).transpose()?,
         every: arguments.rotate_every.as_ref().map(time).transpose()?,
     })

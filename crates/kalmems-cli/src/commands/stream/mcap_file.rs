@@ -2,7 +2,7 @@
 
 use super::mcap_writer::{MAGIC, McapWriter};
 use super::messages::{MessageReader, StreamMessage};
-use super::rotation::{FileSeries, Rotation};
+use super::rotation::{FileRotation, FileSeries};
 use crate::CommandEnding;
 use serde_json::{Map, Value, json};
 use std::cell::RefCell;
@@ -49,7 +49,7 @@ struct Open {
 
 impl McapFile {
     /// Begins a file.
-    pub fn begin(path: &Path, with: (bool, Rotation)) -> Result<Self, CommandEnding> {
+    pub fn begin(path: &Path, with: (bool, FileRotation)) -> Result<Self, CommandEnding> {
         let (series, file) = FileSeries::begin(path, is_own, with)?;
         let writer = McapWriter::begin(BufWriter::new(file), LIBRARY);
         let writer = writer.map_err(|e| CommandEnding::Wrong(format!("{}: {e}", path.display())))?;
@@ -247,7 +247,7 @@ mod tests {
     fn what_was_written_is_read_back_with_times_schemas_and_values() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
-        let file = McapFile::begin(&path, (false, Rotation::default())).unwrap();
+        let file = McapFile::begin(&path, (false, FileRotation::default())).unwrap();
         let text = "# ekf,time_s,angle_rad,angle_sd_rad\norigin,1700000000.25\nekf,-0.25,1e-1,\nekf,0.5,2e-1,3e-3\n\
                     event,{\"event\":\"zero_phase\",\"time_s\":0.625}\nevent,{\"event\":\"ended\"}\nekf,-1800000000,1,1\n";
         for piece in text.as_bytes().chunks(11) {
@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn files_that_follow_each_other_are_complete_and_hold_every_message_once() {
         let folder = tempfile::tempdir().unwrap();
-        let rotation = Rotation { bytes: Some(200_000), every: None };
+        let rotation = FileRotation { bytes: Some(200_000), every: None };
         let file = McapFile::begin(&folder.path().join("a.mcap"), (false, rotation)).unwrap();
         file.clone().write_all(b"# ekf,time_s,angle_rad\norigin,1700000000\n").unwrap();
         for k in 0..40_000 {

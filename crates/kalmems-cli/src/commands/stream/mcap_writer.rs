@@ -36,7 +36,7 @@ pub struct McapWriter<W: Write> {
     announced: Vec<u8>,
     channels: u16,
     /// The chunk that is being filled.
-    chunk: Chunk,
+    chunk: McapChunk,
     /// What leads to each chunk that is written.
     index: Vec<u8>,
     chunks: u32,
@@ -46,7 +46,7 @@ pub struct McapWriter<W: Write> {
 }
 
 #[derive(Default)]
-struct Chunk {
+struct McapChunk {
     records: Vec<u8>,
     span: Option<[u64; 2]>,
     /// The time and the place of each message, of each channel.
@@ -61,7 +61,7 @@ impl<W: Write> McapWriter<W> {
             written: 0,
             announced: Vec::new(),
             channels: 0,
-            chunk: Chunk::default(),
+            chunk: McapChunk::default(),
             index: Vec::new(),
             chunks: 0,
             counts: Vec::new(),
@@ -116,7 +116,7 @@ impl<W: Write> McapWriter<W> {
 
     /// Writes the messages that wait.
     pub fn end_chunk(&mut self) -> io::Result<()> {
-        let Chunk { records, span, places } = std::mem::take(&mut self.chunk);
+        let McapChunk { records, span, places } = std::mem::take(&mut self.chunk);
         if records.is_empty() {
             return Ok(());
         }

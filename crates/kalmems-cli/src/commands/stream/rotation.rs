@@ -12,7 +12,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// When a file is completed: at so many bytes, after so long, and at each hang-up signal.
 #[derive(Clone, Copy, Default)]
-pub struct Rotation {
+pub struct FileRotation {
     pub bytes: Option<u64>,
     pub every: Option<Duration>,
 }
@@ -20,7 +20,7 @@ pub struct Rotation {
 /// The files that have a path one after the other. One that is completed has the time of its beginning in its name.
 pub struct FileSeries {
     path: PathBuf,
-    rotation: Rotation,
+    rotation: FileRotation,
     begun: SystemTime,
     since: Instant,
     hangups: u64,
@@ -31,7 +31,7 @@ impl FileSeries {
     pub fn begin(
         path: &Path,
         is_own: fn(&[u8]) -> bool,
-        (force, rotation): (bool, Rotation),
+        (force, rotation): (bool, FileRotation),
     ) -> Result<(Self, File), CommandEnding> {
         let file = create_file(path, is_own, force).map_err(|e| CommandEnding::Wrong(e.to_string()))?;
         let (begun, since) = (SystemTime::now(), Instant::now());

@@ -2,7 +2,7 @@
 
 use super::NamedOutput;
 use super::mcap_file::McapFile;
-use super::rotation::Rotation;
+use super::rotation::FileRotation;
 use super::viewer::{self, SCHEME as UDP, USUAL};
 use crate::CommandEnding;
 use crate::tell::tell;
@@ -25,7 +25,7 @@ impl Watch {
     pub fn open(
         to: &str,
         written: &mut Option<Box<dyn Write>>,
-        with: (bool, Rotation),
+        with: (bool, FileRotation),
     ) -> Result<Self, CommandEnding> {
         let wrong = |e: &dyn std::fmt::Display| CommandEnding::Wrong(format!("`--to`: {e}"));
         let (watch, taker): (Self, Box<dyn Write>) = if let Some(address) = to.strip_prefix(UDP) {
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn another_address_is_refused_with_what_is_expected() {
         let Err(CommandEnding::Wrong(why)) =
-            Watch::open("tcp://127.0.0.1:9", &mut None, (false, Rotation::default()))
+            Watch::open("tcp://127.0.0.1:9", &mut None, (false, FileRotation::default()))
         else {
             panic!("accepted")
         };
