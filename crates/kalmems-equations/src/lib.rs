@@ -81,6 +81,6 @@ pub use modes::{Mode, modes, shape};
 pub use motion::{MOST_STATES, Motion, StepTables};
 pub use program::ProgramNumbers;
 pub use readout::{Reading, ReadoutProgram};
-pub use resets::{Passing, ResetStep, Resets};
+pub use resets::{CrossingDirection, ResetStep, Resets};
 pub use table_end::LeftTable;
 pub use vectors::{VectorElement, text_of_element, vector_elements};

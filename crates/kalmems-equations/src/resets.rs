@@ -10,7 +10,7 @@ use kalmems_core::Nodes;
 
 /// Which way an expression passes zero where a reset happens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Passing {
+pub enum CrossingDirection {
     /// From below.
     Rising,
     /// From above.
@@ -19,7 +19,7 @@ pub enum Passing {
     Either,
 }
 
-impl Passing {
+impl CrossingDirection {
     /// Whether it has passed from one value to another; one that begins at zero has passed it before.
     fn is_between(self, before: f64, after: f64) -> bool {
         let rises = before < 0.0 && after >= 0.0;
@@ -35,7 +35,7 @@ impl Passing {
 /// A reset of a device, in its graph.
 #[derive(Clone, Debug)]
 pub(crate) struct DeviceReset {
-    pub(crate) passing: Passing,
+    pub(crate) passing: CrossingDirection,
     pub(crate) crossing: NodeId,
     /// The states that are set, and what to.
     pub(crate) set: Vec<(usize, NodeId)>,
@@ -44,7 +44,7 @@ pub(crate) struct DeviceReset {
 /// One of them, ready to run.
 #[derive(Clone, Debug)]
 struct Reset {
-    passing: Passing,
+    passing: CrossingDirection,
     crossing: Reading,
     set: Vec<(usize, Reading)>,
 }

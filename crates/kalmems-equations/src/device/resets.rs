@@ -7,7 +7,7 @@ use super::resolve::unlike;
 use crate::description::ResetText;
 use crate::error::{EquationError, EquationFault, nearest};
 use crate::graph::{NodeId, Variable};
-use crate::resets::{DeviceReset, Passing};
+use crate::resets::{CrossingDirection, DeviceReset};
 use std::sync::Arc;
 
 impl ReadResult<'_> {
@@ -87,11 +87,11 @@ impl ReadResult<'_> {
 }
 
 /// What passes zero, and which way.
-fn passing(entry: &ResetText) -> Result<(Passing, &crate::description::NamedText), EquationError> {
+fn passing(entry: &ResetText) -> Result<(CrossingDirection, &crate::description::NamedText), EquationError> {
     let ways = [
-        (Passing::Rising, &entry.rises),
-        (Passing::Falling, &entry.falls),
-        (Passing::Either, &entry.crosses),
+        (CrossingDirection::Rising, &entry.rises),
+        (CrossingDirection::Falling, &entry.falls),
+        (CrossingDirection::Either, &entry.crosses),
     ];
     let mut stated = ways.into_iter().filter_map(|(passing, text)| Some((passing, text.as_ref()?)));
     if let (Some(one), None) = (stated.next(), stated.next()) {
