@@ -3,10 +3,8 @@
 //! A rig makes it of an experiment file ([`Rig::outlook`](crate::rig::Rig::outlook)); `kalmems inspect` prints it.
 
 mod recorded;
-mod sampling;
 
 pub use recorded::Recorded;
-pub use sampling::{error_between_samples, sampling};
 
 use crate::config::Experiment;
 use crate::simulate::{StabilityMap, SteadyMotion, Sweeps};

@@ -17,7 +17,7 @@ pub mod workflow;
 
 pub use kalmems_engines::rig::{
     DrivenDevice, DrivenModel, DrivenRig, Estimator, Expansion, NumberForm, OmittedNumber, RecordingChannels,
-    Rig, StateDensity, Template, TemplateChannel, Workbench,
+    Rig, StateDensity, Template, TemplateChannel, Workbench, sampling,
 };
 
 use kalmems_engines::{

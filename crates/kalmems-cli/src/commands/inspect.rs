@@ -6,11 +6,10 @@ use crate::progress::ProgressDisplay;
 use crate::tell::tell;
 use crate::{CommandEnding, print_result, target};
 use kalmems::inspect::{StatedFile, inspect_stated};
-use kalmems::outlook::sampling;
 use kalmems::progress::ReaderProgress;
 use kalmems::recording::ReadError;
 use kalmems::results::{RunInfo, Work, draw_outlook, write_outlook};
-use kalmems::rigs::Workbench;
+use kalmems::rigs::{Workbench, sampling};
 use std::fmt::Display;
 use std::time::{Instant, SystemTime};
 

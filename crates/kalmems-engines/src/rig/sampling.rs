@@ -1,31 +1,35 @@
 //! How well the samples of a recording show the inputs between them.
 
-use super::{OutlookTopic, Recorded};
+use super::Rig;
 use crate::config::Experiment;
 use crate::estimate::driven::InterpolationLag;
-use crate::rig::Rig;
+use crate::outlook::{OutlookTopic, Recorded};
 use crate::simulate::{Drive, drive_of};
+use kalmems_core::Portable;
 use std::f64::consts::TAU;
 
-/// The weights of the samples on one side, from the nearest on, in the middle between two: of the polynomial of fifth order through six of
-/// them, and of the cubic through four.
-const QUINTIC: [f64; 3] = [150.0 / 256.0, -25.0 / 256.0, 3.0 / 256.0];
-const CUBIC: [f64; 2] = [9.0 / 16.0, -1.0 / 16.0];
+/// Samples that the polynomial of fifth order goes through.
+const SAMPLES: u32 = 6;
 
 /// An error in the middle between two samples, relative to the amplitude, from which on it is named as one that an estimate shows: a filter
 /// of a sharp resonance has been off by its claimed standard deviation at it.
 const SHOWS: f64 = 1e-6;
 
-/// By how much the polynomial through the samples around it is off in the middle between two samples of a sine at most, relative to its
-/// amplitude.
+/// By how much the polynomial of fifth order through six samples is off in the middle between two samples of a sine at most, relative to its
+/// amplitude; a lag of two samples has three of them on either side, one of one sample four before.
 ///
-/// At the middle of a cosine's half wave the polynomial gives 2 Σ wⱼ cos((j + ½)ω) with the angle ω from sample to sample, and the true
-/// value is 1; elsewhere the error is that times the value.
+/// The polynomial gives Σ wⱼ·e^(iωdⱼ) of a rotating number of amplitude 1 that is 1 there, with Lagrange's weights wⱼ of the samples at the
+/// distances dⱼ, in intervals, and the angle ω from sample to sample.
 pub fn error_between_samples(samples_in_a_cycle: f64, lag: InterpolationLag) -> f64 {
     let angle = TAU / samples_in_a_cycle;
-    let weights = if lag.samples() > 1 { &QUINTIC[..] } else { &CUBIC[..] };
-    let each = weights.iter().zip(0_u32..);
-    (1.0 - each.map(|(weight, j)| 2.0 * weight * ((f64::from(j) + 0.5) * angle).cos()).sum::<f64>()).abs()
+    let before = f64::from(SAMPLES - 1 - lag.samples().min(SAMPLES - 1));
+    let place = |j: u32| f64::from(j) + 0.5 - before;
+    let weight = |j: u32| -> f64 {
+        let others = (0..SAMPLES).filter(|other| *other != j);
+        others.map(|other| place(other) / (place(other) - place(j))).product()
+    };
+    let sum = |part: fn(f64) -> f64| (0..SAMPLES).map(|j| weight(j) * part(angle * place(j))).sum::<f64>();
+    (1.0 - sum(f64::portable_cos)).portable_hypot(sum(f64::portable_sin))
 }
 
 /// What is said of the sampling of each input that follows a sine, in the first recording or in the simulation that an experiment describes;
@@ -47,10 +51,9 @@ pub fn sampling(rig: &dyn Rig, experiment: &Experiment) -> Option<OutlookTopic> 
         let Some((rate_hz, Drive::Sine { frequency_hz, .. })) = rate_hz.zip(drive) else { continue };
         let cycle = rate_hz / frequency_hz;
         let error = error_between_samples(cycle, lag);
-        let points = if lag.samples() > 1 { "six" } else { "four" };
         let mut text = format!(
-            "`{input}` has {cycle:.1} samples in a cycle. In the middle between two of them the polynomial through {points} samples is off by \
-             {error:.1e} of its amplitude"
+            "`{input}` has {cycle:.1} samples in a cycle. In the middle between two of them the polynomial through six samples, which is \
+             taken unless `interpolation` states another course, is off by {error:.1e} of its amplitude"
         );
         if error > SHOWS {
             let remedy =
@@ -71,10 +74,11 @@ mod tests {
 
     #[test]
     fn the_error_is_that_of_lagranges_polynomial() {
-        // Leading terms: (1/2·3/2·5/2)² ω⁶/720 and (1/2·3/2)² ω⁴/24.
+        // Leading terms: (1/2·3/2·5/2)² ω⁶/720, and with four samples before (1/2·3/2)²·5/2·7/2·ω⁶/720.
         let angle: f64 = TAU / 100.0;
-        let [six, four] = [2, 1].map(|lag| error_between_samples(100.0, InterpolationLag::waiting_for(lag)));
-        assert!((six / (3.515_625 / 720.0 * angle.powi(6)) - 1.0).abs() < 0.02, "{six}");
-        assert!((four / (0.5625 / 24.0 * angle.powi(4)) - 1.0).abs() < 0.02, "{four}");
+        let [three, four] =
+            [2, 1].map(|lag| error_between_samples(100.0, InterpolationLag::waiting_for(lag)));
+        assert!((three / (3.515_625 / 720.0 * angle.powi(6)) - 1.0).abs() < 0.02, "{three}");
+        assert!((four / (4.921_875 / 720.0 * angle.powi(6)) - 1.0).abs() < 0.02, "{four}");
     }
 }
