@@ -199,7 +199,7 @@ mistakes! {
     logarithm_of_zero: rate("rate*x*ln(0)");
     kink: rate("-rate*abs(x)");
     kink_of_if: rate("if(x < p, rate*x, rate*p)");
-    noise_of_a_state: scanner("1e8[rad^2/s^3]", "1e8[rad^2/s^3]*cos(theta)");
+    period_of_a_state: said("piston_mirror", &[("phi = \"2*pi\"", "phi = \"2*pi + phi\"")]);
     curve_that_falls: small("[tables.C]\nx = [0, 2, 1, 3]\ny = [1, 2, 3, 4]\nx_unit = 'm'\ny_unit = 'F'\n[derivative]\nx = 'rate*x'\n");
     curve_of_two_points: small("[tables.C]\nx = [0, 2]\ny = [1, 2]\nx_unit = 'm'\ny_unit = 'F'\n[derivative]\nx = 'rate*x'\n");
     unit_of_a_place: small("[tables.C]\nx = [0, 1, 2, 3]\ny = [1, 2, 3, 4]\nx_unit = 'um'\ny_unit = 'F'\n[derivative]\nx = 'C(rate)*x*1[1/F/s]'\n");
