@@ -1,6 +1,6 @@
 //! What happens to the states at once where an expression passes zero: a bounce, a switch with hysteresis, backlash.
 
-use crate::device::{Device, Named};
+use crate::device::Device;
 use crate::error::EquationError;
 use crate::graph::NodeId;
 use crate::motion::{MOST_STATES, Motion, StepTables, padded};
@@ -76,7 +76,7 @@ const MOST_RESETS: usize = 16;
 /// Halvings of the time in which a reset lies: to the last digit of a number.
 const HALVINGS: usize = 80;
 
-/// States, and the derivatives of all by all.
+/// A number for each state.
 type States = [f64; MOST_STATES];
 
 impl Device {
@@ -103,12 +103,6 @@ impl Device {
     /// Whether something happens to its states at once.
     pub fn has_resets(&self) -> bool {
         !self.resets.is_empty()
-    }
-
-    /// The states, by their places, that a reset sets.
-    pub fn states_of_resets(&self) -> impl Iterator<Item = &Named> {
-        let set = self.resets.iter().flat_map(|reset| &reset.set);
-        set.filter_map(|(state, _)| self.states.get(*state))
     }
 }
 

@@ -16,7 +16,7 @@ pub use density::StateDensity;
 pub use driven::{DrivenDevice, DrivenModel, DrivenRig};
 pub use expansion::Expansion;
 pub use omitted_number::{NumberForm, OmittedNumber};
-pub use sampling::{error_between_samples, sampling};
+pub use sampling::sampling;
 pub use template::{Template, TemplateChannel};
 pub use workbench::Workbench;
 

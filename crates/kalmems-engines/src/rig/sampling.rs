@@ -11,8 +11,8 @@ use std::f64::consts::TAU;
 /// Samples that the polynomial of fifth order goes through.
 const SAMPLES: u32 = 6;
 
-/// An error in the middle between two samples, relative to the amplitude, from which on it is named as one that an estimate shows: a filter
-/// of a sharp resonance has been off by its claimed standard deviation at it.
+/// An error in the middle between two samples, relative to the amplitude, from which on it is named as one that an estimate may show: that of
+/// about 26 samples in a cycle, with which a filter of the scanner is still within its claim.
 const SHOWS: f64 = 1e-6;
 
 /// By how much the polynomial of fifth order through six samples is off in the middle between two samples of a sine at most, relative to its
@@ -20,7 +20,7 @@ const SHOWS: f64 = 1e-6;
 ///
 /// The polynomial gives Σ wⱼ·e^(iωdⱼ) of a rotating number of amplitude 1 that is 1 there, with Lagrange's weights wⱼ of the samples at the
 /// distances dⱼ, in intervals, and the angle ω from sample to sample.
-pub fn error_between_samples(samples_in_a_cycle: f64, lag: InterpolationLag) -> f64 {
+fn error_between_samples(samples_in_a_cycle: f64, lag: InterpolationLag) -> f64 {
     let angle = TAU / samples_in_a_cycle;
     let before = f64::from(SAMPLES - 1 - lag.samples().min(SAMPLES - 1));
     let place = |j: u32| f64::from(j) + 0.5 - before;
