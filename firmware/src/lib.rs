@@ -6,6 +6,7 @@
 
 #[cfg(target_os = "none")]
 pub mod board;
+pub mod by_hand;
 pub mod generated;
 pub mod runs;
 #[cfg(target_os = "none")]

@@ -1,6 +1,7 @@
 //! The filters on their way through their samples.
 
-use crate::generated::{scanner, scanner_rk4, scanner_samples, threshold, threshold_samples};
+use crate::by_hand::{scanner, scanner_rk4, scanner_samples};
+use crate::generated::{threshold, threshold_samples};
 use kalmems_core::{Covariance, Nodes, Scalar};
 
 /// A filter on its way through a recording.

@@ -1,6 +1,6 @@
 //! The Euler filter of the scanner as C that was exported from the device's equations, called from here.
 
-use crate::generated::scanner_samples;
+use crate::by_hand::scanner_samples;
 use crate::runs::{Euler, Run};
 
 /// `scanner_filter_t` of the header.
@@ -9,6 +9,10 @@ pub struct FromText {
     mean: [f32; 2],
     /// The lower triangle, row by row.
     covariance: [f32; 3],
+    /// `scanner_filter_watch_t`, and how often the filter has begun again.
+    innovations: [f32; 6],
+    counts: [u32; 4],
+    begun: u32,
 }
 
 unsafe extern "C" {
@@ -22,7 +26,8 @@ impl Run<f32> for FromText {
     const STEPS: usize = scanner_samples::SIGNAL_V.len() - 1;
 
     fn begin() -> Option<Self> {
-        let mut filter = Self { mean: [0.0; 2], covariance: [0.0; 3] };
+        let mut filter =
+            Self { mean: [0.0; 2], covariance: [0.0; 3], innovations: [0.0; 6], counts: [0; 4], begun: 0 };
         let first = scanner_samples::SIGNAL_V.first().copied()?;
         // SAFETY: functions of the header with a filter that is there; they keep no pointer.
         let taken = unsafe {

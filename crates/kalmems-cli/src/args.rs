@@ -442,6 +442,9 @@ pub struct ExportArguments {
     /// of `estimate` over the recording if left out.
     #[arg(long, value_enum)]
     pub digits: Option<ExportDigits>,
+    /// Compile the source here (by `cc` or `rustc`), run it over the whole first stretch of the recording, and compare it with the estimate.
+    #[arg(long)]
+    pub verify: bool,
     #[command(flatten)]
     pub folder: ResultFolder,
     /// Print the names of the files as JSON instead of a list.

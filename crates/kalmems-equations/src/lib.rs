@@ -72,8 +72,8 @@ mod vectors;
 pub use description::{CurveExtension, CurvePoints, Description, Follower, NamedText, ResetText, TextPlace};
 pub use device::{Device, Named, NoiseKind, Parameter};
 pub use emit::{
-    EmitDigits, EmitError, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmittedFilter,
-    FreeParameter, InputCourse, StateStart, StepMethod, TestSample, TestVectors,
+    EmitDigits, EmitError, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmitWatch,
+    EmittedFilter, FreeParameter, InputCourse, SettledGain, StateStart, StepMethod, TestSample, TestVectors,
 };
 pub use energy::{EnergyCheck, StatePower};
 pub use error::{EquationError, EquationFault, EquationNotice};

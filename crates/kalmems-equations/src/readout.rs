@@ -28,6 +28,11 @@ impl Reading {
     pub fn linearize(&mut self, x: &[f64], inputs: &[f64], slopes: &mut [f64]) -> f64 {
         self.readout.linearize(&mut self.work, x, inputs, slopes)
     }
+
+    /// Whether it depends on a state, or on a parameter that is one.
+    pub fn is_estimated(&self) -> bool {
+        self.readout.sparsity().next().is_some()
+    }
 }
 
 /// One measurement, one quantity, or the expression of one event, with its derivatives by the states.

@@ -11,7 +11,8 @@ mod host;
 use cases::{Case, cases};
 use compilers::{compile, folder, has, run, write};
 use kalmems_equations::{
-    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitRequest, StepMethod, TestSample, TestVectors,
+    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitRequest, SettledGain, StepMethod, TestSample,
+    TestVectors,
 };
 use std::fmt::Write as _;
 use std::fs;
@@ -26,8 +27,17 @@ const OWN_TOLERANCE: f64 = 2e-2;
 /// How many samples the sources test themselves with.
 const OWN_SAMPLES: usize = 100;
 
-const GCC: [&str; 8] =
-    ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror", "-O2"];
+const GCC: [&str; 9] = [
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wshadow",
+    "-Werror",
+    "-O2",
+];
 
 /// The input of an emitted program: of each sample the inputs that its step takes, and the measurements.
 fn text_of(samples: &[TestSample], files: &[(String, String)]) -> String {
@@ -96,7 +106,7 @@ fn trials() -> Vec<Trial> {
                 let (samples, deviations) = case.samples(&request, 7 + place as u64);
                 let own = samples[..OWN_SAMPLES].to_vec();
                 request.vectors = Some(TestVectors { samples: own, tolerance: OWN_TOLERANCE });
-                request.digits = EmitDigits::AsNeeded(samples.clone());
+                (request.digits, request.rehearsal) = (EmitDigits::AsNeeded, samples.clone());
                 all.push(Trial { place, request, samples, deviations });
             }
         }
@@ -148,11 +158,7 @@ fn agree(wanted: impl Fn(&str) -> bool) {
             compile(&folder, "g++", &[&warnings[..], &["-fsyntax-only", "-x", "c++", "main.c"]].concat());
         }
         if gcc {
-            compile(
-                &folder,
-                "gcc",
-                &[&GCC[..], &["-o", "program", "main.c", &source, &test, "-lm"]].concat(),
-            );
+            compile(&folder, "gcc", &[&GCC[..], &["-o", "program", "main.c", &source, &test]].concat());
             hold("C", &run(&folder, "program", &[], &input));
         }
         if rustc {
@@ -266,7 +272,7 @@ fn parameters_events_and_gaps_are_those_of_the_library() {
             .replace("    while (", "    if (!adjustable_configure(&filter, &other)) {\n        return 1;\n    }\n    while (")
             .replace("        for (k", &format!("        if (++count % {every}U == 0U && !adjustable_update_crossing(&filter, given[2], {ago_s:e}F)) {{\n            return 1;\n        }}\n        for (k"));
         fs::write(folder.join("main.c"), main).unwrap();
-        compile(&folder, "gcc", &[&GCC[..], &["-o", "program", "main.c", "adjustable.c", "-lm"]].concat());
+        compile(&folder, "gcc", &[&GCC[..], &["-o", "program", "main.c", "adjustable.c"]].concat());
         hold("C", &run(&folder, "program", &[], &input));
     }
     if has("rustc") {
@@ -302,7 +308,10 @@ fn a_settled_gain_is_that_of_the_request_and_a_wrong_self_test_fails() {
     let mut request = case.variant(StepMethod::RungeKutta, false);
     request.name = "settled".to_owned();
     let gain = [2e-5, 2e-2];
-    request.gain = EmitGain::Settled(vec![gain.to_vec()]);
+    request.gain = EmitGain::Settled(vec![SettledGain {
+        gain: gain.to_vec(),
+        variance: 2.0 * request.measures[0].variance,
+    }]);
     let (mut samples, deviations) = case.samples(&request, 4);
     let (motion, readout) = (case.device.motion(&[]).unwrap(), case.device.readout(0, &[]).unwrap());
     let (mut work, mut seen) = (motion.work(&request.parameters), readout.work(&request.parameters));
@@ -325,7 +334,7 @@ fn a_settled_gain_is_that_of_the_request_and_a_wrong_self_test_fails() {
             let folder = folder("settled");
             write(&folder, &emitted.files);
             if language == EmitLanguage::C {
-                let files = ["-o", "program", "main.c", "settled.c", "settled_self_test.c", "-lm"];
+                let files = ["-o", "program", "main.c", "settled.c", "settled_self_test.c"];
                 compile(&folder, compiler, &[&GCC[..], &files].concat());
             } else {
                 compile(&folder, compiler, &["--edition=2024", "-Dwarnings", "-o", "program", "main.rs"]);

@@ -46,6 +46,7 @@ mod parquet;
 pub mod results;
 #[cfg(feature = "report")]
 mod rows;
+pub mod source;
 mod stated_start;
 pub mod stream;
 #[cfg(feature = "report")]

@@ -1,5 +1,7 @@
 //! `kalmems export`.
 
+#[cfg(not(target_family = "wasm"))]
+use super::source_trial::tried;
 use crate::args::{ExportArguments, ExportDigits, Language};
 use crate::tell::tell;
 use crate::{CommandEnding, print, print_json, target};
@@ -8,7 +10,9 @@ use kalmems::export::{ExportRequest, SourceDigits, SourceLanguage, write_export}
 use kalmems::inspect::quantity;
 use kalmems::results::Work;
 use kalmems::rigs::Workbench;
+use kalmems::source::source;
 use kalmems::units::{Value, kind};
+use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -33,9 +37,11 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Com
             Some(ExportDigits::Single) => SourceDigits::Single,
             Some(ExportDigits::Double) => SourceDigits::Double,
         },
+        verify: arguments.verify,
+        notes: Vec::new(),
     };
-    let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
-    let exported = rig.export(&experiment, &request).map_err(|e| wrong(&e))?;
+    let exported = source(workbench, &experiment, &request).map_err(|e| wrong(&e))?;
+    let tried = if arguments.verify { Some(tried(&exported, request.target)?) } else { None };
     let work = Work::of_file("export", &arguments.experiment, experiment.files());
     let output = arguments.folder.begin(&["exported", &experiment.name.to_string()], work)?;
     write_export(&exported, &output).map_err(|e| wrong(&e))?;
@@ -46,12 +52,16 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Com
             "filter": exported.filter,
             "interval_s": exported.interval_s,
             "files": files,
+            "verified": tried,
         }));
     }
     for file in files {
         print(&format!("{}\n", file.display()))?;
     }
     tell!("the filter `{}`, one step each {}", exported.filter, quantity(exported.interval_s, "s"));
+    if let Some(tried) = &tried {
+        tell!("{}", tried.in_words());
+    }
     let others: Vec<String> = filters
         .iter()
         .map(|one| one.name.to_string())
@@ -62,6 +72,36 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Com
         tell!("other filters of the file, for `--filter`: {}", others.join(", "));
     }
     Ok(())
+}
+
+/// What running the source showed.
+#[derive(Serialize)]
+pub struct TriedSource {
+    /// What compiled it.
+    pub compiler: &'static str,
+    /// How many samples it was run over.
+    pub samples: usize,
+    /// How far it was from the estimate at most, by the standard deviation that the filter claims.
+    pub apart: f64,
+    /// Of which state.
+    pub state: String,
+}
+
+impl TriedSource {
+    /// In a sentence.
+    pub fn in_words(&self) -> String {
+        let Self { compiler, samples, apart, state } = self;
+        format!(
+            "verified: compiled by `{compiler}` and run over {samples} samples of the recording, it is at most {apart:.1e} of the claimed standard \
+             deviation from the estimate, of `{state}`"
+        )
+    }
+}
+
+/// Nothing compiles where there are no processes.
+#[cfg(target_family = "wasm")]
+fn tried(_: &kalmems::export::Exported, _: SourceLanguage) -> Result<TriedSource, CommandEnding> {
+    Err(CommandEnding::Wrong("--verify: nothing is compiled in a browser; leave it out".to_owned()))
 }
 
 /// One over a rate.

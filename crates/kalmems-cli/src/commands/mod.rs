@@ -19,6 +19,8 @@ pub mod new;
 pub mod reproduce;
 pub mod schema;
 pub mod simulate;
+#[cfg(not(target_family = "wasm"))]
+mod source_trial;
 pub mod spectrum;
 mod stated;
 pub mod stream;

@@ -339,15 +339,18 @@ macro_rules! for_each_size {
                 }
             }
 
-            /// The gain of such a filter, for each state what it adds of a residual.
+            /// The gain of such a filter, for each state what it adds of an innovation, and the variance of that innovation.
             pub fn constant_gain_of(
                 gain: (GainOf, f64),
                 (at, start): (&MeanAndCovariance, &MeanAndCovariance),
                 (transition, sensor, variance): (&dyn Transition, &dyn Sensor, f64),
-            ) -> Result<Vec<f64>, String> {
+            ) -> Result<(Vec<f64>, f64), String> {
                 match start.mean.len() {
                     $($states => constant_gain::<$states>(gain, at, start, (transition, sensor, variance))
-                        .map(|filter| filter.gain().to_vec()),)*
+                        .map(|filter| {
+                            let at = at.gaussian::<$states>().mean;
+                            (filter.gain().to_vec(), filter.innovation_variance((&SensorMeasurement(sensor), &at), variance))
+                        }),)*
                     states => Err(format!("there is no constant gain of {states} states")),
                 }
             }

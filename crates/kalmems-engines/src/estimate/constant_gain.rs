@@ -40,6 +40,16 @@ impl<const N: usize> ConstantGain<N> {
         &self.gain
     }
 
+    /// The variance of an innovation at a state, where a sample has this variance.
+    pub fn innovation_variance<H: NumericMeasurement<f64, N, 1>>(
+        &self,
+        (measurement, at): (&H, &[f64; N]),
+        variance: f64,
+    ) -> f64 {
+        let (_, slopes) = measurement.linearized(at);
+        self.predicted.transformed(&slopes).get(0, 0) + variance
+    }
+
     /// No correction at all: for a process that is an observer itself and has the last sample as an input.
     ///
     /// `point` is that process, what each sample's noise does to it included in the noise of the process. Refused

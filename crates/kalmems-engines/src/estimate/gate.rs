@@ -79,6 +79,11 @@ pub struct GateTurn {
     pub opens: bool,
 }
 
+/// How many samples of this interval in s a gate's memory goes back.
+pub fn memory_samples(interval_s: f64) -> f64 {
+    (MEMORY_S / interval_s).max(FEWEST)
+}
+
 /// The largest normalised innovation squared of a filter that is right but for this share of its samples.
 pub fn largest_nis(false_rejections: f64) -> f64 {
     (SQRT_2 * erfc_inv(false_rejections)).powi(2)
@@ -243,7 +248,7 @@ impl SampleGate {
     pub(super) fn new(taking: GateMode, start_s: f64, interval_s: f64) -> Self {
         // Half an ulp of a decimal time must not decide about a sample.
         let from_s = start_s + taking.after_s * (1.0 - 1e-12);
-        let memory = (MEMORY_S / interval_s).max(FEWEST);
+        let memory = memory_samples(interval_s);
         let (gates, rejected, events) = (Vec::new(), Vec::new(), EventGate::NEW);
         Self {
             taking,

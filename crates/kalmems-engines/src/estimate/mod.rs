@@ -60,7 +60,7 @@ pub use from_signal::{
 };
 pub use gate::{
     Decisions, EVENTS, FALSE_REJECTIONS, GateMode, GateTurn, NEVER, Rejection, SampleGate, UpdateLaw,
-    largest_nis,
+    largest_nis, memory_samples,
 };
 pub use hidden_sign::{BranchAlignment, are_opposite};
 pub use known_state::{AnyKnownStateStep, KnownStateStep};

@@ -53,7 +53,9 @@ pub enum ExportError {
         file: String,
     },
     /// The recording is shorter than what is asked for.
-    #[error("{file}: of the first {asked} samples only {found} have a drive and a signal; ask for fewer")]
+    #[error(
+        "{file}: of the first {asked} samples only {found} have all inputs and measurements; ask for fewer"
+    )]
     Samples {
         /// The recording.
         file: String,

@@ -9,7 +9,7 @@ mod samples;
 mod write;
 
 pub use error::ExportError;
-pub use samples::{ExpectedAnswer, ExportSamples};
+pub use samples::ExportSamples;
 pub use write::{Exported, c_name, export, heading, place_of_filter, write_export};
 
 use std::num::NonZeroU32;
@@ -40,6 +40,10 @@ pub struct ExportRequest {
     pub adjustable: Vec<String>,
     /// How many digits the source computes with, of a device of one's own.
     pub digits: SourceDigits,
+    /// Whether the samples of the whole first stretch of the recording come with it, to run the source over.
+    pub verify: bool,
+    /// What is to be said of it at the head of the source, besides where it is from.
+    pub notes: Vec<String>,
 }
 
 /// How many digits a source computes with.
@@ -84,6 +88,17 @@ pub struct ExportTask<'a> {
 pub struct FilterSource {
     /// Names and contents of its files.
     pub files: Vec<(String, String)>,
-    /// What the library's filter makes of the samples, where the source can be tried with it.
-    pub expected: Option<ExpectedAnswer>,
+}
+
+/// Samples of a recording as the program that comes with a source reads them, and what the filter of the estimate makes of them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SourceTrial {
+    /// The numbers of each sample.
+    pub given: Vec<Vec<f64>>,
+    /// The names of the states.
+    pub states: Vec<String>,
+    /// The states in SI behind each sample, and the standard deviations that are claimed of them.
+    pub expected: Vec<(Vec<f64>, Vec<f64>)>,
+    /// The period of each state that comes round.
+    pub periods: Vec<Option<f64>>,
 }

@@ -12,23 +12,12 @@ pub struct ExportSamples {
     pub middle: Vec<f64>,
     /// The signal in V at each sample.
     pub signal: Vec<f64>,
-    /// What the library's filter makes of them, for a test of the source; `None` where the source has a test of its own.
-    pub expected: Option<ExpectedAnswer>,
-}
-
-/// The answer of the library's filter.
-#[derive(Clone, Debug)]
-pub struct ExpectedAnswer {
-    /// The angle in rad after each sample.
-    pub angle: Vec<f64>,
-    /// How the tables are used, in lines of a comment.
-    pub use_of_tables: Vec<String>,
 }
 
 impl ExportSamples {
     /// A file with the tables, in f32.
     pub fn to_source(&self, target: SourceLanguage, heading: &[String]) -> String {
-        let mut tables = vec![
+        let tables = [
             ("DRIVE_V", "The drive in V at each sample.", &self.drive),
             (
                 "MIDDLE_V",
@@ -37,19 +26,12 @@ impl ExportSamples {
             ),
             ("SIGNAL_V", "The signal in V at each sample.", &self.signal),
         ];
-        if let Some(expected) = &self.expected {
-            tables.push((
-                "ANGLE_RAD",
-                "The angle in rad that the library's filter has after each sample.",
-                &expected.angle,
-            ));
-        }
         let count = self.signal.len();
         let mut text = match target {
             SourceLanguage::Rust => "//! Samples of a recording, to try a filter with.\n\n".to_owned(),
             SourceLanguage::C => "/*\n".to_owned(),
         };
-        for line in heading.iter().chain(self.expected.iter().flat_map(|expected| &expected.use_of_tables)) {
+        for line in heading {
             let _ = match target {
                 SourceLanguage::Rust => writeln!(text, "// {line}"),
                 SourceLanguage::C => writeln!(text, " * {}", line.replace("*/", "* /")),

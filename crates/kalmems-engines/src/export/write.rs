@@ -3,8 +3,9 @@
 use super::samples::ExportSamples;
 use super::{
     ExportError, ExportRequest, ExportTask, ExportableFilter, FilterSource, SourceDigits, SourceLanguage,
+    SourceTrial,
 };
-use crate::config::{ConfigError, ConfigFault, Experiment, OutlierGate, Update};
+use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, OutlierGate, Update};
 use crate::recording::{ReadError, RecordingLayout, SampledRecording};
 use crate::signal::quintic_middle;
 use crate::units::kind;
@@ -23,6 +24,8 @@ pub struct Exported {
     pub interval_s: f64,
     /// Names and contents.
     pub files: Vec<(String, String)>,
+    /// What the source is to be run over, where that was wanted.
+    pub trial: Option<SourceTrial>,
     /// What tells this input from another.
     input_id: String,
 }
@@ -31,27 +34,69 @@ pub struct Exported {
 pub fn place_of_filter(experiment: &Experiment, request: &ExportRequest) -> Result<usize, ExportError> {
     let filters =
         experiment.estimate.as_ref().map(|estimate| estimate.filters.as_slice()).unwrap_or_default();
-    let wanted = |filter: &crate::config::FilterTable| {
+    let wanted = |filter: &FilterTable| {
         filter.name.to_string() == request.filter || filter.name.key() == request.filter
     };
     let place = filters.iter().position(wanted).ok_or_else(|| {
         let known = filters.iter().map(|filter| format!("`{}`", filter.name)).collect();
         ExportError::NoFilter { found: request.filter.clone(), known }
     })?;
-    let table = &filters[place];
-    // What the source does not have is refused and not left out in silence, but for the gate that a filter has without a word of the file.
-    let gate = matches!(table.gate, Some(OutlierGate::FalseRejections(_)));
-    let smooths = table.smooth_lag.is_some();
-    let why = match table.update {
-        Update::Normal if gate => {
-            "the source has no gate and takes every sample; write `gate = false`, and leave outliers out before the samples get to it".to_owned()
+    match missing(&filters[place]) {
+        None => Ok(place),
+        Some(why) => Err(ExportError::Filter { filter: filters[place].name.to_string(), why }),
+    }
+}
+
+/// Which key of a filter's table the source does not have, and what to do. Each key is named here, so that a new one is in the source or is refused.
+fn missing(table: &FilterTable) -> Option<String> {
+    let FilterTable {
+        // What the source is made of.
+        name: _,
+        method: _,
+        start: _,
+        start_sd: _,
+        start_about: _,
+        process_noise: _,
+        states: _,
+        signal_variance: _,
+        threshold: _,
+        events: _,
+        channels: _,
+        observer_bandwidth: _,
+        steps: _,
+        gate: _,
+        // What a device's own exporter or settings refuse.
+        demodulator: _,
+        variant: _,
+        known_acceleration: _,
+        // Another trajectory of the estimate, whose filter is the same.
+        smooth: _,
+        stays_lost: _,
+        // Of methods that are refused, and of an update that is.
+        alpha: _,
+        beta: _,
+        kappa: _,
+        degrees_of_freedom: _,
+        readout,
+        noise_memory,
+        smooth_lag,
+        update,
+    } = table;
+    match update {
+        Update::Normal if smooth_lag.is_some() => Some(
+            "the source says each sample when it comes and has no smoother; leave `smooth_lag` out"
+                .to_owned(),
+        ),
+        Update::Normal if readout.is_some() => {
+            Some("the source has no states of the readout; leave `readout` out".to_owned())
         }
-        Update::Normal if smooths => "the source says each sample when it comes and has no smoother; leave `smooth_lag` out".to_owned(),
-        Update::Normal if table.readout.is_some() => "the source has no states of the readout; leave `readout` out".to_owned(),
-        Update::Normal => return Ok(place),
-        update => format!("the source has no update `{}`; leave `update` out", update.word()),
-    };
-    Err(ExportError::Filter { filter: table.name.to_string(), why })
+        Update::Normal if noise_memory.is_some() => Some(
+            "the source knows the variance of a sample and does not estimate it; leave `noise_memory` out"
+                .to_owned(),
+        ),
+        Update::Normal => None,
+        update => Some(format!("the source has no update `{}`; leave `update` out", update.word())),
+    }
 }
 
 /// Derives the constants of the filter called `name` and writes the source. The same experiment and recording give the same
@@ -66,10 +111,22 @@ pub fn export(
     recording: impl FnOnce() -> Result<Option<(PathBuf, RecordingLayout)>, ConfigError>,
 ) -> Result<Exported, ExportError> {
     let refuse = |why: &str| Err(ExportError::Filter { filter: name.clone(), why: why.to_owned() });
-    let (interval_s, mut samples) = sampled(experiment, request, columns, recording)?;
+    let mut filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+    let is_gated = |filter: &FilterTable| matches!(filter.gate, Some(OutlierGate::FalseRejections(_)));
+    if filters.any(|filter| filter.name.to_string() == name && is_gated(filter)) {
+        return refuse(
+            "its source has no gate and takes every sample; write `gate = false`, and leave outliers out before the samples get to it",
+        );
+    }
+    let (interval_s, samples) = sampled(experiment, request, columns, recording)?;
     if !request.adjustable.is_empty() {
         return refuse(
             "its parameters are constants of the source; leave `--adjustable` out, or expand the experiment to equations",
+        );
+    }
+    if request.verify {
+        return refuse(
+            "its source is not one of equations, whose program reads samples; leave `--verify` out",
         );
     }
     if request.digits == SourceDigits::Double {
@@ -87,8 +144,7 @@ pub fn export(
         update_every: request.update_every,
         samples: &samples,
     };
-    let FilterSource { mut files, expected } = filter.source(&task)?;
-    samples.expected = expected;
+    let FilterSource { mut files } = filter.source(&task)?;
     if request.samples > 0 {
         let name = match request.target {
             SourceLanguage::Rust => "samples.rs",
@@ -110,11 +166,13 @@ pub fn heading(
         1 => "every sample".to_owned(),
         every => format!("one sample in {every}"),
     };
-    vec![
+    let mut lines = vec![
         format!("Made by kalmems {} with `kalmems export`; not to be edited.", env!("CARGO_PKG_VERSION")),
         format!("Experiment `{}`, sha256 {}, filter `{filter}`.", experiment.name, digest(experiment)),
         format!("Sampling interval {interval_s:e} s, corrected by {corrected}."),
-    ]
+    ];
+    lines.extend(request.notes.iter().cloned());
+    lines
 }
 
 impl Exported {
@@ -142,7 +200,7 @@ impl Exported {
             experiment.name,
             digest.get(..12).unwrap_or(&digest)
         );
-        Self { filter, interval_s, files, input_id }
+        Self { filter, interval_s, files, trial: None, input_id }
     }
 }
 
@@ -202,7 +260,6 @@ fn sampled(
         drive: drive[..asked].to_vec(),
         middle: (0..asked).map(middle).collect(),
         signal: signal[..asked].to_vec(),
-        expected: None,
     };
     Ok((interval_s, samples))
 }

@@ -208,16 +208,16 @@ impl<'a> ReadResult<'a> {
     }
 
     fn measures(&mut self, equations: &mut Equations) -> Result<NamedNodes, EquationError> {
-        self.read_of_states(&self.description.measure, "a measurement", equations)
+        self.read_of_states(&self.description.measure, ("a measurement", false), equations)
     }
 
-    /// What follows from the states alone.
+    /// What follows from states and parameters.
     fn quantities(
         &mut self,
         equations: &mut Equations,
         measures: &[Named],
     ) -> Result<NamedNodes, EquationError> {
-        let found = self.read_of_states(&self.description.quantities, "a quantity", equations)?;
+        let found = self.read_of_states(&self.description.quantities, ("a quantity", true), equations)?;
         for (entry, node) in self.description.quantities.iter().zip(&found.1) {
             let by_input = |variable: &Variable| matches!(variable, Variable::Input(_));
             if self.resolver.graph.variables(*node).iter().any(by_input) {
@@ -242,11 +242,11 @@ impl<'a> ReadResult<'a> {
         Err(EquationError::whole(&entry.place, "", fault))
     }
 
-    /// Expressions with their units that depend on states.
+    /// Expressions with their units that depend on states, or, where that is enough, on parameters, which a filter may hold as states.
     fn read_of_states(
         &mut self,
         entries: &[NamedText],
-        what: &str,
+        (what, by_parameters): (&str, bool),
         equations: &mut Equations,
     ) -> Result<NamedNodes, EquationError> {
         let (mut names, mut nodes) = (Vec::new(), Vec::new());
@@ -257,7 +257,9 @@ impl<'a> ReadResult<'a> {
                 return Err(text.error(&(0..entry.text.len()), EquationFault::Missing(why)));
             };
             let value = self.resolver.value(&text)?;
-            let mut sees = false;
+            let is_parameter = |variable: &Variable| matches!(variable, Variable::Parameter(_));
+            let mut sees =
+                by_parameters && self.resolver.graph.variables(value.node).iter().any(is_parameter);
             for state in 0..self.states.len() {
                 sees |= self.resolver.graph.derivative(value.node, Variable::State(state)) != Graph::ZERO;
             }

@@ -68,14 +68,14 @@ impl FilterProgram {
         let widths = Widths::default();
         let rehearsed = Vec::new();
         let mut program = Self { units, names, start, configure, stage, predict, updates, widths, rehearsed };
-        program.widen(&EmitDigits::Single);
+        program.widen(EmitDigits::Single);
         Ok(program)
     }
 
     /// Takes over how many digits the numbers have.
-    pub(super) fn widen(&mut self, digits: &EmitDigits) {
+    pub(super) fn widen(&mut self, digits: EmitDigits) {
         let (mean, covariance) = match digits {
-            EmitDigits::Single | EmitDigits::AsNeeded(_) => (false, false),
+            EmitDigits::Single | EmitDigits::AsNeeded => (false, false),
             EmitDigits::DoubleMean => (true, self.start.1.is_empty()),
             EmitDigits::Double => (true, true),
         };
@@ -232,15 +232,18 @@ impl Context<'_> {
         let tape = &mut routine.tape;
         let x: Vec<TapeId> = (0..size).map(|i| tape.named(self.names.state(i))).collect();
         if let EmitGain::Settled(gains) = &self.request.gain {
+            let settled = gains.get(place);
             for (i, x) in x.iter().enumerate() {
-                let gain = gains.get(place).and_then(|gain| gain.get(i)).copied().unwrap_or_default();
+                let gain = settled.and_then(|settled| settled.gain.get(i)).copied().unwrap_or_default();
                 let gain = tape.literal(gain * variance.sqrt() / units.scale(i));
                 let step = tape.multiply(gain, *residual);
                 routine.outputs.push((StorageArray::Mean, i, tape.add(*x, step)));
             }
-            return Ok(routine);
+            routine.variance = settled.map(|settled| tape.literal(settled.variance / variance));
+        } else {
+            joseph(&mut routine, *residual, h, &x);
         }
-        joseph(&mut routine, *residual, h, &x);
+        routine.residual = Some(*residual).filter(|_| !is_event);
         Ok(routine)
     }
 

@@ -1,8 +1,9 @@
 //! What the functions of a filter take and give, the same in both languages.
 
+use super::error::EmitError;
 use super::filter::FilterProgram;
 use super::names::SourceNames;
-use super::request::{EmitRequest, StepMethod};
+use super::request::{EmitDigits, EmitRequest, InputCourse, StepMethod};
 use super::routine::{Routine, StorageArray, Widths};
 use crate::device::Device;
 use std::fmt::Write as _;
@@ -11,7 +12,8 @@ use std::fmt::Write as _;
 pub(super) struct Interface {
     /// Lines at the head of each file.
     pub(super) heading: Vec<String>,
-    /// The inputs of the prediction, and of a whole step.
+    /// The inputs of one step of the method, of the prediction over the interval between samples, and of a whole step.
+    pub(super) part: Vec<String>,
     pub(super) predict: Vec<String>,
     pub(super) step: Vec<String>,
     /// The measurements of a step.
@@ -25,7 +27,8 @@ pub(super) struct Interface {
 
 impl Interface {
     pub(super) fn of(device: &Device, request: &EmitRequest, program: &FilterProgram) -> Self {
-        let predict = Self::inputs_of(device, program, &program.predict);
+        let part = Self::inputs_of(device, program, &program.predict);
+        let predict = if request.parts > 1 { over_interval(device, program, &part) } else { part.clone() };
         let mut step = predict.clone();
         for update in program.updates.iter().take(request.measures.len()) {
             for input in Self::inputs_of(device, program, update) {
@@ -52,10 +55,12 @@ impl Interface {
             env!("CARGO_PKG_VERSION")
         )];
         heading.extend(request.heading.iter().cloned());
-        heading.push(if request.parts > 1 {
-            format!("Each prediction over {:?} s, by {method}.", request.interval_s)
-        } else {
-            format!("Sampling interval {:?} s, steps by {method}.", request.interval_s)
+        heading.push(match request.parts {
+            1 => format!("A step goes over {:?} s, by {method}.", request.interval_s),
+            parts => format!(
+                "A step goes over {:?} s, in {parts} parts by {method}.",
+                request.sampling_interval_s()
+            ),
         });
         heading.push(
             match program.widths {
@@ -69,15 +74,21 @@ impl Interface {
         );
         if let [first, others @ ..] = program.rehearsed.as_slice() {
             let least = others.iter().copied().fold(f64::INFINITY, f64::min);
-            let by_more =
-                if program.widths.mean { format!(", and with these {least:.1e}") } else { String::new() };
+            let (of_32, by_more) = match request.digits {
+                EmitDigits::AsNeeded if program.widths.mean => {
+                    (" with numbers of 32 bits", format!(", and with these {least:.1e}"))
+                }
+                EmitDigits::AsNeeded => (" with numbers of 32 bits", String::new()),
+                _ => ("", String::new()),
+            };
             heading.push(format!(
-                "In a rehearsal with numbers of 32 bits the largest difference from the filter of the library was {first:.1e} of the largest \
-                 value of a state{by_more}."
+                "In a rehearsal{of_32} the largest difference from the filter of the library was {first:.1e} of the largest value of a \
+                 state{by_more}."
             ));
         }
         Self {
             heading,
+            part,
             predict,
             step,
             measured: (0..request.measures.len()).map(|k| program.names.measured(k)).collect(),
@@ -87,11 +98,59 @@ impl Interface {
         }
     }
 
+    /// What one step of the method takes of the inputs over the interval between samples, where it begins at `from`, an expression, and has this length
+    /// as parts of it: an input goes on a parabola through its three points, and one that is held stays.
+    pub(super) fn part_arguments(
+        &self,
+        device: &Device,
+        program: &FilterProgram,
+        length: f64,
+        digits: impl Fn(f64) -> Result<String, EmitError>,
+    ) -> Result<Vec<String>, EmitError> {
+        let mut arguments = Vec::new();
+        for name in &self.part {
+            let input = (0..device.inputs.len())
+                .find(|input| POINTS.iter().any(|(point, _)| program.names.input(*input, point) == *name));
+            let between = input.filter(|input| program.names.course(*input) == InputCourse::Between);
+            arguments.push(match between {
+                None => name.clone(),
+                Some(input) => {
+                    let points = POINTS.map(|(point, _)| program.names.input(input, point));
+                    let place = POINTS
+                        .iter()
+                        .zip(&points)
+                        .find(|(_, own)| *own == name)
+                        .map_or(0.0, |((_, at), _)| *at);
+                    let place = match place {
+                        0.0 => "from".to_owned(),
+                        place => format!("from + {}", digits(place * length)?),
+                    };
+                    format!("between({}, {place})", points.join(", "))
+                }
+            });
+        }
+        Ok(arguments)
+    }
+
+    /// Input and point of each of these names of inputs.
+    pub(super) fn points_of(
+        device: &Device,
+        program: &FilterProgram,
+        names: &[String],
+    ) -> Vec<(usize, usize)> {
+        let all =
+            (0..device.inputs.len()).flat_map(|input| (0..POINTS.len()).map(move |point| (input, point)));
+        let all: Vec<(usize, usize)> = all.collect();
+        let name = |(input, point): (usize, usize)| program.names.input(input, POINTS[point].0);
+        // One that is held has the same name at two points.
+        names.iter().filter_map(|own| all.iter().copied().find(|place| name(*place) == *own)).collect()
+    }
+
     /// The inputs that a routine takes, in the order of the device and of time.
     pub(super) fn inputs_of(device: &Device, program: &FilterProgram, routine: &Routine) -> Vec<String> {
         let names = routine.names();
-        let points = ["start", "middle", "end"];
-        let all = (0..device.inputs.len()).flat_map(|k| points.map(|point| program.names.input(k, point)));
+        let all =
+            (0..device.inputs.len()).flat_map(|k| POINTS.map(|(point, _)| program.names.input(k, point)));
         let mut inputs: Vec<String> = all.filter(|name| names.contains(name)).collect();
         inputs.dedup();
         inputs
@@ -147,9 +206,39 @@ impl Interface {
     }
 }
 
+/// The points of an interval at which an input is asked for, in parts of it.
+pub(super) const POINTS: [(&str, f64); 3] = [("start", 0.0), ("middle", 0.5), ("end", 1.0)];
+
+/// The inputs over an interval that goes in several steps: all three points of one that does not stay.
+fn over_interval(device: &Device, program: &FilterProgram, part: &[String]) -> Vec<String> {
+    let mut inputs = Vec::new();
+    for input in 0..device.inputs.len() {
+        let points = POINTS.map(|(point, _)| program.names.input(input, point));
+        if !points.iter().any(|point| part.contains(point)) {
+            continue;
+        }
+        if program.names.course(input) == InputCourse::Between {
+            inputs.extend(points);
+        } else {
+            inputs.extend(points.into_iter().filter(|point| part.contains(point)));
+        }
+    }
+    inputs.dedup();
+    inputs
+}
+
+/// Where a routine is called: its state, its watch and the constants.
+pub(super) struct CallTargets<'a> {
+    pub(super) state: &'a str,
+    pub(super) watch: &'a str,
+    pub(super) constants: &'a str,
+}
+
 /// A correction as a function of the source.
 pub(super) struct UpdateFunction<'p> {
     pub(super) routine: &'p Routine,
+    /// Its place among the measurements and the events behind them.
+    pub(super) place: usize,
     /// What it is called within the source.
     pub(super) name: String,
     pub(super) inputs: Vec<String>,
@@ -169,6 +258,7 @@ impl<'p> UpdateFunction<'p> {
     ) -> impl Iterator<Item = Self> {
         program.updates.iter().enumerate().map(move |(place, routine)| Self {
             routine,
+            place,
             name: format!("update_{}", program.names.measure(place)),
             inputs: Interface::inputs_of(device, program, routine),
             measured: [program.names.measured(place)],
@@ -229,10 +319,12 @@ pub(super) fn part<'a>(text: &'a str, marker: &str, next: &str) -> &'a str {
 }
 
 impl Routine {
-    /// The call of its function over a state, with constants where it needs them.
-    pub(super) fn call(&self, name: &str, (state, constants): (&str, &str), arguments: &[String]) -> String {
+    /// The call of its function over a state, with a watch and constants where it needs them.
+    pub(super) fn call(&self, name: &str, targets: &CallTargets<'_>, arguments: &[String]) -> String {
+        let CallTargets { state, watch, constants } = targets;
+        let watch = if self.residual.is_some() { format!(", {watch}") } else { String::new() };
         let constants = if self.reads_constants() { format!(", {constants}") } else { String::new() };
-        format!("{name}({state}{constants}{})", further(arguments, "", ""))
+        format!("{name}({state}{watch}{constants}{})", further(arguments, "", ""))
     }
 
     /// Whether it needs what follows from parameters.

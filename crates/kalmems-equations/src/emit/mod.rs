@@ -28,21 +28,26 @@ mod tables;
 mod tape;
 mod trial;
 mod values;
+mod watch;
 
 pub use error::EmitError;
 pub use request::{
-    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, InputCourse,
-    StateStart, StepMethod, TestSample, TestVectors,
+    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmitWatch, FreeParameter,
+    InputCourse, SettledGain, StateStart, StepMethod, TestSample, TestVectors,
 };
 
 use crate::device::Device;
 use filter::FilterProgram;
+use interface::Interface;
 
 /// A filter as source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmittedFilter {
     /// Names and contents of the files: the filter, its test of itself where there are vectors, and an example `main`.
     pub files: Vec<(String, String)>,
+    /// The inputs that a step takes in their order, before the measurements of the request: each by its place among the device's inputs and its point of
+    /// the interval before the sample, 0 at the start, 1 in the middle and 2 at the end.
+    pub inputs: Vec<(usize, usize)>,
     /// The unit of each state in SI, and what it is counted from: x = origin + unit·z.
     pub units: Vec<(f64, f64)>,
     /// How many sums, products, divisions, calls of functions and choices a prediction and the corrections of a sample take,
@@ -99,6 +104,9 @@ impl Device {
     ///     events: vec![],
     ///     gain: EmitGain::Covariance,
     ///     digits: EmitDigits::Single,
+    ///     update_every: 1,
+    ///     watch: EmitWatch { largest_nis: 28.4, rejects: true, settling: 1000, memory: 100 },
+    ///     rehearsal: vec![],
     ///     vectors: None,
     /// };
     /// let emitted = device.emit(&request, EmitLanguage::C)?;
@@ -117,6 +125,7 @@ impl Device {
         let units = program.units.scale.iter().copied().zip(program.units.origins.iter().copied());
         Ok(EmittedFilter {
             files,
+            inputs: Interface::points_of(self, &program, &Interface::of(self, request, &program).step),
             units: units.collect(),
             operations: program.operations(request),
             digits,
@@ -132,9 +141,9 @@ impl FilterProgram {
         let mut add = |counts: [usize; 5], times: usize| {
             sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += times * count);
         };
-        add(self.predict.counts(), 1);
+        add(self.predict.counts(), request.parts);
         if let Some(stage) = &self.stage {
-            add(stage.counts(), self.predict.calls.len());
+            add(stage.counts(), request.parts * self.predict.calls.len());
         }
         self.updates.iter().take(request.measures.len()).for_each(|update| add(update.counts(), 1));
         sum

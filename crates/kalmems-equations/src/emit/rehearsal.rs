@@ -1,11 +1,12 @@
 //! The filter run over its vectors as the source runs, in numbers of 32 and of 64 bits: how many digits it needs.
 
 use super::filter::FilterProgram;
-use super::interface::Interface;
+use super::interface::{Interface, POINTS};
 use super::names::SourceNames;
-use super::request::{EmitDigits, EmitRequest, TestSample};
+use super::request::{EmitDigits, EmitRequest, InputCourse, TestSample};
 use super::routine::{Routine, StorageArray};
 use super::tape::{CalledFunction, TapeId, TapeOp};
+use super::watch::{Watch, WatchRules};
 use crate::device::Device;
 use crate::laws::{LawId, MOST_ARGUMENTS, partial};
 use kalmems_models::capacitance::VACUUM_PERMITTIVITY;
@@ -32,36 +33,32 @@ pub(super) fn choose(
     request: &EmitRequest,
     program: &mut FilterProgram,
 ) -> (EmitDigits, Option<(usize, f64)>) {
-    let mut apart = None;
-    let digits = match &request.digits {
-        EmitDigits::AsNeeded(samples) => {
-            let mut best = (EmitDigits::Single, [f64::INFINITY; 2]);
-            for digits in LADDER {
-                program.widen(&digits);
-                let (found, of_claim) = Rehearsal::of(device, request, program).farthest(samples);
-                program.rehearsed.push(found);
-                // What is near enough for the claim counts first, then what is near the values.
-                let share = of_claim.map_or(0.0, |(_, share)| share);
-                let badness = [if share <= OF_CLAIM { 0.0 } else { share }, found];
-                if badness < best.1 {
-                    best = (digits, badness);
-                    apart = of_claim;
-                }
-                if found <= ENOUGH && share <= OF_CLAIM {
-                    break;
-                }
-            }
-            best.0
-        }
-        digits => {
-            program.widen(digits);
-            let samples = request.vectors.iter().flat_map(|vectors| &vectors.samples);
-            let samples: Vec<TestSample> = samples.cloned().collect();
-            apart = Rehearsal::of(device, request, program).farthest(&samples).1;
-            digits.clone()
-        }
+    let samples = &request.rehearsal;
+    if samples.is_empty() {
+        program.widen(request.digits);
+        return (request.digits, None);
+    }
+    let tried: &[EmitDigits] = match &request.digits {
+        EmitDigits::AsNeeded => &LADDER,
+        stated => std::slice::from_ref(stated),
     };
-    program.widen(&digits);
+    let mut best = (EmitDigits::Single, [f64::INFINITY; 2], None);
+    for digits in tried {
+        program.widen(*digits);
+        let (found, of_claim) = Rehearsal::of(device, request, program).farthest(samples);
+        program.rehearsed.push(found);
+        // What is near enough for the claim counts first, then what is near the values.
+        let share = of_claim.map_or(0.0, |(_, share)| share);
+        let badness = [if share <= OF_CLAIM { 0.0 } else { share }, found];
+        if tried.len() == 1 || badness < best.1 {
+            best = (*digits, badness, of_claim);
+        }
+        if found <= ENOUGH && share <= OF_CLAIM {
+            break;
+        }
+    }
+    let (digits, _, apart) = best;
+    program.widen(digits);
     (digits, apart)
 }
 
@@ -75,11 +72,14 @@ fn rounded(value: f64, wide: bool) -> f64 {
     if wide { value } else { narrow(value) }
 }
 
-/// Mean and covariance as the source keeps them.
+/// Mean and covariance as the source keeps them, and what its corrections saw.
 #[derive(Clone)]
 struct RehearsedState {
     mean: Vec<f64>,
     covariance: Vec<f64>,
+    watches: Vec<Watch>,
+    /// Samples until the next correction.
+    left: u32,
 }
 
 struct Rehearsal<'a> {
@@ -88,18 +88,21 @@ struct Rehearsal<'a> {
     program: &'a FilterProgram,
     constants: Vec<f64>,
     periods: Vec<(usize, f64)>,
+    rules: WatchRules,
 }
 
 impl<'a> Rehearsal<'a> {
     fn of(device: &'a Device, request: &'a EmitRequest, program: &'a FilterProgram) -> Self {
-        let mut rehearsal = Self { device, request, program, constants: Vec::new(), periods: Vec::new() };
+        let rules = request.watch_rules();
+        let mut rehearsal =
+            Self { device, request, program, constants: Vec::new(), periods: Vec::new(), rules };
         rehearsal.periods = device.periods(&request.parameters).unwrap_or_default();
         if let Some(configure) = &program.configure {
             let given = Interface::parameters(device, request, program);
             let given: HashMap<String, f64> =
                 given.into_iter().map(|(name, _, value)| (name, value)).collect();
             rehearsal.constants =
-                rehearsal.outputs(configure, &given).into_iter().map(|(_, _, c)| c).collect();
+                rehearsal.outputs(configure, &given).0.into_iter().map(|(_, _, c)| c).collect();
         }
         rehearsal
     }
@@ -108,12 +111,7 @@ impl<'a> Rehearsal<'a> {
     /// the place of the state, where one is claimed.
     fn farthest(&self, samples: &[TestSample]) -> (f64, Option<(usize, f64)>) {
         let mut of_claim: Option<(usize, f64)> = None;
-        let (mean, covariance) = self.program.start.clone();
-        let widths = self.program.widths;
-        let mut state = RehearsedState {
-            mean: mean.into_iter().map(|value| rounded(value, widths.mean)).collect(),
-            covariance: covariance.into_iter().map(|value| rounded(value, widths.covariance)).collect(),
-        };
+        let mut state = self.first();
         let size = self.request.size();
         let (mut apart, mut largest) = (vec![0.0_f64; size], vec![0.0_f64; size]);
         for sample in samples {
@@ -151,22 +149,75 @@ impl<'a> Rehearsal<'a> {
         (relative.fold(0.0, f64::max), of_claim)
     }
 
-    /// A prediction, the corrections by events and those by measurements; what is not finite is not taken.
-    fn step(&self, state: &mut RehearsedState, sample: &TestSample) {
-        let measures = self.request.measures.len();
-        self.take(state, &self.program.predict, sample, None);
-        let events = self.program.updates.iter().skip(measures).zip(&sample.events);
-        for (event, ago_s) in events {
-            if let Some(ago_s) = ago_s {
-                self.take(state, event, sample, Some(*ago_s));
-            }
-        }
-        for (update, seen) in self.program.updates.iter().zip(&sample.measured) {
-            self.take(state, update, sample, Some(*seen));
+    fn first(&self) -> RehearsedState {
+        let ((mean, covariance), widths) = (&self.program.start, self.program.widths);
+        RehearsedState {
+            mean: mean.iter().map(|value| rounded(*value, widths.mean)).collect(),
+            covariance: covariance.iter().map(|value| rounded(*value, widths.covariance)).collect(),
+            watches: vec![Watch::NEW; self.request.measures.len()],
+            left: 0,
         }
     }
 
-    fn take(&self, state: &mut RehearsedState, routine: &Routine, sample: &TestSample, seen: Option<f64>) {
+    /// A prediction, the corrections by events and those by measurements; what is not finite is not taken.
+    fn step(&self, state: &mut RehearsedState, sample: &TestSample) {
+        let measures = self.request.measures.len();
+        for part in 0..self.request.parts {
+            self.take(state, (&self.program.predict, 0), &self.inputs_of_part(sample, part), None);
+        }
+        let events = self.program.updates.iter().enumerate().skip(measures).zip(&sample.events);
+        for ((place, event), ago_s) in events {
+            if let Some(ago_s) = ago_s {
+                self.take(state, (event, place), &sample.inputs, Some(*ago_s));
+            }
+        }
+        if state.left > 0 {
+            state.left -= 1;
+            return;
+        }
+        state.left = self.request.update_every - 1;
+        for ((place, update), seen) in self.program.updates.iter().enumerate().zip(&sample.measured) {
+            self.take(state, (update, place), &sample.inputs, Some(*seen));
+        }
+        if self.request.begins_again() && state.watches.iter().any(|watch| watch.open >= self.rules.lost) {
+            *state = self.first();
+        }
+    }
+
+    /// The inputs of one of the steps of an interval, as the source has them between those that it is given.
+    fn inputs_of_part(&self, sample: &TestSample, part: usize) -> [Vec<f64>; 3] {
+        if self.request.parts == 1 {
+            return sample.inputs.clone();
+        }
+        let parts = self.request.parts as f64;
+        POINTS.map(|(point, at)| {
+            let place = (part as f64 + at) / parts;
+            let of = |input: usize| {
+                let [start, middle, end] =
+                    [0, 1, 2].map(|point| sample.inputs[point].get(input).copied().map_or(f64::NAN, narrow));
+                match self.program.names.course(input) {
+                    InputCourse::Between => narrow(
+                        start
+                            + place
+                                * (4.0 * middle - 3.0 * start - end
+                                    + 2.0 * place * (start - 2.0 * middle + end)),
+                    ),
+                    _ if point == "start" => start,
+                    _ if point == "middle" => middle,
+                    _ => end,
+                }
+            };
+            (0..self.device.inputs.len()).map(of).collect()
+        })
+    }
+
+    fn take(
+        &self,
+        state: &mut RehearsedState,
+        (routine, place): (&Routine, usize),
+        inputs: &[Vec<f64>; 3],
+        seen: Option<f64>,
+    ) {
         let mut names: HashMap<String, f64> = HashMap::new();
         let program = self.program;
         for (k, mean) in state.mean.iter().enumerate() {
@@ -179,7 +230,7 @@ impl<'a> Rehearsal<'a> {
                 }
             }
         }
-        for (point, inputs) in ["start", "middle", "end"].into_iter().zip(&sample.inputs) {
+        for ((point, _), inputs) in POINTS.iter().zip(inputs) {
             for (k, input) in inputs.iter().enumerate().take(self.device.inputs().len()) {
                 names.insert(program.names.input(k, point), narrow(*input));
             }
@@ -191,7 +242,15 @@ impl<'a> Rehearsal<'a> {
             names.insert("seen".to_owned(), narrow(seen));
         }
         let mut next = state.clone();
-        for (array, place, value) in self.outputs(routine, &names) {
+        let (outputs, innovation) = self.outputs(routine, &names);
+        #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
+        if let (Some([residual, variance]), Some(watch)) = (innovation, state.watches.get_mut(place))
+            && !watch.believes(&self.rules, residual as f32, variance as f32)
+        {
+            return;
+        }
+        next.watches.clone_from(&state.watches);
+        for (array, place, value) in outputs {
             let slot = match array {
                 StorageArray::Mean => next.mean.get_mut(place),
                 StorageArray::Covariance => next.covariance.get_mut(place),
@@ -206,8 +265,8 @@ impl<'a> Rehearsal<'a> {
         }
     }
 
-    /// What a routine computes from named numbers.
-    fn outputs(&self, routine: &Routine, given: &HashMap<String, f64>) -> Vec<(StorageArray, usize, f64)> {
+    /// What a routine computes from named numbers, and the innovation of a measurement with its variance.
+    fn outputs(&self, routine: &Routine, given: &HashMap<String, f64>) -> (RoutineOutputs, Option<[f64; 2]>) {
         let mut run = RoutineRun {
             rehearsal: self,
             routine,
@@ -220,18 +279,26 @@ impl<'a> Rehearsal<'a> {
             let Some(stage) = &self.program.stage else { continue };
             let arguments = call.arguments.iter().map(|id| run.operand(*id, routine.widths.stage));
             let handed = stage.parameters.iter().cloned().zip(arguments).collect();
-            for (_, place, value) in self.outputs(stage, &handed) {
+            for (_, place, value) in self.outputs(stage, &handed).0 {
                 run.stages.insert(format!("{}[{place}]", call.output), value);
             }
         }
-        let ids: Vec<TapeId> = routine.outputs.iter().map(|(_, _, id)| *id).collect();
+        let ids = routine.outputs.iter().map(|(_, _, id)| *id);
+        let ids: Vec<TapeId> = ids.chain(routine.residual).chain(routine.variance).collect();
         run.below(&ids);
         let of = |(array, place, id): &(StorageArray, usize, TapeId)| {
             (*array, *place, run.operand(*id, routine.widths.of(*array)))
         };
-        routine.outputs.iter().map(of).collect()
+        let innovation = routine.residual.zip(routine.variance);
+        (
+            routine.outputs.iter().map(of).collect(),
+            innovation.map(|(residual, variance)| [residual, variance].map(|id| run.operand(id, false))),
+        )
     }
 }
+
+/// Where each result of a routine goes, and the result.
+type RoutineOutputs = Vec<(StorageArray, usize, f64)>;
 
 /// A routine on its way.
 struct RoutineRun<'a> {

@@ -92,16 +92,47 @@ pub struct EmitEvent {
 pub enum EmitGain {
     /// From the covariance, which is carried along.
     Covariance,
-    /// It has settled: for each measurement of the request one number for each state, in SI.
+    /// It has settled, for each measurement of the request.
     ///
     /// The corrections follow one another, so that the gain of a measurement is that behind the ones before it.
-    Settled(Vec<Vec<f64>>),
+    Settled(Vec<SettledGain>),
+}
+
+/// A gain that has settled.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SettledGain {
+    /// What a measurement's innovation adds to each state, in SI.
+    pub gain: Vec<f64>,
+    /// The variance of that innovation, in the measurement's unit².
+    pub variance: f64,
+}
+
+/// How the innovations of each measurement are watched.
+///
+/// A sample is rejected whose normalised innovation squared is above a bound, which grows with the median of those that were taken; where more than an
+/// eighth of the last samples are beyond it, all are taken until less than a sixteenth are: as by the gate of an estimate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EmitWatch {
+    /// The largest normalised innovation squared of a sample that is one of the signal.
+    pub largest_nis: f64,
+    /// Whether a sample beyond the bound is left out. Without that it is counted alone.
+    pub rejects: bool,
+    /// Samples from the start on of which none is left out.
+    pub settling: u32,
+    /// How many samples the share of those beyond the bound and the mean of the normalised innovation squared go back. For an eighth of them a filter is
+    /// lost before it begins again as at its start.
+    pub memory: u32,
+}
+
+impl EmitWatch {
+    /// Nothing is left out, and the filter never begins again.
+    pub const COUNTS: Self = Self { largest_nis: 28.0, rejects: false, settling: 0, memory: 64 };
 }
 
 /// How many digits the source computes with. Functions such as `exp`, inputs and measurements always have 32 bits.
 ///
 /// A sum or a product of 64 bits is a call of a library where a processor has none of its own, such as a Cortex-M4F.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EmitDigits {
     /// Numbers of 32 bits throughout.
     Single,
@@ -109,13 +140,12 @@ pub enum EmitDigits {
     DoubleMean,
     /// Means, covariance and all that leads to them have 64 bits.
     Double,
-    /// The first of the others with which the filter, rehearsed over these samples, comes within 10⁻⁵ of the states that they expect,
-    /// relative to the largest value of each state, and within 0.02 of their claimed standard deviation; the nearest one where none does.
-    AsNeeded(Vec<TestSample>),
+    /// The first of the others with which the filter, rehearsed, comes within 10⁻⁵ of the states that are expected, relative to the largest value of
+    /// each state, and within 0.02 of their claimed standard deviation; the nearest one where none does.
+    AsNeeded,
 }
 
-/// One sample of a test, in SI; or a part of the interval before one that is predicted alone, without measurements, events and
-/// expected states.
+/// One sample of a test, in SI.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TestSample {
     /// The inputs at the start, the middle and the end of the interval before the sample. Euler's method takes the first; what
@@ -142,13 +172,6 @@ pub enum InputCourse {
     HeldAtMiddle,
 }
 
-impl TestSample {
-    /// Whether it is a part of an interval that is predicted alone.
-    pub fn is_part(&self) -> bool {
-        self.measured.is_empty() && self.events.is_empty() && self.expected.is_empty()
-    }
-}
-
 /// Samples with the states that are expected, with which the source tests itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TestVectors {
@@ -170,9 +193,10 @@ pub struct EmitRequest {
     pub name: String,
     /// Lines for the head of each file, such as the name and the checksum of an experiment.
     pub heading: Vec<String>,
-    /// T in s, over which a prediction goes.
+    /// T in s, over which one step of the method goes.
     pub interval_s: f64,
-    /// Predictions of one sample, the last of which is part of a step.
+    /// Steps of the method from one sample to the next. In each the inputs go on a parabola through what is given at the start, the middle and the end
+    /// of the interval between samples.
     pub parts: usize,
     /// How a step is integrated.
     pub method: StepMethod,
@@ -201,6 +225,12 @@ pub struct EmitRequest {
     pub gain: EmitGain,
     /// How many digits the source computes with.
     pub digits: EmitDigits,
+    /// A step corrects by one sample in so many, and predicts alone between them.
+    pub update_every: u32,
+    /// How its innovations are watched.
+    pub watch: EmitWatch,
+    /// Samples over which the filter is rehearsed as the source computes; none without a rehearsal.
+    pub rehearsal: Vec<TestSample>,
     /// Samples with which the source tests itself.
     pub vectors: Option<TestVectors>,
 }
@@ -211,13 +241,9 @@ impl EmitRequest {
         self.states.len() + self.free.len()
     }
 
-    /// What `interval_s` is.
-    pub(super) const fn name_of_interval(&self) -> &'static str {
-        if self.parts > 1 {
-            "The interval of a prediction, of which a sample takes several,"
-        } else {
-            "The sampling interval"
-        }
+    /// The interval between samples in s.
+    pub(super) fn sampling_interval_s(&self) -> f64 {
+        self.interval_s * self.parts as f64
     }
 
     /// Refuses what does not fit the device.
@@ -236,6 +262,9 @@ impl EmitRequest {
         }
         if !(self.interval_s > 0.0 && self.interval_s.is_finite()) {
             return Err(EmitError::request("interval_s", &self.interval_s, "a positive finite number"));
+        }
+        if self.update_every == 0 {
+            return Err(EmitError::request("update_every", &self.update_every, "at least one sample"));
         }
         if self.parts == 0 {
             return Err(EmitError::request("parts", &self.parts, "at least one prediction of a sample"));
@@ -301,9 +330,10 @@ impl EmitRequest {
     fn check_gain(&self) -> Result<(), EmitError> {
         if let EmitGain::Settled(gains) = &self.gain {
             count("gain", gains.len(), self.measures.len())?;
-            for gain in gains {
+            for SettledGain { gain, variance } in gains {
                 count("gain", gain.len(), self.size())?;
                 finite("gain", gain.iter().copied())?;
+                positive("gain", *variance)?;
             }
             if !self.events.is_empty() {
                 return Err(EmitError::request("events", &"a settled gain", "a gain from the covariance"));
@@ -313,11 +343,19 @@ impl EmitRequest {
     }
 
     fn check_vectors(&self, device: &Device) -> Result<(), EmitError> {
-        if let EmitDigits::AsNeeded(samples) = &self.digits {
-            self.check_samples(device, "digits", samples)?;
+        positive("watch", self.watch.largest_nis)?;
+        if self.watch.memory == 0 {
+            return Err(EmitError::request("watch", &self.watch.memory, "a memory of at least one sample"));
         }
+        if self.digits == EmitDigits::AsNeeded && self.rehearsal.is_empty() {
+            return Err(EmitError::request("rehearsal", &"no samples", "at least one sample"));
+        }
+        self.check_samples(device, "rehearsal", &self.rehearsal)?;
         let Some(vectors) = &self.vectors else { return Ok(()) };
         positive("vectors", vectors.tolerance)?;
+        if vectors.samples.is_empty() {
+            return Err(EmitError::request("vectors", &"no samples", "at least one sample"));
+        }
         self.check_samples(device, "vectors", &vectors.samples)
     }
 
@@ -327,19 +365,10 @@ impl EmitRequest {
         field: &'static str,
         samples: &[TestSample],
     ) -> Result<(), EmitError> {
-        if samples.is_empty() {
-            return Err(EmitError::request(field, &"no samples", "at least one sample"));
-        }
-        if samples.last().is_some_and(TestSample::is_part) {
-            return Err(EmitError::request(field, &"a part of an interval at the end", "a sample behind it"));
-        }
         for sample in samples {
             for inputs in &sample.inputs {
                 count(field, inputs.len(), device.inputs().len())?;
                 finite(field, inputs.iter().copied())?;
-            }
-            if sample.is_part() {
-                continue;
             }
             count(field, sample.measured.len(), self.measures.len())?;
             count(field, sample.events.len(), self.events.len())?;

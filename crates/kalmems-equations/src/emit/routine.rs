@@ -70,6 +70,8 @@ pub(super) struct Routine {
     pub(super) outputs: Vec<(StorageArray, usize, TapeId)>,
     /// The variance of an innovation, which must be positive.
     pub(super) variance: Option<TapeId>,
+    /// That innovation, of a measurement, whose samples are watched.
+    pub(super) residual: Option<TapeId>,
     /// The gains of a correction.
     pub(super) gains: Vec<TapeId>,
     /// Which arrays have 64 bits, and which operations compute with as many; none where the list is shorter.
@@ -148,7 +150,11 @@ impl Routine {
     /// Everything that it computes.
     fn roots(&self) -> Vec<TapeId> {
         let calls = self.calls.iter().flat_map(|call| call.arguments.iter().copied());
-        calls.chain(self.outputs.iter().map(|(_, _, id)| *id)).chain(self.variance).collect()
+        calls
+            .chain(self.outputs.iter().map(|(_, _, id)| *id))
+            .chain(self.variance)
+            .chain(self.residual)
+            .collect()
     }
 
     /// The names that come from outside, in order.
@@ -214,14 +220,17 @@ impl Routine {
             let arguments = arguments.collect::<Result<Vec<String>, _>>()?;
             writer.statements.push(syntax.stage(&call.output, &arguments));
         }
-        let wanted: Vec<TapeId> = self.outputs.iter().map(|(_, _, id)| *id).chain(self.variance).collect();
+        let outputs = self.outputs.iter().map(|(_, _, id)| *id);
+        let wanted: Vec<TapeId> = outputs.chain(self.variance).chain(self.residual).collect();
         writer.write(&wanted)?;
         let mut outputs = Vec::with_capacity(self.outputs.len());
         for (array, place, id) in &self.outputs {
             outputs.push((*array, *place, writer.text(*id, 0, self.widths.of(*array))?));
         }
-        let variance = self.variance.map(|id| writer.text(id, 0, self.is_wide(id))).transpose()?;
-        Ok(Written { statements: writer.statements, outputs, variance })
+        let narrow = |id: TapeId| writer.text(id, 0, false);
+        let (variance, residual) =
+            (self.variance.map(narrow).transpose()?, self.residual.map(narrow).transpose()?);
+        Ok(Written { statements: writer.statements, outputs, variance, residual })
     }
 }
 
@@ -231,15 +240,17 @@ pub(super) struct Written {
     /// Where each result goes, and its expression.
     pub(super) outputs: Vec<(StorageArray, usize, String)>,
     pub(super) variance: Option<String>,
+    pub(super) residual: Option<String>,
 }
 
 impl Written {
-    /// Its statements, and the assignments of its results to these arrays, as both languages have them.
-    pub(super) fn body(&self, arrays: ArrayNames) -> String {
+    /// Its statements, and the assignments of its results to these arrays, as both languages have them; `refusal` stands before these.
+    pub(super) fn body(&self, arrays: ArrayNames, refusal: &str) -> String {
         let mut text = String::new();
         for statement in &self.statements {
             let _ = writeln!(text, "    {statement}");
         }
+        text += refusal;
         for (array, place, value) in &self.outputs {
             let _ = writeln!(text, "    {}[{place}] = {value};", arrays.of(*array));
         }

@@ -18,6 +18,34 @@ pub(super) fn listed(
     Ok(values.iter().map(|value| number(*value)).collect::<Result<Vec<_>, _>>()?.join(", "))
 }
 
+/// The functions of the texts by their names, and whether they are needed for those that are called.
+fn needed(called: &BTreeSet<CalledFunction>) -> Vec<(&'static str, bool)> {
+    let any = |of: &[CalledFunction]| of.iter().any(|one| called.contains(one));
+    let atanhc = called.iter().any(|c| matches!(c, CalledFunction::Atanhc(_)));
+    let disks_used = called.iter().any(|c| matches!(c, CalledFunction::Disks(_)));
+    let atanh = atanhc || any(&[CalledFunction::Atanh]);
+    let ln_cosh = any(&[CalledFunction::LnCosh]);
+    let tanh = any(&[CalledFunction::Tanh]);
+    let arcs = any(&[CalledFunction::Asin, CalledFunction::Acos]);
+    vec![
+        ("EXP", disks_used || any(&[CalledFunction::Exp])),
+        ("FALLING_EXP", tanh || ln_cosh || any(&[CalledFunction::FallingExp])),
+        ("LN", atanh || ln_cosh || disks_used || any(&[CalledFunction::Ln])),
+        ("SIN_COS", any(&[CalledFunction::Sin, CalledFunction::Cos])),
+        ("SIN", any(&[CalledFunction::Sin])),
+        ("COS", any(&[CalledFunction::Cos])),
+        ("TANH", tanh),
+        ("ATANH", atanh),
+        ("SQRT", arcs || any(&[CalledFunction::Sqrt])),
+        ("ATAN", arcs || any(&[CalledFunction::Atan])),
+        ("ASIN", any(&[CalledFunction::Asin])),
+        ("ACOS", any(&[CalledFunction::Acos])),
+        ("FLOOR", any(&[CalledFunction::Floor])),
+        ("LN_COSH", ln_cosh),
+        ("ATANHC", atanhc),
+    ]
+}
+
 /// What a language writes for functions that it does not have, and for tables.
 pub(super) trait FunctionSource: Syntax {
     /// The functions, each behind its marker.
@@ -28,9 +56,6 @@ pub(super) trait FunctionSource: Syntax {
     const DISKS: &'static str;
     /// What surfaces have in common.
     const AXIS: &'static str;
-
-    /// The functions of the text by their names, and whether they are needed for those that are called.
-    fn needed(called: &BTreeSet<CalledFunction>) -> Vec<(&'static str, bool)>;
 
     /// A curve.
     fn curve(curve: usize, table: &EmittedCurve) -> Result<String, EmitError>;
@@ -49,7 +74,7 @@ pub(super) trait FunctionSource: Syntax {
         let curves: BTreeSet<usize> = called.iter().filter_map(place).collect();
         let curves: Vec<(usize, &Curve)> =
             curves.into_iter().filter_map(|place| Some((place, device.curves.get(place)?))).collect();
-        for (name, is_needed) in Self::needed(called) {
+        for (name, is_needed) in needed(called) {
             if is_needed {
                 text.push('\n');
                 text += part(Self::TEXT, &format!("{before}{name}{behind}\n"), before);

@@ -14,8 +14,6 @@ struct TestInputs {
     rows: Vec<Vec<f64>>,
     /// The functions of a sample in their order, with the places of what they take.
     calls: Vec<GivenCall>,
-    /// Where some rows are parts of an interval that are predicted alone, the place of the number that is below 0 in these.
-    corrects: Option<usize>,
 }
 
 struct GivenCall {
@@ -45,15 +43,13 @@ impl TestInputs {
         let columns: Vec<String> =
             inputs.iter().cloned().chain(places.iter().map(|k| program.names.measured(*k))).collect();
         let find = |of: &String| columns.iter().position(|column| column == of);
-        let is_parted = vectors.samples.iter().any(TestSample::is_part);
-        let corrects = is_parted.then_some(columns.len());
         let call = |of: String, arguments: &[String], only_where: Option<usize>| GivenCall {
             of,
             places: arguments.iter().filter_map(find).collect(),
             only_where,
         };
         let mut calls = Vec::new();
-        if request.events.is_empty() && !is_parted {
+        if request.events.is_empty() {
             let step: Vec<String> = interface.step.iter().chain(&interface.measured).cloned().collect();
             calls.push(call("step".to_owned(), &step, None));
         } else {
@@ -65,16 +61,10 @@ impl TestInputs {
                 arguments.push(program.names.measured(*place));
                 let of = format!("update_{}", program.names.measure(*place));
                 let ago = arguments.last().and_then(find).filter(|_| *place >= request.measures.len());
-                calls.push(call(of, &arguments, ago.or(corrects)));
+                calls.push(call(of, &arguments, ago));
             }
         }
-        let points = ["start", "middle", "end"];
-        let all: Vec<(usize, usize)> =
-            (0..device.inputs.len()).flat_map(|k| (0..points.len()).map(move |point| (k, point))).collect();
-        let name =
-            |(k, point): (usize, usize)| program.names.input(k, points.get(point).copied().unwrap_or(""));
-        let from = |wanted: &String| all.iter().copied().find(|place| name(*place) == *wanted);
-        let sources: Vec<(usize, usize)> = inputs.iter().filter_map(from).collect();
+        let sources = Interface::points_of(device, program, &inputs);
         let row = |sample: &TestSample| {
             let at = |(k, point): &(usize, usize)| {
                 sample.inputs.get(*point).and_then(|inputs| inputs.get(*k)).copied()
@@ -83,10 +73,9 @@ impl TestInputs {
                 (0..request.measures.len()).map(|k| sample.measured.get(k).copied().unwrap_or(0.0));
             let ago =
                 (0..request.events.len()).map(|k| sample.events.get(k).copied().flatten().unwrap_or(-1.0));
-            let corrects = corrects.map(|_| if sample.is_part() { -1.0 } else { 1.0 });
-            sources.iter().filter_map(at).chain(measured).chain(ago).chain(corrects).collect()
+            sources.iter().filter_map(at).chain(measured).chain(ago).collect()
         };
-        Self { rows: vectors.samples.iter().map(row).collect(), calls, corrects }
+        Self { rows: vectors.samples.iter().map(row).collect(), calls }
     }
 }
 
@@ -126,6 +115,11 @@ fn table(rows: &[Vec<f64>], [open, close]: [char; 2], language: EmitLanguage) ->
     Ok(text)
 }
 
+/// One row of such numbers without brackets.
+fn row(values: &[f64], language: EmitLanguage) -> Result<String, EmitError> {
+    Ok(table(&[values.to_vec()], [' ', ' '], language)?.replace(" ,\n", "\n"))
+}
+
 /// The files around a filter: its test of itself where it has vectors, and a program that reads samples.
 pub(super) fn files(
     device: &Device,
@@ -137,48 +131,74 @@ pub(super) fn files(
     let mut files = Vec::new();
     if let Some(vectors) = &request.vectors {
         let given = TestInputs::of(device, program, &interface, request, vectors);
-        let expected = vectors.samples.iter().map(|sample| match sample.expected.as_slice() {
-            [] => vec![0.0; request.size()],
-            expected => expected.to_vec(),
-        });
-        let expected: Vec<Vec<f64>> = expected.collect();
-        let sizes = sizes(vectors, request.size());
+        let mut periods = vec![0.0; request.size()];
+        for (state, period) in device.periods(&request.parameters)? {
+            periods[state] = period;
+        }
+        let expected = Expectations {
+            rows: vectors.samples.iter().map(|sample| sample.expected.clone()).collect(),
+            sizes: sizes(vectors, request.size()),
+            periods,
+        };
         match language {
             EmitLanguage::C => {
-                files.extend(self_test_in_c(request, &interface, (&given, &expected, &sizes), vectors)?);
+                files.extend(self_test_in_c(request, &interface, (&given, &expected), vectors)?);
             }
             EmitLanguage::Rust => {
-                files.push(self_test_in_rust(request, &interface, (&given, &expected, &sizes), vectors)?);
+                files.push(self_test_in_rust(request, &interface, (&given, &expected), vectors)?);
             }
         }
     }
-    files.push(example_program::file(device, (request, program), &interface, language));
+    files.push(example_program::file(request, &interface, language));
     Ok(files)
 }
 
-type Vectors<'a> = (&'a TestInputs, &'a [Vec<f64>], &'a [f64]);
+/// What a test expects.
+struct Expectations {
+    /// The states in SI behind each sample.
+    rows: Vec<Vec<f64>>,
+    /// The largest size of each.
+    sizes: Vec<f64>,
+    /// The period of each state that comes round, and 0 of the others.
+    periods: Vec<f64>,
+}
+
+/// The difference of a state that comes round, without whole periods.
+const WRAP_IN_C: &str = "            if (difference > 0.5F * PERIOD[i]) {\n                difference -= PERIOD[i];\n            } else if (difference < -0.5F * PERIOD[i]) {\n                \
+                         difference += PERIOD[i];\n            }\n";
+const WRAP_IN_RUST: &str = "            if difference > 0.5 * PERIOD[k] {\n                difference -= PERIOD[k];\n            } else if difference < -0.5 * PERIOD[k] {\n                \
+                            difference += PERIOD[k];\n            }\n";
 
 fn self_test_in_c(
     request: &EmitRequest,
     interface: &Interface,
-    (given, expected, sizes): Vectors<'_>,
+    (given, Expectations { rows: expected, sizes, periods }): (&TestInputs, &Expectations),
     vectors: &TestVectors,
 ) -> Result<Vec<(String, String)>, EmitError> {
     let name = &request.name;
     let upper = name.to_uppercase();
-    let samples = vectors.samples.iter().filter(|sample| !sample.is_part()).count();
+    let samples = vectors.samples.len();
     let (count, arguments, states) =
         (given.rows.len(), given.rows.first().map_or(0, Vec::len), request.size());
     let call = |call: &GivenCall| {
         let (of, arguments) = (&call.of, call.arguments("GIVEN[k]"));
         let arguments = if arguments.is_empty() { arguments } else { format!(", {arguments}") };
-        let where_it_was =
-            call.only_where("GIVEN[k]").map_or(String::new(), |ago| format!("{ago} >= 0.0F && "));
-        format!(
-            "        if ({where_it_was}!{name}_{of}(&filter{arguments})) {{\n            return 0;\n        }}\n"
-        )
+        let one = format!("(void){name}_{of}(&filter{arguments});\n");
+        match call.only_where("GIVEN[k]") {
+            Some(ago) => format!("        if ({ago} >= 0.0F) {{\n            {one}        }}\n"),
+            None => format!("        {one}"),
+        }
     };
     let calls: String = given.calls.iter().map(call).collect();
+    let comes_round = periods.iter().any(|period| *period > 0.0);
+    let periods = if comes_round {
+        let periods = row(periods, EmitLanguage::C)?;
+        format!(
+            "/* The period of each state that comes round; 0 of the others. */\nstatic const float PERIOD[{states}] = {{\n{periods}}};\n\n"
+        )
+    } else {
+        String::new()
+    };
     let header = format!(
         "{comment}#ifndef {upper}_SELF_TEST_H\n#define {upper}_SELF_TEST_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
          /*\n * Runs the filter over {samples} samples. 1 where every state stays within {tolerance:e} of what is expected, relative to its\n \
@@ -191,21 +211,21 @@ fn self_test_in_c(
         "{comment}#include \"{name}_self_test.h\"\n#include \"{name}.h\"\n\n\
          /* Inputs and measurements in SI. */\nstatic const float GIVEN[{count}][{arguments}] = {{\n{given}}};\n\n\
          /* The states in SI that are expected behind each sample. */\nstatic const float EXPECTED[{count}][{states}] = {{\n{expected}}};\n\n\
-         /* The largest expected size of each state. */\nstatic const float SIZE[{states}] = {{\n{sizes}}};\n\n\
+         /* The largest expected size of each state. */\nstatic const float SIZE[{states}] = {{\n{sizes}}};\n\n{periods}\
          int {name}_self_test(float *worst)\n{{\n    {name}_t filter;\n    unsigned k, i;\n    *worst = 0.0F;\n    {name}_start(&filter);\n    \
-         for (k = 0; k < {count}U; k++) {{\n{calls}{skip}        \
-         for (i = 0; i < {states}U; i++) {{\n            const float difference = {name}_value(&filter, i) - EXPECTED[k][i];\n            \
+         for (k = 0; k < {count}U; k++) {{\n{calls}        \
+         for (i = 0; i < {states}U; i++) {{\n            {constant}float difference = {name}_value(&filter, i) - EXPECTED[k][i];\n{wrap}            \
              const float error = (difference < 0.0F ? -difference : difference) / SIZE[i];\n            \
              if (!(error <= *worst)) {{\n                *worst = error;\n            }}\n        }}\n    }}\n    \
          return *worst <= {tolerance};\n}}\n",
         comment = c::comment(&interface.heading),
         given = table(&given.rows, ['{', '}'], EmitLanguage::C)?,
         expected = table(expected, ['{', '}'], EmitLanguage::C)?,
-        sizes = table(&[sizes.to_vec()], [' ', ' '], EmitLanguage::C)?.replace(" ,\n", "\n"),
+        sizes = row(sizes, EmitLanguage::C)?,
+        periods = periods,
+        constant = if comes_round { "" } else { "const " },
+        wrap = if comes_round { WRAP_IN_C } else { "" },
         calls = calls,
-        skip = given.corrects.map_or(String::new(), |k| format!(
-            "        if (GIVEN[k][{k}] < 0.0F) {{\n            continue;\n        }}\n"
-        )),
         tolerance = c::float(vectors.tolerance)?
     );
     Ok(vec![(format!("{name}_self_test.h"), header), (format!("{name}_self_test.c"), source)])
@@ -214,7 +234,7 @@ fn self_test_in_c(
 fn self_test_in_rust(
     request: &EmitRequest,
     interface: &Interface,
-    (given, expected, sizes): Vectors<'_>,
+    (given, Expectations { rows: expected, sizes, periods }): (&TestInputs, &Expectations),
     vectors: &TestVectors,
 ) -> Result<(String, String), EmitError> {
     let name = &request.name;
@@ -222,33 +242,45 @@ fn self_test_in_rust(
         (given.rows.len(), given.rows.first().map_or(0, Vec::len), request.size());
     let call = |call: &GivenCall| {
         let (of, arguments) = (&call.of, call.arguments("given"));
-        let where_it_was = call.only_where("given").map_or(String::new(), |ago| format!("{ago} >= 0.0 && "));
-        format!(
-            "        if {where_it_was}!filter.{of}({arguments}) {{\n            return Err(f32::INFINITY);\n        }}\n"
-        )
+        let one = format!("let _ = filter.{of}({arguments});\n");
+        match call.only_where("given") {
+            Some(ago) => format!("        if {ago} >= 0.0 {{\n            {one}        }}\n"),
+            None => format!("        {one}"),
+        }
     };
     let calls: String = given.calls.iter().map(call).collect();
+    let comes_round = periods.iter().any(|period| *period > 0.0);
+    let each = if comes_round {
+        "for (k, ((value, expected), size)) in filter.values().iter().zip(expected).zip(&SIZE).enumerate() {"
+    } else {
+        "for ((value, expected), size) in filter.values().iter().zip(expected).zip(&SIZE) {"
+    };
+    let (periods, constant, wrap) = if comes_round {
+        let periods = row(periods, EmitLanguage::Rust)?;
+        let what = "/// The period of each state that comes round; 0 of the others.";
+        (format!("{what}\nstatic PERIOD: [f32; {states}] = [\n{periods}];\n\n"), "mut ", WRAP_IN_RUST)
+    } else {
+        (String::new(), "", "")
+    };
     let text = format!(
         "{comment}\nuse super::{name}::Filter;\n\n\
          /// Inputs and measurements in SI.\nstatic GIVEN: [[f32; {arguments}]; {count}] = [\n{given}];\n\n\
          /// The states in SI that are expected behind each sample.\nstatic EXPECTED: [[f32; {states}]; {count}] = [\n{expected}];\n\n\
-         /// The largest expected size of each state.\nstatic SIZE: [f32; {states}] = [\n{sizes}];\n\n\
+         /// The largest expected size of each state.\nstatic SIZE: [f32; {states}] = [\n{sizes}];\n\n{periods}\
          /// Runs the filter over the samples. The largest difference from what is expected, relative to the largest expected size of\n\
          /// each state: in `Ok` where it is within {tolerance}.\npub fn self_test() -> Result<f32, f32> {{\n    \
          let mut filter = Filter::new();\n    let mut worst = 0.0;\n    for (given, expected) in GIVEN.iter().zip(&EXPECTED) {{\n\
-         {calls}{skip}        \
-         for ((value, expected), size) in filter.values().iter().zip(expected).zip(&SIZE) {{\n            \
-         let difference = value - expected;\n            let error = (if difference < 0.0 {{ -difference }} else {{ difference }}) / size;\n            \
+         {calls}        \
+         {each}\n            \
+         let {constant}difference = value - expected;\n{wrap}            let error = (if difference < 0.0 {{ -difference }} else {{ difference }}) / size;\n            \
          if !(error <= worst) {{\n                worst = error;\n            }}\n        }}\n    }}\n    \
          if worst <= {tolerance} {{ Ok(worst) }} else {{ Err(worst) }}\n}}\n",
         comment = rust::comment(&interface.heading),
         given = table(&given.rows, ['[', ']'], EmitLanguage::Rust)?,
         expected = table(expected, ['[', ']'], EmitLanguage::Rust)?,
-        sizes = table(&[sizes.to_vec()], [' ', ' '], EmitLanguage::Rust)?.replace(" ,\n", "\n"),
+        sizes = row(sizes, EmitLanguage::Rust)?,
+        periods = periods,
         calls = calls,
-        skip = given.corrects.map_or(String::new(), |k| format!(
-            "        if given[{k}] < 0.0 {{\n            continue;\n        }}\n"
-        )),
         tolerance = rust::float(vectors.tolerance)?
     );
     Ok((format!("{name}_self_test.rs"), text))

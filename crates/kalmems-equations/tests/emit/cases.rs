@@ -3,7 +3,8 @@
 use super::host;
 use crate::common::{self, Chance};
 use kalmems_equations::{
-    Device, EmitDigits, EmitGain, EmitMeasure, EmitRequest, FreeParameter, StateStart, StepMethod, TestSample,
+    Device, EmitDigits, EmitGain, EmitMeasure, EmitRequest, EmitWatch, FreeParameter, StateStart, StepMethod,
+    TestSample,
 };
 use std::f64::consts::TAU;
 
@@ -177,6 +178,9 @@ fn case(
         courses: vec![],
         gain: EmitGain::Covariance,
         digits: EmitDigits::Single,
+        update_every: 1,
+        watch: EmitWatch { rejects: true, settling: u32::MAX, ..EmitWatch::COUNTS },
+        rehearsal: vec![],
         vectors: None,
     };
     for (k, state) in states.iter().enumerate() {

@@ -188,7 +188,7 @@ mistakes! {
         &[("[let]\n", "[let]\nV_rate = \"0[V/s]\"\n"), ("gain, offset) in V", "gain, offset) + 1[V s/V^2]*ddt(square) in V")]
     );
     quantity_without_a_unit: small("[derivative]\nx = '-rate*x'\n[quantities]\ntwice = '2*x'\n");
-    quantity_of_no_state: small("[derivative]\nx = '-rate*x'\n[quantities]\nfixed = '2*p in m'\n");
+    quantity_of_no_state: small("[derivative]\nx = '-rate*x'\n[quantities]\nfixed = '2[m] in m'\n");
     quantity_with_the_name_of_a_state: small("[derivative]\nx = '-rate*x'\n[quantities]\nx = '2*x in m'\n");
     derivative_of_a_high_order: scanner("d(C, theta)", "width^3*d(d(d(d(C, theta), theta), theta), theta)");
 

@@ -13,19 +13,19 @@ use crate::Rig;
 use crate::config::{ConfigFault, Experiment, Key, Method};
 use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::estimate::{
-    AnyFilter, FilterPast, GainOf, MeanAndCovariance, SampleSelection, Sensor, StateSeries, Tracked,
-    Trajectory, Transition,
+    AnyFilter, FALSE_REJECTIONS, FilterPast, GainOf, GateMode, MeanAndCovariance, SampleSelection, Sensor,
+    StateSeries, Tracked, Trajectory, Transition, largest_nis, memory_samples,
 };
 use crate::export::{
-    ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, c_name, heading, place_of_filter,
+    ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, SourceTrial, c_name, heading,
+    place_of_filter,
 };
 use crate::progress::Silent;
 use crate::recording::{SampledRecording, Segment};
 use crate::units::kind;
-use kalmems_core::Nodes;
 use kalmems_equations::{
-    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, FreeParameter, InputCourse,
-    StateStart, StepMethod, TestSample, TestVectors,
+    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmitWatch, FreeParameter,
+    InputCourse, SettledGain, StateStart, StepMethod, TestSample, TestVectors,
 };
 
 /// The largest difference from what the library's filter says, relative to the largest size of each state, with which a source still
@@ -41,17 +41,25 @@ const REHEARSED: usize = 3000;
 /// Standard deviations by which a state is away from 0 from which on it is counted from where it starts.
 const FAR: f64 = 10.0;
 
-/// The same, as the source takes every sample.
-fn ungated(mut settings: EquationSettings) -> EquationSettings {
-    settings.filters.iter_mut().for_each(|filter| filter.basics.taking.largest_nis = None);
-    settings
+/// How the source watches its innovations: by the filter's gate, and where it has none by the usual bound, beyond which it takes samples all the same.
+fn watch(taking: &GateMode, interval_s: f64, every: u32) -> EmitWatch {
+    // The first sample is an interval behind the start.
+    let settling = ((taking.after_s * (1.0 - 1e-12) / interval_s).ceil() - 1.0) / f64::from(every);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive counts, saturating
+    let count = |samples: f64| samples.max(0.0).ceil() as u32;
+    EmitWatch {
+        largest_nis: taking.largest_nis.unwrap_or_else(|| largest_nis(FALSE_REJECTIONS)),
+        rejects: taking.largest_nis.is_some(),
+        settling: count(settling),
+        memory: count(memory_samples(interval_s) - 0.5),
+    }
 }
 
 /// The source of a filter; see [`Rig::export`].
 #[allow(clippy::too_many_lines)] // one refusal after the other, each with its reason
 pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
     let place = place_of_filter(experiment, request)?;
-    let settings = ungated(EquationSettings::of(experiment)?);
+    let settings = EquationSettings::of(experiment)?;
     let (own, filter) = (&settings.own, &settings.filters[place]);
     let refuse =
         |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
@@ -65,11 +73,6 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
             );
         }
     };
-    if request.update_every.get() > 1 {
-        return refuse(
-            "its source corrects by every sample; leave `--update-every` out, and call its prediction alone where there is none",
-        );
-    }
     if own.device.has_resets() {
         return refuse(
             "its states are set at once where an expression passes zero, which the source does not do",
@@ -89,12 +92,6 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     let over = Interval::of(each_s);
     let mut heading = heading(experiment, request, &filter.basics.name, interval_s);
     let name = c_name(&experiment.name.to_string());
-    if parts > 1 {
-        heading.push(format!(
-            "A sample is {parts} predictions, each over {each_s:e} s: `{name}_predict` {} times, and then `{name}_step`.",
-            parts - 1
-        ));
-    }
     let states = own.device.states().len();
     let Some(known) = filter.stated() else {
         return refuse(
@@ -119,34 +116,39 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         (Some(gain), [measure]) => settled((own, filter, model), gain, *measure, interval_s)?,
         (Some(_), _) => return refuse("its gain is that of one measurement; name it in `channels`"),
     };
-    let asked = if request.digits == SourceDigits::AsNeeded { REHEARSED } else { 0 };
     let mut unread = None;
-    let mut samples = match &recording {
-        Some(recording) if asked.max(request.samples) > 0 => {
-            let count = (request.samples, asked.max(request.samples));
-            match test_samples(experiment, (&settings, filter), recording, &measures, (count, parts)) {
+    let recorded = match &recording {
+        Some(recording) => {
+            let most = if request.verify { usize::MAX } else { REHEARSED.max(request.samples) };
+            let count = (request.samples, most);
+            match test_samples((experiment, request), (&settings, filter), recording, &measures, count) {
                 // Nothing was asked for: there is no rehearsal, which the source says.
-                Err(why) if request.samples == 0 => {
+                Err(why) if request.samples == 0 && !request.verify => {
                     unread = Some(why);
                     Vec::new()
                 }
                 samples => samples?,
             }
         }
-        _ => Vec::new(),
+        None => Vec::new(),
     };
-    if request.digits == SourceDigits::AsNeeded && samples.is_empty() {
+    if request.verify && recorded.is_empty() {
+        return refuse("there are no samples of a recording to verify it with; leave `--verify` out");
+    }
+    let rehearsal: Vec<TestSample> = recorded.iter().take(REHEARSED.max(request.samples)).cloned().collect();
+    if rehearsal.is_empty() {
         heading.push(match unread {
-            None => "There was no recording over which to see how many digits it needs.".to_owned(),
-            Some(why) => format!("The recording does not tell how many digits it needs: {why}."),
+            None => "There was no recording over which to see how far it is from the estimate.".to_owned(),
+            Some(why) => format!("The recording does not tell how far it is from the estimate: {why}."),
         });
     }
     let digits = match request.digits {
         SourceDigits::Double => EmitDigits::Double,
-        SourceDigits::AsNeeded if !samples.is_empty() => EmitDigits::AsNeeded(samples.clone()),
+        SourceDigits::AsNeeded if !rehearsal.is_empty() => EmitDigits::AsNeeded,
         SourceDigits::AsNeeded | SourceDigits::Single => EmitDigits::Single,
     };
-    samples.truncate(request.samples * parts);
+    let mut vectors = rehearsal.clone();
+    vectors.truncate(request.samples);
     let emitted = EmitRequest {
         heading,
         interval_s: each_s,
@@ -166,7 +168,10 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
             .filter_map(|(k, tracked)| free(own, tracked, model.covariance(&over, (states + k, states + k))))
             .collect(),
         courses: own.between.iter().map(|between| course(*between)).collect(),
-        vectors: (!samples.is_empty()).then_some(TestVectors { samples, tolerance: TOLERANCE }),
+        update_every: request.update_every.get(),
+        watch: watch(&filter.basics.taking, interval_s, request.update_every.get()),
+        vectors: (!vectors.is_empty()).then_some(TestVectors { samples: vectors, tolerance: TOLERANCE }),
+        rehearsal,
         measures,
         events,
         gain,
@@ -181,18 +186,37 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         .device
         .emit(&emitted, language)
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;
+    let states = own.device.states().iter().map(|named| named.name.to_string());
+    let names: Vec<String> =
+        states.chain(filter.basics.parameters().iter().map(|one| one.parameter.name.to_owned())).collect();
     if let Some((state, share)) = files.apart.filter(|(_, share)| share.is_nan() || *share > APART) {
-        let states = own.device.states().iter().map(|named| named.name.to_string());
-        let names: Vec<String> = states
-            .chain(filter.basics.parameters().iter().map(|one| one.parameter.name.to_owned()))
-            .collect();
         return Err(ExportError::Rehearsal {
             filter: filter.basics.name.clone(),
             state: names.get(state).cloned().unwrap_or_default(),
             share,
         });
     }
-    Ok(Exported::of(experiment, request, (filter.basics.name.clone(), interval_s), files.files))
+    let trial = request.verify.then(|| SourceTrial {
+        given: recorded.iter().map(|sample| numbers_of(sample, &files.inputs)).collect(),
+        expected: recorded
+            .iter()
+            .map(|sample| (sample.expected.clone(), sample.expected_sd.clone()))
+            .collect(),
+        periods: (0..names.len())
+            .map(|k| cyclic.iter().find(|(state, _)| *state == k).map(|(_, period)| *period))
+            .collect(),
+        states: names,
+    });
+    let mut exported =
+        Exported::of(experiment, request, (filter.basics.name.clone(), interval_s), files.files);
+    exported.trial = trial;
+    Ok(exported)
+}
+
+/// The numbers of a sample as the program of a source reads them.
+fn numbers_of(sample: &TestSample, inputs: &[(usize, usize)]) -> Vec<f64> {
+    let at = |(input, point): &(usize, usize)| sample.inputs.get(*point)?.get(*input).copied();
+    inputs.iter().filter_map(at).chain(sample.measured.iter().copied()).collect()
 }
 
 /// How an input goes between two samples, for the source.
@@ -305,11 +329,11 @@ fn settled(
     let made = |rest: &MeanAndCovariance, step: &dyn Transition, sensor: &dyn Sensor| {
         AnyFilter::constant_gain_of((gain, interval_s), (rest, &known), (step, sensor, variance))
     };
-    let mut gain = at_rest(own, model, (measure, interval_s), made)
+    let (mut gain, innovation) = at_rest(own, model, (measure, interval_s), made)
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why })?;
     let parameters = gain.iter_mut().skip(own.device.states().len());
     parameters.zip(filter.basics.parameters()).for_each(|(gain, tracked)| *gain *= tracked.added.scale);
-    Ok(EmitGain::Settled(vec![gain]))
+    Ok(EmitGain::Settled(vec![SettledGain { gain, variance: innovation }]))
 }
 
 /// The first recording, where there is one, and the interval in s between samples.
@@ -355,44 +379,35 @@ fn events_ago(
     Ok(ago)
 }
 
-/// The inputs at the start, the middle and the end of one of so many parts of the interval before a sample.
-fn inputs_of_part(
-    data: &EquationSegment,
-    between: &[Interpolation],
-    (k, part, parts): (usize, usize, usize),
-) -> [Vec<f64>; 3] {
-    let of = |(input, between): (&SegmentDrive<'_>, &Interpolation)| {
-        SegmentDrive::nodes_of_part(&between.nodes(input, k), part, parts)
-    };
-    let nodes: Vec<_> = data.inputs.iter().zip(between).map(of).collect();
-    // A measurement sees the input of its sample, also where a prediction holds another one.
-    let seen = |(node, input): (&Nodes<f64>, &SegmentDrive<'_>)| {
-        if part + 1 < parts { node.end } else { input.sample(k).0 }
-    };
+/// The inputs at the start, the middle and the end of the interval before a sample.
+fn inputs_before(data: &EquationSegment, between: &[Interpolation], k: usize) -> [Vec<f64>; 3] {
+    let nodes: Vec<_> =
+        data.inputs.iter().zip(between).map(|(input, between)| between.nodes(input, k)).collect();
     [
         nodes.iter().map(|n| n.start).collect(),
         nodes.iter().map(|n| n.middle).collect(),
-        nodes.iter().zip(&data.inputs).map(seen).collect(),
+        // A measurement sees the input of its sample, also where a prediction holds another one.
+        data.inputs.iter().map(|input| input.sample(k).0).collect(),
     ]
 }
 
 /// The first samples of the recording, so many at least and at most, with the states that the library's filter has behind each.
 ///
-/// Where the interval is predicted in parts, those before the last are samples of their own without what is measured.
+/// Where the library's filter has lost its signal and is started again, the source is not: the samples end before that.
 ///
 /// The source predicts before it corrects. The first row is therefore where the filter starts, without a correction, and the samples
 /// are those behind it.
 fn test_samples(
-    experiment: &Experiment,
+    (experiment, request): (&Experiment, &ExportRequest),
     (settings, filter): (&EquationSettings, &EquationFilterSettings),
     recording: &SampledRecording,
     measures: &[EmitMeasure],
-    ((at_least, at_most), parts): ((usize, usize), usize),
+    (at_least, at_most): (usize, usize),
 ) -> Result<Vec<TestSample>, ExportError> {
     let own = &settings.own;
     let file = || recording.source().file.clone();
     let columns = EquationColumns::of(experiment, 0)?;
-    let EquationColumns { inputs, measured, .. } = &columns;
+    let EquationColumns { inputs, measured: channels, .. } = &columns;
     let Some(segment) = recording.segments().first() else {
         return Err(ExportError::NoInterval { file: file() });
     };
@@ -405,22 +420,18 @@ fn test_samples(
     }
     let mut signals: Vec<(EmitMeasure, Vec<f64>)> = Vec::new();
     for measure in measures {
-        let column = measured.iter().find(|(place, _)| *place == measure.measure);
+        let column = channels.iter().find(|(place, _)| *place == measure.measure);
         let Some((place, column)) = column else {
             let why = "a measurement of the filter is no channel of the recording; leave `--samples` out"
                 .to_owned();
             return Err(experiment.error("recording", ConfigFault::Value { why }).into());
         };
         let kind = names::kind_of(&own.device.measures()[*place]);
-        let mut signal = recording.column_of(column, kind)?.of(segment).to_vec();
-        if let Some(first) = signal.first_mut() {
-            *first = f64::NAN;
-        }
-        signals.push((*measure, signal));
+        signals.push((*measure, recording.column_of(column, kind)?.of(segment).to_vec()));
     }
     let ago = events_ago(settings, &columns, (recording, segment))?;
     let happened = |(event, rows): (&EventSettings, &Vec<Option<f64>>)| {
-        let rows = rows.iter().take(at_most + 1).enumerate();
+        let rows = rows.iter().take(at_most.saturating_add(1)).enumerate();
         let told = rows.filter_map(|(row, ago_s)| Some((row, time_s.get(row)? - (*ago_s)?))).collect();
         EventTimes { settings: *event, found: FoundEvents::Recorded(told) }
     };
@@ -430,6 +441,15 @@ fn test_samples(
             && signals.iter().all(|(_, signal)| *k == 0 || finite(signal))
     };
     let rows = (0..time_s.len()).take_while(whole).count();
+    let measured_at = |k: usize| signals.iter().map(|(_, signal)| signal[k]).collect::<Vec<f64>>();
+    let measured: Vec<Vec<f64>> = (0..rows).map(measured_at).collect();
+    // The first row, and those by which the source does not correct.
+    let every = request.update_every.get() as usize;
+    for (_, signal) in &mut signals {
+        let left_out =
+            signal.iter_mut().enumerate().filter(|(k, _)| k.checked_sub(1).is_none_or(|k| k % every != 0));
+        left_out.for_each(|(_, value)| *value = f64::NAN);
+    }
     if rows <= at_least {
         return Err(ExportError::Samples { file: file(), asked: at_least, found: rows.saturating_sub(1) });
     }
@@ -465,27 +485,19 @@ fn test_samples(
         .follow(&mut FilterPast::default())
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;
     let Some(trajectory) = found.first() else { return Err(ExportError::NoInterval { file: file() }) };
-    let sample = |(k, part): (usize, usize)| {
-        let inputs = inputs_of_part(&data, &own.between, (k, part, parts));
-        if part + 1 < parts {
-            return TestSample {
-                inputs,
-                measured: Vec::new(),
-                events: Vec::new(),
-                expected: Vec::new(),
-                expected_sd: Vec::new(),
-            };
-        }
+    let again = trajectory.restarts.first().map_or(f64::INFINITY, |restart| restart.time_s);
+    let count = time_s[1..=count].iter().take_while(|time_s| **time_s < again).count();
+    let sample = |k: usize| {
         let (expected, expected_sd) = answer_at(own, filter, trajectory, k);
         TestSample {
-            inputs,
-            measured: data.channels.iter().map(|channel| channel.signal[k]).collect(),
+            inputs: inputs_before(&data, &own.between, k),
+            measured: measured[k].clone(),
             events: filter.events.iter().map(|used| ago[used.event].get(k).copied().flatten()).collect(),
             expected,
             expected_sd,
         }
     };
-    Ok((1..=count).flat_map(|k| (0..parts).map(move |part| (k, part))).map(sample).collect())
+    Ok((1..=count).map(sample).collect())
 }
 
 /// States and values of parameters as the source has them, at a sample of a trajectory, and the standard deviations that are claimed of

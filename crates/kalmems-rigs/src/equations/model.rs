@@ -464,6 +464,15 @@ impl EquationModel {
         valued(x, self.moving(), &self.free)
     }
 
+    /// The places of the quantities that follow from stated parameters alone, of which nothing is estimated.
+    pub fn stated_quantities(&self) -> impl Iterator<Item = usize> {
+        self.quantities
+            .iter()
+            .enumerate()
+            .filter(|(_, reading)| !reading.is_estimated())
+            .map(|(place, _)| place)
+    }
+
     /// What follows from the states by the expressions of the device, under these names; `None` where there is nothing.
     pub fn derived(&self, names: Vec<StateName>) -> Option<DerivedQuantities> {
         if self.quantities.is_empty() {

@@ -336,6 +336,12 @@ impl EquationFilterTask<'_> {
         if basics.method == Method::Model {
             all.iter_mut().for_each(Trajectory::mark_model_alone);
         }
+        // Of a number that is not estimated no deviation is claimed: zeros would look like a claim.
+        let named = self.own.device.quantities();
+        let stated: Vec<&str> =
+            model.stated_quantities().filter_map(|k| Some(&*named.get(k)?.name)).collect();
+        let series = all.iter_mut().flat_map(|trajectory| &mut trajectory.states);
+        series.filter(|state| stated.contains(&state.name)).for_each(|state| state.sd.clear());
         Ok(all)
     }
 

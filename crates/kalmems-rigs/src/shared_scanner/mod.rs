@@ -7,7 +7,6 @@
 mod circuit;
 pub mod device;
 mod expanded;
-mod export;
 mod filters;
 pub mod identification;
 mod lock_in;
@@ -31,7 +30,6 @@ use crate::estimate::{
     SignalSegment, rows_for_start, rows_to_start_again,
 };
 use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
-use crate::export::{ExportError, ExportableFilter};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::{Interruption, Progress, Silent};
@@ -200,15 +198,6 @@ impl Rig for SharedScannerRig {
         };
         let errors = |t| references.first().and_then(|reference| evaluate_motion(t, reference, extent, stop));
         estimate.trajectories.iter().map(errors).collect()
-    }
-
-    fn exported(
-        &self,
-        experiment: &Experiment,
-        place: usize,
-    ) -> Result<(Box<dyn ExportableFilter>, [String; 2]), ExportError> {
-        let index = self.wanted(experiment)?.first().copied().unwrap_or(0);
-        Ok((Box::new(export::exported(experiment, place)?), columns(experiment, index)?.map(str::to_owned)))
     }
 }
 

@@ -52,6 +52,8 @@ fn exported(folder: &Path, text: &str, digits: SourceDigits) -> Result<Exported,
         samples: 300,
         adjustable: Vec::new(),
         digits,
+        verify: false,
+        notes: Vec::new(),
     };
     published().rig(&experiment).unwrap().export(&experiment, &request)
 }
@@ -127,7 +129,6 @@ fn a_key_of_the_filter_that_the_source_lacks_is_refused_with_its_reason() {
     let folder = tempfile::tempdir().unwrap();
     record(folder.path(), "hold");
     for (key, reason) in [
-        ("gate = 1e-3", "has no gate and takes every sample; write `gate = false`"),
         ("gate = false\nsmooth_lag = \"1 ms\"", "has no smoother; leave `smooth_lag` out"),
         ("update = \"huber\"", "has no update `huber`"),
     ] {

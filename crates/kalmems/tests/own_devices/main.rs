@@ -5,6 +5,8 @@ mod events;
 mod example_devices;
 mod export;
 mod export_agreement;
+mod export_faults;
+mod export_table;
 mod input_rate;
 mod measured_devices;
 mod measured_outliers;
@@ -15,6 +17,7 @@ mod own_inputs;
 mod own_lock_in;
 mod own_loops;
 mod own_start;
+mod parameter_quantities;
 #[path = "../parts/mod.rs"]
 mod parts;
 mod resets;

@@ -3,7 +3,9 @@
  * Made by kalmems 0.1.0 with `kalmems export`; not to be edited.
  * Experiment `scanner_filter`, sha256 22827e5ef19e697e0aca21105e2fe23d62450b77fca820ffdd0bc24770b39a0a, filter `Euler EKF`.
  * Sampling interval 1.0000000000001327e-6 s, corrected by every sample.
- * Sampling interval 1.0000000000001327e-6 s, steps by Euler's method.
+ * The signal is the same for the mirrored motion; `first_peak` is not known to equations, so that the sign is that of the start.
+ * Equations know nothing of `first_peak`: left out.
+ * A step goes over 1.0000000000001327e-6 s, by Euler's method.
  * Numbers have 32 bits.
  * In a rehearsal with numbers of 32 bits the largest difference from the filter of the library was 6.1e-7 of the largest value of a state.
  */
@@ -11,7 +13,7 @@
 
 #include <stdint.h>
 
-#ifdef __FAST_MATH__
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
 #error "gaps and refusals are seen by what is not a number: compile without -ffast-math"
 #endif
 
@@ -35,6 +37,14 @@
 #else
 #define WITHIN static
 #endif
+
+/* What is not a number. */
+WITHIN float nothing(void)
+{
+    union { uint32_t bits; float value; } none;
+    none.bits = 0x7FC00000U;
+    return none.value;
+}
 
 /* e^x for x <= 0: x = n ln 2 + r, a polynomial in r, and n added to the exponent. */
 WITHIN float falling_exp(float x)
@@ -61,6 +71,71 @@ WITHIN float falling_exp(float x)
 /* The unit of each state and what it is counted from, in SI. */
 static const float UNIT[2] = {0.2F, 200000.0F};
 static const float ORIGIN[2] = {0.0F, 0.0F};
+/* The standard deviation of the noise of each measurement in SI. */
+static const float DEVIATION[1] = {0.013856406F};
+
+/* The median of chi squared with one degree of freedom. */
+#define MEDIAN 0.454936415F
+
+/* Before the first sample. */
+static const scanner_filter_watch_t FRESH = {0.0F, 0.0F, 0.0F, 1.0F, MEDIAN, 0.0F, 0U, 0U, 0U, 0U};
+
+/* Takes notice of an innovation in standard deviations of the noise and of its variance; 1 where the sample is taken. */
+WITHIN int believed(scanner_filter_watch_t *watch, float residual, float variance)
+{
+    const float nis = residual * residual / variance;
+    const int settles = watch->seen < 7999U;
+    /* At the end of the settling time the share is that of its last quarter. */
+    const float early = settles ? 4.0F / (4.0F + (float)watch->seen) : 0.0F;
+    const float forgets = early > 0.0001F ? early : 0.0001F;
+    const float bound = watch->median > MEDIAN ? 28.373987F * (watch->median / MEDIAN) : 28.373987F;
+    const int beyond = nis > bound;
+    const int taken = 1;
+    int opens;
+    if (settles) {
+        watch->seen++;
+    }
+    if (!(variance > 0.0F && nis - nis == 0.0F)) {
+        if (watch->since + 1U != 0U) {
+            watch->since++;
+        }
+        return 0;
+    }
+    watch->residual = residual;
+    watch->variance = variance;
+    watch->nis = nis;
+    watch->beyond += ((beyond ? 1.0F : 0.0F) - watch->beyond) * forgets;
+    opens = watch->beyond > (watch->open > 0U ? 0.0625F : 0.125F);
+    if (!opens) {
+        watch->open = 0U;
+    } else if (settles || (watch->open < 2U && nis <= 28.373987F)) {
+        watch->open = 1U;
+    } else if (nis <= 28.373987F) {
+        watch->open--;
+    } else if (watch->open + 1U != 0U) {
+        watch->open++;
+    }
+    if (opens) {
+        watch->suspect = 0U;
+    } else if (beyond) {
+        watch->suspect = watch->suspect < 14U ? watch->suspect + 2U : 16U;
+    } else if (watch->suspect > 0U) {
+        watch->suspect--;
+    }
+    if (!taken) {
+        if (watch->since + 1U != 0U) {
+            watch->since++;
+        }
+        return 0;
+    }
+    watch->since = 0U;
+    watch->mean_nis += (nis - watch->mean_nis) * forgets;
+    watch->median *= nis > watch->median ? 1.01574767F : 0.984496415F;
+    if (watch->median < 0.25F * MEDIAN) {
+        watch->median = 0.25F * MEDIAN;
+    }
+    return 1;
+}
 
 WITHIN void predict(scanner_filter_state_t *state, float u_drive_start)
 {
@@ -82,7 +157,7 @@ WITHIN void predict(scanner_filter_state_t *state, float u_drive_start)
     state->covariance[2] = FUSED(0.99948263F, t5, FUSED(t2, t4, 2.4907323e-9F));
 }
 
-WITHIN int update_signal(scanner_filter_state_t *state, float y_signal)
+WITHIN int update_signal(scanner_filter_state_t *state, scanner_filter_watch_t *watch, float y_signal)
 {
     const float x_angle = state->mean[0];
     const float x_rate = state->mean[1];
@@ -102,12 +177,15 @@ WITHIN int update_signal(scanner_filter_state_t *state, float y_signal)
     const float t9 = FUSED(-t3, t7, p0_0);
     const float t10 = FUSED(-t3, t8, p1_0);
     const float t11 = FUSED(-t1, t10, t8);
+    if (!believed(watch, t2, t5)) {
+        return 0;
+    }
     state->mean[0] = FUSED(t2, t7, x_angle);
     state->mean[1] = FUSED(t2, t8, x_rate);
     state->covariance[0] = FUSED(t7, FUSED(-t1, t9, t7), t9);
     state->covariance[1] = FUSED(t7, t11, t10);
     state->covariance[2] = FUSED(t8, t11, FUSED(-t4, t8, p1_1));
-    return t5 > 0.0F;
+    return 1;
 }
 
 /* Takes over a state where all its numbers are finite. */
@@ -125,13 +203,24 @@ WITHIN int take(scanner_filter_t *filter, const scanner_filter_state_t *state)
     return 1;
 }
 
-void scanner_filter_start(scanner_filter_t *filter)
+/* The first state. */
+WITHIN void first(scanner_filter_t *filter)
 {
+    unsigned k;
     filter->state.mean[0] = 0.25F;
     filter->state.mean[1] = 0.0F;
     filter->state.covariance[0] = 0.5625F;
     filter->state.covariance[1] = 0.0F;
     filter->state.covariance[2] = 0.005625F;
+    for (k = 0U; k < SCANNER_FILTER_MEASUREMENTS; k++) {
+        filter->watch[k] = FRESH;
+    }
+}
+
+void scanner_filter_start(scanner_filter_t *filter)
+{
+    first(filter);
+    filter->begun = 0U;
 }
 
 int scanner_filter_predict(scanner_filter_t *filter, float u_drive_start)
@@ -144,7 +233,8 @@ int scanner_filter_predict(scanner_filter_t *filter, float u_drive_start)
 int scanner_filter_update_signal(scanner_filter_t *filter, float y_signal)
 {
     scanner_filter_state_t next = filter->state;
-    return update_signal(&next, y_signal) && take(filter, &next);
+    const int taken = update_signal(&next, &filter->watch[0], y_signal) && take(filter, &next);
+    return taken;
 }
 
 int scanner_filter_step(scanner_filter_t *filter, float u_drive_start, float y_signal)
@@ -152,27 +242,43 @@ int scanner_filter_step(scanner_filter_t *filter, float u_drive_start, float y_s
     scanner_filter_state_t next = filter->state;
     int taken = 1;
     predict(&next, u_drive_start);
-    taken &= update_signal(&next, y_signal);
-    if (taken && take(filter, &next)) {
-        return 1;
+    taken &= update_signal(&next, &filter->watch[0], y_signal);
+    if (!take(filter, &next)) {
+        /* What follows from the measurements is not finite: the prediction alone. */
+        (void)scanner_filter_predict(filter, u_drive_start);
+        taken = 0;
     }
-    /* One is refused: each for itself. */
-    taken = scanner_filter_predict(filter, u_drive_start);
-    if (!taken) {
-        return 0;
-    }
-    taken &= scanner_filter_update_signal(filter, y_signal);
     return taken;
+}
+
+scanner_filter_status_t scanner_filter_status(const scanner_filter_t *filter, unsigned measurement)
+{
+    const scanner_filter_watch_t *const watch = &filter->watch[measurement < SCANNER_FILTER_MEASUREMENTS ? measurement : 0U];
+    if (watch->seen < 7999U) {
+        return SCANNER_FILTER_STARTING;
+    }
+    if (watch->open > 0U) {
+        return SCANNER_FILTER_LOST;
+    }
+    if (watch->median > 4.0F * MEDIAN) {
+        return SCANNER_FILTER_OVERCONFIDENT;
+    }
+    return watch->since > 0U ? SCANNER_FILTER_LEFT_OUT : SCANNER_FILTER_FOLLOWING;
+}
+
+float scanner_filter_innovation(const scanner_filter_t *filter, unsigned measurement)
+{
+    return measurement < SCANNER_FILTER_MEASUREMENTS ? DEVIATION[measurement] * filter->watch[measurement].residual : nothing();
 }
 
 float scanner_filter_value(const scanner_filter_t *filter, unsigned state)
 {
-    return state < 2U ? ORIGIN[state] + UNIT[state] * filter->state.mean[state] : 0.0F;
+    return state < 2U ? ORIGIN[state] + UNIT[state] * filter->state.mean[state] : nothing();
 }
 
 float scanner_filter_variance(const scanner_filter_t *filter, unsigned state)
 {
     return state < 2U
-               ? UNIT[state] * UNIT[state] * filter->state.covariance[state * (state + 3U) / 2U]
-               : 0.0F;
+               ? (UNIT[state] * UNIT[state]) * filter->state.covariance[state * (state + 3U) / 2U]
+               : nothing();
 }

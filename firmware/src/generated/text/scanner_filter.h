@@ -3,7 +3,9 @@
  * Made by kalmems 0.1.0 with `kalmems export`; not to be edited.
  * Experiment `scanner_filter`, sha256 22827e5ef19e697e0aca21105e2fe23d62450b77fca820ffdd0bc24770b39a0a, filter `Euler EKF`.
  * Sampling interval 1.0000000000001327e-6 s, corrected by every sample.
- * Sampling interval 1.0000000000001327e-6 s, steps by Euler's method.
+ * The signal is the same for the mirrored motion; `first_peak` is not known to equations, so that the sign is that of the start.
+ * Equations know nothing of `first_peak`: left out.
+ * A step goes over 1.0000000000001327e-6 s, by Euler's method.
  * Numbers have 32 bits.
  * In a rehearsal with numbers of 32 bits the largest difference from the filter of the library was 6.1e-7 of the largest value of a state.
  */
@@ -23,14 +25,45 @@ extern "C" {
 /* The sampling interval in s. */
 #define SCANNER_FILTER_INTERVAL_S 1e-6F
 
+/* How many measurements correct it. */
+#define SCANNER_FILTER_MEASUREMENTS 1
+
+/* A step corrects by one sample in so many. */
+#define SCANNER_FILTER_UPDATE_EVERY 1U
+
 /* What is estimated, each state in its unit. */
 typedef struct {
     float mean[2];
     float covariance[3]; /* the lower triangle, row by row */
 } scanner_filter_state_t;
 
+/* What the corrections by a measurement saw. */
+typedef struct {
+    float residual; /* measured minus predicted, in standard deviations of the noise */
+    float variance; /* of that by the filter */
+    float nis;      /* the normalised innovation squared; its mean is 1 of a filter that is right */
+    float mean_nis; /* the mean of those that were taken last */
+    float median;   /* what follows their median; 0.455 of a filter that is right */
+    float beyond;   /* the share of the last samples that were beyond the bound */
+    unsigned since; /* samples since the last that was taken */
+    unsigned seen;  /* samples from the start on, up to the end of the settling time */
+    unsigned suspect; /* how suspect the next sample is */
+    unsigned open;  /* 0, or, where too many were beyond the bound and all are taken, 1 and how many more were since then than within */
+} scanner_filter_watch_t;
+
+/* How a filter stands to a measurement. */
+typedef enum {
+    SCANNER_FILTER_STARTING,      /* it settles: every sample is taken */
+    SCANNER_FILTER_FOLLOWING,     /* the last sample was taken, and samples are as near as the filter says */
+    SCANNER_FILTER_LEFT_OUT,      /* the last sample was not taken: it is missing, or none of the signal */
+    SCANNER_FILTER_OVERCONFIDENT, /* samples are more than twice as far from their predictions as it says: do not trust its variances */
+    SCANNER_FILTER_LOST           /* too many samples are none of the signal that it follows: do not trust its means */
+} scanner_filter_status_t;
+
 typedef struct {
     scanner_filter_state_t state;
+    scanner_filter_watch_t watch[SCANNER_FILTER_MEASUREMENTS];
+    unsigned begun; /* how often it has begun again, having lost its signal */
 } scanner_filter_t;
 
 /* Before the first sample. */
@@ -46,12 +79,18 @@ int scanner_filter_predict(scanner_filter_t *filter, float u_drive_start);
 int scanner_filter_update_signal(scanner_filter_t *filter, float y_signal);
 
 /*
- * The prediction and all corrections of one sample. 1 where all were taken. 0 where one is refused and left out;
- * a sample that is not a number is a gap, and refused behind the prediction.
+ * The prediction and all corrections of one sample. 1 where all were taken; 0 where one is left out: a sample that is not a number is a
+ * gap, and one that is too far from what is expected is none of the signal.
  */
 int scanner_filter_step(scanner_filter_t *filter, float u_drive_start, float y_signal);
 
-/* The mean of a state in SI. */
+/* How it stands to a measurement, the first of which is 0. */
+scanner_filter_status_t scanner_filter_status(const scanner_filter_t *filter, unsigned measurement);
+
+/* What was last measured of it, minus what was predicted, in SI. Not a number of a measurement that there is not. */
+float scanner_filter_innovation(const scanner_filter_t *filter, unsigned measurement);
+
+/* The mean of a state in SI. Not a number of a state that there is not. */
 float scanner_filter_value(const scanner_filter_t *filter, unsigned state);
 
 /* The variance of a state in SI. */

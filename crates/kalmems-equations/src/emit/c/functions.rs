@@ -1,11 +1,9 @@
-//! Functions that `math.h` does not have, and tables, in C99.
+//! Functions, in which a source needs no library, and tables, in C99.
 
 use super::{C, float};
 use crate::description::CurveExtension;
 use crate::emit::error::EmitError;
 use crate::emit::tables::{EmittedCurve, EmittedGrid, FunctionSource, coefficient_rows};
-use crate::emit::tape::CalledFunction;
-use std::collections::BTreeSet;
 
 /// The function of two disks, with names in braces where its numbers are.
 const DISKS: &str = r"
@@ -17,12 +15,12 @@ static const float DISKS[{count}] = {
 /* C/(epsilon_0 a) of two disks over d/a, and its first two derivatives. */
 static float disks(float share, unsigned order)
 {
-    const float x = {factor} * logf(share) + {offset};
+    const float x = {factor} * ln_f32(share) + {offset};
     float b1 = 0.0F, b2 = 0.0F, d1 = 0.0F, d2 = 0.0F, e1 = 0.0F, e2 = 0.0F;
     float value, slope, bend, by_share;
     int k;
-    if (!(fabsf(x) <= 1.0F)) {
-        return NAN;
+    if (!(x >= -1.0F && x <= 1.0F)) {
+        return nothing();
     }
     for (k = {count} - 1; k >= 0; k--) {
         const float b = 2.0F * x * b1 - b2 + DISKS[k];
@@ -30,7 +28,7 @@ static float disks(float share, unsigned order)
         const float e = 2.0F * (2.0F * d1 + x * e1) - e2;
         b2 = b1; b1 = b; d2 = d1; d1 = d; e2 = e1; e1 = e;
     }
-    value = {size} * expf(x * b1 - b2);
+    value = {size} * exp_f32(x * b1 - b2);
     slope = b1 + x * d1 - d2;
     bend = 2.0F * d1 + x * e1 - e2;
     by_share = {factor} / share;
@@ -78,7 +76,7 @@ static unsigned axis(const float *at, unsigned count, unsigned outside, float x,
         if (beyond != 0.0F) {
             const float tangent = order == 0U ? value[k] + beyond * slope[k] : order == 1U ? slope[k] : 0.0F;
             const float stays = order == 0U ? value[k] : 0.0F;
-            weights[k] = outside == 0U ? NAN : outside == 1U ? stays : tangent;
+            weights[k] = outside == 0U ? nothing() : outside == 1U ? stays : tangent;
         }
     }
     return low;
@@ -91,24 +89,17 @@ impl FunctionSource for C {
     const DISKS: &'static str = DISKS;
     const AXIS: &'static str = AXIS;
 
-    fn needed(called: &BTreeSet<CalledFunction>) -> Vec<(&'static str, bool)> {
-        vec![
-            ("FALLING_EXP", called.contains(&CalledFunction::FallingExp)),
-            ("LN_COSH", called.contains(&CalledFunction::LnCosh)),
-            ("ATANHC", called.iter().any(|c| matches!(c, CalledFunction::Atanhc(_)))),
-        ]
-    }
-
     fn curve(curve: usize, table: &EmittedCurve) -> Result<String, EmitError> {
         let count = table.places.len();
         let coefficients: Vec<f64> = table.pieces.iter().flatten().copied().collect();
         let (before, after) = match table.outside {
-            CurveExtension::Error => {
-                ("    if (!(x >= CURVE_AT[0] && x <= CURVE_AT[LAST])) {\n        return NAN;\n    }\n", "")
-            }
+            CurveExtension::Error => (
+                "    if (!(x >= CURVE_AT[0] && x <= CURVE_AT[LAST])) {\n        return nothing();\n    }\n",
+                "",
+            ),
             CurveExtension::Clamp => (
                 "    const float end = x < CURVE_AT[0] ? CURVE_AT[0] : x > CURVE_AT[LAST] ? CURVE_AT[LAST] : x;\n    \
-             if (end != x && order > 0U) {\n        return x == x ? 0.0F : NAN;\n    }\n    x = end;\n",
+             if (end != x && order > 0U) {\n        return x == x ? 0.0F : nothing();\n    }\n    x = end;\n",
                 "",
             ),
             CurveExtension::Linear => (

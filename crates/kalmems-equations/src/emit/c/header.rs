@@ -22,39 +22,15 @@ pub(super) fn header(
         text,
         "#ifndef {upper}_H\n#define {upper}_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
          /* How many states there are:\n{} */\n#define {upper}_STATES {size}\n\n\
-         /* {} in s. */\n#define {upper}_INTERVAL_S {}\n\n",
+         /* The sampling interval in s. */\n#define {upper}_INTERVAL_S {}\n\n\
+         /* How many measurements correct it. */\n#define {upper}_MEASUREMENTS {}\n\n\
+         /* A step corrects by one sample in so many. */\n#define {upper}_UPDATE_EVERY {}U\n\n",
         interface.states(" * "),
-        request.name_of_interval(),
-        float(request.interval_s)?
+        float(request.sampling_interval_s())?,
+        request.measures.len(),
+        request.update_every
     );
-    let _ = write!(
-        text,
-        "/* What is estimated, each state in its unit. */\ntypedef struct {{\n    {} mean[{size}];\n",
-        kind(program.widths.mean)
-    );
-    if request.gain == EmitGain::Covariance {
-        let entries = size * (size + 1) / 2;
-        let of = kind(program.widths.covariance);
-        let _ = writeln!(text, "    {of} covariance[{entries}]; /* the lower triangle, row by row */");
-    }
-    let _ = write!(text, "}} {name}_state_t;\n\n");
-    if program.configure.is_some() {
-        let _ = writeln!(
-            text,
-            "/* Parameters that may change while the program runs, in SI. */\ntypedef struct {{"
-        );
-        for (field, unit, _) in Interface::parameters(device, request, program) {
-            let _ = writeln!(text, "    double {field}; /* {} */", unit.replace("*/", "* /"));
-        }
-        let _ = write!(text, "}} {name}_parameters_t;\n\n");
-    }
-    let _ = write!(text, "typedef struct {{\n    {name}_state_t state;\n");
-    if let Some(configure) = &program.configure {
-        let count = configure.outputs.len().max(1);
-        let of = kind(program.widths.constants);
-        let _ = writeln!(text, "    {of} constants[{count}]; /* what follows from the parameters */");
-    }
-    let _ = write!(text, "}} {name}_t;\n\n");
+    types(&mut text, device, request, program);
     if program.configure.is_some() {
         let _ = write!(
             text,
@@ -85,11 +61,19 @@ pub(super) fn header(
             Interface::arguments(name, &update.inputs, &update.measured)
         );
     }
+    let again = if request.begins_again() {
+        " * Where too many samples are none of the signal that it follows, it begins again as at the start.\n"
+    } else {
+        ""
+    };
     let _ = write!(
         text,
-        "/*\n * The prediction and all corrections of one sample. 1 where all were taken. 0 where one is refused and left out;\n \
-         * a sample that is not a number is a gap, and refused behind the prediction.\n */\nint {name}_step({});\n\n\
-         /* The mean of a state in SI. */\nfloat {name}_value(const {name}_t *filter, unsigned state);\n\n",
+        "/*\n * The prediction and all corrections of one sample. 1 where all were taken; 0 where one is left out: a sample that is not a number is a\n \
+         * gap, and one that is too far from what is expected is none of the signal.\n{again} */\nint {name}_step({});\n\n\
+         /* How it stands to a measurement, the first of which is 0. */\n{name}_status_t {name}_status(const {name}_t *filter, unsigned measurement);\n\n\
+         /* What was last measured of it, minus what was predicted, in SI. Not a number of a measurement that there is not. */\n\
+         float {name}_innovation(const {name}_t *filter, unsigned measurement);\n\n\
+         /* The mean of a state in SI. Not a number of a state that there is not. */\nfloat {name}_value(const {name}_t *filter, unsigned state);\n\n",
         Interface::arguments(name, &interface.step, &interface.measured)
     );
     if request.gain == EmitGain::Covariance {
@@ -100,4 +84,47 @@ pub(super) fn header(
     }
     text += "#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
     Ok(text)
+}
+
+/// The types of a filter.
+fn types(text: &mut String, device: &Device, request: &EmitRequest, program: &FilterProgram) {
+    let (name, upper, size) = (&request.name, request.name.to_uppercase(), request.size());
+    let _ = write!(
+        text,
+        "/* What is estimated, each state in its unit. */\ntypedef struct {{\n    {} mean[{size}];\n",
+        kind(program.widths.mean)
+    );
+    if request.gain == EmitGain::Covariance {
+        let entries = size * (size + 1) / 2;
+        let of = kind(program.widths.covariance);
+        let _ = writeln!(text, "    {of} covariance[{entries}]; /* the lower triangle, row by row */");
+    }
+    let _ = write!(text, "}} {name}_state_t;\n\n");
+    if program.configure.is_some() {
+        let _ = writeln!(
+            text,
+            "/* Parameters that may change while the program runs, in SI. */\ntypedef struct {{"
+        );
+        for (field, unit, _) in Interface::parameters(device, request, program) {
+            let _ = writeln!(text, "    double {field}; /* {} */", unit.replace("*/", "* /"));
+        }
+        let _ = write!(text, "}} {name}_parameters_t;\n\n");
+    }
+    *text += &request.watch_types();
+    let _ = write!(
+        text,
+        "typedef struct {{\n    {name}_state_t state;\n    {name}_watch_t watch[{upper}_MEASUREMENTS];\n    \
+         unsigned begun; /* how often it has begun again, having lost its signal */\n{}",
+        if request.update_every > 1 {
+            "    unsigned left; /* samples until the next correction */\n"
+        } else {
+            ""
+        }
+    );
+    if let Some(configure) = &program.configure {
+        let count = configure.outputs.len().max(1);
+        let of = kind(program.widths.constants);
+        let _ = writeln!(text, "    {of} constants[{count}]; /* what follows from the parameters */");
+    }
+    let _ = write!(text, "}} {name}_t;\n\n");
 }

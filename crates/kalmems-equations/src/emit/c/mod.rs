@@ -13,14 +13,13 @@ use super::tables::{FunctionSource as _, listed};
 use super::tape::CalledFunction;
 use crate::device::Device;
 use header::header;
-use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use steps::finish;
 
 /// What a compiler is told: on a small processor calls and two roundings cost more than they are worth.
 const MACROS: &str = "
-#ifdef __FAST_MATH__
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
 #error \"gaps and refusals are seen by what is not a number: compile without -ffast-math\"
 #endif
 
@@ -44,6 +43,14 @@ const MACROS: &str = "
 #else
 #define WITHIN static
 #endif
+
+/* What is not a number. */
+WITHIN float nothing(void)
+{
+    union { uint32_t bits; float value; } none;
+    none.bits = 0x7FC00000U;
+    return none.value;
+}
 ";
 
 /// The arrays of a filter.
@@ -73,21 +80,21 @@ pub(super) fn float(value: f64) -> Result<String, EmitError> {
     Ok(format!("{rounded:?}F"))
 }
 
-/// What a function is called: by `math.h` where it has it.
-fn name_of(called: CalledFunction) -> Cow<'static, str> {
+/// What a function is called: apart from those of `math.h`, none of which is used.
+fn name_of(called: CalledFunction) -> String {
     match called {
-        CalledFunction::Exp => "expf".into(),
-        CalledFunction::Ln => "logf".into(),
-        CalledFunction::Sin => "sinf".into(),
-        CalledFunction::Cos => "cosf".into(),
-        CalledFunction::Tanh => "tanhf".into(),
-        CalledFunction::Atanh => "atanhf".into(),
-        CalledFunction::Atan => "atanf".into(),
-        CalledFunction::Asin => "asinf".into(),
-        CalledFunction::Acos => "acosf".into(),
-        CalledFunction::Floor => "floorf".into(),
-        CalledFunction::Sqrt => "sqrtf".into(),
-        _ => called.name(),
+        CalledFunction::Exp
+        | CalledFunction::Ln
+        | CalledFunction::Sin
+        | CalledFunction::Cos
+        | CalledFunction::Tanh
+        | CalledFunction::Atanh
+        | CalledFunction::Atan
+        | CalledFunction::Asin
+        | CalledFunction::Acos
+        | CalledFunction::Floor
+        | CalledFunction::Sqrt => format!("{}_f32", called.name()),
+        _ => called.name().into_owned(),
     }
 }
 
@@ -160,13 +167,7 @@ fn source(
     let called: BTreeSet<CalledFunction> = routines.iter().flat_map(|routine| routine.called()).collect();
     let functions = C.functions(device, &called)?;
     let mut text = comment(&interface.heading);
-    let _ = write!(text, "#include \"{name}.h\"\n\n");
-    if functions.contains("uint32_t") {
-        text += "#include <stdint.h>\n";
-    }
-    if called.iter().any(|called| *called != CalledFunction::FallingExp) {
-        text += "#include <math.h>\n";
-    }
+    let _ = write!(text, "#include \"{name}.h\"\n\n#include <stdint.h>\n");
     text += MACROS;
     text += &functions;
     text += &scales(request, program)?;
@@ -180,61 +181,75 @@ fn source(
             parameters.join(", "),
             stage.outputs.len()
         );
-        text += &written.body(ArrayNames::STAGE);
+        text += &written.body(ArrayNames::STAGE, "");
         text += "}\n";
     }
-    let has_constants = |routine: &Routine| routine.reads_constants();
-    let mut core =
-        |routine: &Routine, of: &str, inputs: &[String], measured: &[String]| -> Result<(), EmitError> {
-            let written = routine.written(&C)?;
-            let constants = if has_constants(routine) {
-                format!(", const {} *constants", kind(program.widths.constants))
-            } else {
-                String::new()
-            };
-            let more: String = further(inputs.iter().chain(measured), "float ", "");
-            let result = if written.variance.is_some() { "int" } else { "void" };
-            let _ = write!(text, "\nWITHIN {result} {of}({name}_state_t *state{constants}{more})\n{{\n");
-            for (local, array, place) in interface.loads(routine, program) {
-                let (kind, array) = (kind(program.widths.of(array)), ARRAYS.of(array));
-                let _ = writeln!(text, "    const {kind} {local} = {array}[{place}];");
-            }
-            if let Some(measured) = measured.first() {
-                let _ = writeln!(text, "    const float seen = {measured};");
-            }
-            if let Some(stage) = &program.stage {
-                for call in &routine.calls {
-                    let _ = writeln!(
-                        text,
-                        "    {} {}[{}];",
-                        kind(program.widths.stage),
-                        call.output,
-                        stage.outputs.len()
-                    );
-                }
-            }
-            text += &written.body(ARRAYS);
-            if let Some(variance) = &written.variance {
-                let _ = writeln!(text, "    return {variance} > 0.0F;");
-            }
-            text += "}\n";
-            Ok(())
-        };
-    core(&program.predict, "predict", &interface.predict, &[])?;
+    text += &request.watch_functions()?;
+    core(&mut text, request, program, interface, (&program.predict, "predict"), (&interface.part, &[]))?;
     for update in UpdateFunction::all(interface, (device, request), program) {
-        core(update.routine, &update.name, &update.inputs, &update.measured)?;
+        let function = (update.routine, &*update.name);
+        core(&mut text, request, program, interface, function, (&update.inputs, &update.measured))?;
     }
     finish(&mut text, device, request, program, interface)?;
     Ok(text)
 }
 
+/// A routine as a function over a state.
+fn core(
+    text: &mut String,
+    request: &EmitRequest,
+    program: &FilterProgram,
+    interface: &Interface,
+    (routine, of): (&Routine, &str),
+    (inputs, measured): (&[String], &[String]),
+) -> Result<(), EmitError> {
+    let (written, name) = (routine.written(&C)?, &request.name);
+    let constants = if routine.reads_constants() {
+        format!(", const {} *constants", kind(program.widths.constants))
+    } else {
+        String::new()
+    };
+    let more: String = further(inputs.iter().chain(measured), "float ", "");
+    let result = if written.variance.is_some() { "int" } else { "void" };
+    let watch = if written.residual.is_some() { format!(", {name}_watch_t *watch") } else { String::new() };
+    let _ = write!(text, "\nWITHIN {result} {of}({name}_state_t *state{watch}{constants}{more})\n{{\n");
+    for (local, array, place) in interface.loads(routine, program) {
+        let (kind, array) = (kind(program.widths.of(array)), ARRAYS.of(array));
+        let _ = writeln!(text, "    const {kind} {local} = {array}[{place}];");
+    }
+    if let Some(measured) = measured.first() {
+        let _ = writeln!(text, "    const float seen = {measured};");
+    }
+    if let Some(stage) = &program.stage {
+        for call in &routine.calls {
+            let (kind, outputs) = (kind(program.widths.stage), stage.outputs.len());
+            let _ = writeln!(text, "    {kind} {}[{outputs}];", call.output);
+        }
+    }
+    let refusal = match (&written.residual, &written.variance) {
+        (Some(residual), Some(variance)) => {
+            format!("    if (!believed(watch, {residual}, {variance})) {{\n        return 0;\n    }}\n")
+        }
+        _ => String::new(),
+    };
+    *text += &written.body(ARRAYS, &refusal);
+    if let Some(variance) = &written.variance {
+        let result = if written.residual.is_some() { "1".to_owned() } else { format!("{variance} > 0.0F") };
+        let _ = writeln!(text, "    return {result};");
+    }
+    text.push_str("}\n");
+    Ok(())
+}
+
 /// Units and origins as tables.
 fn scales(request: &EmitRequest, program: &FilterProgram) -> Result<String, EmitError> {
-    let size = request.size();
+    let (size, measures) = (request.size(), request.measures.len());
     Ok(format!(
         "\n/* The unit of each state and what it is counted from, in SI. */\nstatic const float UNIT[{size}] = {{{}}};\n\
-         static const float ORIGIN[{size}] = {{{}}};\n",
+         static const float ORIGIN[{size}] = {{{}}};\n\
+         /* The standard deviation of the noise of each measurement in SI. */\nstatic const float DEVIATION[{measures}] = {{{}}};\n",
         listed(&program.units.scale, float)?,
-        listed(&program.units.origins, float)?
+        listed(&program.units.origins, float)?,
+        listed(&request.measures.iter().map(|m| m.variance.sqrt()).collect::<Vec<_>>(), float)?
     ))
 }

@@ -1,10 +1,10 @@
 //! What is around the routines in C99: start, parameters, and steps that are taken whole or not at all.
 
-use super::{C, kind, number};
+use super::{C, float, kind, number};
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
-use crate::emit::interface::{Interface, UpdateFunction};
+use crate::emit::interface::{CallTargets, Interface, UpdateFunction, further};
 use crate::emit::request::EmitRequest;
 use std::fmt::Write as _;
 
@@ -53,8 +53,11 @@ pub(super) fn finish(
             text.push_str("    (void)parameters;\n");
         }
         let of_constants = kind(widths.constants);
-        let _ =
-            writeln!(text, "    {of_constants} constants[{}], sum = 0.0F;\n    unsigned k;", count.max(1));
+        let _ = writeln!(
+            text,
+            "    {of_constants} constants[{}];\n    float sum = 0.0F;\n    unsigned k;",
+            count.max(1)
+        );
         for statement in &written.statements {
             let _ = writeln!(text, "    {statement}");
         }
@@ -63,20 +66,31 @@ pub(super) fn finish(
         }
         let _ = write!(
             text,
-            "    for (k = 0; k < {count}U; k++) {{\n        sum += constants[k];\n    }}\n    if (!(sum - sum == 0.0F)) {{\n        return 0;\n    }}\n    \
+            "    for (k = 0; k < {count}U; k++) {{\n        sum += (float)constants[k];\n    }}\n    if (!(sum - sum == 0.0F)) {{\n        return 0;\n    }}\n    \
              for (k = 0; k < {count}U; k++) {{\n        filter->constants[k] = constants[k];\n    }}\n    return 1;\n}}\n"
         );
     }
-    let _ = write!(text, "\nvoid {name}_start({name}_t *filter)\n{{\n");
-    if program.configure.is_some() {
-        let _ = writeln!(text, "    {name}_parameters_t parameters;");
-    }
+    let _ =
+        write!(text, "\n/* The first state. */\nWITHIN void first({name}_t *filter)\n{{\n    unsigned k;\n");
     for (array, values, wide) in [("mean", mean, widths.mean), ("covariance", covariance, widths.covariance)]
     {
         for (k, value) in values.iter().enumerate() {
             let _ = writeln!(text, "    filter->state.{array}[{k}] = {};", number(*value, wide)?);
         }
     }
+    let upper = name.to_uppercase();
+    if request.update_every > 1 {
+        text.push_str("    filter->left = 0U;\n");
+    }
+    let _ = write!(
+        text,
+        "    for (k = 0U; k < {upper}_MEASUREMENTS; k++) {{\n        filter->watch[k] = FRESH;\n    }}\n}}\n\n\
+         void {name}_start({name}_t *filter)\n{{\n"
+    );
+    if program.configure.is_some() {
+        let _ = writeln!(text, "    {name}_parameters_t parameters;");
+    }
+    text.push_str("    first(filter);\n    filter->begun = 0U;\n");
     if program.configure.is_some() {
         let _ = write!(
             text,
@@ -84,21 +98,98 @@ pub(super) fn finish(
         );
     }
     text.push_str("}\n");
-    steps(text, device, request, program, interface);
-    let value = "ORIGIN[state] + UNIT[state] * filter->state.mean[state]";
-    let value = if widths.mean { format!("(float)({value})") } else { value.to_owned() };
+    steps(text, device, request, program, interface)?;
+    answers(text, request, program);
+    Ok(())
+}
+
+/// What a program asks of a filter.
+fn answers(text: &mut String, request: &EmitRequest, program: &FilterProgram) {
+    let (name, upper, size, widths) =
+        (&request.name, request.name.to_uppercase(), request.size(), program.widths);
+    let rules = request.watch_rules();
+    let starting = if rules.settling == 0 {
+        String::new()
+    } else {
+        format!("    if (watch->seen < {}U) {{\n        return {upper}_STARTING;\n    }}\n", rules.settling)
+    };
+    let _ = write!(
+        text,
+        "\n{name}_status_t {name}_status(const {name}_t *filter, unsigned measurement)\n{{\n    \
+         const {name}_watch_t *const watch = &filter->watch[measurement < {upper}_MEASUREMENTS ? measurement : 0U];\n{starting}    \
+         if (watch->open > 0U) {{\n        return {upper}_LOST;\n    }}\n    \
+         if (watch->median > 4.0F * MEDIAN) {{\n        return {upper}_OVERCONFIDENT;\n    }}\n    \
+         return watch->since > 0U ? {upper}_LEFT_OUT : {upper}_FOLLOWING;\n}}\n\n\
+         float {name}_innovation(const {name}_t *filter, unsigned measurement)\n{{\n    \
+         return measurement < {upper}_MEASUREMENTS ? DEVIATION[measurement] * filter->watch[measurement].residual : nothing();\n}}\n"
+    );
+    let value = if widths.mean {
+        "(float)((double)ORIGIN[state] + (double)UNIT[state] * filter->state.mean[state])"
+    } else {
+        "ORIGIN[state] + UNIT[state] * filter->state.mean[state]"
+    };
     let _ = write!(
         text,
         "\nfloat {name}_value(const {name}_t *filter, unsigned state)\n{{\n    \
-         return state < {size}U ? {value} : 0.0F;\n}}\n"
+         return state < {size}U ? {value} : nothing();\n}}\n"
     );
-    if !covariance.is_empty() {
-        let variance = "UNIT[state] * UNIT[state] * filter->state.covariance[state * (state + 3U) / 2U]";
-        let variance = if widths.covariance { format!("(float)({variance})") } else { variance.to_owned() };
+    if !program.start.1.is_empty() {
+        let unit = if widths.covariance { "(double)" } else { "" };
+        let variance = format!(
+            "{unit}(UNIT[state] * UNIT[state]) * filter->state.covariance[state * (state + 3U) / 2U]"
+        );
+        let variance = if widths.covariance { format!("(float)({variance})") } else { variance };
         let _ = write!(
             text,
             "\nfloat {name}_variance(const {name}_t *filter, unsigned state)\n{{\n    return state < {size}U\n               \
-             ? {variance}\n               : 0.0F;\n}}\n"
+             ? {variance}\n               : nothing();\n}}\n"
+        );
+    }
+}
+
+/// What goes over the interval between samples in several steps, and what begins again.
+fn within(
+    text: &mut String,
+    device: &Device,
+    request: &EmitRequest,
+    program: &FilterProgram,
+    interface: &Interface,
+) -> Result<(), EmitError> {
+    let (name, upper) = (&request.name, request.name.to_uppercase());
+    if request.parts > 1 {
+        let length = (request.parts as f64).recip();
+        let arguments = interface.part_arguments(device, program, length, float)?;
+        let asks_where = arguments.iter().any(|argument| argument.contains("from"));
+        if asks_where {
+            *text += "\n/* A number between those at the start, the middle and the end, by a parabola. */\n\
+                      WITHIN float between(float start, float middle, float end, float place)\n{\n    \
+                      return start + place * (4.0F * middle - 3.0F * start - end + 2.0F * place * (start - 2.0F * middle + end));\n}\n";
+        }
+        let constants = if program.predict.reads_constants() {
+            format!(", const {} *constants", kind(program.widths.constants))
+        } else {
+            String::new()
+        };
+        let from = format!("        const float from = (float)part * {};\n", float(length)?);
+        let targets = CallTargets { state: "state", watch: "", constants: "constants" };
+        let _ = write!(
+            text,
+            "\n/* The interval between samples, in steps. */\nWITHIN void advance({name}_state_t *state{constants}{})\n{{\n    \
+             unsigned part;\n    for (part = 0U; part < {}U; part++) {{\n{}        {};\n    }}\n}}\n",
+            further(&interface.predict, "float ", ""),
+            request.parts,
+            if asks_where { &from } else { "" },
+            program.predict.call("predict", &targets, &arguments)
+        );
+    }
+    if request.begins_again() {
+        let _ = write!(
+            text,
+            "\n/* A filter that has lost its signal for so many samples begins again as at the start. */\n\
+             WITHIN void begin_again({name}_t *filter)\n{{\n    unsigned k;\n    for (k = 0U; k < {upper}_MEASUREMENTS; k++) {{\n        \
+             if (filter->watch[k].open >= {}U) {{\n            first(filter);\n            filter->begun++;\n            return;\n        \
+             }}\n    }}\n}}\n",
+            request.watch_rules().lost
         );
     }
     Ok(())
@@ -111,55 +202,56 @@ fn steps(
     request: &EmitRequest,
     program: &FilterProgram,
     interface: &Interface,
-) {
+) -> Result<(), EmitError> {
+    within(text, device, request, program, interface)?;
     let name = &request.name;
-    let over = ("&next", "filter->constants");
-    let predict = program.predict.call("predict", over, &interface.predict);
+    let again = if request.begins_again() { "    begin_again(filter);\n" } else { "" };
+    let targets = CallTargets { state: "&next", watch: "", constants: "filter->constants" };
+    let way = if request.parts > 1 { "advance" } else { "predict" };
+    let predict = program.predict.call(way, &targets, &interface.predict);
     let _ = write!(
         text,
         "\nint {name}_predict({})\n{{\n    {name}_state_t next = filter->state;\n    {predict};\n    return take(filter, &next);\n}}\n",
         Interface::arguments(name, &interface.predict, &[])
     );
-    let (mut calls, mut apart) = (Vec::new(), Vec::new());
+    let mut calls = Vec::new();
     for update in UpdateFunction::all(interface, (device, request), program) {
-        let (of, arguments) = (&update.name, update.arguments());
-        let one = update.routine.call(of, over, &arguments);
-        let says = update.routine.variance.is_some();
-        let taken = if says {
-            format!("    return {one} && take(filter, &next);\n")
-        } else {
-            format!("    {one};\n    return take(filter, &next);\n")
-        };
+        let of = &update.name;
+        let watch = format!("&filter->watch[{}]", update.place);
+        let over = CallTargets { state: "&next", watch: &watch, constants: "filter->constants" };
+        let one = update.routine.call(of, &over, &update.arguments());
         let _ = write!(
             text,
-            "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n{taken}}}\n",
-            Interface::arguments(name, &update.inputs, &update.measured)
+            "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n    const int taken = {one} && take(filter, &next);\n{}    \
+             return taken;\n}}\n",
+            Interface::arguments(name, &update.inputs, &update.measured),
+            if update.is_event { "" } else { again }
         );
         if !update.is_event {
-            calls.push((one, says));
-            let all: Vec<String> = ["filter".to_owned()].into_iter().chain(arguments).collect();
-            apart.push(format!("{name}_{of}({})", all.join(", ")));
+            calls.push(one);
         }
     }
+    let handed = further(&interface.predict, "", "");
+    let between = if request.update_every > 1 {
+        let every = format!("{}_UPDATE_EVERY", name.to_uppercase());
+        format!(
+            "    if (filter->left > 0U) {{\n        filter->left--;\n        return {name}_predict(filter{handed});\n    }}\n    filter->left = {every} - 1U;\n"
+        )
+    } else {
+        String::new()
+    };
     let _ = write!(
         text,
-        "\nint {name}_step({})\n{{\n    {name}_state_t next = filter->state;\n    int taken = 1;\n    {predict};\n",
+        "\nint {name}_step({})\n{{\n    {name}_state_t next = filter->state;\n    int taken = 1;\n{between}    {predict};\n",
         Interface::arguments(name, &interface.step, &interface.measured)
     );
-    for (one, says) in calls {
-        let _ = writeln!(text, "    {}{one};", if says { "taken &= " } else { "" });
-    }
-    let arguments: Vec<String> =
-        ["filter".to_owned()].into_iter().chain(interface.predict.iter().cloned()).collect();
-    let _ = write!(
-        text,
-        "    if (taken && take(filter, &next)) {{\n        return 1;\n    }}\n    /* One is refused: each for itself. */\n    \
-         taken = {name}_predict({});\n",
-        arguments.join(", ")
-    );
-    text.push_str("    if (!taken) {\n        return 0;\n    }\n");
-    for one in apart {
+    for one in calls {
         let _ = writeln!(text, "    taken &= {one};");
     }
-    text.push_str("    return taken;\n}\n");
+    let _ = write!(
+        text,
+        "    if (!take(filter, &next)) {{\n        /* What follows from the measurements is not finite: the prediction alone. */\n        \
+         (void){name}_predict(filter{handed});\n        taken = 0;\n    }}\n{again}    return taken;\n}}\n"
+    );
+    Ok(())
 }

@@ -1,10 +1,10 @@
 //! What is around the routines in Rust: start, parameters, and steps that are taken whole or not at all.
 
-use super::{Rust, kind, number, typed};
+use super::{Rust, float, kind, number, typed};
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
-use crate::emit::interface::{Interface, UpdateFunction};
+use crate::emit::interface::{CallTargets, Interface, UpdateFunction};
 use crate::emit::request::EmitRequest;
 use crate::emit::routine::Routine;
 use crate::emit::tables::listed;
@@ -27,17 +27,23 @@ pub(super) fn methods(
     } else {
         format!(", covariance: [{}]", list(covariance, widths.covariance)?)
     };
-    let state = format!("State {{ mean: [{}]{triangle} }}", list(mean, widths.mean)?);
+    let _ = write!(
+        text,
+        "\n/// What is known before the first sample.\nconst START: State = State {{ mean: [{}]{triangle} }};\n",
+        list(mean, widths.mean)?
+    );
+    within(text, device, request, program, interface)?;
+    let state = "state: START, watch: [Watch::NEW; MEASUREMENTS], begun: 0, left: 0";
     text.push_str("\nimpl Filter {\n    /// Before the first sample.\n    pub fn new() -> Self {\n");
     match &program.configure {
         None => {
-            let _ = writeln!(text, "        Self {{ state: {state} }}\n    }}");
+            let _ = writeln!(text, "        Self {{ {state} }}\n    }}");
         }
         Some(configure) => {
             let count = configure.outputs.len();
             let _ = write!(
                 text,
-                "        let mut filter = Self {{ state: {state}, constants: [0.0; {count}] }};\n        \
+                "        let mut filter = Self {{ {state}, constants: [0.0; {count}] }};\n        \
                  let _ = filter.configure(&Parameters::default());\n        filter\n    }}\n"
             );
             configured(text, device, request, program, configure)?;
@@ -121,6 +127,45 @@ fn configured(
     Ok(())
 }
 
+/// What goes over the interval between samples in several steps.
+fn within(
+    text: &mut String,
+    device: &Device,
+    request: &EmitRequest,
+    program: &FilterProgram,
+    interface: &Interface,
+) -> Result<(), EmitError> {
+    if request.parts == 1 {
+        return Ok(());
+    }
+    let length = (request.parts as f64).recip();
+    let arguments = interface.part_arguments(device, program, length, float)?;
+    let asks_where = arguments.iter().any(|argument| argument.contains("from"));
+    if asks_where {
+        *text += "\n/// A number between those at the start, the middle and the end, by a parabola.\n#[inline(always)]\n\
+                  fn between(start: f32, middle: f32, end: f32, place: f32) -> f32 {\n    \
+                  start + place * (4.0 * middle - 3.0 * start - end + 2.0 * place * (start - 2.0 * middle + end))\n}\n";
+    }
+    let constants = match &program.configure {
+        Some(configure) if program.predict.reads_constants() => {
+            format!(", constants: &[{}; {}]", kind(program.widths.constants), configure.outputs.len())
+        }
+        _ => String::new(),
+    };
+    let from = format!("        let from = part as f32 * {};\n", float(length)?);
+    let (variable, from) = if asks_where { ("part", &*from) } else { ("_", "") };
+    let targets = CallTargets { state: "state", watch: "", constants: "constants" };
+    let _ = write!(
+        text,
+        "\n/// The interval between samples, in steps.\n#[inline(always)]\nfn advance(state: &mut State{constants}{}) {{\n    \
+         for {variable} in 0..{} {{\n{from}        {};\n    }}\n}}\n",
+        typed(&interface.predict),
+        request.parts,
+        program.predict.call("predict", &targets, &arguments)
+    );
+    Ok(())
+}
+
 /// The prediction, the corrections and a whole step.
 fn steps(
     text: &mut String,
@@ -129,8 +174,10 @@ fn steps(
     program: &FilterProgram,
     interface: &Interface,
 ) {
-    let over = ("&mut next", "&self.constants");
-    let predict = program.predict.call("predict", over, &interface.predict);
+    let again = if request.begins_again() { "        self.begin_again();\n" } else { "" };
+    let targets = CallTargets { state: "&mut next", watch: "", constants: "&self.constants" };
+    let way = if request.parts > 1 { "advance" } else { "predict" };
+    let predict = program.predict.call(way, &targets, &interface.predict);
     let _ = write!(
         text,
         "\n    /// One interval on. True where it was taken; false where the result would not be finite, and nothing has changed.\n    \
@@ -139,43 +186,58 @@ fn steps(
         interface.inputs("    /// "),
         typed(&interface.predict)
     );
-    let (mut calls, mut apart) = (String::new(), String::new());
+    let mut calls = String::new();
     for update in UpdateFunction::all(interface, (device, request), program) {
         let what = update.description("`");
         let (of, arguments) = (&update.name, update.arguments());
-        let one = update.routine.call(of, over, &arguments);
-        let says = update.routine.variance.is_some();
-        let taken = if says {
-            format!("{one} && self.take(&next)")
-        } else {
-            format!("{{\n            {one};\n            self.take(&next)\n        }}")
-        };
+        let watch = format!("&mut self.watch[{}]", update.place);
+        let over = CallTargets { state: "&mut next", watch: &watch, constants: "&self.constants" };
+        let one = update.routine.call(of, &over, &arguments);
         let _ = write!(
             text,
-            "\n    /// {what} True where it was taken; false where it is refused, and nothing has changed.\n    \
-             pub fn {of}(&mut self{}) -> bool {{\n        let mut next = self.state;\n        {taken}\n    }}\n",
-            typed(&arguments)
+            "\n    /// {what} True where it was taken; false where it is left out, and nothing has changed.\n    \
+             pub fn {of}(&mut self{}) -> bool {{\n        let mut next = self.state;\n        let taken = {one} && self.take(&next);\n{}        \
+             taken\n    }}\n",
+            typed(&arguments),
+            if update.is_event { "" } else { again }
         );
         if !update.is_event {
-            let _ = if says {
-                writeln!(calls, "        taken &= {one};")
-            } else {
-                writeln!(calls, "        {one};")
-            };
-            let _ = writeln!(apart, "        taken &= self.{of}({});", arguments.join(", "));
+            let _ = writeln!(calls, "        taken &= {one};");
         }
     }
-    let mutable = if calls.contains("taken") { "let mut taken" } else { "let taken" };
     let all: Vec<String> = interface.step.iter().chain(&interface.measured).cloned().collect();
+    let between = if request.update_every > 1 {
+        format!(
+            "        if self.left > 0 {{\n            self.left -= 1;\n            return self.predict({});\n        }}\n        \
+             self.left = UPDATE_EVERY - 1;\n",
+            interface.predict.join(", ")
+        )
+    } else {
+        String::new()
+    };
     let _ = write!(
         text,
-        "\n    /// The prediction and all corrections of one sample. True where all were taken; false where one is refused and left out: a\n    \
-         /// sample that is not a number is a gap, and refused behind the prediction.\n    \
-         pub fn step(&mut self{}) -> bool {{\n        let mut next = self.state;\n        {mutable} = true;\n        {predict};\n{calls}        \
-         if taken && self.take(&next) {{\n            return true;\n        }}\n        \
-         // One is refused: each for itself.\n        if !self.predict({}) {{\n            return false;\n        }}\n        \
-         let mut taken = true;\n{apart}        taken\n    }}\n",
+        "\n    /// The prediction and all corrections of one sample. True where all were taken; false where one is left out: a sample that is not a\n    \
+         /// number is a gap, and one that is too far from what is expected is none of the signal.\n    \
+         pub fn step(&mut self{}) -> bool {{\n{between}        let mut next = self.state;\n        let mut taken = true;\n        {predict};\n{calls}        \
+         if !self.take(&next) {{\n            // What follows from the measurements is not finite: the prediction alone.\n            \
+         let _ = self.predict({});\n            taken = false;\n        }}\n{again}        taken\n    }}\n",
         typed(&all),
         interface.predict.join(", ")
+    );
+    if request.begins_again() {
+        text.push_str(
+            "\n    /// A filter that has lost its signal for so many samples begins again as at the start.\n    fn begin_again(&mut self) {\n        \
+             if self.watch.iter().any(|watch| watch.open >= RULES.lost) {\n            self.state = START;\n            \
+             self.watch = [Watch::NEW; MEASUREMENTS];\n            self.left = 0;\n            self.begun = self.begun.wrapping_add(1);\n        }\n    }\n",
+        );
+    }
+    text.push_str(
+        "\n    /// How it stands to a measurement; `None` of one that there is not.\n    \
+         pub fn status(&self, measurement: usize) -> Option<Status> {\n        \
+         self.watch.get(measurement).map(|watch| watch.status(&RULES))\n    }\n\n    \
+         /// What was last measured of each measurement, minus what was predicted, in SI.\n    \
+         pub fn innovations(&self) -> [f32; MEASUREMENTS] {\n        \
+         core::array::from_fn(|k| DEVIATION[k] * self.watch[k].residual)\n    }\n",
     );
 }

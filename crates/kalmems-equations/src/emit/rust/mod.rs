@@ -10,6 +10,7 @@ use super::request::{EmitGain, EmitRequest};
 use super::routine::{ArrayNames, Routine, Syntax};
 use super::tables::{FunctionSource as _, listed};
 use super::tape::CalledFunction;
+use super::watch::{IN_RUST, WatchRules};
 use crate::device::Device;
 use methods::methods;
 use std::collections::BTreeSet;
@@ -107,17 +108,21 @@ pub(super) fn files(
     let _ = write!(
         text,
         "\n/// How many states there are:\n///\n{}pub const STATES: usize = {size};\n\
-         /// {} in s.\npub const INTERVAL_S: f32 = {};\n",
+         /// The sampling interval in s.\npub const INTERVAL_S: f32 = {};\n/// How many measurements correct it.\npub const MEASUREMENTS: usize = {};\n\
+         /// A step corrects by one sample in so many.\npub const UPDATE_EVERY: u32 = {};\n",
         interface.states("/// "),
-        request.name_of_interval(),
-        float(request.interval_s)?
+        float(request.sampling_interval_s())?,
+        request.measures.len(),
+        request.update_every
     );
     let _ = write!(
         text,
         "/// The unit of each state in SI.\nconst UNIT: [f32; {size}] = [{}];\n\
-         /// What each state is counted from, in SI.\nconst ORIGIN: [f32; {size}] = [{}];\n",
+         /// What each state is counted from, in SI.\nconst ORIGIN: [f32; {size}] = [{}];\n\
+         /// The standard deviation of the noise of each measurement in SI.\nconst DEVIATION: [f32; MEASUREMENTS] = [{}];\n",
         listed(&program.units.scale, float)?,
-        listed(&program.units.origins, float)?
+        listed(&program.units.origins, float)?,
+        listed(&request.measures.iter().map(|m| m.variance.sqrt()).collect::<Vec<_>>(), float)?
     );
     let covariance = if has_covariance {
         format!(
@@ -150,8 +155,13 @@ pub(super) fn files(
         constants.map_or(String::new(), |count| format!("    constants: [{of_constants}; {count}],\n"));
     let _ = write!(
         text,
-        "\n/// The filter.\n#[derive(Clone, Copy, Debug)]\npub struct Filter {{\n    /// What is estimated.\n    pub state: State,\n{field}}}\n"
+        "\n/// The filter.\n#[derive(Clone, Copy, Debug)]\npub struct Filter {{\n    /// What is estimated.\n    pub state: State,\n    \
+         /// What the corrections by each measurement saw.\n    pub watch: [Watch; MEASUREMENTS],\n    \
+         /// How often it has begun again, having lost its signal.\n    pub begun: u32,\n    \
+         /// Samples until the next correction.\n    left: u32,\n{field}}}\n\n"
     );
+    text += IN_RUST;
+    text += &rules(request)?;
     if program.routines().iter().any(|routine| routine.counts()[4] > 0) {
         text += CHOICE;
     }
@@ -166,10 +176,10 @@ pub(super) fn files(
             "\n/// What one stage needs: rates per sample and their derivatives.\nfn stage({}) -> [{of_stage}; {count}] {{\n    let mut to = [0.0; {count}];\n",
             parameters.join(", ")
         );
-        text += &written.body(ArrayNames::STAGE);
+        text += &written.body(ArrayNames::STAGE, "");
         text += "    to\n}\n";
     }
-    core(&mut text, program, &interface, (&program.predict, "predict"), (&interface.predict, &[]))?;
+    core(&mut text, program, &interface, (&program.predict, "predict"), (&interface.part, &[]))?;
     for update in UpdateFunction::all(&interface, (device, request), program) {
         let (function, handed) = ((update.routine, &*update.name), (&*update.inputs, &update.measured[..]));
         core(&mut text, program, &interface, function, handed)?;
@@ -179,6 +189,16 @@ pub(super) fn files(
         text += NARROW;
     }
     Ok(vec![(format!("{}.rs", request.name), text)])
+}
+
+/// The rules by which its innovations are watched.
+fn rules(request: &EmitRequest) -> Result<String, EmitError> {
+    let WatchRules { largest_nis, rejects, settling, forgets, lost } = request.watch_rules();
+    Ok(format!(
+        "\nconst RULES: WatchRules =\n    WatchRules {{ largest_nis: {}, rejects: {rejects}, settling: {settling}, forgets: {}, lost: {lost} }};\n",
+        float(largest_nis.into())?,
+        float(forgets.into())?
+    ))
 }
 
 /// The lines at the head of a file.
@@ -212,16 +232,27 @@ fn core(
     };
     let more = typed(inputs) + &typed(measured);
     let kind = if written.variance.is_some() { " -> bool" } else { "" };
-    let _ = write!(text, "\n#[inline(always)]\nfn {of}(state: &mut State{constants}{more}){kind} {{\n");
+    let watch = if written.residual.is_some() { ", watch: &mut Watch" } else { "" };
+    let _ =
+        write!(text, "\n#[inline(always)]\nfn {of}(state: &mut State{watch}{constants}{more}){kind} {{\n");
     for (local, array, place) in interface.loads(routine, program) {
         let _ = writeln!(text, "    let {local} = {}[{place}];", ARRAYS.of(array));
     }
     if let Some(measured) = measured.first() {
         let _ = writeln!(text, "    let seen = {measured};");
     }
-    *text += &written.body(ARRAYS);
+    let refusal = match (&written.residual, &written.variance) {
+        (Some(residual), Some(variance)) => {
+            format!(
+                "    if !watch.believes(&RULES, {residual}, {variance}) {{\n        return false;\n    }}\n"
+            )
+        }
+        _ => String::new(),
+    };
+    *text += &written.body(ARRAYS, &refusal);
     if let Some(variance) = &written.variance {
-        let _ = writeln!(text, "    {variance} > 0.0");
+        let result = if written.residual.is_some() { "true".to_owned() } else { format!("{variance} > 0.0") };
+        let _ = writeln!(text, "    {result}");
     }
     text.push_str("}\n");
     Ok(())

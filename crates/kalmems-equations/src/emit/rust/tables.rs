@@ -4,8 +4,6 @@ use super::{Rust, float};
 use crate::description::CurveExtension;
 use crate::emit::error::EmitError;
 use crate::emit::tables::{EmittedCurve, EmittedGrid, FunctionSource, coefficient_rows};
-use crate::emit::tape::CalledFunction;
-use std::collections::BTreeSet;
 
 /// The function of two disks, with names in braces where its numbers are.
 const DISKS: &str = r"
@@ -84,33 +82,6 @@ impl FunctionSource for Rust {
     const MARKER: [&'static str; 2] = ["// --- ", ""];
     const DISKS: &'static str = DISKS;
     const AXIS: &'static str = AXIS;
-
-    fn needed(called: &BTreeSet<CalledFunction>) -> Vec<(&'static str, bool)> {
-        let any = |of: &[CalledFunction]| of.iter().any(|one| called.contains(one));
-        let atanhc = called.iter().any(|c| matches!(c, CalledFunction::Atanhc(_)));
-        let disks_used = called.iter().any(|c| matches!(c, CalledFunction::Disks(_)));
-        let atanh = atanhc || any(&[CalledFunction::Atanh]);
-        let ln_cosh = any(&[CalledFunction::LnCosh]);
-        let tanh = any(&[CalledFunction::Tanh]);
-        let arcs = any(&[CalledFunction::Asin, CalledFunction::Acos]);
-        vec![
-            ("EXP", disks_used || any(&[CalledFunction::Exp])),
-            ("FALLING_EXP", tanh || ln_cosh || any(&[CalledFunction::FallingExp])),
-            ("LN", atanh || ln_cosh || disks_used || any(&[CalledFunction::Ln])),
-            ("SIN_COS", any(&[CalledFunction::Sin, CalledFunction::Cos])),
-            ("SIN", any(&[CalledFunction::Sin])),
-            ("COS", any(&[CalledFunction::Cos])),
-            ("TANH", tanh),
-            ("ATANH", atanh),
-            ("SQRT", arcs || any(&[CalledFunction::Sqrt])),
-            ("ATAN", arcs || any(&[CalledFunction::Atan])),
-            ("ASIN", any(&[CalledFunction::Asin])),
-            ("ACOS", any(&[CalledFunction::Acos])),
-            ("FLOOR", any(&[CalledFunction::Floor])),
-            ("LN_COSH", ln_cosh),
-            ("ATANHC", atanhc),
-        ]
-    }
 
     fn curve(curve: usize, table: &EmittedCurve) -> Result<String, EmitError> {
         let count = table.places.len();

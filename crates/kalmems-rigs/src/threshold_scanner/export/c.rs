@@ -93,12 +93,16 @@ fn table(values: impl Iterator<Item = f64>) -> String {
     rows.join(",\n")
 }
 
-const HEADER: &str = r"/*
+const HEADER: &str = r#"/*
 @comment@ */
 #ifndef @UPPER@_H
 #define @UPPER@_H
 
 #include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 @constants@/* How many samples after it happened a crossing is known. */
 #define @UPPER@_LOOK_AHEAD @look_ahead@U
@@ -137,8 +141,12 @@ int @name@_begin(@name@_t *filter, float signal_v);
  */
 int @name@_step(@name@_t *filter, float signal_v);
 
+#ifdef __cplusplus
+}
 #endif
-";
+
+#endif
+"#;
 
 const FINDER: &str = r"
 #define HALF @half@U

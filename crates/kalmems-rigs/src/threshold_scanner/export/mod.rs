@@ -82,6 +82,6 @@ impl ExportableFilter for ThresholdFilter {
             }
             SourceLanguage::C => c::files(&scaled, interval_s, prefix, heading)?,
         };
-        Ok(FilterSource { files, expected: None })
+        Ok(FilterSource { files })
     }
 }

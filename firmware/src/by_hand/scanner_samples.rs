@@ -1,8 +1,6 @@
 //! Samples of a recording, to try a filter with.
 
-// Made by kalmems 0.1.0 with `kalmems export`; not to be edited.
-// Experiment `scanner_filter`, sha256 51a681629ee8070a0d188834044079e2436f52a6fbf4dae4848ef4530e09c416, filter `Euler EKF`.
-// Sampling interval 1.0000000000001327e-6 s, corrected by every sample.
+// The first samples of `examples/shared_scanner/recording.csv`.
 
 /// The drive in V at each sample.
 #[cfg_attr(target_os = "none", unsafe(link_section = ".table"))]

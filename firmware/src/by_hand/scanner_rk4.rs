@@ -1,8 +1,4 @@
-//! The filter of a shared-electrode scanner, for a microcontroller.
-
-// Made by kalmems 0.1.0 with `kalmems export`; not to be edited.
-// Experiment `scanner_filter`, sha256 51a681629ee8070a0d188834044079e2436f52a6fbf4dae4848ef4530e09c416, filter `EKF`.
-// Sampling interval 1.0000000000001327e-6 s, corrected by one sample in 4.
+//! The filter of a shared-electrode scanner by the Runge–Kutta method, corrected by one sample in four, with the numbers of `examples/shared_scanner/microcontroller.toml`.
 
 use core::num::NonZeroU32;
 use kalmems_core::update::Decimation;

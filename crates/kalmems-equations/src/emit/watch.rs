@@ -1,0 +1,65 @@
+//! The watch over the innovations of a filter: in Rust as it is written into a source and as a rehearsal runs it, and the same in C.
+
+use super::c::float;
+use super::error::EmitError;
+use super::request::{EmitGain, EmitRequest};
+
+/// The watch as a source in Rust has it.
+#[allow(clippy::all, clippy::pedantic, dead_code)] // written for any compiler
+mod rules {
+    include!("rust/watch.rs");
+}
+
+pub(super) use rules::{Watch, WatchRules};
+
+/// The text of it.
+pub(super) const IN_RUST: &str = include_str!("rust/watch.rs");
+
+/// Its types in C, with `@name@` and `@NAME@` where the filter's name stands.
+const TYPES: &str = include_str!("c/watch.h");
+/// Its functions in C.
+const FUNCTIONS: &str = include_str!("c/watch.c");
+
+/// The part of the memory for which a filter is lost before it begins again: about as long as a burst is that opens the gate.
+const LOST: u32 = 8;
+
+impl EmitRequest {
+    /// How innovations are watched.
+    pub(super) fn watch_rules(&self) -> WatchRules {
+        #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
+        let [largest_nis, forgets] =
+            [self.watch.largest_nis, f64::from(self.watch.memory).recip()].map(|value| value as f32);
+        let (settling, lost) = (self.watch.settling, self.watch.memory.div_ceil(LOST));
+        WatchRules { largest_nis, rejects: self.watch.rejects, settling, forgets, lost }
+    }
+
+    /// Whether a filter that has lost its signal begins again: one that takes every sample, and one whose gain does not change, forgets where it was.
+    pub(super) fn begins_again(&self) -> bool {
+        self.watch.rejects && self.gain == EmitGain::Covariance
+    }
+
+    fn named(&self, text: &str) -> String {
+        text.replace("@name@", &self.name).replace("@NAME@", &self.name.to_uppercase())
+    }
+
+    /// The types of the watch in C.
+    pub(super) fn watch_types(&self) -> String {
+        self.named(TYPES)
+    }
+
+    /// Its functions in C.
+    pub(super) fn watch_functions(&self) -> Result<String, EmitError> {
+        let WatchRules { largest_nis, rejects, settling, forgets, .. } = self.watch_rules();
+        let taken =
+            if rejects { "settles || watch->open > 0U || (watch->suspect <= 2U && !beyond)" } else { "1" };
+        Ok(self
+            .named(FUNCTIONS)
+            .replace("@LARGEST_NIS@", &float(largest_nis.into())?)
+            .replace("@FORGETS@", &float(forgets.into())?)
+            .replace(
+                "@settles@",
+                &if settling == 0 { "0".to_owned() } else { format!("watch->seen < {settling}U") },
+            )
+            .replace("@taken@", taken))
+    }
+}

@@ -1,0 +1,144 @@
+//! What an exported filter does where its signal has faults: it says so, and estimates on as soon as the signal is good again.
+
+use super::export::{compiled, example, request};
+use kalmems::export::SourceLanguage;
+use kalmems::rigs::published;
+use kalmems::source::source;
+use std::fmt::Write as _;
+use std::fs;
+use std::process::Command;
+
+/// A program that says of each sample the angle, its claimed variance, the status, and how often the filter has begun again.
+const PROGRAM: &str = r#"
+#include "scanner_filter.h"
+#include <stdio.h>
+int main(void)
+{
+    scanner_filter_t filter;
+    float u[3], y;
+    scanner_filter_start(&filter);
+    while (scanf("%f %f %f %f", &u[0], &u[1], &u[2], &y) == 4) {
+        (void)scanner_filter_step(&filter, u[0], u[1], u[2], y);
+        printf("%.9g %.9g %d %u\n", (double)scanner_filter_value(&filter, 0U), (double)scanner_filter_variance(&filter, 0U),
+               (int)scanner_filter_status(&filter, 0U), filter.begun);
+    }
+    return 0;
+}
+"#;
+
+/// The statuses of the header.
+const FOLLOWING: f64 = 1.0;
+const LEFT_OUT: f64 = 2.0;
+const LOST: f64 = 4.0;
+
+/// Where the faults begin, behind the settling time of 8000 samples.
+const FAULT: usize = 12_000;
+/// Samples of a cycle of the motion.
+const CYCLE: usize = 64;
+
+/// The columns of the recording and the true angle.
+fn recorded() -> [Vec<f64>; 3] {
+    let folder = example("shared_scanner/microcontroller.toml").resolve("".as_ref());
+    let column = |file: &str, name: &str| -> Vec<f64> {
+        let text = fs::read_to_string(folder.join(file)).unwrap();
+        let place = text.lines().next().unwrap().split(',').position(|own| own == name).unwrap();
+        text.lines().skip(1).map(|line| line.split(',').nth(place).unwrap().parse().unwrap()).collect()
+    };
+    [
+        column("recording.csv", "drive_V"),
+        column("recording.csv", "cap_V"),
+        column("reference.csv", "angle_rad"),
+    ]
+}
+
+/// What the program says of each sample from the fourth on.
+struct Said(Vec<[f64; 4]>);
+
+impl Said {
+    fn of(program: &std::path::Path, drive: &[f64], signal: &[f64]) -> Self {
+        let mut input = String::new();
+        for k in 3..signal.len() - 2 {
+            let pair = |away: usize| drive[k - 1 - away] + drive[k + away];
+            let middle = (150.0 * pair(0) - 25.0 * pair(1) + 3.0 * pair(2)) / 256.0;
+            let _ = writeln!(input, "{:e} {middle:e} {:e} {:e}", drive[k - 1], drive[k], signal[k]);
+        }
+        let given = program.with_file_name("given");
+        fs::write(&given, input).unwrap();
+        let ran = Command::new(program).stdin(fs::File::open(given).unwrap()).output().unwrap();
+        let numbers =
+            |line: &str| -> Vec<f64> { line.split(' ').map(|word| word.parse().unwrap()).collect() };
+        let text = String::from_utf8(ran.stdout).unwrap();
+        Self(text.lines().map(|line| numbers(line).try_into().unwrap()).collect())
+    }
+
+    /// The root mean square of the error of the angle over these samples of the recording.
+    fn error(&self, angle: &[f64], rows: std::ops::Range<usize>) -> f64 {
+        let count = rows.len() as f64;
+        let square = |k: usize| {
+            let own = self.0[k - 3][0].abs() - angle[k].abs();
+            own * own
+        };
+        (rows.map(square).sum::<f64>() / count).sqrt()
+    }
+
+    fn statuses(&self, rows: std::ops::Range<usize>) -> impl Iterator<Item = f64> {
+        rows.map(|k| self.0[k - 3][2])
+    }
+}
+
+/// The program of the exported filter; none without a compiler.
+fn program(folder: &std::path::Path) -> Option<std::path::PathBuf> {
+    let experiment = example("shared_scanner/microcontroller.toml");
+    let mut exported = source(published(), &experiment, &request(SourceLanguage::C, "EKF")).unwrap();
+    let (_, main) = exported.files.iter_mut().find(|(name, _)| name == "main.c").unwrap();
+    PROGRAM.clone_into(main);
+    compiled(&exported.files, folder)?;
+    Some(folder.join("program"))
+}
+
+#[test]
+fn a_fault_is_said_at_once_and_does_not_outlast_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(program) = program(folder.path()) else { return };
+    let [drive, signal, angle] = recorded();
+    let clean = Said::of(&program, &drive, &signal);
+    assert!(clean.statuses(9000..23_000).all(|status| status == FOLLOWING));
+    for (name, samples, value) in [
+        ("a rail of 500 us", 500, 5.0),
+        ("an outlier", 1, signal[FAULT] + 0.5),
+        ("a finite glitch", 1, 1e4),
+        ("2000 missing samples", 2000, f64::NAN),
+    ] {
+        let mut faulty = signal.clone();
+        faulty[FAULT..FAULT + samples].fill(value);
+        let said = Said::of(&program, &drive, &faulty);
+        assert!(said.statuses(FAULT..FAULT + samples).all(|status| status == LEFT_OUT), "{name}");
+        // Behind a burst some samples are suspect; behind a gap the numbers of the device, which are wrong here, have had their time.
+        let again = FAULT + samples + 6 * CYCLE;
+        let rows = again..again + 10 * CYCLE;
+        let [found, without] = [&said, &clean].map(|one| one.error(&angle, rows.clone()));
+        println!("{name}: {:.3} mrad rms afterwards, {:.3} without it", 1e3 * found, 1e3 * without);
+        assert!(found < 1.1 * without, "{name}: {found:e} and {without:e}");
+        assert!(said.statuses(rows.clone()).all(|status| status == FOLLOWING), "{name}");
+        assert_eq!(said.0.last().unwrap()[3], 0.0, "{name} makes it begin again");
+    }
+}
+
+#[test]
+fn a_signal_that_is_none_for_long_is_lost_and_found_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(program) = program(folder.path()) else { return };
+    let [drive, signal, angle] = recorded();
+    let mut faulty = signal.clone();
+    faulty[FAULT..FAULT + 4000].fill(0.0);
+    let (said, clean) = (Said::of(&program, &drive, &faulty), Said::of(&program, &drive, &signal));
+    let lost = (FAULT..24_000).position(|k| said.statuses(k..k + 1).any(|status| status == LOST)).unwrap();
+    println!("lost after {lost} samples, begun again {} times", said.0.last().unwrap()[3]);
+    // A burst is survived for 1.34 ms.
+    assert!((1300..1400).contains(&lost), "{lost}");
+    assert!(said.0.last().unwrap()[3] >= 1.0);
+    let rows = 22_000..23_900;
+    let [found, without] = [&said, &clean].map(|one| one.error(&angle, rows.clone()));
+    println!("{:.3} mrad rms at the end, {:.3} without it", 1e3 * found, 1e3 * without);
+    assert!(found < 1.1 * without, "{found:e} and {without:e}");
+}
