@@ -2,7 +2,7 @@
 """Writes the validation report, book/src/validation.md, from the results below book/validation.
 
     tools/validation.py            writes the page
-    tools/validation.py --check    fails if the page is not what the files give
+    tools/validation.py --check    fails if the page is not what the files give, or if a command names a test that is not there
 
 A file is a protocol: its `title`, the group of protocols that it belongs to, its `order` on the page, and its parts. A part has a `text`, a `heading`, or a
 table: `columns`, `align` and `rows`, or `from`, a table that an example writes into book/src. What made it stands with it: `command`, `seeds`,
@@ -10,6 +10,7 @@ table: `columns`, `align` and `rows`, or `from`, a table that an example writes 
 runs again replaces `rows` and these five; nothing on the page is written by hand.
 """
 
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -68,7 +69,8 @@ def shown(part: dict) -> list[str]:
     return blocks + ([made] if made else [])
 
 
-def page() -> str:
+def results() -> list[dict]:
+    """All protocols, in the order of the page."""
     protocols = []
     for file in sorted(RESULTS.glob("*.toml")):
         protocol = tomllib.loads(file.read_text(encoding="utf-8"))
@@ -77,6 +79,10 @@ def page() -> str:
             raise ValueError(f"{file}: unknown {sorted(unknown)}, or no group of {GROUPS}")
         protocols.append(protocol)
     protocols.sort(key=lambda one: (GROUPS.index(one["group"]), one["order"]))
+    return protocols
+
+
+def page(protocols: list[dict]) -> str:
     blocks = [
         "# Validation report",
         "<!-- tools/validation.py writes this page from book/validation. -->",
@@ -94,20 +100,49 @@ def page() -> str:
     return "\n\n".join(blocks) + "\n"
 
 
+def names_of_tests() -> dict[str, set[str]]:
+    """The functions and modules of each test target, and under the empty name those of the crates themselves."""
+    found: dict[str, set[str]] = {"": set()}
+    for file in ROOT.glob("crates/*/*/**/*.rs"):
+        place = file.relative_to(ROOT).parts
+        if place[2] not in ("src", "tests"):
+            continue
+        target = "" if place[2] == "src" else place[3].removesuffix(".rs")
+        text = file.read_text(encoding="utf-8")
+        found.setdefault(target, set()).update(re.findall(r"\b(?:fn|mod) (\w+)", text), [file.stem])
+    return found
+
+
+def missing_tests(protocols: list[dict]) -> list[str]:
+    """The commands whose filters name no test of their target."""
+    known, missing = names_of_tests(), []
+    for command in (part["command"] for protocol in protocols for part in protocol["part"] if "cargo test" in part.get("command", "")):
+        words = command.split()
+        target = words[words.index("--test") + 1] if "--test" in words else ""
+        packages = [after for before, after in zip(words, words[1:]) if before in ("-p", "--test")]
+        filters = [word for word in words if not word.startswith("-") and "=" not in word and word not in ("cargo", "test", *packages)]
+        steps = [step for name in filters for step in name.split("::") if step]
+        if any(not any(step in one for one in known.get(target, set())) for step in steps):
+            missing.append(f"no test of `{command}`")
+    return missing
+
+
 def anchor(title: str) -> str:
     kept = "".join(one for one in title.lower() if one.isalnum() or one in " -_")
     return kept.replace(" ", "-")
 
 
 def main() -> int:
-    wanted = page()
+    protocols = results()
+    wanted = page(protocols)
     if "--check" not in sys.argv[1:]:
         PAGE.write_text(wanted, encoding="utf-8")
         return 0
-    if PAGE.read_text(encoding="utf-8") == wanted:
-        return 0
-    print(f"{PAGE.relative_to(ROOT)} is not what book/validation gives: run tools/validation.py", file=sys.stderr)
-    return 1
+    faults = missing_tests(protocols)
+    if PAGE.read_text(encoding="utf-8") != wanted:
+        faults.append(f"{PAGE.relative_to(ROOT)} is not what book/validation gives: run tools/validation.py")
+    print("\n".join(faults), file=sys.stderr, end="\n" if faults else "")
+    return 1 if faults else 0
 
 
 if __name__ == "__main__":
