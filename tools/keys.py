@@ -64,20 +64,20 @@ class Schema:
         ]
         return found + ([(part["const"], "")] if isinstance(part.get("const"), str) else [])
 
-    def kind(self, part: dict, path: str) -> str:
+    def kind(self, part: dict) -> str:
         """What a key takes, with an example."""
         part = self.resolved(part)
         words = self.words(part)
         names = {"boolean": "`true` or `false`", "integer": "a whole number", "number": "a number", "string": "a text", "array": "a list", "object": "a table"}
         kind = part.get("title") or ""
         if not kind and isinstance(part.get("items"), dict):
-            kind = f"a list, each {self.kind(part['items'], path)}"
+            kind = f"a list, each {self.kind(part['items'])}"
         elif not kind and words and len(words) == max(len(self.variants(part)), len(part.get("enum", [])), 1):
             kind = ", ".join(f"`{word}`" for word, _ in words)
         elif not kind and "const" in part:
             kind = f"`{json.dumps(part['const'])}`"
         elif not kind and self.variants(part) and "properties" not in part:
-            kind = " or ".join(dict.fromkeys(self.kind(one, path) for one in self.variants(part) if one.get("type") != "null"))
+            kind = " or ".join(dict.fromkeys(self.kind(one) for one in self.variants(part) if one.get("type") != "null"))
         elif not kind:
             types = part.get("type", "object")
             kind = " or ".join(names.get(one, one) for one in ([types] if isinstance(types, str) else types))
@@ -130,7 +130,7 @@ class Schema:
                     continue
                 seen.add(key)
                 mark = " (needed)" if key in needed and len(tables) == 1 else ""
-                lines.append(f"| `{key}`{mark} | {cell(self.kind(part, prefix + key))} | {self.described(part, prefix + key)} |")
+                lines.append(f"| `{key}`{mark} | {cell(self.kind(part))} | {self.described(part, prefix + key)} |")
 
 
 def anchor(heading: str) -> str:
