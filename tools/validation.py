@@ -86,14 +86,15 @@ def page(protocols: list[dict]) -> str:
     blocks = [
         "# Validation report",
         "<!-- tools/validation.py writes this page from book/validation. -->",
-        "Every table of this page was printed by the command that stands below it, and was entered on the day that stands there. Devices are simulated, unless a table\n"
-        "names who measured a recording; nothing was measured on hardware of the project. The chapters say how to use the program, and this page says how well it then works.",
+        "The command below a table printed it; its newest row came into the repository on the day that stands there. A table without a command has none on record.\n"
+        "Devices are simulated, unless a table names who measured a recording; nothing was measured on hardware of the project. The chapters say how to use the\n"
+        "program, and this page says how well it then works.",
     ]
     for group in GROUPS:
         own = [one for one in protocols if one["group"] == group]
         if not own:
             continue
-        blocks.append(f"**{group}:** " + "; ".join(f"[{one['title']}](#{anchor(one['title'])})" for one in own) + ".")
+        blocks.append(f"**{group}:**\n" + ";\n".join(f"[{one['title']}](#{anchor(one['title'])})" for one in own) + ".")
     for protocol in protocols:
         blocks.append(f"## {protocol['title']}")
         blocks += [block for part in protocol["part"] for block in shown(part)]
