@@ -1,6 +1,7 @@
 // Whether each pattern of habits.json finds the phrases that it is for, and passes those that it is not for.
 "use strict";
-const { habits } = require("./habits.json");
+const { habits: prose, doc_comments: comments } = require("./habits.json");
+const habits = [...prose, { ...comments, matches_case: true }];
 
 const wrong = [];
 for (const { find, found, passed, matches_case } of habits) {
