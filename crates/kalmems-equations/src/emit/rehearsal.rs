@@ -6,7 +6,7 @@ use super::names::SourceNames;
 use super::request::{EmitDigits, EmitRequest, InputCourse, TestSample};
 use super::routine::{Routine, StorageArray};
 use super::tape::{CalledFunction, TapeId, TapeOp};
-use super::watch::{Watch, WatchRules};
+use super::watch::{InnovationWatch, WatchRules};
 use crate::device::Device;
 use crate::laws::{LawId, MOST_ARGUMENTS, partial};
 use kalmems_models::capacitance::VACUUM_PERMITTIVITY;
@@ -77,7 +77,7 @@ fn rounded(value: f64, wide: bool) -> f64 {
 struct RehearsedState {
     mean: Vec<f64>,
     covariance: Vec<f64>,
-    watches: Vec<Watch>,
+    watches: Vec<InnovationWatch>,
     /// Samples until the next correction.
     left: u32,
 }
@@ -154,7 +154,7 @@ impl<'a> Rehearsal<'a> {
         RehearsedState {
             mean: mean.iter().map(|value| rounded(*value, widths.mean)).collect(),
             covariance: covariance.iter().map(|value| rounded(*value, widths.covariance)).collect(),
-            watches: vec![Watch::NEW; self.request.measures.len()],
+            watches: vec![InnovationWatch::NEW; self.request.measures.len()],
             left: 0,
         }
     }

@@ -10,7 +10,7 @@ mod rules {
     include!("rust/watch.rs");
 }
 
-pub(super) use rules::{Watch, WatchRules};
+pub(super) use rules::{InnovationWatch, WatchRules};
 
 /// The text of it.
 pub(super) const IN_RUST: &str = include_str!("rust/watch.rs");

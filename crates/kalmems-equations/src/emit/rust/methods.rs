@@ -33,7 +33,7 @@ pub(super) fn methods(
         list(mean, widths.mean)?
     );
     within(text, device, request, program, interface)?;
-    let state = "state: START, watch: [Watch::NEW; MEASUREMENTS], begun: 0, left: 0";
+    let state = "state: START, watch: [InnovationWatch::NEW; MEASUREMENTS], begun: 0, left: 0";
     text.push_str("\nimpl Filter {\n    /// Before the first sample.\n    pub fn new() -> Self {\n");
     match &program.configure {
         None => {
@@ -229,12 +229,12 @@ fn steps(
         text.push_str(
             "\n    /// A filter that has lost its signal for so many samples begins again as at the start.\n    fn begin_again(&mut self) {\n        \
              if self.watch.iter().any(|watch| watch.open >= RULES.lost) {\n            self.state = START;\n            \
-             self.watch = [Watch::NEW; MEASUREMENTS];\n            self.left = 0;\n            self.begun = self.begun.wrapping_add(1);\n        }\n    }\n",
+             self.watch = [InnovationWatch::NEW; MEASUREMENTS];\n            self.left = 0;\n            self.begun = self.begun.wrapping_add(1);\n        }\n    }\n",
         );
     }
     text.push_str(
         "\n    /// How it stands to a measurement; `None` of one that there is not.\n    \
-         pub fn status(&self, measurement: usize) -> Option<Status> {\n        \
+         pub fn status(&self, measurement: usize) -> Option<SignalStatus> {\n        \
          self.watch.get(measurement).map(|watch| watch.status(&RULES))\n    }\n\n    \
          /// What was last measured of each measurement, minus what was predicted, in SI.\n    \
          pub fn innovations(&self) -> [f32; MEASUREMENTS] {\n        \

@@ -156,7 +156,7 @@ pub(super) fn files(
     let _ = write!(
         text,
         "\n/// The filter.\n#[derive(Clone, Copy, Debug)]\npub struct Filter {{\n    /// What is estimated.\n    pub state: State,\n    \
-         /// What the corrections by each measurement saw.\n    pub watch: [Watch; MEASUREMENTS],\n    \
+         /// What the corrections by each measurement saw.\n    pub watch: [InnovationWatch; MEASUREMENTS],\n    \
          /// How often it has begun again, having lost its signal.\n    pub begun: u32,\n    \
          /// Samples until the next correction.\n    left: u32,\n{field}}}\n\n"
     );
@@ -232,7 +232,7 @@ fn core(
     };
     let more = typed(inputs) + &typed(measured);
     let kind = if written.variance.is_some() { " -> bool" } else { "" };
-    let watch = if written.residual.is_some() { ", watch: &mut Watch" } else { "" };
+    let watch = if written.residual.is_some() { ", watch: &mut InnovationWatch" } else { "" };
     let _ =
         write!(text, "\n#[inline(always)]\nfn {of}(state: &mut State{watch}{constants}{more}){kind} {{\n");
     for (local, array, place) in interface.loads(routine, program) {

@@ -29,7 +29,7 @@ pub struct WatchRules {
 
 /// How a filter stands to a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
+pub enum SignalStatus {
     /// It settles: every sample is taken.
     Starting,
     /// The last sample was taken, and samples are as near as the filter says.
@@ -44,7 +44,7 @@ pub enum Status {
 
 /// What the corrections by a measurement saw.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Watch {
+pub struct InnovationWatch {
     /// Measured minus predicted, in standard deviations of the noise.
     pub residual: f32,
     /// The variance of that by the filter.
@@ -67,7 +67,7 @@ pub struct Watch {
     pub open: u32,
 }
 
-impl Watch {
+impl InnovationWatch {
     /// Before the first sample.
     pub const NEW: Self = Self {
         residual: 0.0,
@@ -135,17 +135,17 @@ impl Watch {
     }
 
     /// How the filter stands to the measurement.
-    pub fn status(&self, rules: &WatchRules) -> Status {
+    pub fn status(&self, rules: &WatchRules) -> SignalStatus {
         if self.seen < rules.settling {
-            Status::Starting
+            SignalStatus::Starting
         } else if self.open > 0 {
-            Status::Lost
+            SignalStatus::Lost
         } else if self.median > OVERCONFIDENT {
-            Status::Overconfident
+            SignalStatus::Overconfident
         } else if self.since > 0 {
-            Status::LeftOut
+            SignalStatus::LeftOut
         } else {
-            Status::Following
+            SignalStatus::Following
         }
     }
 }
