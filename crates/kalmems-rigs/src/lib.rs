@@ -16,7 +16,7 @@ pub mod threshold_scanner;
 pub mod workflow;
 
 pub use kalmems_engines::rig::{
-    DrivenDevice, DrivenModel, DrivenRig, Estimator, Expansion, NumberForm, OmittedNumber, RecordingChannels,
+    Estimator, Expansion, NumberForm, OmittedNumber, RecordingChannels,
     Rig, StateDensity, Template, TemplateChannel, Workbench, sampling,
 };
 

@@ -188,10 +188,6 @@ const DETECTOR: &str = "cargo run --release -p kalmems-cli --example scan_object
 fn commands(page: &str) -> Vec<Documented> {
     let whole = text(page);
     let mut found = Vec::new();
-    // A device in a crate of its own has a command of its own.
-    if page.starts_with("examples/own_rig") {
-        return found;
-    }
     let mut add = |line: &str| {
         let detector = line.strip_prefix(DETECTOR);
         let Some(rest) = detector.or_else(|| CALLS.iter().find_map(|call| line.strip_prefix(call))) else {
@@ -574,7 +570,6 @@ fn simulations() -> Vec<String> {
             }
         }
     }
-    found.retain(|file| !file.starts_with("examples/own_rig"));
     found.sort();
     found
 }

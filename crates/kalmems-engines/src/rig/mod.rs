@@ -5,7 +5,6 @@
 
 mod considering;
 mod density;
-mod driven;
 mod expansion;
 mod omitted_number;
 mod sampling;
@@ -13,7 +12,6 @@ mod template;
 mod workbench;
 
 pub use density::StateDensity;
-pub use driven::{DrivenDevice, DrivenModel, DrivenRig};
 pub use expansion::Expansion;
 pub use omitted_number::{NumberForm, OmittedNumber};
 pub use sampling::sampling;
