@@ -1,31 +1,8 @@
-//! Records in stretches of a file, as they are or packed.
+//! Lanes of records that are not read from a file as they stand there.
 
 use crate::FormatError;
 use crate::records::RecordLane;
-use crate::source::SharedFile;
 use std::ops::Range;
-use std::sync::Arc;
-
-/// Records one after the other, unpacked.
-pub(crate) struct UnpackedRecords {
-    pub(crate) source: Arc<SharedFile>,
-    pub(crate) format: &'static str,
-    pub(crate) offset: u64,
-    pub(crate) record: usize,
-}
-
-impl RecordLane for UnpackedRecords {
-    fn record(&self) -> usize {
-        self.record
-    }
-
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
-        out.resize(rows * self.record, 0);
-        self.source.read_exact(self.format, self.offset, out)?;
-        self.offset += out.len() as u64;
-        Ok(())
-    }
-}
 
 /// Texts that are in memory.
 pub(crate) struct TextLane {

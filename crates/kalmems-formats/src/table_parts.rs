@@ -81,6 +81,22 @@ impl TableParts {
         }
     }
 
+    /// Adds columns of numbers or texts whose cells stand beside each other in the records of a lane.
+    pub(crate) fn add_rows(
+        &mut self,
+        lane: Box<dyn RecordLane>,
+        rows: u64,
+        cell: StoredCell,
+        names: &[String],
+    ) {
+        for (number, name) in names.iter().enumerate() {
+            let cells = CellKind::Stored { lane: self.lanes.len(), offset: number * cell.bytes(), cell };
+            let column = Column::new(name).at(format!("column {}", number + 1));
+            self.fields.push(RecordField::new(column, cells, rows));
+        }
+        self.lanes.push(lane);
+    }
+
     /// Adds the columns of an array, which stand one after the other or beside each other.
     pub(crate) fn add_array(&mut self, array: &StoredArray, names: &[String]) -> Result<(), FormatError> {
         let &StoredArray { stretch, place, rows, cell, by_column } = array;
@@ -88,43 +104,48 @@ impl TableParts {
         limits::at_most(self.format, "the number of columns", count as u64, limits::COLUMNS as u64)?;
         let wide = if by_column { size } else { count.saturating_mul(size) };
         limits::at_most(self.format, "the bytes of a row", wide as u64, limits::ROW_BYTES as u64)?;
-        let first = self.lanes.len();
-        for (number, name) in names.iter().enumerate() {
-            let (lane, offset) = if by_column { (first + number, 0) } else { (first, number * size) };
-            let column = if count > 1 {
-                Column::new(name).at(format!("column {}", number + 1))
-            } else {
-                Column::new(name)
-            };
-            let cells = CellKind::Stored { lane, offset, cell };
-            self.fields.push(RecordField::new(column, cells, rows));
-            if by_column || number == 0 {
-                let skip = place + lane.abs_diff(first) as u64 * rows * size as u64;
-                self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, wide)));
-            }
+        let first = self.fields.len();
+        let (lanes, width) = if by_column { (count, 1) } else { (1, count) };
+        for (number, names) in (0..lanes).zip(names.chunks(width.max(1))) {
+            let skip = place + number as u64 * rows * size as u64;
+            self.add_rows(Box::new(StreamLane::new(stretch.clone(), skip, wide)), rows, cell, names);
+        }
+        for (number, field) in self.fields.iter_mut().skip(first).enumerate() {
+            field.column.place = (count > 1).then(|| format!("column {}", number + 1));
         }
         Ok(())
     }
 
     /// The table, with the time that the file states. `stated_by` says what states it, and `remedy` what to do where there is no column.
     pub(crate) fn finish(
-        self,
+        mut self,
         file_bytes: u64,
         stated_by: &'static str,
         remedy: &str,
     ) -> Result<Box<dyn Table>, FormatError> {
-        let Self { format, mut recognised, left_out, mut fields, mut lanes, stated, own_clocks } = self;
-        if fields.is_empty() {
-            let what = format!("a file without a column of numbers or labels ({})", limits::list(&left_out));
-            return Err(FormatError::unsupported(format, what, remedy));
-        }
-        let mut clocks = vec![stated.clock(); fields.len()];
-        for (field, own) in own_clocks {
-            if let Some(clock) = clocks.get_mut(field).filter(|_| own.step.is_some()) {
-                *clock = own;
+        let mut clocks = vec![self.stated.clock(); self.fields.len()];
+        for (field, own) in &self.own_clocks {
+            if let Some(clock) = clocks.get_mut(*field).filter(|_| own.step.is_some()) {
+                *clock = *own;
             }
         }
-        recognised.push_str(&settle_each(&clocks, &mut fields, &mut lanes, stated_by));
+        let said = settle_each(&clocks, &mut self.fields, &mut self.lanes, stated_by);
+        self.recognised.push_str(&said);
+        self.table(file_bytes, "a file", remedy)
+    }
+
+    /// The same with the times that it has already. `what` is the place, for messages.
+    pub(crate) fn table(
+        self,
+        file_bytes: u64,
+        what: &str,
+        remedy: &str,
+    ) -> Result<Box<dyn Table>, FormatError> {
+        let Self { format, recognised, left_out, fields, lanes, .. } = self;
+        if fields.is_empty() {
+            let what = format!("{what} without a column of numbers or labels ({})", limits::list(&left_out));
+            return Err(FormatError::unsupported(format, what, remedy));
+        }
         Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
     }
 }

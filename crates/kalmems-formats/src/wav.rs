@@ -3,9 +3,9 @@
 use crate::clock::{RegularTimes, SampleStep};
 use crate::cursor::ByteCursor;
 use crate::element::{Element, ElementKind};
-use crate::lanes::UnpackedRecords;
-use crate::records::{CellKind, RecordField, RecordTable, StoredCell};
+use crate::records::{CellKind, RecordField, StoredCell};
 use crate::source::SharedFile;
+use crate::stream::{FileStretch, StreamLane};
 use crate::table_parts::TableParts;
 use crate::{Column, FormatError, Hints, Table, limits};
 use std::sync::Arc;
@@ -17,43 +17,37 @@ const CHUNKS: usize = 4096;
 const ELSEWHERE: u32 = u32::MAX;
 
 pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+    let source = Arc::new(source);
     let sound = SampleFormat::read(&source)?;
     let channels = sound.channels;
     let own = (1..=channels).map(|channel| format!("channel{channel}_1")).collect();
     let what = format!("a recording of {channels} channels");
-    let names = TableParts::new(FORMAT).names(hints, Some(own), channels as u64, &what)?;
+    let mut table = TableParts::new(FORMAT);
+    let names = table.names(hints, Some(own), channels as u64, &what)?;
     let record = channels * sound.element.bytes;
     let rows = sound.bytes / record as u64;
     let step = SampleStep::Rate(f64::from(sound.rate));
     // Samples since midnight, as a broadcast has them.
     let start_s = sound.since_midnight as f64 / f64::from(sound.rate);
     let clock = vec![RegularTimes { row: 0, start_s, step }];
-    let mut fields = vec![RecordField::new(Column::new("time_s"), CellKind::Clock(clock), rows)];
-    for (channel, name) in names.into_iter().enumerate() {
-        let offset = channel * sound.element.bytes;
-        let column = Column::new(&name).at(format!("channel {}", channel + 1));
-        fields.push(RecordField::new(
-            column,
-            CellKind::Stored { lane: 0, offset, cell: StoredCell::Number(sound.element) },
-            rows,
-        ));
-    }
+    table.fields.push(RecordField::new(Column::new("time_s"), CellKind::Clock(clock), rows));
+    let file = FileStretch::stored(Arc::clone(&source), FORMAT, "the file");
+    let lane = StreamLane::new(file, sound.offset, record);
+    table.add_rows(Box::new(lane), rows, StoredCell::Number(sound.element), &names);
     let scale =
         if sound.element.kind == ElementKind::Float { "as they are" } else { "in parts of full scale" };
     let start = match sound.since_midnight {
         0 => String::new(),
         _ => format!("{start_s} s (the time of day in its bext chunk) + "),
     };
-    let recognised = format!(
+    table.recognised = format!(
         "{channels} channels of {} in {} bits, {scale}; time_s = {start}k/({} Hz) for row k from 0 on, which is not in the \
          file",
         if sound.element.kind == ElementKind::Float { "floating-point numbers" } else { "integers" },
         sound.element.bytes * 8,
         sound.rate,
     );
-    let file_bytes = source.length();
-    let lane = UnpackedRecords { source: Arc::new(source), format: FORMAT, offset: sound.offset, record };
-    Ok(Box::new(RecordTable::new(FORMAT, recognised, Vec::new(), fields, vec![Box::new(lane)], file_bytes)))
+    table.table(source.length(), "a file", "record some channels")
 }
 
 /// What is known of the samples.
@@ -177,8 +171,7 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
     if !(16..=1024).contains(&length) {
         return Err(damaged(place, format!("a fmt chunk of {length} bytes"), "16, 18 or 40"));
     }
-    #[allow(clippy::cast_possible_truncation)] // at most 1024
-    let chunk = source.bytes(FORMAT, place + 8, length as usize)?;
+    let chunk = source.bytes(FORMAT, place + 8, length)?;
     let mut chunk = ByteCursor::new(FORMAT, &chunk, place + 8);
     let mut code = chunk.u16()?;
     let (channels, rate, byte_rate) = (usize::from(chunk.u16()?), chunk.u32()?, chunk.u32()?);

@@ -171,8 +171,7 @@ impl ChunkLane {
             place.bytes,
             bytes as u64 + bytes as u64 / 8 + 4096,
         )?;
-        #[allow(clippy::cast_possible_truncation)] // bounded by the line above
-        let packed = self.file.source.bytes(FORMAT, place.address, place.bytes as usize)?;
+        let packed = self.file.source.bytes(FORMAT, place.address, place.bytes)?;
         filters::undo(&self.filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
             self.damaged(
                 format!("in its chunk at byte {} {found}", place.address),

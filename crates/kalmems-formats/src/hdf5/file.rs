@@ -103,8 +103,7 @@ impl Hdf5File {
                 limit: self.most,
             });
         }
-        #[allow(clippy::cast_possible_truncation)] // at most HEADER_BYTES
-        self.source.bytes(FORMAT, place, bytes as usize)
+        self.source.bytes(FORMAT, place, bytes)
     }
 }
 

@@ -21,13 +21,12 @@ mod tree;
 mod values;
 
 use crate::element::{Element, ElementKind};
-use crate::lanes::UnpackedRecords;
 use crate::name::with_unit;
 use crate::records::{CellKind, RecordField, StoredCell, TextEncoding};
 use crate::scaling::{self, Scaling, ScalingStep};
 use crate::source::SharedFile;
 use crate::stated_clock::StatedNumbers;
-use crate::table_parts::{TableParts, becomes_columns};
+use crate::table_parts::{StoredArray, TableParts, becomes_columns};
 use crate::time::{TimeCode, TimeForm, TimeKind};
 use crate::{Column, FormatError, Hints, Table, limits};
 use attributes::{Attributes, Dataspace};
@@ -409,35 +408,21 @@ impl Hdf5TableParts {
             units if units.len() == names.len() => units.to_vec(),
             _ => Vec::new(),
         };
-        let (first, place, scaling) = (self.table.lanes.len(), found.place(), found.scaling());
-        let (size, shape, turned) = (element.bytes, (rows, names.len() as u64), self.is_turned(found));
-        // Columns that stand one after the other are read on their own.
-        let by_column = match values::values(found, size, shape, turned, self.file_bytes)? {
-            DatasetValues::Stretch(source, offset) if turned => Some((source, offset)),
-            _ => None,
-        };
-        if by_column.is_none() {
-            self.table.lanes.push(values::lane(found, size, shape, turned, self.file_bytes)?);
-        }
-        for (number, name) in names.iter().enumerate() {
-            let unit = units.get(number).filter(|_| united).map_or("", String::as_str);
-            let column = Column::new(&with_unit(name, unit)).at(format!("{place}, column {}", number + 1));
-            let (lane, offset) =
-                if by_column.is_some() { (first + number, 0) } else { (first, number * size) };
-            let cells = CellKind::Stored { lane, offset, cell: StoredCell::Number(element) };
-            self.table
-                .fields
-                .push(RecordField { scaling: scaling.clone(), ..RecordField::new(column, cells, rows) });
-            if let Some((source, offset)) = &by_column {
-                let offset = offset + number as u64 * rows * size as u64;
-                let source = Arc::clone(source);
-                self.table.lanes.push(Box::new(UnpackedRecords {
-                    source,
-                    format: FORMAT,
-                    offset,
-                    record: size,
-                }));
+        let (first, scaling) = (self.table.fields.len(), found.scaling());
+        let (cell, shape, turned) =
+            (StoredCell::Number(element), (rows, names.len() as u64), self.is_turned(found));
+        match values::values(found, element.bytes, shape, turned, self.file_bytes)? {
+            DatasetValues::Stretch(stretch, place) => {
+                let array = StoredArray { stretch: &stretch, place, rows, cell, by_column: turned };
+                self.table.add_array(&array, names)?;
             }
+            DatasetValues::Chunks(lane) => self.table.add_rows(lane, rows, cell, names),
+        }
+        for (number, (field, name)) in self.table.fields.iter_mut().skip(first).zip(names).enumerate() {
+            let unit = units.get(number).filter(|_| united).map_or("", String::as_str);
+            let place = format!("{}, column {}", found.place(), number + 1);
+            field.column = Column::new(&with_unit(name, unit)).at(place);
+            field.scaling = scaling.clone();
         }
         self.say(&found.path, &scaling);
         Ok(())

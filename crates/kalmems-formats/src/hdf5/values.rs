@@ -10,16 +10,16 @@ use super::layout::DataLayout;
 use super::objects::Object;
 use super::{FORMAT, FoundDataset, TEXTS, unsupported};
 use crate::element::Element;
-use crate::lanes::UnpackedRecords;
 use crate::records::{RecordLane, TextEncoding};
 use crate::source::SharedFile;
+use crate::stream::{FileStretch, StreamLane};
 use crate::{FormatError, limits};
 use std::sync::Arc;
 
 /// Where the values of a dataset are.
 pub(super) enum DatasetValues {
     /// One after the other from a place of a file on, or in memory.
-    Stretch(Arc<SharedFile>, u64),
+    Stretch(FileStretch, u64),
     /// In chunks, which give records.
     Chunks(Box<ChunkLane>),
 }
@@ -39,16 +39,16 @@ pub(super) fn values(
     let bytes = rows.saturating_mul(columns).saturating_mul(element as u64);
     let damaged = |found: String, expected: String| FormatError::damaged(FORMAT, path, found, expected);
     let never = || unsupported(format!("`{path}`, which was never written,"), "write its values");
-    let source = Arc::clone(&file.source);
+    let whole = |source: &Arc<SharedFile>| FileStretch::stored(Arc::clone(source), FORMAT, "the file");
     match DataLayout::read(file, header)?.ok_or_else(never)? {
-        _ if rows == 0 => Ok(DatasetValues::Stretch(source, 0)),
+        _ if rows == 0 => Ok(DatasetValues::Stretch(whole(&file.source), 0)),
         DataLayout::Contiguous(None) => Err(never()),
         DataLayout::Contiguous(Some(offset)) => {
-            source.within(FORMAT, offset, bytes)?;
-            Ok(DatasetValues::Stretch(source, offset))
+            file.source.within(FORMAT, offset, bytes)?;
+            Ok(DatasetValues::Stretch(whole(&file.source), offset))
         }
         DataLayout::Compact(raw) if raw.len() as u64 == bytes => {
-            Ok(DatasetValues::Stretch(in_memory(raw)?, 0))
+            Ok(DatasetValues::Stretch(whole(&in_memory(raw)?), 0))
         }
         DataLayout::Compact(raw) => Err(damaged(format!("{} bytes", raw.len()), format!("{bytes}"))),
         DataLayout::Chunked(chunked) => {
@@ -94,17 +94,18 @@ pub(super) fn lane(
     file_bytes: u64,
 ) -> Result<Box<dyn RecordLane>, FormatError> {
     let record = usize::try_from(columns).unwrap_or(0) * element;
-    let (source, offset) = match values(found, element, (rows, columns), turned, file_bytes)? {
+    let (stretch, offset) = match values(found, element, (rows, columns), turned, file_bytes)? {
         DatasetValues::Chunks(lane) => return Ok(lane),
-        DatasetValues::Stretch(source, offset) if turned && columns > 1 => {
+        DatasetValues::Stretch(stretch, offset) if turned && columns > 1 => {
             let bytes = rows.saturating_mul(record as u64);
             limits::at_most(FORMAT, &format!("the bytes of `{}`", found.path), bytes, limits::HEADER_BYTES)?;
-            let raw = source.bytes(FORMAT, offset, usize::try_from(bytes).unwrap_or(0))?;
-            (in_memory(turn(&raw, element, usize::try_from(rows).unwrap_or(0)))?, 0)
+            let raw = stretch.source.bytes(FORMAT, offset, bytes)?;
+            let turned = in_memory(turn(&raw, element, usize::try_from(rows).unwrap_or(0)))?;
+            (FileStretch::stored(turned, FORMAT, "the file"), 0)
         }
-        DatasetValues::Stretch(source, offset) => (source, offset),
+        DatasetValues::Stretch(stretch, offset) => (stretch, offset),
     };
-    Ok(Box::new(UnpackedRecords { source, format: FORMAT, offset, record }))
+    Ok(Box::new(StreamLane::new(stretch, offset, record)))
 }
 
 /// Bytes in memory as a file.

@@ -66,7 +66,7 @@ impl Elements {
     }
 
     fn tag(&mut self) -> Result<Tag, FormatError> {
-        let raw = self.stream.bytes(8)?;
+        let raw = self.stream.next_bytes(8)?;
         let (first, second) = ([raw[0], raw[1], raw[2], raw[3]], [raw[4], raw[5], raw[6], raw[7]]);
         let word = self.u32(first);
         if word >> 16 == 0 {
@@ -88,7 +88,7 @@ impl Elements {
         if let Some(within) = tag.within {
             return Ok((tag.kind, within[..count].to_vec()));
         }
-        let bytes = self.stream.bytes(count)?;
+        let bytes = self.stream.next_bytes(count)?;
         self.stream.skip(padding(tag.bytes))?;
         Ok((tag.kind, bytes))
     }

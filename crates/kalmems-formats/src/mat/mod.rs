@@ -28,7 +28,7 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     let count = source.read_some(0, &mut head)?;
     let is_old = !head.ends_with(b"IM")
         && !head.ends_with(b"MI")
-        && version4::begins(&source.bytes(FORMAT, 0, count)?);
+        && version4::begins(&source.bytes(FORMAT, 0, count as u64)?);
     let (format, found) = if is_old {
         (version4::FORMAT, version4::variables(&source)?)
     } else {
@@ -165,7 +165,7 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
         let mut stretch = FileStretch { packing, start, end, unpacked: end - start, ..whole };
         if packing == Compression::Zlib {
             // An array with its tag of eight bytes.
-            stretch.unpacked = 8 + words(&stretch.stream().bytes(8)?)?.1;
+            stretch.unpacked = 8 + words(&stretch.stream().next_bytes(8)?)?.1;
         }
         let mut elements = Elements { stream: stretch.stream(), big_endian };
         let variable = elements.array(&mut budget)?;

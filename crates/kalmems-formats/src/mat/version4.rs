@@ -87,7 +87,7 @@ pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, Ma
                 "the header of a matrix",
             )
         })?;
-        let name = source.bytes(FORMAT, at + HEADER, header.name_bytes)?;
+        let name = source.bytes(FORMAT, at + HEADER, header.name_bytes as u64)?;
         let name = String::from_utf8_lossy(name.strip_suffix(&[0]).unwrap_or(&name)).into_owned();
         let place = at + HEADER + header.name_bytes as u64;
         // All three are of 32 bits, or a few.
@@ -116,7 +116,7 @@ fn texts(source: &SharedFile, place: u64, header: &Mat4Header) -> Result<Vec<Vec
     // Bounded by the length of texts.
     let small = |length: u64| usize::try_from(length).unwrap_or(0);
     let (rows, count) = (small(header.rows), small(header.rows * header.columns));
-    let raw = source.bytes(FORMAT, place, count * header.element.bytes)?;
+    let raw = source.bytes(FORMAT, place, (count * header.element.bytes) as u64)?;
     let mut numbers = Vec::new();
     header.element.numbers(&raw, 0, header.element.bytes, count, 0, &mut numbers);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

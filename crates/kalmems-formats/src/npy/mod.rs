@@ -97,7 +97,7 @@ impl NpyArray {
     fn open(stretch: FileStretch, name: String) -> Result<Self, FormatError> {
         let format = stretch.format;
         let mut stream = stretch.stream();
-        let header = NpyHeader::read(format, &stretch.name, |count| stream.bytes(count))?;
+        let header = NpyHeader::read(format, &stretch.name, |count| stream.next_bytes(count))?;
         let (count, bytes) = header.size(format)?;
         limits::plausible_rows(format, count, stretch.source.length())?;
         let there = stretch.unpacked.saturating_sub(header.bytes);

@@ -28,8 +28,7 @@ pub(super) fn members(source: &SharedFile) -> Result<Vec<ZipMember>, FormatError
     let (entries, offset, size) = directory(source)?;
     limits::at_most(FORMAT, "the number of members", entries, limits::COLUMNS as u64)?;
     limits::at_most(FORMAT, "the length of the directory", size, limits::HEADER_BYTES)?;
-    #[allow(clippy::cast_possible_truncation)] // bounded by the line above
-    let bytes = source.bytes(FORMAT, offset, size as usize)?;
+    let bytes = source.bytes(FORMAT, offset, size)?;
     let mut members: Vec<ZipMember> = Vec::new();
     let mut cursor = ByteCursor::new(FORMAT, &bytes, offset);
     for _ in 0..entries {
@@ -95,7 +94,7 @@ impl ZipMember {
         let method = header.mark(b"PK\x03\x04")?.skip(4)?.u16()?;
         let (name, extra) = (header.skip(16)?.u16()?, header.u16()?);
         // The directory and the member's own header both have its name and its method.
-        let own_name = source.bytes(FORMAT, self.header + 30, usize::from(name))?;
+        let own_name = source.bytes(FORMAT, self.header + 30, u64::from(name))?;
         if String::from_utf8_lossy(&own_name) != self.name || method != self.method {
             let found = format!("a header of `{}`, packed by method {method}", own_name.escape_ascii());
             let expected =
@@ -140,8 +139,7 @@ fn refuse_overlaps(source: &SharedFile, members: &[ZipMember], directory: u64) -
 /// How many entries the directory has, where it begins, and its bytes.
 fn directory(source: &SharedFile) -> Result<(u64, u64, u64), FormatError> {
     let tail_start = source.length().saturating_sub(TAIL);
-    #[allow(clippy::cast_possible_truncation)] // at most TAIL
-    let tail = source.bytes(FORMAT, tail_start, (source.length() - tail_start) as usize)?;
+    let tail = source.bytes(FORMAT, tail_start, source.length() - tail_start)?;
     let ends_there = |place: &usize| {
         let mut end = ByteCursor::new(FORMAT, &tail[*place..], 0);
         end.skip(20).and_then(ByteCursor::u16).is_ok_and(|comment| usize::from(comment) == end.left())

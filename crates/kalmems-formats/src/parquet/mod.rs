@@ -57,7 +57,7 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
     limits::at_most(FORMAT, "the length of the metadata", u64::from(length), limits::HEADER_BYTES)?;
     let end = file_bytes - 8;
     let metadata =
-        end.checked_sub(u64::from(length)).map(|start| source.bytes(FORMAT, start, length as usize));
+        end.checked_sub(u64::from(length)).map(|start| source.bytes(FORMAT, start, u64::from(length)));
     let metadata = metadata.transpose()?.unwrap_or_default();
     if thrift::length_of_struct(&metadata, layout::FILE, &mut |_, _| {}).is_none() {
         let found =

@@ -63,8 +63,7 @@ impl ColumnPages {
             }
             let body = self.left.start;
             self.left.start += header.packed;
-            #[allow(clippy::cast_possible_truncation)] // 16 MiB at most
-            let read = || header.checked(self.source.bytes(FORMAT, body, header.packed as usize)?, start);
+            let read = || header.checked(self.source.bytes(FORMAT, body, header.packed)?, start);
             if let Some(page) = header.page(read, self.packing, start)? {
                 return Ok(Some(page));
             }

@@ -181,8 +181,7 @@ impl TdmsFile {
         if contents & toc::METADATA != 0 {
             limits::at_most(FORMAT, "the length of the metadata", raw, *budget)?;
             *budget -= raw;
-            #[allow(clippy::cast_possible_truncation)] // bounded by the line above
-            let bytes = source.bytes(FORMAT, start, raw as usize)?;
+            let bytes = source.bytes(FORMAT, start, raw)?;
             let mut reader = ByteCursor::new(FORMAT, &bytes, start).with(0, big_endian);
             self.objects(&mut reader, active, contents & toc::NEW_OBJECTS != 0)?;
         }
