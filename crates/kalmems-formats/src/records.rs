@@ -1,5 +1,6 @@
 //! Tables whose cells stand at known places of records of one size.
 
+use crate::block::push_label;
 use crate::clock::{self, RegularTimes};
 use crate::decimal::Shift;
 use crate::element::Element;
@@ -546,13 +547,6 @@ fn protection(fields: &[RecordField], lanes: &[Box<dyn RecordLane>]) -> String {
     let lane = |field: &RecordField| lanes.get(field.cells.lane()?);
     let of = |field: &RecordField| Some((field.column.name.clone(), lane(field)?.protection()));
     crate::table::protection(&fields.iter().filter_map(of).collect::<Vec<_>>())
-}
-
-/// Adds a row's label to the runs.
-fn push_label(labels: &mut Labels, row: usize, text: &[u8]) {
-    if labels.last().is_none_or(|(_, last)| last != text) {
-        labels.push((row, text.to_vec()));
-    }
 }
 
 /// Puts NaN for what is no finite number, and tells it. `line` is that of the block's first row.

@@ -28,14 +28,14 @@ impl LaterWaveforms {
     pub(super) fn of(
         wanted: &[WantedColumn],
         first_line: u64,
-        origin: impl Fn(usize) -> Option<ColumnOrigin>,
+        origin: impl Fn(usize) -> ColumnOrigin,
     ) -> Result<Self, FormatError> {
         let mut columns = Vec::new();
         for want in wanted {
             let (column, origin) = (want.column(), origin(want.column()));
             let later = match origin {
-                Some(ColumnOrigin::Later { rows, .. }) => Some(rows),
-                Some(ColumnOrigin::Cell(_)) => Some(0),
+                ColumnOrigin::Later { rows, .. } => Some(rows),
+                ColumnOrigin::Cell(_) => Some(0),
                 _ => None,
             };
             if later.is_some_and(|rows| rows > 0) && !matches!(want, WantedColumn::Number { .. }) {

@@ -6,6 +6,7 @@ use super::input::CsvInput;
 use super::later::LaterWaveforms;
 use super::number::quick;
 use super::split::{BLANKS, Split};
+use crate::block::push_label;
 use crate::table::refuse_apart;
 use crate::{
     Block, CellFault, CellFinding, Digest, FormatError, Table, TableDescription, TimeKind, TimeReader,
@@ -36,29 +37,6 @@ impl CellUse {
     }
 }
 
-/// Where the numbers of a wanted column come from.
-#[derive(Clone, Copy, Debug)]
-enum NumberSource {
-    /// The cell with this number among those that are read as numbers.
-    Cell(usize),
-    /// That cell times a step after a start.
-    Affine { cell: usize, start: f64, step: f64 },
-    /// Rows of the record, counted from 0, times a step after a start.
-    Counted { start: f64, step: f64 },
-    /// The number of the record.
-    Record,
-}
-
-/// Where the labels of a wanted column come from.
-#[derive(Clone, Copy, Debug)]
-enum LabelSource {
-    Cell(usize),
-    /// The number of the record.
-    Record,
-    /// A column that is computed has none.
-    Nothing,
-}
-
 pub(super) struct CsvTable {
     input: CsvInput,
     dialect: Dialect,
@@ -67,8 +45,8 @@ pub(super) struct CsvTable {
     uses: Vec<CellUse>,
     /// What is wanted; one for each wanted column of numbers, and one for each of labels.
     wanted: Vec<WantedColumn>,
-    values: Vec<NumberSource>,
-    labels: Vec<LabelSource>,
+    values: Vec<ColumnOrigin>,
+    labels: Vec<ColumnOrigin>,
     /// Reads the cells that are times.
     times: TimeReader,
     /// The cells that are labels, in their order.
@@ -174,29 +152,27 @@ impl CsvTable {
         }
     }
 
-    fn origin(&self, column: usize) -> Option<ColumnOrigin> {
-        self.dialect.columns.get(column).map(|column| column.origin)
+    /// Where the values of a column come from; of one that is not there from a cell that no row has.
+    fn origin(&self, column: usize) -> ColumnOrigin {
+        self.dialect.columns.get(column).map_or(ColumnOrigin::Cell(usize::MAX), |column| column.origin)
     }
 
-    /// Where the numbers of a column come from, which count this unit.
-    fn value(&self, column: usize, unit: TimeUnit) -> NumberSource {
+    /// Where the numbers of a column come from, which count this unit; the cell is that among those that are read as numbers.
+    fn value(&self, column: usize, unit: TimeUnit) -> ColumnOrigin {
         let number_of = |cell: usize| self.uses.iter().take(cell).filter(|usage| usage.is_number()).count();
         let (decimal, factor) = (10_f64.powi(unit.power), f64::from(unit.factor));
         match self.origin(column) {
-            Some(ColumnOrigin::Cell(cell) | ColumnOrigin::Later { cell, .. }) => {
-                NumberSource::Cell(number_of(cell))
+            ColumnOrigin::Cell(cell) | ColumnOrigin::Later { cell, .. } => {
+                ColumnOrigin::Cell(number_of(cell))
             }
-            Some(ColumnOrigin::Affine { cell, start, step }) => NumberSource::Affine {
-                cell: number_of(cell),
-                start: start * decimal * factor,
-                step: step * factor,
-            },
-            Some(ColumnOrigin::Counted { start, step }) => {
-                NumberSource::Counted { start: start * decimal * factor, step: step * decimal * factor }
+            ColumnOrigin::Affine { cell, start, step } => {
+                let (start, step) = (start * decimal * factor, step * factor);
+                ColumnOrigin::Affine { cell: number_of(cell), start, step }
             }
-            Some(ColumnOrigin::Record) => NumberSource::Record,
-            // A column that is not there has no numbers.
-            None => NumberSource::Cell(usize::MAX),
+            ColumnOrigin::Counted { start, step } => {
+                ColumnOrigin::Counted { start: start * decimal * factor, step: step * decimal * factor }
+            }
+            ColumnOrigin::Record => ColumnOrigin::Record,
         }
     }
 
@@ -353,23 +329,10 @@ impl CsvTable {
         for want in &self.wanted {
             match *want {
                 WantedColumn::Number { column, power } => {
-                    let value = self.value(column, TimeUnit::decimal(power));
-                    self.values.push(value);
+                    self.values.push(self.value(column, TimeUnit::decimal(power)));
                 }
-                WantedColumn::Time { column, unit, .. } => {
-                    let value = self.value(column, unit);
-                    self.values.push(value);
-                }
-                WantedColumn::Label { column } => self.labels.push(match self.origin(column) {
-                    Some(ColumnOrigin::Cell(cell) | ColumnOrigin::Affine { cell, .. }) => {
-                        LabelSource::Cell(cell)
-                    }
-                    Some(ColumnOrigin::Record) => LabelSource::Record,
-                    // Refused by `want`.
-                    Some(ColumnOrigin::Later { .. } | ColumnOrigin::Counted { .. }) | None => {
-                        LabelSource::Nothing
-                    }
-                }),
+                WantedColumn::Time { column, unit, .. } => self.values.push(self.value(column, unit)),
+                WantedColumn::Label { column } => self.labels.push(self.origin(column)),
             }
         }
     }
@@ -473,7 +436,7 @@ impl Table for CsvTable {
         self.uses.fill(CellUse::default());
         self.labels.clear();
         for want in wanted {
-            let cell = self.origin(want.column()).and_then(ColumnOrigin::cell);
+            let cell = self.origin(want.column()).cell();
             let usage = cell.and_then(|cell| self.uses.get_mut(cell));
             match (want, usage) {
                 (WantedColumn::Number { power, .. }, Some(usage)) => {
@@ -673,15 +636,14 @@ fn skip_blanks(text: &[u8], mut place: usize) -> usize {
 }
 
 #[inline]
-fn push_row(block: &mut Block, numbers: &[f64], values: &[NumberSource], record: &RecordPlace) {
+fn push_row(block: &mut Block, numbers: &[f64], values: &[ColumnOrigin], record: &RecordPlace) {
+    let number = |cell: usize| numbers.get(cell).copied().unwrap_or(f64::NAN);
     for (column, value) in block.numbers.iter_mut().zip(values) {
         column.push(match *value {
-            NumberSource::Cell(cell) => numbers.get(cell).copied().unwrap_or(f64::NAN),
-            NumberSource::Affine { cell, start, step } => {
-                start + numbers.get(cell).copied().unwrap_or(f64::NAN) * step
-            }
-            NumberSource::Counted { start, step } => start + record.row as f64 * step,
-            NumberSource::Record => record.number as f64,
+            ColumnOrigin::Cell(cell) | ColumnOrigin::Later { cell, .. } => number(cell),
+            ColumnOrigin::Affine { cell, start, step } => start + number(cell) * step,
+            ColumnOrigin::Counted { start, step } => start + record.row as f64 * step,
+            ColumnOrigin::Record => record.number as f64,
         });
     }
 }
@@ -689,19 +651,18 @@ fn push_row(block: &mut Block, numbers: &[f64], values: &[NumberSource], record:
 #[inline]
 fn push_labels<'a>(
     block: &mut Block,
-    labels: &[LabelSource],
+    labels: &[ColumnOrigin],
     record: &'a RecordPlace,
     cell: impl Fn(usize) -> &'a [u8],
 ) {
     for (runs, label) in block.labels.iter_mut().zip(labels) {
         let label = match *label {
-            LabelSource::Cell(index) => cell(index),
-            LabelSource::Record => &record.label,
-            LabelSource::Nothing => b"",
+            ColumnOrigin::Cell(index) | ColumnOrigin::Affine { cell: index, .. } => cell(index),
+            ColumnOrigin::Record => &record.label,
+            // What is computed has none, and what begins later is refused by `want`.
+            ColumnOrigin::Later { .. } | ColumnOrigin::Counted { .. } => b"",
         };
-        if runs.last().is_none_or(|(_, last)| last != label) {
-            runs.push((block.rows, label.to_vec()));
-        }
+        push_label(runs, block.rows, label);
     }
 }
 

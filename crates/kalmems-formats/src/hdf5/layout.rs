@@ -152,7 +152,7 @@ impl Chunked {
         match self.index {
             ChunkIndex::None => Ok(()),
             ChunkIndex::OlderTree(tree) => {
-                tree::older(file, tree, CHUNKS_OLDER, 16 + 8 * axes, &mut |key, address| {
+                tree::older(file, tree, (CHUNKS_OLDER, 16 + 8 * axes, None), &mut |key, address| {
                     let (bytes, mask) = (u64::from(key.u32()?), key.u32()?);
                     each(Chunk { first: first(key, &|_, number| number)?, address, bytes, mask })
                 })

@@ -45,7 +45,9 @@ pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupL
         Ok((cursor.known_address()?, cursor.known_address()?))
     })? {
         let names = LocalHeap::read(file, names)?;
-        tree::older(file, nodes, GROUP, LENGTH, &mut |_, leaf| entries(file, leaf, &names, &mut links))?;
+        tree::older(file, nodes, (GROUP, LENGTH, None), &mut |_, leaf| {
+            entries(file, leaf, &names, &mut links)
+        })?;
     }
     header.each(file, MessageKind::Link, |cursor| push(&mut links, link(cursor)?))?;
     if let Some((heap, names)) = header.dense(file, MessageKind::LinkInfo, 8)? {

@@ -6,23 +6,12 @@ use crate::{FormatError, limits};
 /// Levels of a tree.
 const LEVELS: u8 = 32;
 
-/// Visits the leaves of a tree of the first version: the key before each, and its address. `key` is the bytes of a key.
+/// Visits the leaves of a tree of the first version: the key before each, and its address. `key` is the bytes of a key, and `above` the level of
+/// the node that this one is in, which the first is in none.
 pub(super) fn older(
     file: &Hdf5File,
     address: u64,
-    kind: u8,
-    key: usize,
-    visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<(), FormatError>,
-) -> Result<(), FormatError> {
-    node(file, address, kind, key, None, visit)
-}
-
-fn node(
-    file: &Hdf5File,
-    address: u64,
-    kind: u8,
-    key: usize,
-    above: Option<u8>,
+    (kind, key, above): (u8, usize, Option<u8>),
     visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<(), FormatError>,
 ) -> Result<(), FormatError> {
     let prefix = 8 + 2 * ADDRESS;
@@ -47,7 +36,7 @@ fn node(
         if level == 0 {
             visit(&mut before, child)?;
         } else {
-            node(file, child, kind, key, Some(level), visit)?;
+            older(file, child, (kind, key, Some(level)), visit)?;
         }
     }
     Ok(())
