@@ -6,7 +6,7 @@ use crate::{Column, Instant};
 use std::fmt::{self, Write as _};
 
 /// How far a start may be from a whole number of samples, in samples.
-const WHOLE: f64 = 0.01;
+pub(crate) const WHOLE: f64 = 0.01;
 /// Rows of a text that are held until another waveform begins.
 const MOST_ROWS_LATER: u64 = 1 << 16;
 /// Begins of a clock that are named.
@@ -248,6 +248,28 @@ pub(crate) fn rows_later(names: &[String], waveforms: &[RegularTimes]) -> Result
         )),
         None => Ok((start_s, rows)),
     }
+}
+
+/// By how many rows a waveform begins after another that has a name, by the first times of both; in words why they do not stand beside each other.
+pub(crate) fn rows_between((first, name): (&[f64], &str), own: &[f64]) -> Result<i64, String> {
+    let (Some((start, rest)), Some(own_start)) = (first.split_first(), own.first()) else { return Ok(0) };
+    let interval_s = rest.last().map_or(f64::NAN, |last| (last - start) / rest.len() as f64);
+    let later_s = own_start - start;
+    let whole = (later_s / interval_s).round();
+    let aligned = |(first, own): (&f64, &f64)| (own - first - later_s).abs() <= WHOLE * interval_s;
+    if first.len() != own.len() || !first.iter().zip(own).all(aligned) {
+        return Err(format!("its samples do not come as those of `{name}`"));
+    }
+    if (later_s - whole * interval_s).abs() > WHOLE * interval_s {
+        let (s, samples) = (short(later_s), short(later_s / interval_s));
+        return Err(format!("it starts {s} s after `{name}`: {samples} samples, no whole number"));
+    }
+    if whole.abs() > MOST_ROWS_LATER as f64 {
+        return Err(format!("it begins {whole} samples after `{name}`; at most {MOST_ROWS_LATER} are held"));
+    }
+    #[allow(clippy::cast_possible_truncation)] // within the bound
+    let whole = whole as i64;
+    Ok(whole)
 }
 
 /// A number of ten digits in a message.

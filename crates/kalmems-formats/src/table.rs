@@ -124,6 +124,15 @@ impl WantedColumn {
         }
     }
 
+    /// Another column that is wanted in the same way.
+    pub(crate) const fn of(self, column: usize) -> Self {
+        match self {
+            Self::Number { power, .. } => Self::Number { column, power },
+            Self::Time { unit, origin, .. } => Self::Time { column, unit, origin },
+            Self::Label { .. } => Self::Label { column },
+        }
+    }
+
     /// Whether it is of labels; all else are numbers.
     pub const fn is_label(self) -> bool {
         matches!(self, Self::Label { .. })

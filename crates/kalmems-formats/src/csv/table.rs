@@ -225,12 +225,15 @@ impl CsvTable {
     /// Whether it is known where the times count from, if there are any. Those that are plain numbers are read as such from
     /// then on.
     fn settle_times(&mut self) -> bool {
-        let Some(usage) = self.uses.iter_mut().find(|usage| usage.time) else { return true };
-        if self.times.is_plain() {
-            (usage.power, usage.time) = (Some(self.times.power()), false);
-            usage.limit = f64::INFINITY;
+        let mut is_settled = true;
+        for usage in self.uses.iter_mut().filter(|usage| usage.time) {
+            if self.times.is_plain() {
+                (usage.power, usage.time) = (Some(self.times.power()), false);
+                usage.limit = f64::INFINITY;
+            }
+            is_settled = self.times.origin().is_some();
         }
-        self.times.origin().is_some()
+        is_settled
     }
 
     /// Reads one row of any kind.
@@ -432,10 +435,10 @@ impl Table for CsvTable {
     fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
         let columns = wanted.iter().filter_map(|want| self.description.columns.get(want.column()));
         refuse_apart(self.description.format, columns)?;
-        self.later = LaterWaveforms::of(wanted, self.dialect.first_row_line, |column| self.origin(column))?;
+        let (later, all) = LaterWaveforms::of(wanted, &self.dialect)?;
+        self.later = later;
         self.uses.fill(CellUse::default());
-        self.labels.clear();
-        for want in wanted {
+        for want in &all {
             let cell = self.origin(want.column()).cell();
             let usage = cell.and_then(|cell| self.uses.get_mut(cell));
             match (want, usage) {
@@ -446,17 +449,17 @@ impl Table for CsvTable {
                 // The header's own clock counts from where it says.
                 (WantedColumn::Time { column, unit, .. }, Some(usage)) => {
                     let origin = self.dialect.columns.get(*column).map(|column| column.origin);
-                    if matches!(origin, Some(ColumnOrigin::Cell(_))) {
-                        usage.time = true;
-                    } else {
+                    if matches!(origin, Some(ColumnOrigin::Affine { .. })) {
                         (usage.power, usage.limit) = (Some(unit.power), f64::INFINITY);
+                    } else {
+                        usage.time = true;
                     }
                 }
                 (WantedColumn::Label { .. }, Some(usage)) => usage.label = true,
                 (_, None) => {}
             }
         }
-        self.wanted = wanted.to_vec();
+        self.wanted = all;
         self.bind();
         if let Some((column, unit, origin)) = WantedColumn::time(wanted, self.description.format)? {
             self.times = match self.time_kind(column) {
@@ -486,7 +489,7 @@ impl Table for CsvTable {
                 }
                 self.later.leave_out_others(block);
             }
-            self.later.shift(block);
+            self.later.shift(block)?;
         }
         block.set_times(&self.times);
         read

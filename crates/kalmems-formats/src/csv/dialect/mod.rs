@@ -11,7 +11,7 @@ mod units;
 
 use super::input::CsvInput;
 use super::split::Split;
-use crate::clock::RegularTimes;
+use crate::clock::{RegularTimes, rows_between};
 use crate::stated_clock::{StatedNumbers, names_a_time};
 use crate::time::{IsoTime, TimeKind, parse_iso};
 use crate::{Column, FormatError, Hints, TableEvidence};
@@ -116,8 +116,9 @@ pub(super) struct RecognizedText {
     pub(super) named_cells: bool,
     /// Names, units in them, and where their values come from.
     columns: Vec<(String, ColumnOrigin)>,
-    /// Columns of times of their own, each with its waveform's, behind those of the first waveform, which are the first two.
-    own_times: Vec<(usize, usize)>,
+    /// Columns of times of their own, each with its waveform's, behind those of the first waveform, which are the first two; once they are
+    /// compared all waveforms that stand beside each other, with the first column as the times of the rows.
+    pub(super) own_times: Vec<(usize, usize)>,
     /// What the lines before the rows state of a clock.
     clock: StatedNumbers,
     /// Where the units are from, for people; empty where the names have them as a matter of course.
@@ -257,6 +258,7 @@ fn finish(
             name.clone_from(given);
         }
     }
+    let apart = align(head, &mut found);
     let mut words = Vec::new();
     words.extend(found.instrument.map(|instrument| format!("written by {instrument}")));
     words.push(if found.cells == 1 {
@@ -306,33 +308,63 @@ fn finish(
     };
     let mut columns: Vec<DialectColumn> =
         std::mem::take(&mut found.columns).into_iter().zip(times).map(column).collect();
-    tell_apart(head, &found, &mut columns);
+    for (number, (column, why)) in apart.into_iter().enumerate() {
+        if let Some(DialectColumn { column, .. }) = columns.get_mut(column) {
+            // A waveform and its times are two of the columns.
+            (column.apart, column.group) = (Some(why), 1 + number / 2);
+        }
+    }
     let (first_row_line, bytes) = (head.number(found.first_row), head.bytes_before(found.first_row));
     let recognised = words.join(", ");
     Ok((Dialect { text: found, point, first_row_line, columns, grouped, evidence, recognised }, bytes))
 }
 
-/// Says which waveforms have other times than the first, as far as the first rows show it.
-fn tell_apart(head: &TextHead, found: &RecognizedText, columns: &mut [DialectColumn]) {
+/// Puts waveforms with times of their own to the rows of their times, as far as the first rows show these; the times of the rows are those
+/// of the earliest. Which columns do not stand beside the first waveform, and why.
+fn align(head: &TextHead, found: &mut RecognizedText) -> Vec<(usize, String)> {
     let rows: Vec<Vec<String>> =
         head.rows(found.first_row).map(|row| head.cells(row, found.separator)).collect();
-    for (number, (time, waveform)) in found.own_times.iter().enumerate() {
-        let [Some(of), Some(own)] = [0, *time].map(|column| columns.get(column)) else { continue };
-        let cells = |column: &DialectColumn| {
-            let cell = column.origin.cell();
-            rows.iter().map(|row| row.get(cell?).cloned()).collect::<Vec<_>>()
-        };
-        if cells(of) != cells(own) {
-            let (own, first) = (own.column.name.clone(), of.column.name.clone());
-            let why = format!("its times stand in `{own}` and are not those of `{first}`");
-            let others = [(*waveform, why), (*time, format!("it holds other times than `{first}`"))];
-            for (column, why) in others {
-                if let Some(DialectColumn { column, .. }) = columns.get_mut(column) {
-                    (column.apart, column.group) = (Some(why), number + 1);
-                }
+    let times = |found: &RecognizedText, column: usize| -> Vec<f64> {
+        let cell = found.columns.get(column).and_then(|(_, origin)| origin.cell());
+        let number = |row: &Vec<String>| fast_float2::parse(row.get(cell?)?.replace(',', ".")).ok();
+        rows.iter().map(|row| number(row).unwrap_or(f64::NAN)).take_while(|time| !time.is_nan()).collect()
+    };
+    let name = |column: usize| found.columns.get(column).map_or("", |(name, _)| name.as_str());
+    let (first, mut apart, mut aligned) = (times(found, 0), Vec::new(), vec![((0, 1), 0)]);
+    for (time, waveform) in found.own_times.iter().copied() {
+        match rows_between((&first, name(1)), &times(found, time)) {
+            Ok(rows) if rows == 0 || found.records == RecordShape::One => {
+                aligned.push(((time, waveform), rows));
+            }
+            Ok(_) => apart.push((waveform, "it begins later in a file of several records".to_owned())),
+            Err(why) => apart.push((waveform, why)),
+        }
+        if let Some((_, why)) = apart.last().filter(|(column, _)| *column == waveform) {
+            apart.push((time, why.clone()));
+        }
+    }
+    let Some(((clock, _), earliest)) = aligned.iter().min_by_key(|(_, rows)| *rows).copied() else {
+        return apart;
+    };
+    for ((time, waveform), rows) in &aligned {
+        for column in [*time, *waveform] {
+            if let Some((_, ColumnOrigin::Cell(cell))) = found.columns.get(column).cloned() {
+                found.columns[column].1 = ColumnOrigin::later(cell, rows.abs_diff(earliest));
             }
         }
     }
+    if clock != 0 {
+        (found.columns[0].1, found.columns[clock].1) = (found.columns[clock].1, found.columns[0].1);
+    }
+    let other = |((time, waveform), _): ((usize, usize), i64)| match time {
+        0 => (clock, waveform),
+        time if time == clock => (0, waveform),
+        time => (time, waveform),
+    };
+    if !found.own_times.is_empty() {
+        found.own_times = aligned.into_iter().map(other).collect();
+    }
+    apart
 }
 
 /// By what the first lines are known to be those of a table of numbers: below the names there is a row of as many cells, with a
