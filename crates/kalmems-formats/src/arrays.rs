@@ -7,7 +7,6 @@ use crate::{Column, Digest, FormatError, Table, TimeKind, TimeUnit, limits};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
 use std::fmt;
-use std::fmt::Write as _;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
@@ -118,7 +117,7 @@ impl Arrays {
     /// Where they differ in length, where two have one name, and where there are no numbers of such a length.
     pub fn new(arrays: Vec<Array>) -> Result<Self, FormatError> {
         let refuse = |what: String, remedy: &str| Err(FormatError::unsupported(FORMAT, what, remedy));
-        limits::at_most(FORMAT, "the number of columns", arrays.len() as u64, limits::COLUMNS as u64)?;
+        limits::at_most(FORMAT, "the number of columns", arrays.len(), limits::COLUMNS)?;
         let rows = arrays.first().map_or(0, Array::rows);
         let mut names = BTreeSet::new();
         for array in &arrays {
@@ -161,12 +160,7 @@ impl Arrays {
                 hash.update(missing.iter().map(|gone| u8::from(*gone)).collect::<Vec<u8>>());
                 length += bytes.len() as u64;
             }
-            let mut sha256 = String::new();
-            for byte in hash.finalize() {
-                // Writing to a string cannot fail.
-                let _ = write!(sha256, "{byte:02x}");
-            }
-            Digest { sha256, bytes: length }
+            Digest::new(hash, length)
         })
     }
 

@@ -157,20 +157,20 @@ impl Element {
         out: &mut Vec<f64>,
     ) {
         let cells = records(raw, offset, stride, self.bytes).take(rows);
-        match (self.kind, self.bytes) {
-            (ElementKind::Unsigned | ElementKind::Signed, _) => {
+        match self.kind {
+            ElementKind::Unsigned | ElementKind::Signed => {
                 out.extend(cells.map(|b| times.integer(self.integer(b))));
             }
-            (ElementKind::Float, 4) if self.big_endian => {
-                out.extend(cells.map(|b| times.single(f32::from_be_bytes(array(b)))));
-            }
-            (ElementKind::Float, 4) => out.extend(cells.map(|b| times.single(f32::from_le_bytes(array(b))))),
             _ => {
                 let start = out.len();
                 self.numbers(raw, offset, stride, rows, 0, out);
-                for number in &mut out[start..] {
-                    *number = times.float(*number);
-                }
+                // Exactly what was widened.
+                #[allow(clippy::cast_possible_truncation)]
+                let mut time = |number: f64| match self.bytes {
+                    4 => times.single(number as f32),
+                    _ => times.float(number),
+                };
+                out[start..].iter_mut().for_each(|number| *number = time(*number));
             }
         }
     }
@@ -230,12 +230,6 @@ pub(crate) fn shortest(number: f64) -> String {
 /// The cells that stand from an offset on in records of a length.
 pub(crate) fn records(raw: &[u8], offset: usize, stride: usize, bytes: usize) -> impl Iterator<Item = &[u8]> {
     raw.chunks(stride.max(1)).filter_map(move |record| record.get(offset..offset + bytes))
-}
-
-fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
-    let mut array = [0; N];
-    array.copy_from_slice(&bytes[..N]);
-    array
 }
 
 /// A number of 16 bits (IEEE 754, binary16), which f64 holds exactly.

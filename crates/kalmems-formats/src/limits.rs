@@ -19,7 +19,13 @@ const ROWS_PER_BYTE: u64 = 4096;
 const UNPACKED_PER_BYTE: u64 = 1032;
 
 /// Refuses what is larger than a limit.
-pub(crate) fn at_most(format: &'static str, what: &str, found: u64, limit: u64) -> Result<(), FormatError> {
+pub(crate) fn at_most(
+    format: &'static str,
+    what: &str,
+    found: impl TryInto<u64>,
+    limit: impl TryInto<u64>,
+) -> Result<(), FormatError> {
+    let [found, limit] = [found.try_into().unwrap_or(u64::MAX), limit.try_into().unwrap_or(u64::MAX)];
     if found <= limit {
         return Ok(());
     }

@@ -3,7 +3,7 @@
 use crate::block::push_label;
 use crate::clock::{self, RegularTimes};
 use crate::decimal::Shift;
-use crate::element::Element;
+use crate::element::{Element, records, shortest};
 use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
 use crate::sentinels;
@@ -404,24 +404,17 @@ impl RecordTable {
     ) {
         let RecordField { cells, scaling, power: stored, .. } = &self.fields[column];
         match cells {
-            &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } if scaling.is_none() => {
-                let power = power.saturating_add(*stored);
-                element.numbers(&self.raw[lane], offset, self.lanes[lane].record(), rows, power, out);
-                sentinels::take_out(element, power, out, absent);
-            }
             &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } => {
                 let (raw, record) = (&self.raw[lane], self.lanes[lane].record());
-                element.numbers(raw, offset, record, rows, 0, out);
-                let cells =
-                    raw.chunks(record.max(1)).filter_map(|cell| cell.get(offset..offset + element.bytes));
-                let mut missing = Vec::new();
-                scaling.mark(element, cells, out, &mut missing);
-                absent.extend(missing.into_iter().map(|row| (row, CellFinding::Missing)));
-                sentinels::take_out(element, 0, out, absent);
-                scaling.apply(out);
-                let mut shift = Shift::new(power);
-                for number in &mut *out {
-                    *number = shift.float(*number);
+                // What the file says of its numbers comes before a power of ten.
+                let before = if scaling.is_none() { power.saturating_add(*stored) } else { 0 };
+                element.numbers(raw, offset, record, rows, before, out);
+                scaling.mark(element, records(raw, offset, record, element.bytes), out, absent);
+                sentinels::take_out(element, before, out, absent);
+                if !scaling.is_none() {
+                    scaling.apply(out);
+                    let mut shift = Shift::new(power);
+                    out.iter_mut().for_each(|number| *number = shift.float(*number));
                 }
             }
             CellKind::Clock(clock) => {
@@ -507,35 +500,28 @@ impl RecordTable {
             self.numbers(column, 0, rows, &mut numbers, &mut Vec::new());
         }
         for row in 0..rows {
-            if missing.get(row) == Some(&true) {
-                push_label(out, row, b"");
-                continue;
-            }
+            text.clear();
             let cell = |lane: usize, offset: usize, bytes: usize| {
                 let start = row * self.lanes[lane].record() + offset;
                 self.raw[lane].get(start..start + bytes).unwrap_or_default()
             };
-            if let Some(number) = numbers.get(row) {
-                push_label(out, row, crate::element::shortest(*number).as_bytes());
-                continue;
-            }
             match cells {
+                _ if missing.get(row) == Some(&true) => {}
+                _ if !numbers.is_empty() => text.extend_from_slice(shortest(numbers[row]).as_bytes()),
                 &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } => {
                     element.label(cell(lane, offset, element.bytes), &mut text);
                 }
                 &CellKind::Stored { lane, offset, cell: StoredCell::Time(code) } => {
-                    let raw = cell(lane, offset, code.bytes());
-                    text = code.label(raw).into_bytes();
+                    text = code.label(cell(lane, offset, code.bytes())).into_bytes();
                 }
                 &CellKind::Stored { lane, offset, cell: StoredCell::Text { bytes, code } } => {
                     code.read(cell(lane, offset, bytes), &mut text);
                 }
                 CellKind::Texts { lane } => {
-                    text.clear();
                     text.extend_from_slice(trimmed(self.texts[*lane].get(row).map_or(&[], Vec::as_slice)));
                 }
                 // Computed above.
-                CellKind::Clock(_) => text.clear(),
+                CellKind::Clock(_) => {}
             }
             push_label(out, row, &text);
         }
@@ -575,33 +561,25 @@ impl TextEncoding {
         out.clear();
         match self {
             Self::Bytes => out.extend_from_slice(trimmed(raw)),
-            Self::Utf16 { big_endian } => {
-                let units = raw.chunks_exact(2).map(|two| {
-                    if big_endian {
-                        u16::from_be_bytes([two[0], two[1]])
-                    } else {
-                        u16::from_le_bytes([two[0], two[1]])
-                    }
-                });
-                let letters =
-                    char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
-                out.extend_from_slice(trimmed(letters.collect::<String>().as_bytes()));
-            }
+            Self::Utf16 { big_endian } => out.extend_from_slice(trimmed(utf16(raw, big_endian).as_bytes())),
             Self::Utf32 { big_endian } => {
-                let mut text = String::new();
-                for four in raw.chunks_exact(4) {
-                    let mut bytes = [four[0], four[1], four[2], four[3]];
-                    if big_endian {
-                        bytes.reverse();
-                    }
-                    text.push(
-                        char::from_u32(u32::from_le_bytes(bytes)).unwrap_or(char::REPLACEMENT_CHARACTER),
-                    );
-                }
+                let code = |four: &[u8; 4]| {
+                    if big_endian { u32::from_be_bytes(*four) } else { u32::from_le_bytes(*four) }
+                };
+                let letter =
+                    |four: &[u8; 4]| char::from_u32(code(four)).unwrap_or(char::REPLACEMENT_CHARACTER);
+                let text: String = raw.as_chunks::<4>().0.iter().map(letter).collect();
                 out.extend_from_slice(trimmed(text.as_bytes()));
             }
         }
     }
+}
+
+/// A text in UTF-16, with a sign for what is no character.
+pub(crate) fn utf16(raw: &[u8], big_endian: bool) -> String {
+    let unit = |two: &[u8; 2]| if big_endian { u16::from_be_bytes(*two) } else { u16::from_le_bytes(*two) };
+    let letters = char::decode_utf16(raw.as_chunks::<2>().0.iter().map(unit));
+    letters.map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
 
 fn trimmed(text: &[u8]) -> &[u8] {

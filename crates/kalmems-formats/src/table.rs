@@ -1,6 +1,7 @@
 //! What every format gives.
 
 use crate::{Block, FormatError, Instant, TimeKind, TimeUnit, limits};
+use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
 use std::fmt;
 
@@ -238,6 +239,12 @@ pub struct Digest {
     pub sha256: String,
     /// How many there are.
     pub bytes: u64,
+}
+
+impl Digest {
+    pub(crate) fn new(hash: Sha256, bytes: u64) -> Self {
+        Self { sha256: hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect(), bytes }
+    }
 }
 
 /// How many bytes of a file of so many stand for the rows until one of them, where all rows are as long.

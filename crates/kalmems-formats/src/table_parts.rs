@@ -25,6 +25,20 @@ pub(crate) fn becomes_columns(rows: u64, columns: u64) -> bool {
     columns <= BESIDE.min(rows)
 }
 
+/// The only one of some tables, which have names; several are refused with these.
+pub(crate) fn only<T>(
+    format: &'static str,
+    mut places: Vec<(String, T)>,
+) -> Result<Option<(String, T)>, FormatError> {
+    if places.len() < 2 {
+        return Ok(places.pop());
+    }
+    let mut names: Vec<String> = places.iter().map(|(name, _)| format!("`{name}`")).collect();
+    names.sort();
+    let remedy = format!("write `group` as one of {}", limits::list(&names));
+    Err(FormatError::unsupported(format, "several tables at a time", remedy))
+}
+
 /// What was found so far.
 #[derive(Default)]
 pub(crate) struct TableParts {
@@ -101,9 +115,9 @@ impl TableParts {
     pub(crate) fn add_array(&mut self, array: &StoredArray, names: &[String]) -> Result<(), FormatError> {
         let &StoredArray { stretch, place, rows, cell, by_column } = array;
         let (count, size) = (names.len(), cell.bytes());
-        limits::at_most(self.format, "the number of columns", count as u64, limits::COLUMNS as u64)?;
+        limits::at_most(self.format, "the number of columns", count, limits::COLUMNS)?;
         let wide = if by_column { size } else { count.saturating_mul(size) };
-        limits::at_most(self.format, "the bytes of a row", wide as u64, limits::ROW_BYTES as u64)?;
+        limits::at_most(self.format, "the bytes of a row", wide, limits::ROW_BYTES)?;
         let first = self.fields.len();
         let (lanes, width) = if by_column { (count, 1) } else { (1, count) };
         for (number, names) in (0..lanes).zip(names.chunks(width.max(1))) {

@@ -215,7 +215,7 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
             "a rate that agrees with the bytes a second",
         ));
     }
-    limits::at_most(FORMAT, "the bytes of a sample of all channels", frame as u64, limits::ROW_BYTES as u64)?;
+    limits::at_most(FORMAT, "the bytes of a sample of all channels", frame, limits::ROW_BYTES)?;
     Ok((channels, rate, element))
 }
 

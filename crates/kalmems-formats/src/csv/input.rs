@@ -3,7 +3,6 @@
 use super::utf16::Utf16;
 use crate::{Digest, FormatError};
 use sha2::{Digest as _, Sha256};
-use std::fmt::Write as _;
 use std::io::{ErrorKind, Read};
 
 /// As much as is read at once.
@@ -170,15 +169,7 @@ impl CsvInput {
 
     /// The digest of all bytes, once they are read.
     pub(super) fn digest(&self) -> Option<Digest> {
-        if !self.ended {
-            return None;
-        }
-        let mut sha256 = String::new();
-        for byte in self.hash.clone().finalize() {
-            // Writing to a string cannot fail.
-            let _ = write!(sha256, "{byte:02x}");
-        }
-        Some(Digest { sha256, bytes: self.bytes })
+        self.ended.then(|| Digest::new(self.hash.clone(), self.bytes))
     }
 }
 

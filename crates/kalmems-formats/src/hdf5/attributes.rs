@@ -48,12 +48,7 @@ impl Attributes {
 
     fn push(&mut self, attribute: (String, AttributeValue)) -> Result<(), FormatError> {
         let count = self.0.len() as u64 + 1;
-        limits::at_most(
-            super::FORMAT,
-            "the number of attributes of an object",
-            count,
-            limits::COLUMNS as u64,
-        )?;
+        limits::at_most(super::FORMAT, "the number of attributes of an object", count, limits::COLUMNS)?;
         self.0.push(attribute);
         Ok(())
     }

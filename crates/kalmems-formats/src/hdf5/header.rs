@@ -81,7 +81,7 @@ impl ObjectHeader {
         let mut next = 0;
         while let Some((place, bytes)) = blocks.get(next).copied() {
             next += 1;
-            limits::at_most(FORMAT, "the number of parts of a header", next as u64, BLOCKS as u64)?;
+            limits::at_most(FORMAT, "the number of parts of a header", next, BLOCKS)?;
             let block = file.block(place, bytes)?;
             let mut cursor = file.cursor(&block, place);
             if newer {
@@ -139,12 +139,7 @@ impl ObjectHeader {
             blocks.push((body.known_address()?, body.u64()?));
             return Ok(());
         }
-        limits::at_most(
-            FORMAT,
-            "the number of messages of a header",
-            self.messages.len() as u64,
-            MESSAGES as u64,
-        )?;
+        limits::at_most(FORMAT, "the number of messages of a header", self.messages.len(), MESSAGES)?;
         let place = body.place();
         let body = body.take(body.left())?.to_vec();
         self.messages.push(HeaderMessage { kind, shared: flags & 2 != 0, place, body });

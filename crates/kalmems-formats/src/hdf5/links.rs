@@ -70,12 +70,7 @@ pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupL
 }
 
 fn push(links: &mut Vec<GroupLink>, link: GroupLink) -> Result<(), FormatError> {
-    limits::at_most(
-        FORMAT,
-        "the number of names in a group",
-        links.len() as u64 + 1,
-        limits::COLUMNS as u64,
-    )?;
+    limits::at_most(FORMAT, "the number of names in a group", links.len() as u64 + 1, limits::COLUMNS)?;
     links.push(link);
     Ok(())
 }
@@ -123,7 +118,7 @@ fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink, FormatError> {
         cursor.skip(1)?;
     }
     let length = cursor.number(1 << (flags & 3))?;
-    limits::at_most(FORMAT, "the length of a name", length, limits::TEXT_BYTES as u64)?;
+    limits::at_most(FORMAT, "the length of a name", length, limits::TEXT_BYTES)?;
     #[allow(clippy::cast_possible_truncation)] // at most TEXT_BYTES
     let name = cursor.text(length as usize)?;
     let target = match kind {

@@ -199,12 +199,7 @@ impl Hdf5TableParts {
         };
         self.learn_clock(group);
         let links = links(&group.file, &group.header()?)?;
-        limits::at_most(
-            FORMAT,
-            &format!("the number of names in `{path}`"),
-            links.len() as u64,
-            OBJECTS as u64,
-        )?;
+        limits::at_most(FORMAT, &format!("the number of names in `{path}`"), links.len(), OBJECTS)?;
         for GroupLink { name, target } in links {
             // One that cannot be read does not stand in the way of the others.
             let columns = self.table.fields.len();
@@ -387,9 +382,9 @@ impl Hdf5TableParts {
             }
         };
         let what = format!("the number of columns of `{path}`");
-        limits::at_most(FORMAT, &what, columns, limits::COLUMNS as u64)?;
+        limits::at_most(FORMAT, &what, columns, limits::COLUMNS)?;
         let wide = columns.saturating_mul(found.kind.bytes() as u64);
-        limits::at_most(FORMAT, &format!("the bytes of a row of `{path}`"), wide, limits::ROW_BYTES as u64)?;
+        limits::at_most(FORMAT, &format!("the bytes of a row of `{path}`"), wide, limits::ROW_BYTES)?;
         Ok((rows, columns))
     }
 

@@ -142,7 +142,7 @@ impl LinkedFiles {
             super::FORMAT,
             "the number of files that links lead into",
             self.others.len() as u64 + 1,
-            FILES as u64,
+            FILES,
         )?;
         let source = SharedFile::open(&path)?;
         match Hdf5File::open(Arc::new(source), Some(path.clone())) {

@@ -121,12 +121,7 @@ impl BTree<'_> {
                 let child = pointers.known_address()?;
                 let count = usize::try_from(pointers.number(self.own)?).unwrap_or(usize::MAX);
                 pointers.skip(pointer - ADDRESS - self.own)?;
-                limits::at_most(
-                    super::FORMAT,
-                    "the records of a node",
-                    count as u64,
-                    u64::from(self.node_bytes),
-                )?;
+                limits::at_most(super::FORMAT, "the records of a node", count, u64::from(self.node_bytes))?;
                 self.node(child, level - 1, count, visit)?;
             }
             if number < records {

@@ -34,7 +34,7 @@ pub(super) fn values(
 ) -> Result<DatasetValues, FormatError> {
     let FoundDataset { object: Object { file, .. }, header, path, space, .. } = found;
     let what = format!("the bytes of an element of `{path}`");
-    limits::at_most(FORMAT, &what, element as u64, limits::ROW_BYTES as u64)?;
+    limits::at_most(FORMAT, &what, element, limits::ROW_BYTES)?;
     limits::plausible_rows(FORMAT, rows.saturating_mul(columns), file_bytes.max(file.source.length()))?;
     let bytes = rows.saturating_mul(columns).saturating_mul(element as u64);
     let damaged = |found: String, expected: String| FormatError::damaged(FORMAT, path, found, expected);

@@ -9,8 +9,8 @@ use crate::lanes::TextLane;
 use crate::records::{CellKind, StoredCell};
 use crate::source::SharedFile;
 use crate::stream::{Compression, FileStretch, VERIFIED_AT_ONCE};
-use crate::table_parts::{StoredArray, TableParts, becomes_columns};
-use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use crate::table_parts::{StoredArray, TableParts, becomes_columns, only};
+use crate::{Column, FormatError, Hints, Table, limits};
 use array::{COMPRESSED, Elements, FORMAT, MATRIX, MatValue, MatVariable, MemoryBudget};
 use std::sync::Arc;
 
@@ -37,87 +37,38 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     let mut table = MatTable(TableParts::new(format));
     // What MATLAB keeps behind the variables for their objects has no name.
     let found = found.into_iter().filter(|(_, variable)| !variable.name.is_empty());
-    if let Some(path) = &hints.group {
-        let (stretch, value) = at_path(format, found.collect(), path)?;
-        match value {
-            MatValue::Fields(fields) => table.add_struct(&stretch, path, fields)?,
-            value => table.add_matrix(&stretch, &MatVariable { name: path.clone(), value }, hints)?,
+    let chosen = match &hints.group {
+        Some(path) => Some((path.clone(), at_path(format, found.collect(), path)?)),
+        None => table.add_variables(found)?,
+    };
+    match chosen {
+        Some((path, (stretch, MatValue::Fields(fields)))) => {
+            table.0.recognised = match &hints.group {
+                Some(_) => format!("the fields of `{path}`, a column each"),
+                None => format!("the fields of the only struct, `{path}`, a column each"),
+            };
+            fields.into_iter().try_for_each(|field| table.add(&stretch, field))?;
         }
-        return table.finish(source.length());
+        Some((name, (stretch, value))) => table.add_matrix(&stretch, &MatVariable { name, value }, hints)?,
+        None => {}
     }
-    let (mut columns, mut structs, mut matrices) = (Vec::new(), Vec::new(), Vec::new());
-    for (stretch, variable) in found {
-        match &variable.value {
-            MatValue::Fields(_) => structs.push((stretch, variable)),
-            MatValue::Numbers { rows, columns, .. } if *rows > 1 && *columns > 1 => {
-                matrices.push((stretch, variable));
-            }
-            _ => columns.push((stretch, variable)),
-        }
-    }
-    table.0.recognised.push_str("the variables, a column each");
-    if columns.iter().any(|(_, variable)| is_column(&variable.value)) {
-        table
-            .0
-            .left_out
-            .extend(structs.iter().map(|(_, variable)| OmittedPart::new(&variable.name, "a struct")));
-        for (stretch, variable) in columns {
-            table.add(&stretch, variable)?;
-        }
-        for (stretch, matrix) in matrices {
-            table.add_beside(&stretch, matrix)?;
-        }
-        return table.finish(source.length());
-    }
-    // Tables within structs, each with the path to it.
-    let mut places = Vec::new();
-    for (stretch, MatVariable { name, value }) in structs {
-        let MatValue::Fields(fields) = value else { continue };
-        within(stretch, name, fields, &mut places);
-    }
-    match (&mut places[..], &matrices[..]) {
-        ([_], []) => {
-            for (stretch, path, fields) in places {
-                table.add_struct(&stretch, &path, fields)?;
-                table.0.recognised = format!("the fields of the only struct, `{path}`, a column each");
-            }
-        }
-        ([], [(stretch, matrix)]) => table.add_matrix(stretch, matrix, hints)?,
-        _ => {
-            let names = matrices.iter().map(|(_, matrix)| format!("`{}`", matrix.name));
-            let names: Vec<String> =
-                places.iter().map(|(_, path, _)| format!("`{path}`")).chain(names).collect();
-            if names.is_empty() {
-                for (stretch, variable) in columns {
-                    table.add(&stretch, variable)?;
-                }
-                return table.finish(source.length());
-            }
-            return Err(FormatError::unsupported(
-                format,
-                "several tables at a time",
-                format!("write `group` as one of {}", limits::list(&names)),
-            ));
-        }
-    }
-    table.finish(source.length())
+    let remedy = "save one vector for each column, or name a struct or matrix by `group`; a table becomes a struct by \
+                  `table2struct(T, ToScalar=true)`";
+    table.0.finish(source.length(), "variables of one number", remedy)
 }
 
-/// The structs with columns, in a struct and in its fields.
-fn within(
-    stretch: FileStretch,
-    path: String,
-    fields: Vec<MatVariable>,
-    places: &mut Vec<(FileStretch, String, Vec<MatVariable>)>,
-) {
+/// Values that may be tables, with their paths and the stretches that they are in.
+type MatPlaces = Vec<(String, (FileStretch, MatValue))>;
+
+/// The structs with columns, in a value and in its fields.
+fn within(stretch: &FileStretch, path: String, value: MatValue, places: &mut MatPlaces) {
+    let MatValue::Fields(fields) = value else { return };
     if fields.iter().any(|field| is_column(&field.value)) {
-        places.push((stretch, path, fields));
+        places.push((path, (stretch.clone(), MatValue::Fields(fields))));
         return;
     }
     for MatVariable { name, value } in fields {
-        if let MatValue::Fields(fields) = value {
-            within(stretch.clone(), format!("{path}.{name}"), fields, places);
-        }
+        within(stretch, format!("{path}.{name}"), value, places);
     }
 }
 
@@ -160,7 +111,7 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
                 ));
             }
         };
-        limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
+        limits::at_most(FORMAT, "the number of variables", found.len(), limits::COLUMNS)?;
         let whole = FileStretch::stored(Arc::clone(source), FORMAT, &format!("the variable at byte {at}"));
         let mut stretch = FileStretch { packing, start, end, unpacked: end - start, ..whole };
         if packing == Compression::Zlib {
@@ -217,23 +168,28 @@ fn is_column(value: &MatValue) -> bool {
 struct MatTable(TableParts);
 
 impl MatTable {
-    /// The fields of a struct.
-    fn add_struct(
+    /// Adds the variables as columns; if none is one, gives the only table among them, if there is one.
+    fn add_variables(
         &mut self,
-        stretch: &FileStretch,
-        path: &str,
-        fields: Vec<MatVariable>,
-    ) -> Result<(), FormatError> {
-        self.0.recognised = format!("the fields of `{path}`, a column each");
-        for field in fields {
-            match field.value {
-                MatValue::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => {
-                    self.add_beside(stretch, field)?;
+        found: impl Iterator<Item = (FileStretch, MatVariable)>,
+    ) -> Result<Option<(String, (FileStretch, MatValue))>, FormatError> {
+        self.0.recognised.push_str("the variables, a column each");
+        let found: Vec<(FileStretch, MatVariable)> = found.collect();
+        let mut places = Vec::new();
+        if !found.iter().any(|(_, variable)| is_column(&variable.value)) {
+            for (stretch, MatVariable { name, value }) in found {
+                match value {
+                    MatValue::Fields(_) => within(&stretch, name, value, &mut places),
+                    MatValue::Numbers { rows: 2.., columns: 2.., .. } => {
+                        places.push((name, (stretch, value)))
+                    }
+                    value => self.add(&stretch, MatVariable { name, value })?,
                 }
-                _ => self.add(stretch, field)?,
             }
+            return only(self.0.format, places);
         }
-        Ok(())
+        found.into_iter().try_for_each(|(stretch, variable)| self.add(&stretch, variable))?;
+        Ok(None)
     }
 
     /// A matrix beside vectors: its columns as MATLAB names them.
@@ -261,6 +217,9 @@ impl MatTable {
     }
 
     fn add(&mut self, stretch: &FileStretch, variable: MatVariable) -> Result<(), FormatError> {
+        if let MatValue::Numbers { rows: 2.., columns: 2.., .. } = variable.value {
+            return self.add_beside(stretch, variable);
+        }
         let MatVariable { name, value } = variable;
         let lane = self.0.lanes.len();
         let single = !is_column(&value);
@@ -313,11 +272,5 @@ impl MatTable {
         let names = self.0.names(hints, None, columns, &what)?;
         self.0.recognised = format!("the matrix `{}`, its columns named by the experiment", matrix.name);
         self.add_columns(stretch, (place, element, rows), &names)
-    }
-
-    fn finish(self, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
-        let remedy = "save one vector for each column, or name a struct or matrix by `group`; a table becomes a struct by \
-                      `table2struct(T, ToScalar=true)`";
-        self.0.finish(file_bytes, "variables of one number", remedy)
     }
 }

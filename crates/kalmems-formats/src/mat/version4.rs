@@ -77,7 +77,7 @@ pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, Ma
     let mut at = 0;
     let mut text_bytes = limits::HEADER_BYTES;
     while at < source.length() {
-        limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
+        limits::at_most(FORMAT, "the number of variables", found.len(), limits::COLUMNS)?;
         let bytes = source.bytes(FORMAT, at, 20)?;
         let header = Mat4Header::read(&bytes).ok_or_else(|| {
             FormatError::damaged(
@@ -122,6 +122,5 @@ fn texts(source: &SharedFile, place: u64, header: &Mat4Header) -> Result<Vec<Vec
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     // what is no character becomes one that says so
     let letter = |number: &f64| char::from_u32(*number as u32).unwrap_or(char::REPLACEMENT_CHARACTER);
-    let text = |row: usize| numbers.iter().skip(row).step_by(rows.max(1)).map(letter).collect::<String>();
-    Ok((0..rows).map(|row| text(row).trim_end().as_bytes().to_vec()).collect())
+    Ok(super::array::texts(&numbers.iter().map(letter).collect::<Vec<char>>(), rows))
 }

@@ -104,7 +104,7 @@ impl NpyHeader {
             })
             .collect::<Result<Vec<_>, _>>()?;
         let element = descr_of(descr).map_err(|found| damaged(found, "a type such as '<f8'"))?;
-        limits::at_most(format, "the bytes of an element", element.bytes() as u64, limits::ROW_BYTES as u64)?;
+        limits::at_most(format, "the bytes of an element", element.bytes(), limits::ROW_BYTES)?;
         Ok(Self { bytes: 8 + width as u64 + length, shape, fortran: *fortran, element })
     }
 

@@ -38,7 +38,7 @@ pub(super) fn members(source: &Arc<SharedFile>) -> Result<Vec<ZipMember>, Format
     let mut own = vec![0; 2 * usize::from(u16::MAX)];
     let (mut entries, mut members, mut mismatch) = (archive.entries(&mut buffer), Vec::new(), None);
     while let Some(entry) = entries.next_entry().map_err(|error| failed(directory, error))? {
-        limits::at_most(FORMAT, "the number of members", members.len() as u64, limits::COLUMNS as u64)?;
+        limits::at_most(FORMAT, "the number of members", members.len(), limits::COLUMNS)?;
         let (path, header) = (entry.file_path(), entry.local_header_offset());
         let there = archive.get_entry(entry.wayfinder()).map_err(|error| failed(header, error))?;
         let local = there.local_header(&mut own).map_err(|error| failed(header, error))?;

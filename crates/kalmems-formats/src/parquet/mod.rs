@@ -65,7 +65,7 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
         return Err(damaged("the metadata", found.to_owned()));
     }
     let metadata = guarded("the metadata", || ParquetMetaDataReader::decode_metadata(&metadata))?;
-    limits::at_most(FORMAT, "the number of groups of rows", metadata.num_row_groups() as u64, GROUPS as u64)?;
+    limits::at_most(FORMAT, "the number of groups of rows", metadata.num_row_groups(), GROUPS)?;
     let mut rows = 0_u64;
     for group in metadata.row_groups() {
         let count = u64::try_from(group.num_rows());
@@ -82,7 +82,7 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
         limits::plausible_rows(FORMAT, rows, file_bytes)?;
     }
     let schema = metadata.file_metadata().schema_descr();
-    limits::at_most(FORMAT, "the number of columns", schema.num_columns() as u64, limits::COLUMNS as u64)?;
+    limits::at_most(FORMAT, "the number of columns", schema.num_columns(), limits::COLUMNS)?;
     let mut table = TableParts::new(FORMAT);
     table.recognised = format!("{rows} rows in {} groups", metadata.num_row_groups());
     for pair in metadata.file_metadata().key_value_metadata().into_iter().flatten() {

@@ -32,18 +32,13 @@ pub(super) fn stored(descriptor: &ColumnDescriptor) -> Result<(Option<StoredCell
     };
     if let Some(scale) = decimal.map(i32::saturating_neg) {
         let bytes = match physical {
+            _ if !(-400..=400).contains(&scale) => return Err("decimal numbers of more than 38 digits"),
             Type::INT32 => 4,
             Type::INT64 => 8,
             Type::FIXED_LEN_BYTE_ARRAY if (1..=BYTES).contains(&descriptor.type_length()) => 16,
             _ => return Err("decimal numbers of more than 38 digits"),
         };
-        let element = Element::little(ElementKind::Signed, bytes);
-        let fits = (-400..=400).contains(&scale);
-        return if fits {
-            Ok((Some(StoredCell::Number(element)), scale))
-        } else {
-            Err("decimal numbers of more than 38 digits")
-        };
+        return Ok((Some(StoredCell::Number(Element::little(ElementKind::Signed, bytes))), scale));
     }
     if let Some(code) = time(descriptor) {
         return Ok((Some(StoredCell::Time(code)), 0));
@@ -54,26 +49,21 @@ pub(super) fn stored(descriptor: &ColumnDescriptor) -> Result<(Option<StoredCell
         Type::DOUBLE => number(ElementKind::Float, 8),
         Type::INT32 | Type::INT64 => {
             let whole = if physical == Type::INT32 { 4 } else { 8 };
-            match (logical, descriptor.converted_type()) {
+            match descriptor.converted_type() {
+                _ if !matches!(logical, Some(LogicalType::Integer { .. }) | None) => {
+                    Err("dates or times of day")
+                }
                 // Where ends of it may say that there is no number.
-                (Some(LogicalType::Integer { .. }) | None, ConvertedType::INT_16) => {
-                    number(ElementKind::Signed, 2)
+                ConvertedType::INT_16 => number(ElementKind::Signed, 2),
+                ConvertedType::UINT_16 => number(ElementKind::Unsigned, 2),
+                ConvertedType::UINT_8 | ConvertedType::UINT_32 | ConvertedType::UINT_64 => {
+                    number(ElementKind::Unsigned, whole)
                 }
-                (Some(LogicalType::Integer { .. }) | None, ConvertedType::UINT_16) => {
-                    number(ElementKind::Unsigned, 2)
-                }
-                (
-                    Some(LogicalType::Integer { .. }) | None,
-                    ConvertedType::UINT_8 | ConvertedType::UINT_32 | ConvertedType::UINT_64,
-                ) => number(ElementKind::Unsigned, whole),
-                (Some(LogicalType::Integer { .. }), _)
-                | (
-                    None,
-                    ConvertedType::NONE
-                    | ConvertedType::INT_8
-                    | ConvertedType::INT_32
-                    | ConvertedType::INT_64,
-                ) => number(ElementKind::Signed, whole),
+                ConvertedType::NONE
+                | ConvertedType::INT_8
+                | ConvertedType::INT_32
+                | ConvertedType::INT_64 => number(ElementKind::Signed, whole),
+                _ if logical.is_some() => number(ElementKind::Signed, whole),
                 _ => Err("dates or times of day"),
             }
         }

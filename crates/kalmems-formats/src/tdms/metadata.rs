@@ -141,7 +141,7 @@ impl TdmsFile {
         let mut budget = METADATA_BYTES;
         let mut at = 0;
         while at < source.length() {
-            limits::at_most(FORMAT, "the number of segments", file.segments.len() as u64, SEGMENTS)?;
+            limits::at_most(FORMAT, "the number of segments", file.segments.len(), SEGMENTS)?;
             at = file.segment(source, at, &mut active, &mut budget)?;
         }
         Ok(file)
@@ -267,7 +267,7 @@ impl TdmsFile {
                     (Some(number), _) => &mut self.channels[number].properties,
                     (None, Some(group)) => {
                         let count = self.groups.len() as u64;
-                        limits::at_most(FORMAT, "the number of groups", count, limits::COLUMNS as u64)?;
+                        limits::at_most(FORMAT, "the number of groups", count, limits::COLUMNS)?;
                         self.groups.entry(group.clone()).or_default()
                     }
                     (None, None) => &mut self.root,
@@ -283,7 +283,7 @@ impl TdmsFile {
             return Ok(*number);
         }
         let number = self.channels.len();
-        limits::at_most(FORMAT, "the number of channels", number as u64, limits::COLUMNS as u64)?;
+        limits::at_most(FORMAT, "the number of channels", number, limits::COLUMNS)?;
         self.numbers.insert(path, number);
         self.channels.push(TdmsChannel {
             group,
@@ -324,7 +324,7 @@ impl TdmsFile {
             if parts.iter().any(|part| part.rows != rows) {
                 return Err(damaged(at, "interleaved channels of several lengths".to_owned(), "one length"));
             }
-            limits::at_most(FORMAT, "the bytes of a row", offset, limits::ROW_BYTES as u64)?;
+            limits::at_most(FORMAT, "the bytes of a row", offset, limits::ROW_BYTES)?;
             for part in &mut parts {
                 part.stride = offset;
             }

@@ -8,7 +8,7 @@ use crate::name::with_unit;
 use crate::records::{CellKind, RecordLane};
 use crate::scaling::{self, Scaling};
 use crate::source::SharedFile;
-use crate::table_parts::TableParts;
+use crate::table_parts::{TableParts, only};
 use crate::{Column, FormatError, Hints, Table, limits};
 use metadata::{ChunkPart, FORMAT, TdmsFile, TdmsValue, damaged, unsupported};
 use std::sync::Arc;
@@ -86,17 +86,17 @@ fn group(file: &TdmsFile, hints: &Hints) -> Result<String, FormatError> {
     }
     groups.sort_unstable();
     groups.dedup();
-    let list = || limits::list(&groups.iter().map(|group| format!("`{group}`")).collect::<Vec<_>>());
-    match (&hints.group, &groups[..]) {
-        (Some(wanted), groups) if groups.contains(&wanted.as_str()) => Ok(wanted.clone()),
-        (Some(wanted), _) => Err(unsupported(
-            &format!("the group `{wanted}`, which is not in the file,"),
-            &format!("write one of {}", list()),
-        )),
-        (None, [only]) => Ok((*only).to_owned()),
-        (None, []) => Err(unsupported("a file without channels", "record some")),
-        (None, _) => {
-            Err(unsupported("several groups at a time", &format!("write `group` as one of {}", list())))
+    match &hints.group {
+        Some(wanted) if groups.contains(&wanted.as_str()) => Ok(wanted.clone()),
+        Some(wanted) => {
+            let list = limits::list(&groups.iter().map(|group| format!("`{group}`")).collect::<Vec<_>>());
+            let what = format!("the group `{wanted}`, which is not in the file,");
+            Err(unsupported(&what, &format!("write one of {list}")))
+        }
+        None => {
+            let places = groups.into_iter().map(|group| (group.to_owned(), ())).collect();
+            only(FORMAT, places)?
+                .map_or(Err(unsupported("a file without channels", "record some")), |(name, ())| Ok(name))
         }
     }
 }
