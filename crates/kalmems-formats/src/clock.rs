@@ -2,7 +2,7 @@
 
 use crate::lanes::PaddedLane;
 use crate::records::{CellKind, RecordField, RecordLane, StoredCell};
-use crate::{Column, Instant};
+use crate::{Column, Instant, refuse_if};
 use std::fmt::{self, Write as _};
 
 /// How far a start may be from a whole number of samples, in samples.
@@ -214,9 +214,9 @@ fn samples_later((of, name): (&[RegularTimes], &str), other: &[RegularTimes]) ->
             short(interval_s)
         ));
     }
-    if of.len() > 1 || other.len() > 1 {
-        return Err(format!("its clock begins anew at other rows or times than that of `{name}`"));
-    }
+    refuse_if(of.len() > 1 || other.len() > 1, || {
+        format!("its clock begins anew at other rows or times than that of `{name}`")
+    })?;
     let later_s = second.start_s - first.start_s;
     let (later, whole) = (later_s / interval_s, (later_s / interval_s).round());
     if (later - whole).abs() > WHOLE || whole.abs() > 1e15 {
@@ -257,16 +257,16 @@ pub(crate) fn rows_between((first, name): (&[f64], &str), own: &[f64]) -> Result
     let later_s = own_start - start;
     let whole = (later_s / interval_s).round();
     let aligned = |(first, own): (&f64, &f64)| (own - first - later_s).abs() <= WHOLE * interval_s;
-    if first.len() != own.len() || !first.iter().zip(own).all(aligned) {
-        return Err(format!("its samples do not come as those of `{name}`"));
-    }
+    refuse_if(first.len() != own.len() || !first.iter().zip(own).all(aligned), || {
+        format!("its samples do not come as those of `{name}`")
+    })?;
     if (later_s - whole * interval_s).abs() > WHOLE * interval_s {
         let (s, samples) = (short(later_s), short(later_s / interval_s));
         return Err(format!("it starts {s} s after `{name}`: {samples} samples, no whole number"));
     }
-    if whole.abs() > MOST_ROWS_LATER as f64 {
-        return Err(format!("it begins {whole} samples after `{name}`; at most {MOST_ROWS_LATER} are held"));
-    }
+    refuse_if(whole.abs() > MOST_ROWS_LATER as f64, || {
+        format!("it begins {whole} samples after `{name}`; at most {MOST_ROWS_LATER} are held")
+    })?;
     #[allow(clippy::cast_possible_truncation)] // within the bound
     let whole = whole as i64;
     Ok(whole)

@@ -87,3 +87,8 @@ impl FormatError {
         Self::Unsupported { format, what: what.into(), remedy: remedy.into() }
     }
 }
+
+/// Refuses what is wrong with an error that says so.
+pub(crate) fn refuse_if<E>(is_wrong: bool, error: impl FnOnce() -> E) -> Result<(), E> {
+    if is_wrong { Err(error()) } else { Ok(()) }
+}

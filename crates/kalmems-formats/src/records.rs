@@ -414,7 +414,9 @@ impl RecordTable {
                 if !scaling.is_none() {
                     scaling.apply(out);
                     let mut shift = Shift::new(power);
-                    out.iter_mut().for_each(|number| *number = shift.float(*number));
+                    for number in out.iter_mut() {
+                        *number = shift.float(*number);
+                    }
                 }
             }
             CellKind::Clock(clock) => {

@@ -1,9 +1,9 @@
 //! A stretch of a file that is read from front to back, packed or not.
 
-use crate::FormatError;
 use crate::element::Element;
 use crate::records::RecordLane;
 use crate::source::SharedFile;
+use crate::{FormatError, refuse_if};
 use flate2::{Crc, Decompress, FlushDecompress, Status};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -162,9 +162,7 @@ impl Read for StretchReader {
             if given > 0 {
                 return Ok(given);
             }
-            if is_last && !self.ended {
-                return Err(io::ErrorKind::UnexpectedEof.into());
-            }
+            refuse_if(is_last && !self.ended, || io::Error::from(io::ErrorKind::UnexpectedEof))?;
         }
         Ok(0)
     }

@@ -1,6 +1,6 @@
 //! What every format gives.
 
-use crate::{Block, FormatError, Instant, TimeKind, TimeUnit, limits};
+use crate::{Block, FormatError, Instant, TimeKind, TimeUnit, limits, refuse_if};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
 use std::fmt;
@@ -150,13 +150,9 @@ impl WantedColumn {
             _ => None,
         });
         let first = times.next();
-        if times.next().is_some() {
-            return Err(FormatError::unsupported(
-                format,
-                "a second column as the times of the rows",
-                "name one",
-            ));
-        }
+        refuse_if(times.next().is_some(), || {
+            FormatError::unsupported(format, "a second column as the times of the rows", "name one")
+        })?;
         Ok(first)
     }
 }
@@ -243,7 +239,8 @@ pub struct Digest {
 
 impl Digest {
     pub(crate) fn new(hash: Sha256, bytes: u64) -> Self {
-        Self { sha256: hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect(), bytes }
+        let digits = |text: String, byte: &u8| text + &format!("{byte:02x}");
+        Self { sha256: hash.finalize().iter().fold(String::new(), digits), bytes }
     }
 }
 

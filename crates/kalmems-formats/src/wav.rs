@@ -7,7 +7,7 @@ use crate::records::{CellKind, RecordField, StoredCell};
 use crate::source::SharedFile;
 use crate::stream::{FileStretch, StreamLane};
 use crate::table_parts::TableParts;
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, Table, limits, refuse_if};
 use std::sync::Arc;
 
 const FORMAT: &str = "WAV";
@@ -82,9 +82,9 @@ impl SampleFormat {
             let mut length = u64::from(short);
             match kind {
                 b"ds64" if long => {
-                    if length < 24 {
-                        return Err(damaged(place, format!("a ds64 chunk of {length} bytes"), "at least 24"));
-                    }
+                    refuse_if(length < 24, || {
+                        damaged(place, format!("a ds64 chunk of {length} bytes"), "at least 24")
+                    })?;
                     let sizes = source.bytes(FORMAT, start, 24)?;
                     let mut sizes = ByteCursor::new(FORMAT, &sizes, start);
                     refuse_other_length(source, sizes.u64()?)?;
@@ -114,23 +114,23 @@ impl SampleFormat {
                         ));
                     };
                     let there = source.length() - start;
-                    if length > there || (length == 0 && there > 0) {
-                        return Err(damaged(
+                    refuse_if(length > there || (length == 0 && there > 0), || {
+                        damaged(
                             place,
                             format!(
                                 "a claim of {length} bytes of samples, and {there} to the end of the file"
                             ),
                             "a recording that was ended properly",
-                        ));
-                    }
+                        )
+                    })?;
                     let record = (channels * element.bytes) as u64;
-                    if length % record != 0 {
-                        return Err(damaged(
+                    refuse_if(length % record != 0, || {
+                        damaged(
                             place,
                             format!("{length} bytes of samples"),
                             &format!("a multiple of {record}, the bytes of a sample of all channels"),
-                        ));
-                    }
+                        )
+                    })?;
                     return Ok(Self {
                         channels,
                         rate,
@@ -168,9 +168,9 @@ fn refuse_other_length(source: &SharedFile, stated: u64) -> Result<(), FormatErr
 
 /// Channels, rate and kind of number, from the fmt chunk.
 fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32, Element), FormatError> {
-    if !(16..=1024).contains(&length) {
-        return Err(damaged(place, format!("a fmt chunk of {length} bytes"), "16, 18 or 40"));
-    }
+    refuse_if(!(16..=1024).contains(&length), || {
+        damaged(place, format!("a fmt chunk of {length} bytes"), "16, 18 or 40")
+    })?;
     let chunk = source.bytes(FORMAT, place + 8, length)?;
     let mut chunk = ByteCursor::new(FORMAT, &chunk, place + 8);
     let mut code = chunk.u16()?;
@@ -179,15 +179,17 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
     if code == 0xfffe {
         let valid = chunk.skip(2)?.u16()?;
         code = chunk.skip(4)?.u16()?;
-        if chunk.take(14)? != b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
-            || (valid != bits && valid != 0)
-        {
-            return Err(FormatError::unsupported(
-                FORMAT,
-                format!("a kind of sample of its own, {valid} of {bits} bits,"),
-                "convert it to PCM or floating-point numbers with all bits in use",
-            ));
-        }
+        refuse_if(
+            chunk.take(14)? != b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
+                || (valid != bits && valid != 0),
+            || {
+                FormatError::unsupported(
+                    FORMAT,
+                    format!("a kind of sample of its own, {valid} of {bits} bits,"),
+                    "convert it to PCM or floating-point numbers with all bits in use",
+                )
+            },
+        )?;
     }
     let element = match (code, bits) {
         (1, 8) => Element::little(ElementKind::PcmByte, 1),
@@ -201,20 +203,20 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
             ));
         }
     };
-    if channels == 0 || rate == 0 || frame != channels * element.bytes {
-        return Err(damaged(
+    refuse_if(channels == 0 || rate == 0 || frame != channels * element.bytes, || {
+        damaged(
             place,
             format!("{channels} channels of {bits} bits at {rate} Hz in {frame} bytes a sample"),
             "at least one channel, a rate above 0, and bytes that agree",
-        ));
-    }
-    if u64::from(byte_rate) != u64::from(rate) * frame as u64 {
-        return Err(damaged(
+        )
+    })?;
+    refuse_if(u64::from(byte_rate) != u64::from(rate) * frame as u64, || {
+        damaged(
             place,
             format!("{byte_rate} bytes a second, and {rate} samples of {frame} bytes"),
             "a rate that agrees with the bytes a second",
-        ));
-    }
+        )
+    })?;
     limits::at_most(FORMAT, "the bytes of a sample of all channels", frame, limits::ROW_BYTES)?;
     Ok((channels, rate, element))
 }

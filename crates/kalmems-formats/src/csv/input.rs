@@ -1,7 +1,7 @@
 //! The bytes of a text file in large pieces, hashed as they are read.
 
 use super::utf16::Utf16;
-use crate::{Digest, FormatError};
+use crate::{Digest, FormatError, limits};
 use sha2::{Digest as _, Sha256};
 use std::io::{ErrorKind, Read};
 
@@ -82,14 +82,7 @@ impl CsvInput {
         self.whole -= self.start;
         self.start = 0;
         loop {
-            if self.end > LONGEST_ROW {
-                return Err(FormatError::TooLarge {
-                    format: "CSV",
-                    what: "the length of a row in bytes".to_owned(),
-                    found: self.end as u64,
-                    limit: LONGEST_ROW as u64,
-                });
-            }
+            limits::at_most("CSV", "the length of a row in bytes", self.end, LONGEST_ROW)?;
             if self.buffer.len() < self.end + PIECE + 1 {
                 self.buffer.resize(2 * (self.end + PIECE), 0);
             }

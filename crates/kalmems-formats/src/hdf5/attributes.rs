@@ -7,7 +7,7 @@ use super::heap::{FractalHeap, HeapTexts};
 use super::tree;
 use crate::element::ExactNumber;
 use crate::records::TextEncoding;
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 
 /// Elements of an attribute; one with more is no unit, name or factor.
 const ELEMENTS: u64 = 4096;
@@ -32,9 +32,9 @@ impl Attributes {
         if let Some((heap, names)) = header.dense(file, MessageKind::AttributeInfo, 2)? {
             let mut heap = FractalHeap::read(file, heap)?;
             tree::newer(file, names, &mut |kind, record| {
-                if kind != 8 && kind != 9 {
-                    return Err(record.damaged(format!("a tree of kind {kind}"), "8 or 9, of attributes"));
-                }
+                refuse_if(kind != 8 && kind != 9, || {
+                    record.damaged(format!("a tree of kind {kind}"), "8 or 9, of attributes")
+                })?;
                 let place = record.place();
                 let id = record.take(heap.id_bytes)?;
                 match heap.object(id)? {
@@ -129,9 +129,7 @@ impl Dataspace {
             2 => cursor.u8()? == 2,
             _ => return Err(cursor.damaged(format!("version {version} of a shape"), "1 or 2")),
         };
-        if axes > 32 {
-            return Err(cursor.damaged(format!("{axes} axes"), "at most 32"));
-        }
+        refuse_if(axes > 32, || cursor.damaged(format!("{axes} axes"), "at most 32"))?;
         let shape = (0..axes).map(|_| cursor.u64()).collect::<Result<Vec<_>, _>>()?;
         let endless = u64::MAX;
         let most = if flags & 1 != 0 {
@@ -156,9 +154,9 @@ fn attribute(
     cursor: &mut MetadataCursor<'_>,
 ) -> Result<(String, AttributeValue), FormatError> {
     let (version, flags) = (cursor.u8()?, cursor.u8()?);
-    if !(1..=3).contains(&version) {
-        return Err(cursor.damaged(format!("version {version} of an attribute"), "1 to 3"));
-    }
+    refuse_if(!(1..=3).contains(&version), || {
+        cursor.damaged(format!("version {version} of an attribute"), "1 to 3")
+    })?;
     let lengths = [usize::from(cursor.u16()?), usize::from(cursor.u16()?), usize::from(cursor.u16()?)];
     if version == 3 {
         cursor.skip(1)?;

@@ -6,7 +6,7 @@ use super::file::Hdf5File;
 use super::filters::{self, DatasetFilter};
 use super::layout::{Chunk, Chunked};
 use crate::records::RecordLane;
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 use std::sync::Arc;
 
 /// Bytes of a chunk, and of the chunks side by side that are held together.
@@ -33,9 +33,9 @@ impl ChunkGrid {
     pub(super) fn check(&self, place: &str) -> Result<(), FormatError> {
         let damaged =
             |found: String| FormatError::damaged(FORMAT, place, found, "chunks of at least one element");
-        if self.chunk_rows == 0 || self.chunk_columns == 0 || self.element == 0 {
-            return Err(damaged("chunks without an element".to_owned()));
-        }
+        refuse_if(self.chunk_rows == 0 || self.chunk_columns == 0 || self.element == 0, || {
+            damaged("chunks without an element".to_owned())
+        })?;
         let element = self.element as u64;
         let chunk = self.chunk_rows.saturating_mul(self.chunk_columns).saturating_mul(element);
         let repack = "repack it, for instance with h5repack -l CHUNK=16384";
@@ -95,10 +95,9 @@ impl ChunkLane {
         self.chunked.visit(&self.file, &self.space, grid.chunk_bytes() as u64, &mut |chunk| {
             let [first, second] = chunk.first;
             let (row, column) = if grid.turned { (second, first) } else { (first, second) };
-            if row % grid.chunk_rows != 0 || column % grid.chunk_columns != 0 {
-                return Err(self
-                    .damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths"));
-            }
+            refuse_if(row % grid.chunk_rows != 0 || column % grid.chunk_columns != 0, || {
+                self.damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths")
+            })?;
             // Chunks beyond the extent are left over from a larger one.
             if column >= grid.columns || row >= grid.rows {
                 return Ok(());
@@ -129,8 +128,8 @@ impl ChunkLane {
         self.progress.band.resize(chunk_rows * columns * element, 0);
         for beside in 0..across {
             let place = self.progress.chunks.get(small(number * across + beside)).copied().flatten();
-            let Some(place) = place else {
-                return Err(FormatError::unsupported(
+            let place = place.ok_or_else(|| {
+                FormatError::unsupported(
                     FORMAT,
                     format!(
                         "`{}`, whose rows from {} on were never written,",
@@ -138,8 +137,8 @@ impl ChunkLane {
                         number * grid.chunk_rows + 1
                     ),
                     "write all of its values",
-                ));
-            };
+                )
+            })?;
             let chunk = self.chunk(place)?;
             let first = small(beside) * chunk_columns;
             let width = chunk_columns.min(columns - first);

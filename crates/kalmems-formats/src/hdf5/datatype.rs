@@ -3,7 +3,7 @@
 use super::file::MetadataCursor;
 use crate::element::{self, Element};
 use crate::records::{StoredCell, TextEncoding};
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 
 /// Types within one another.
 const DEPTH: usize = 8;
@@ -65,9 +65,7 @@ pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<DatatypeKind, Form
 }
 
 fn kind(cursor: &mut MetadataCursor<'_>, depth: usize) -> Result<DatatypeKind, FormatError> {
-    if depth == 0 {
-        return Err(cursor.damaged("types within one another", "no more than eight of them"));
-    }
+    refuse_if(depth == 0, || cursor.damaged("types within one another", "no more than eight of them"))?;
     let head = cursor.u8()?;
     let (class, version) = (head & 15, head >> 4);
     #[allow(clippy::cast_possible_truncation)] // three bytes

@@ -5,7 +5,7 @@ use super::checksum::checksum;
 use super::{FORMAT, NEW_FILE, unsupported};
 pub(super) use crate::cursor::ByteCursor as MetadataCursor;
 use crate::source::SharedFile;
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -64,18 +64,16 @@ impl Hdf5File {
         if !is_old {
             check_sum(&mut cursor)?;
         }
-        let Some(root) = root else {
-            return Err(cursor.damaged("no address of the root group", "one"));
-        };
+        let root = root.ok_or_else(|| cursor.damaged("no address of the root group", "one"))?;
         let (length, end) = (file.source.length(), end.saturating_sub(stored_base).saturating_add(base));
-        if length < end {
-            return Err(FormatError::damaged(
+        refuse_if(length < end, || {
+            FormatError::damaged(
                 FORMAT,
                 "the end of the file",
                 format!("{length} bytes"),
                 format!("{end}, as its beginning says: it was cut, or not closed"),
-            ));
-        }
+            )
+        })?;
         file.root = root;
         Ok(file)
     }
@@ -95,14 +93,12 @@ impl Hdf5File {
         )?;
         let taken =
             self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes));
-        if taken.is_err() {
-            return Err(FormatError::TooLarge {
-                format: FORMAT,
-                what: "the metadata that have to be read, in bytes,".to_owned(),
-                found: self.most.saturating_add(bytes),
-                limit: self.most,
-            });
-        }
+        refuse_if(taken.is_err(), || FormatError::TooLarge {
+            format: FORMAT,
+            what: "the metadata that have to be read, in bytes,".to_owned(),
+            found: self.most.saturating_add(bytes),
+            limit: self.most,
+        })?;
         self.source.bytes(FORMAT, place, bytes)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::file::{Hdf5File, LENGTH, MetadataCursor, check_sum};
 use super::{FORMAT, unsupported};
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 
 /// Blocks that a header is continued in.
 const BLOCKS: usize = 4096;
@@ -51,9 +51,9 @@ impl ObjectHeader {
         if newer {
             cursor.mark(b"OHDR")?;
             let (version, flags) = (cursor.u8()?, cursor.u8()?);
-            if version != 2 {
-                return Err(cursor.damaged(format!("version {version} of an object's header"), "2"));
-            }
+            refuse_if(version != 2, || {
+                cursor.damaged(format!("version {version} of an object's header"), "2")
+            })?;
             ordered = flags & 4 != 0;
             let width = 1_u64 << (flags & 3);
             let prefix = 6 + if flags & 32 != 0 { 16 } else { 0 } + if flags & 16 != 0 { 4 } else { 0 };
@@ -71,9 +71,9 @@ impl ObjectHeader {
             header.newer(&mut cursor, ordered, &mut blocks)?;
         } else {
             let version = cursor.u8()?;
-            if version != 1 {
-                return Err(cursor.damaged(format!("version {version} of an object's header"), "1 or 2"));
-            }
+            refuse_if(version != 1, || {
+                cursor.damaged(format!("version {version} of an object's header"), "1 or 2")
+            })?;
             let bytes = u64::from(cursor.skip(7)?.u32()?);
             let block = file.block(address + 16, bytes)?;
             header.older(&mut file.cursor(&block, address + 16), &mut blocks)?;
@@ -208,9 +208,8 @@ impl HeaderMessage {
         let address = shared(&mut cursor)?;
         let header = ObjectHeader::read(file, address)?;
         let body = header.messages.iter().find(|other| other.kind == self.kind && !other.shared);
-        let Some(body) = body else {
-            return Err(cursor.damaged(format!("a message elsewhere, at byte {address}"), "it there"));
-        };
+        let body = body
+            .ok_or_else(|| cursor.damaged(format!("a message elsewhere, at byte {address}"), "it there"))?;
         read(&mut file.cursor(&body.body, body.place))
     }
 }

@@ -3,7 +3,7 @@
 
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
 use super::{FORMAT, NEW_FILE, unsupported};
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 
 /// The names of an old group.
 pub(super) struct LocalHeap {
@@ -108,9 +108,7 @@ impl<'a> FractalHeap<'a> {
         let mut cursor = file.cursor(&head, address);
         cursor.mark(b"FRHP")?;
         let id_bytes = usize::from(cursor.skip(1)?.u16()?);
-        if cursor.u16()? > 0 {
-            return Err(unsupported("links or attributes that are packed", NEW_FILE));
-        }
+        refuse_if(cursor.u16()? > 0, || unsupported("links or attributes that are packed", NEW_FILE))?;
         let largest = u64::from(cursor.skip(1)?.u32()?);
         cursor.skip(10 * LENGTH + 2 * ADDRESS)?;
         let width = u64::from(cursor.u16()?);
@@ -120,9 +118,10 @@ impl<'a> FractalHeap<'a> {
         let (root, root_rows) = (cursor.address()?, u32::from(cursor.u16()?));
         check_sum(&mut cursor)?;
         let powers = [width, start_bytes, direct_bytes].iter().all(|length| length.is_power_of_two());
-        if !powers || direct_bytes < start_bytes || offset_bits > 64 || !(1..=64).contains(&id_bytes) {
-            return Err(cursor.damaged("a heap whose blocks do not double", "lengths that are powers of two"));
-        }
+        refuse_if(
+            !powers || direct_bytes < start_bytes || offset_bits > 64 || !(1..=64).contains(&id_bytes),
+            || cursor.damaged("a heap whose blocks do not double", "lengths that are powers of two"),
+        )?;
         limits::at_most(FORMAT, "the bytes of a block of a heap", direct_bytes, limits::HEADER_BYTES)?;
         // What the lengths of the objects take: the smaller of the two bounds.
         let size_bytes = (direct_bytes.ilog2().div_ceil(8)).min(largest.max(1).ilog2() / 8 + 1);
@@ -174,9 +173,7 @@ impl<'a> FractalHeap<'a> {
         let mut place = self.root.ok_or_else(lost)?;
         let (mut start, mut rows) = (0_u64, self.root_rows);
         if rows == 0 {
-            if offset >= self.start_bytes {
-                return Err(lost());
-            }
+            refuse_if(offset >= self.start_bytes, lost)?;
             return Ok((0, self.file.block(place, self.start_bytes)?, place));
         }
         // Each is smaller than the one that it is in.
@@ -189,9 +186,7 @@ impl<'a> FractalHeap<'a> {
                 let double = (within / first).ilog2();
                 (double + 1, first << double, self.start_bytes << double)
             };
-            if row >= rows {
-                return Err(lost());
-            }
+            refuse_if(row >= rows, lost)?;
             let column = (within - row_start) / bytes;
             start += row_start + column * bytes;
             let child = self.child(place, u64::from(row) * self.width + column, rows)?;

@@ -2,7 +2,7 @@
 
 use super::FORMAT;
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 
 /// Entries of an index that are looked at, there or not.
 const ENTRIES: u64 = 1 << 20;
@@ -100,11 +100,9 @@ impl<'a> ChunkArray<'a> {
         let index = cursor.skip(LENGTH)?.address()?;
         check_sum(&mut cursor)?;
         let powers = smallest.is_power_of_two() && pointers.is_power_of_two();
-        if !powers || count_bits > LEVELS || page_bits > 32 {
-            return Err(
-                cursor.damaged("an array whose blocks do not double", "lengths that are powers of two")
-            );
-        }
+        refuse_if(!powers || count_bits > LEVELS || page_bits > 32, || {
+            cursor.damaged("an array whose blocks do not double", "lengths that are powers of two")
+        })?;
         limits::at_most(FORMAT, "the number of chunks", entries.used, ENTRIES)?;
         entries.page = 1 << page_bits;
         let blocks = DoublingBlocks {

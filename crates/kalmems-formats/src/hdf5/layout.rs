@@ -7,7 +7,7 @@ use super::file::{Hdf5File, MetadataCursor};
 use super::header::{MessageKind, ObjectHeader};
 use super::index::{ArrayGrowth, ChunkArray};
 use super::{NEW_FILE, tree, unsupported};
-use crate::FormatError;
+use crate::{FormatError, refuse_if};
 
 /// The kinds of trees of chunks: of the first version, and of the second without and with filters.
 const CHUNKS_OLDER: u8 = 1;
@@ -95,10 +95,9 @@ fn layout(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
 
 /// The lengths of a chunk along each axis; behind them is the length of an element.
 fn lengths(cursor: &mut MetadataCursor<'_>, axes: usize, width: usize) -> Result<Vec<u64>, FormatError> {
-    if !(2..=33).contains(&axes) || !(1..=8).contains(&width) {
-        return Err(cursor
-            .damaged(format!("chunks of {axes} axes with lengths of {width} bytes"), "1 to 32, and 1 to 8"));
-    }
+    refuse_if(!(2..=33).contains(&axes) || !(1..=8).contains(&width), || {
+        cursor.damaged(format!("chunks of {axes} axes with lengths of {width} bytes"), "1 to 32, and 1 to 8")
+    })?;
     let mut shape = (0..axes).map(|_| cursor.number(width)).collect::<Result<Vec<_>, _>>()?;
     shape.pop();
     Ok(shape)
@@ -108,9 +107,9 @@ fn newest(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
     let flags = cursor.u8()?;
     let (axes, width) = (usize::from(cursor.u8()?), usize::from(cursor.u8()?));
     let shape = lengths(cursor, axes, width)?;
-    if flags & 1 != 0 {
-        return Err(unsupported("chunks that are not packed where they reach beyond the dataset", NEW_FILE));
-    }
+    refuse_if(flags & 1 != 0, || {
+        unsupported("chunks that are not packed where they reach beyond the dataset", NEW_FILE)
+    })?;
     let kind = cursor.u8()?;
     let index = match kind {
         1 => {

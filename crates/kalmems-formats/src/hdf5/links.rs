@@ -5,7 +5,7 @@ use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
 use super::header::{MessageKind, ObjectHeader};
 use super::heap::{FractalHeap, LocalHeap};
 use super::{FORMAT, tree};
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 
 /// The kinds of trees of links, by name and by the order in which they were made.
 const BY_NAME: u8 = 5;
@@ -107,9 +107,7 @@ fn entries(
 /// A message that is a link.
 fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink, FormatError> {
     let (version, flags) = (cursor.u8()?, cursor.u8()?);
-    if version != 1 {
-        return Err(cursor.damaged(format!("version {version} of a link"), "1"));
-    }
+    refuse_if(version != 1, || cursor.damaged(format!("version {version} of a link"), "1"))?;
     let kind = if flags & 8 != 0 { cursor.u8()? } else { 0 };
     if flags & 4 != 0 {
         cursor.skip(8)?;

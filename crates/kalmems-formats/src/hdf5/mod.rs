@@ -28,7 +28,7 @@ use crate::source::SharedFile;
 use crate::stated_clock::StatedNumbers;
 use crate::table_parts::{StoredArray, TableParts, becomes_columns};
 use crate::time::{TimeCode, TimeForm, TimeKind};
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, Table, limits, refuse_if};
 use attributes::{Attributes, Dataspace};
 use datatype::DatatypeKind;
 use header::{MessageKind as Message, ObjectHeader};
@@ -181,12 +181,9 @@ impl Hdf5TableParts {
         if is_group(&header) {
             return self.add_group(&object, path);
         }
-        if !header.has(Message::Layout) {
-            return Err(unsupported(
-                format!("`{path}`, which is no group and no dataset,"),
-                "write the path of one",
-            ));
-        }
+        refuse_if(!header.has(Message::Layout), || {
+            unsupported(format!("`{path}`, which is no group and no dataset,"), "write the path of one")
+        })?;
         self.add_table(&FoundDataset::look(object, header, path)?, hints)
     }
 
@@ -478,12 +475,12 @@ impl Hdf5TableParts {
             )?);
             return Ok(());
         }
-        if !matches!(found.kind, DatatypeKind::Number(_)) {
-            return Err(unsupported(
+        refuse_if(!matches!(found.kind, DatatypeKind::Number(_)), || {
+            unsupported(
                 format!("`{path}`, which holds {} and no table of numbers,", found.kind.what()),
                 "write the path of a group of datasets, or of a dataset of numbers or of a compound type",
-            ));
-        }
+            )
+        })?;
         let (rows, columns) = self.rows_and_columns(found)?;
         // Its own name, of a single column.
         let own = || (columns == 1).then(|| vec![path.rsplit('/').next().unwrap_or(&path).to_owned()]);

@@ -1,7 +1,7 @@
 //! HDF5's B-trees, whose records are visited in their order (HDF5 File Format Specification, section III.A).
 
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 
 /// Levels of a tree.
 const LEVELS: u8 = 32;
@@ -19,12 +19,15 @@ pub(super) fn older(
     let mut cursor = file.cursor(&head, address);
     cursor.mark(b"TREE")?;
     let (found, level) = (cursor.u8()?, cursor.u8()?);
-    if found != kind || level > LEVELS || above.is_some_and(|above| level.checked_add(1) != Some(above)) {
-        return Err(cursor.damaged(
-            format!("a node of kind {found} on level {level}"),
-            &format!("kind {kind}, and each level below the one above it"),
-        ));
-    }
+    refuse_if(
+        found != kind || level > LEVELS || above.is_some_and(|above| level.checked_add(1) != Some(above)),
+        || {
+            cursor.damaged(
+                format!("a node of kind {found} on level {level}"),
+                &format!("kind {kind}, and each level below the one above it"),
+            )
+        },
+    )?;
     let entries = usize::from(cursor.u16()?);
     let bytes = prefix + entries * (key + ADDRESS);
     let block = file.block(address, bytes as u64)?;
@@ -59,12 +62,12 @@ pub(super) fn newer(
     cursor.u64()?;
     check_sum(&mut cursor)?;
     let small = (node_bytes as usize) < 10 + record || record == 0 || depth > u16::from(LEVELS);
-    if small || u64::from(node_bytes) > limits::HEADER_BYTES {
-        return Err(cursor.damaged(
+    refuse_if(small || u64::from(node_bytes) > limits::HEADER_BYTES, || {
+        cursor.damaged(
             format!("a tree of {depth} levels with nodes of {node_bytes} bytes and records of {record}"),
             "nodes that hold a record, and at most 32 levels",
-        ));
-    }
+        )
+    })?;
     // How many records a node of each level holds at most, which gives the width of what counts them.
     let width = |count: u64| (count.max(1).ilog2() / 8 + 1) as usize;
     let most = (node_bytes as usize - 10) / record;
@@ -110,9 +113,9 @@ impl BTree<'_> {
         let mut cursor = self.file.cursor(&block, address);
         cursor.mark(if level == 0 { b"BTLF" } else { b"BTIN" })?;
         let kind = cursor.skip(1)?.u8()?;
-        if kind != self.kind {
-            return Err(cursor.damaged(format!("a node of kind {kind}"), &format!("{}", self.kind)));
-        }
+        refuse_if(kind != self.kind, || {
+            cursor.damaged(format!("a node of kind {kind}"), &format!("{}", self.kind))
+        })?;
         let mut own = cursor.part(records * self.record)?;
         let mut pointers = cursor.part(children * pointer)?;
         check_sum(&mut cursor)?;

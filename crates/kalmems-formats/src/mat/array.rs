@@ -3,7 +3,7 @@
 use crate::element::{Element, ElementKind};
 use crate::records::utf16;
 use crate::stream::StretchReader;
-use crate::{FormatError, limits};
+use crate::{FormatError, limits, refuse_if};
 
 pub(super) const FORMAT: &str = "MAT 5";
 /// An array.
@@ -77,9 +77,9 @@ impl Elements {
             return Ok(Tag { kind: word, bytes: u64::from(second), within: None });
         }
         let bytes = u64::from(word >> 16);
-        if bytes > 4 {
-            return Err(self.stream.damaged(format!("a small element of {bytes} bytes"), "at most 4"));
-        }
+        refuse_if(bytes > 4, || {
+            self.stream.damaged(format!("a small element of {bytes} bytes"), "at most 4")
+        })?;
         Ok(Tag { kind: word & 0xffff, bytes, within: Some([raw[4], raw[5], raw[6], raw[7]]) })
     }
 
@@ -104,9 +104,9 @@ impl Elements {
 
     fn nested(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable, FormatError> {
         let tag = self.tag()?;
-        if tag.kind != MATRIX || tag.within.is_some() {
-            return Err(self.stream.damaged(format!("an element of type {}", tag.kind), "an array (14)"));
-        }
+        refuse_if(tag.kind != MATRIX || tag.within.is_some(), || {
+            self.stream.damaged(format!("an element of type {}", tag.kind), "an array (14)")
+        })?;
         if depth == DEPTH {
             limits::plausible_unpacked(FORMAT, "a variable", tag.bytes, self.stream.packed())?;
         }
@@ -195,12 +195,12 @@ impl Elements {
             }
         };
         let element = Element { kind, bytes, big_endian: self.big_endian };
-        if count.checked_mul(bytes as u64) != Some(tag.bytes) {
-            return Err(self.stream.damaged(
+        refuse_if(count.checked_mul(bytes as u64) != Some(tag.bytes), || {
+            self.stream.damaged(
                 format!("{} bytes of numbers", tag.bytes),
                 format!("{bytes} for each of {rows} × {columns}"),
-            ));
-        }
+            )
+        })?;
         // A single number may be within the tag.
         let place = if tag.within.is_some() { self.stream.position() - 4 } else { self.stream.position() };
         if tag.within.is_none() && depth < DEPTH {
@@ -213,12 +213,10 @@ impl Elements {
         let (_, length) = self.short("a length", 4)?;
         let length = self.words(&length).first().map_or(0, |length| *length as usize);
         let (_, names) = self.short("the names of fields", limits::TEXT_BYTES * 256)?;
-        if length == 0 || length > limits::TEXT_BYTES || names.len() % length != 0 {
-            return Err(self.stream.damaged(
-                format!("names of {length} bytes in {}", names.len()),
-                "names of one length above 0",
-            ));
-        }
+        refuse_if(length == 0 || length > limits::TEXT_BYTES || names.len() % length != 0, || {
+            self.stream
+                .damaged(format!("names of {length} bytes in {}", names.len()), "names of one length above 0")
+        })?;
         budget.take(names.len() as u64)?;
         let mut fields = Vec::new();
         for name in names.chunks_exact(length) {
@@ -266,11 +264,9 @@ impl Elements {
             4 | 17 => utf16(&bytes, self.big_endian).chars().collect(),
             _ => return Ok(MatValue::Other("characters of another code")),
         };
-        if letters.len() as u64 != rows * columns {
-            return Err(self
-                .stream
-                .damaged(format!("{} characters", letters.len()), format!("{rows} × {columns}")));
-        }
+        refuse_if(letters.len() as u64 != rows * columns, || {
+            self.stream.damaged(format!("{} characters", letters.len()), format!("{rows} × {columns}"))
+        })?;
         #[allow(clippy::cast_possible_truncation)] // the budget holds it
         let rows = rows as usize;
         // Nothing in a row is an empty text.

@@ -57,11 +57,11 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     table.0.finish(source.length(), "variables of one number", remedy)
 }
 
-/// Values that may be tables, with their paths and the stretches that they are in.
-type MatPlaces = Vec<(String, (FileStretch, MatValue))>;
+/// A value that may be a table, with its path and the stretch that it is in.
+type MatPlace = (String, (FileStretch, MatValue));
 
 /// The structs with columns, in a value and in its fields.
-fn within(stretch: &FileStretch, path: String, value: MatValue, places: &mut MatPlaces) {
+fn within(stretch: &FileStretch, path: String, value: MatValue, places: &mut Vec<MatPlace>) {
     let MatValue::Fields(fields) = value else { return };
     if fields.iter().any(|field| is_column(&field.value)) {
         places.push((path, (stretch.clone(), MatValue::Fields(fields))));
@@ -172,7 +172,7 @@ impl MatTable {
     fn add_variables(
         &mut self,
         found: impl Iterator<Item = (FileStretch, MatVariable)>,
-    ) -> Result<Option<(String, (FileStretch, MatValue))>, FormatError> {
+    ) -> Result<Option<MatPlace>, FormatError> {
         self.0.recognised.push_str("the variables, a column each");
         let found: Vec<(FileStretch, MatVariable)> = found.collect();
         let mut places = Vec::new();
@@ -181,7 +181,7 @@ impl MatTable {
                 match value {
                     MatValue::Fields(_) => within(&stretch, name, value, &mut places),
                     MatValue::Numbers { rows: 2.., columns: 2.., .. } => {
-                        places.push((name, (stretch, value)))
+                        places.push((name, (stretch, value)));
                     }
                     value => self.add(&stretch, MatVariable { name, value })?,
                 }

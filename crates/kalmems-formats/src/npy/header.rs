@@ -1,11 +1,11 @@
 //! The header of an array: its shape and what an element is made of.
 
 use super::literal::{self, Literal};
-use crate::FormatError;
 use crate::element::{Element, ElementKind};
 use crate::limits;
 use crate::records::{StoredCell, TextEncoding};
 use crate::time::{TimeCode, TimeForm, TimeKind, TimeUnit};
+use crate::{FormatError, refuse_if};
 
 /// An array.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,16 +64,13 @@ impl NpyHeader {
     ) -> Result<Self, FormatError> {
         let damaged = |found: String, expected: &str| FormatError::damaged(format, place, found, expected);
         let magic = next(8)?;
-        if !magic.starts_with(b"\x93NUMPY") {
-            return Err(damaged(
-                format!("`{}`", magic.escape_ascii()),
-                "an array, which begins with \\x93NUMPY",
-            ));
-        }
+        refuse_if(!magic.starts_with(b"\x93NUMPY"), || {
+            damaged(format!("`{}`", magic.escape_ascii()), "an array, which begins with \\x93NUMPY")
+        })?;
         let (version, width) = (magic[6], if magic[6] == 1 { 2 } else { 4 });
-        if !(1..=3).contains(&version) {
-            return Err(damaged(format!("version {version}"), "version 1, 2 or 3"));
-        }
+        refuse_if(!(1..=3).contains(&version), || {
+            damaged(format!("version {version}"), "version 1, 2 or 3")
+        })?;
         let length = next(width)?.iter().rev().fold(0, |length, byte| length << 8 | u64::from(*byte));
         limits::at_most(format, "the length of the header", length, limits::HEADER_BYTES / 16)?;
         #[allow(clippy::cast_possible_truncation)] // bounded by the line above
@@ -132,9 +129,7 @@ fn descr_of(descr: &Literal) -> Result<Descr, String> {
     match descr {
         Literal::Text(code) => cell(code).map(Descr::Plain),
         Literal::Several(fields) => {
-            if fields.len() > limits::COLUMNS {
-                return Err(format!("{} fields", fields.len()));
-            }
+            refuse_if(fields.len() > limits::COLUMNS, || format!("{} fields", fields.len()))?;
             let mut named = Vec::with_capacity(fields.len());
             for field in fields {
                 named.push(self::field(field)?);
@@ -194,9 +189,7 @@ fn cell(code: &str) -> Result<Cell, String> {
     let unknown = || format!("the type `{}`", code.chars().take(24).collect::<String>());
     let mut letters = code.chars();
     let order = letters.next().ok_or_else(unknown)?;
-    if !matches!(order, '<' | '>' | '|' | '=') {
-        return Err(unknown());
-    }
+    refuse_if(!matches!(order, '<' | '>' | '|' | '='), unknown)?;
     let kind = letters.next().ok_or_else(unknown)?;
     if kind == 'O' {
         return Ok(Cell::Other { bytes: 0, what: "Python objects, which only Python reads".to_owned() });
@@ -205,9 +198,7 @@ fn cell(code: &str) -> Result<Cell, String> {
     let end = after.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(after.len());
     let (digits, after) = after.split_at(end);
     let size: usize = digits.parse().map_err(|_| unknown())?;
-    if size > limits::ROW_BYTES {
-        return Err(unknown());
-    }
+    refuse_if(size > limits::ROW_BYTES, unknown)?;
     let big_endian = order == '>';
     let number = |kind| {
         let element = Element { kind, bytes: size, big_endian };

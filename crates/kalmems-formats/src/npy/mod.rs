@@ -44,13 +44,13 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
         arrays.push(NpyArray::open(member.stretch(Arc::clone(&source))?, name)?);
     }
     if let Some(wanted) = &hints.group {
-        let Some(array) = arrays.into_iter().next() else {
-            return Err(FormatError::unsupported(
+        let array = arrays.into_iter().next().ok_or_else(|| {
+            FormatError::unsupported(
                 FORMAT,
                 format!("an array `{wanted}`, which is not in the file,"),
                 "write the name of one that is",
-            ));
-        };
+            )
+        })?;
         array.add_table(hints, &mut table)?;
         return finish(table, file_bytes);
     }

@@ -33,15 +33,15 @@ pub(super) struct ZipMember {
 pub(super) fn members(source: &Arc<SharedFile>) -> Result<Vec<ZipMember>, FormatError> {
     let mut buffer = vec![0; MAX_CENTRAL_DIRECTORY_RECORD_SIZE];
     let archive = ZipLocator::new().locate_in_reader(source, &mut buffer, source.length());
-    let archive = archive.map_err(|(_, error)| failed(source.length(), error))?;
+    let archive = archive.map_err(|(_, error)| failed(source.length(), &error))?;
     let directory = archive.directory_offset();
     let mut own = vec![0; 2 * usize::from(u16::MAX)];
     let (mut entries, mut members, mut mismatch) = (archive.entries(&mut buffer), Vec::new(), None);
-    while let Some(entry) = entries.next_entry().map_err(|error| failed(directory, error))? {
+    while let Some(entry) = entries.next_entry().map_err(|error| failed(directory, &error))? {
         limits::at_most(FORMAT, "the number of members", members.len(), limits::COLUMNS)?;
         let (path, header) = (entry.file_path(), entry.local_header_offset());
-        let there = archive.get_entry(entry.wayfinder()).map_err(|error| failed(header, error))?;
-        let local = there.local_header(&mut own).map_err(|error| failed(header, error))?;
+        let there = archive.get_entry(entry.wayfinder()).map_err(|error| failed(header, &error))?;
+        let local = there.local_header(&mut own).map_err(|error| failed(header, &error))?;
         // The directory and the member's own header both have its name and its method.
         let name = |path: &[u8]| String::from_utf8_lossy(path).into_owned();
         let (said, method) = (name(path.as_ref()), entry.compression_method());
@@ -105,6 +105,6 @@ fn refuse_overlaps(members: &[ZipMember], directory: u64) -> Result<(), FormatEr
 }
 
 /// What the library says of the file.
-fn failed(place: u64, error: rawzip::Error) -> FormatError {
+fn failed(place: u64, error: &rawzip::Error) -> FormatError {
     FormatError::damaged_at(FORMAT, place, error.to_string(), "the end of a zip file that is whole")
 }

@@ -11,7 +11,7 @@ use crate::panics;
 use crate::records::{CellKind, RecordLane, StoredCell};
 use crate::source::SharedFile;
 use crate::table_parts::TableParts;
-use crate::{Column, FormatError, Hints, Table};
+use crate::{Column, FormatError, Hints, Table, refuse_if};
 use pages::{ColumnPages, PAGE_BYTES};
 use parquet::column::reader::{ColumnReader, get_column_reader};
 use parquet::errors::ParquetError;
@@ -50,9 +50,9 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
     let source = Arc::new(source);
     let file_bytes = source.length();
     let tail = source.bytes(FORMAT, file_bytes.saturating_sub(8), 8)?;
-    if !tail.ends_with(b"PAR1") {
-        return Err(damaged("its end", format!("`{}` instead of PAR1", tail[4..].escape_ascii())));
-    }
+    refuse_if(!tail.ends_with(b"PAR1"), || {
+        damaged("its end", format!("`{}` instead of PAR1", tail[4..].escape_ascii()))
+    })?;
     let length = u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]);
     limits::at_most(FORMAT, "the length of the metadata", u64::from(length), limits::HEADER_BYTES)?;
     let end = file_bytes - 8;
@@ -76,9 +76,9 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
             chunk.num_values() >= 0 && pages::place(chunk).is_some_and(|place| place.end <= file_bytes)
         };
         let columns = metadata.file_metadata().schema_descr().num_columns();
-        if group.num_columns() != columns || !group.columns().iter().all(sound) {
-            return Err(damaged("the metadata", "columns that are not in the file".to_owned()));
-        }
+        refuse_if(group.num_columns() != columns || !group.columns().iter().all(sound), || {
+            damaged("the metadata", "columns that are not in the file".to_owned())
+        })?;
         limits::plausible_rows(FORMAT, rows, file_bytes)?;
     }
     let schema = metadata.file_metadata().schema_descr();
@@ -164,9 +164,9 @@ impl ColumnLane {
             if count == 0 {
                 self.reader = None;
                 self.group += 1;
-                if self.group >= metadata.num_row_groups() {
-                    return Err(damaged(&self.place, "fewer values than rows".to_owned()));
-                }
+                refuse_if(self.group >= metadata.num_row_groups(), || {
+                    damaged(&self.place, "fewer values than rows".to_owned())
+                })?;
             }
             done += count;
         }

@@ -2,9 +2,9 @@
 
 use super::packing::PagePacking;
 use super::{FORMAT, damaged, layout, thrift};
-use crate::FormatError;
 use crate::limits;
 use crate::source::SharedFile;
+use crate::{FormatError, refuse_if};
 use bytes::Bytes;
 use flate2::Crc;
 use parquet::basic::Encoding;
@@ -58,9 +58,9 @@ impl ColumnPages {
             let start = self.left.start;
             let header = self.header()?;
             self.left.start += header.bytes;
-            if header.packed > self.left.end.saturating_sub(self.left.start) {
-                return Err(damaged(&format!("byte {start}"), "a page longer than its column".to_owned()));
-            }
+            refuse_if(header.packed > self.left.end.saturating_sub(self.left.start), || {
+                damaged(&format!("byte {start}"), "a page longer than its column".to_owned())
+            })?;
             let body = self.left.start;
             self.left.start += header.packed;
             let read = || header.checked(self.source.bytes(FORMAT, body, header.packed)?, start);
@@ -233,9 +233,7 @@ impl ClaimedPageHeader {
             3 => {
                 let [definition, repetition] = self.level_bytes;
                 let levels = definition.saturating_add(repetition);
-                if levels > self.unpacked.min(self.packed) {
-                    return Err(wrong("levels longer than the page"));
-                }
+                refuse_if(levels > self.unpacked.min(self.packed), || wrong("levels longer than the page"))?;
                 #[allow(clippy::cast_possible_truncation)] // no longer than the page
                 let levels = levels as usize;
                 let buf = if self.is_plain || packing == PagePacking::Plain {

@@ -3,7 +3,7 @@
 use crate::element::{Element, ElementKind};
 use crate::records::StoredCell;
 use crate::time::{TimeCode, TimeForm};
-use crate::{TimeKind, TimeUnit};
+use crate::{TimeKind, TimeUnit, refuse_if};
 use parquet::basic::{ConvertedType, LogicalType, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, DataType};
@@ -16,9 +16,7 @@ const BYTES: i32 = 16;
 /// What a column holds, nothing of texts, which have several lengths, and the power of ten that its numbers are to be multiplied by; or why it
 /// is left out.
 pub(super) fn stored(descriptor: &ColumnDescriptor) -> Result<(Option<StoredCell>, i32), &'static str> {
-    if descriptor.max_rep_level() > 0 {
-        return Err("a list in each row");
-    }
+    refuse_if(descriptor.max_rep_level() > 0, || "a list in each row")?;
     let (physical, logical) = (descriptor.physical_type(), descriptor.logical_type_ref());
     let number = |kind, bytes| Ok((Some(StoredCell::Number(Element::little(kind, bytes))), 0));
     let decimal = match (logical, descriptor.converted_type()) {

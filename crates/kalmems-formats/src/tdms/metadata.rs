@@ -9,7 +9,7 @@ use crate::limits;
 use crate::records::StoredCell;
 use crate::source::SharedFile;
 use crate::time::{TimeCode, TimeForm};
-use crate::{TimeKind, TimeUnit};
+use crate::{TimeKind, TimeUnit, refuse_if};
 use std::collections::HashMap;
 
 pub(super) const FORMAT: &str = "TDMS";
@@ -161,13 +161,13 @@ impl TdmsFile {
         let big_endian = contents & toc::BIG_ENDIAN != 0;
         let mut lead = lead.with(0, big_endian);
         let version = lead.u32()?;
-        if contents & !toc::ALL != 0 || !VERSIONS.contains(&version) {
-            return Err(damaged(
+        refuse_if(contents & !toc::ALL != 0 || !VERSIONS.contains(&version), || {
+            damaged(
                 at,
                 format!("a segment of version {version} with the contents {contents:#x}"),
                 "version 4712 or 4713, and contents of known kinds",
-            ));
-        }
+            )
+        })?;
         let (next, raw) = (lead.u64()?, lead.u64()?);
         let start = at + LEAD_IN;
         let unfinished = next == u64::MAX;
@@ -188,9 +188,7 @@ impl TdmsFile {
         if contents & toc::RAW_DATA == 0 || raw_start == end {
             return Ok(end);
         }
-        if contents & toc::DAQMX != 0 {
-            return Err(unsupported(DAQMX, DAQMX_REMEDY));
-        }
+        refuse_if(contents & toc::DAQMX != 0, || unsupported(DAQMX, DAQMX_REMEDY))?;
         let interleaved = contents & toc::INTERLEAVED != 0;
         let layout = self.layout(at, active, interleaved)?;
         self.add(at, raw_start, end, layout, unfinished)?;
@@ -311,9 +309,9 @@ impl TdmsFile {
         for (channel, index) in indices {
             let value = index.value.bytes();
             let part = ChunkPart { channel, offset, rows: index.rows, stride: value, bytes: index.bytes };
-            if interleaved && matches!(index.value, TdmsValue::Text { .. }) {
-                return Err(damaged(at, "interleaved texts".to_owned(), "texts one after the other"));
-            }
+            refuse_if(interleaved && matches!(index.value, TdmsValue::Text { .. }), || {
+                damaged(at, "interleaved texts".to_owned(), "texts one after the other")
+            })?;
             parts.push(part);
             offset =
                 offset.checked_add(if interleaved { value } else { index.bytes }).ok_or_else(overflow)?;
@@ -321,9 +319,9 @@ impl TdmsFile {
         let mut chunk_bytes = offset;
         if interleaved {
             let rows = parts.first().map_or(0, |part| part.rows);
-            if parts.iter().any(|part| part.rows != rows) {
-                return Err(damaged(at, "interleaved channels of several lengths".to_owned(), "one length"));
-            }
+            refuse_if(parts.iter().any(|part| part.rows != rows), || {
+                damaged(at, "interleaved channels of several lengths".to_owned(), "one length")
+            })?;
             limits::at_most(FORMAT, "the bytes of a row", offset, limits::ROW_BYTES)?;
             for part in &mut parts {
                 part.stride = offset;
@@ -351,23 +349,19 @@ impl TdmsFile {
     ) -> Result<(), FormatError> {
         let ChunkLayout { chunk_bytes, interleaved, ref parts } = self.layouts[layout];
         let bytes = end - start;
-        if chunk_bytes == 0 {
-            return Err(damaged(
-                at,
-                format!("{bytes} bytes of values of no channel"),
-                "channels with values",
-            ));
-        }
+        refuse_if(chunk_bytes == 0, || {
+            damaged(at, format!("{bytes} bytes of values of no channel"), "channels with values")
+        })?;
         let (chunks, rest) = (bytes / chunk_bytes, bytes % chunk_bytes);
         let mut cut_rows = 0;
         if rest != 0 {
-            if !unfinished {
-                return Err(damaged(
+            refuse_if(!unfinished, || {
+                damaged(
                     at,
                     format!("{bytes} bytes of values"),
                     &format!("a multiple of {chunk_bytes}, the bytes of a chunk"),
-                ));
-            }
+                )
+            })?;
             let whole = |part: &ChunkPart| match (interleaved, part.stride) {
                 (true, stride) => rest / stride.max(1),
                 // Texts are whole when the chunk is.
@@ -437,9 +431,7 @@ fn value(reader: &mut ByteCursor<'_>) -> Result<TdmsValue, FormatError> {
 fn index(reader: &mut ByteCursor<'_>) -> Result<RawDataIndex, FormatError> {
     let value = value(reader)?;
     let axes = reader.u32()?;
-    if axes != 1 {
-        return Err(reader.damaged(format!("values along {axes} axes"), "1"));
-    }
+    refuse_if(axes != 1, || reader.damaged(format!("values along {axes} axes"), "1"))?;
     let rows = reader.u64()?;
     let bytes = match value {
         TdmsValue::Text { .. } => reader.u64()?,
@@ -447,11 +439,10 @@ fn index(reader: &mut ByteCursor<'_>) -> Result<RawDataIndex, FormatError> {
             .checked_mul(value.bytes())
             .ok_or_else(|| reader.damaged(format!("{rows} values"), "fewer"))?,
     };
-    if matches!(value, TdmsValue::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes) {
-        return Err(
-            reader.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts")
-        );
-    }
+    refuse_if(
+        matches!(value, TdmsValue::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes),
+        || reader.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts"),
+    )?;
     Ok(RawDataIndex { value, rows, bytes })
 }
 

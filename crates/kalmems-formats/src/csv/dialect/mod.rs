@@ -14,7 +14,7 @@ use super::split::Split;
 use crate::clock::{RegularTimes, rows_between};
 use crate::stated_clock::{StatedNumbers, names_a_time};
 use crate::time::{IsoTime, TimeKind, parse_iso};
-use crate::{Column, FormatError, Hints, TableEvidence};
+use crate::{Column, FormatError, Hints, TableEvidence, limits};
 use comments::Comments;
 use head::TextHead;
 pub(super) use instruments::Heading;
@@ -230,14 +230,8 @@ fn finish(
     head: &TextHead,
     hints: &Hints,
 ) -> Result<(Dialect, usize), FormatError> {
-    if found.columns.len() > MOST_COLUMNS || found.cells > MOST_COLUMNS {
-        return Err(FormatError::TooLarge {
-            format: "CSV",
-            what: "the number of columns".to_owned(),
-            found: found.cells as u64,
-            limit: MOST_COLUMNS as u64,
-        });
-    }
+    let columns = found.columns.len().max(found.cells);
+    limits::at_most("CSV", "the number of columns", columns, MOST_COLUMNS)?;
     if let Some(names) = &hints.columns {
         if names.len() != found.columns.len() {
             let mut present = match found.columns.len() {

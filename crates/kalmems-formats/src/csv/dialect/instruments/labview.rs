@@ -3,10 +3,10 @@
 use super::super::head::TextHead;
 use super::waveforms::WaveformColumns;
 use super::{DialectSearch, TextBeginning, distinct};
-use crate::FormatError;
 use crate::clock::{RegularTimes, SampleStep};
 use crate::csv::dialect::{ColumnOrigin, RecognizedText, RecordShape};
 use crate::time::{IsoTime, parse_iso};
+use crate::{FormatError, refuse_if};
 
 /// What ends either header.
 const END: &[u8] = b"***End_of_Header***";
@@ -204,13 +204,13 @@ impl LabviewChannels {
         let same = self.columns.iter().zip(before).all(|((name, _), column)| *name == column.column.name);
         self.refuse_later()?;
         // The last column is the number of the record.
-        if !same || self.columns.len() + 1 != before.len() {
-            return Err(FormatError::unsupported(
+        refuse_if(!same || self.columns.len() + 1 != before.len(), || {
+            FormatError::unsupported(
                 "LabVIEW measurement",
                 "a file of records with different channels",
                 "write each in a file of its own",
-            ));
-        }
+            )
+        })?;
         let bytes = memchr::memchr_iter(b'\n', text).nth(self.names).map_or(text.len(), |end| end + 1);
         Ok((self.columns.into_iter().map(|(_, origin)| origin).collect(), bytes, self.names as u64 + 1))
     }
