@@ -33,7 +33,7 @@ use attributes::{Attributes, Dataspace};
 use datatype::DatatypeKind;
 use header::{MessageKind as Message, ObjectHeader};
 use links::{GroupLink, is_group, links};
-use objects::{LinkOutcome, LinkedFiles, Object};
+use objects::{LinkedFiles, Object};
 use std::sync::Arc;
 use values::DatasetValues;
 
@@ -164,19 +164,15 @@ impl Hdf5TableParts {
     /// The group or dataset that the experiment names.
     fn at_path(&mut self, path: &str, hints: &Hints) -> Result<(), FormatError> {
         let mut reached = self.files.at_path(path)?;
-        if self.matlab && matches!(reached, LinkOutcome::Nowhere(_)) {
+        if self.matlab && reached.is_err() {
             // As a field of a struct is called.
             reached = self.files.at_path(&path.replace('.', "/"))?;
         }
-        let object = match reached {
-            LinkOutcome::Object(object) => object,
-            LinkOutcome::Nowhere(why) => {
-                return Err(unsupported(
-                    format!("`{path}`, {why},"),
-                    "write the path of a group or dataset that is there",
-                ));
-            }
+        let nowhere = |why| {
+            let remedy = "write the path of a group or dataset that is there";
+            unsupported(format!("`{path}`, {why},"), remedy)
         };
+        let object = reached.map_err(nowhere)?;
         let header = object.header()?;
         if is_group(&header) {
             return self.add_group(&object, path);
@@ -202,8 +198,8 @@ impl Hdf5TableParts {
             let columns = self.table.fields.len();
             let place = format!("{}/{name}", path.trim_end_matches('/'));
             let added = self.files.follow(group, &target).and_then(|reached| match reached {
-                LinkOutcome::Object(object) => self.add_object(object, &name, &place),
-                LinkOutcome::Nowhere(why) => {
+                Ok(object) => self.add_object(object, &name, &place),
+                Err(why) => {
                     self.table.leave_out(&name, &why);
                     Ok(())
                 }

@@ -32,10 +32,7 @@ impl Object {
 }
 
 /// What a link leads to, or why it leads nowhere, in words that follow a name.
-pub(super) enum LinkOutcome {
-    Object(Object),
-    Nowhere(String),
-}
+pub(super) type LinkOutcome = Result<Object, String>;
 
 /// The opened file, and those that links lead into.
 pub(super) struct LinkedFiles {
@@ -74,39 +71,32 @@ impl LinkedFiles {
         hops: &mut usize,
     ) -> Result<LinkOutcome, FormatError> {
         if let LinkTarget::Object(address) = target {
-            return Ok(LinkOutcome::Object(Object { file: Arc::clone(&group.file), address: *address }));
+            return Ok(Ok(Object { file: Arc::clone(&group.file), address: *address }));
         }
         let Some(rest) = hops.checked_sub(1) else {
-            return Ok(LinkOutcome::Nowhere(format!(
-                "a link that leads to itself, or through more than {HOPS} others"
-            )));
+            return Ok(Err(format!("a link that leads to itself, or through more than {HOPS} others")));
         };
         *hops = rest;
-        match target {
+        let (what, reached) = match target {
             LinkTarget::Path(path) => {
-                let start = if path.starts_with('/') {
-                    Object { address: group.file.root, file: Arc::clone(&group.file) }
-                } else {
-                    group.clone()
-                };
-                let reached = self.walk(start, path, hops)?;
-                Ok(named(reached, || format!("a link to `{}`", shortened(path))))
+                let root = Object { address: group.file.root, file: Arc::clone(&group.file) };
+                let start = if path.starts_with('/') { root } else { group.clone() };
+                (format!("a link to `{}`", shortened(path)), self.walk(start, path, hops)?)
             }
             LinkTarget::Elsewhere { file, path } => {
-                let what = || format!("a link to `{}` in the file `{}`", shortened(path), shortened(file));
-                match self.other(file)? {
-                    Ok(file) => {
-                        let root = Object { address: file.root, file };
-                        let reached = self.walk(root, path, hops)?;
-                        Ok(named(reached, what))
-                    }
-                    Err(why) => Ok(LinkOutcome::Nowhere(format!("{}, {why}", what()))),
-                }
+                let reached = match self.other(file)? {
+                    Ok(file) => self.walk(Object { address: file.root, file }, path, hops)?,
+                    Err(why) => Err(why),
+                };
+                (format!("a link to `{}` in the file `{}`", shortened(path), shortened(file)), reached)
             }
-            LinkTarget::Other | LinkTarget::Object(_) => Ok(LinkOutcome::Nowhere(
-                "a link of a kind that only the program which made it follows".to_owned(),
-            )),
-        }
+            LinkTarget::Other | LinkTarget::Object(_) => {
+                return Ok(Err("a link of a kind that only the program which made it follows".to_owned()));
+            }
+        };
+        // Of links that lead to links the last says it.
+        let is_last = |why: &String| why.starts_with("which") || why.starts_with("and");
+        Ok(reached.map_err(|why| if is_last(&why) { format!("{what}, {why}") } else { why }))
     }
 
     fn walk(&mut self, start: Object, path: &str, hops: &mut usize) -> Result<LinkOutcome, FormatError> {
@@ -114,14 +104,14 @@ impl LinkedFiles {
         for name in path.split('/').filter(|name| !name.is_empty() && *name != ".") {
             let found = links(&object.file, &object.header()?)?;
             let Some(GroupLink { target, .. }) = found.into_iter().find(|link| link.name == name) else {
-                return Ok(LinkOutcome::Nowhere("which is not in the file".to_owned()));
+                return Ok(Err("which is not in the file".to_owned()));
             };
             match self.hop(&object, &target, hops)? {
-                LinkOutcome::Object(next) => object = next,
-                nowhere @ LinkOutcome::Nowhere(_) => return Ok(nowhere),
+                Ok(next) => object = next,
+                nowhere => return Ok(nowhere),
             }
         }
-        Ok(LinkOutcome::Object(object))
+        Ok(Ok(object))
     }
 
     /// Opens a file that a link names, beside the file that was opened or by its whole path; or says why it cannot.
@@ -131,8 +121,7 @@ impl LinkedFiles {
         };
         let beside = || Some(folder.join(Path::new(name).file_name()?));
         let candidates = [Some(folder.join(name)), beside()];
-        let is_file = |path: &PathBuf| std::fs::metadata(path).is_ok_and(|data| data.is_file());
-        let Some(path) = candidates.into_iter().flatten().find(is_file) else {
+        let Some(path) = candidates.into_iter().flatten().find(|path| path.is_file()) else {
             return Ok(Err("which is not beside this one: put it there".to_owned()));
         };
         if let Some((_, file)) = self.others.iter().find(|(known, _)| *known == path) {
@@ -155,16 +144,6 @@ impl LinkedFiles {
             // What is in it is not told: it may be anything.
             Err(_) => Ok(Err("which is no HDF5 file that can be read".to_owned())),
         }
-    }
-}
-
-/// Says what kind of link leads nowhere.
-fn named(reached: LinkOutcome, what: impl Fn() -> String) -> LinkOutcome {
-    match reached {
-        LinkOutcome::Nowhere(why) if why.starts_with("which") => {
-            LinkOutcome::Nowhere(format!("{}, {why}", what()))
-        }
-        reached => reached,
     }
 }
 

@@ -3,7 +3,7 @@
 use super::datatype::DatatypeKind;
 use super::header::MessageKind as Message;
 use super::links::{LinkTarget, is_group, links};
-use super::objects::{LinkOutcome, Object};
+use super::objects::Object;
 use super::{FORMAT, FoundDataset, Hdf5TableParts, OBJECTS, unsupported};
 use crate::table_parts::only;
 use crate::{FormatError, Hints, OmittedPart, limits};
@@ -58,7 +58,7 @@ impl Hdf5TableParts {
         loop {
             let Some((group, path)) = groups.pop_front() else {
                 let Some((group, target, path)) = linked.pop() else { return Ok(places) };
-                let LinkOutcome::Object(object) = self.files.follow(&group, &target)? else { continue };
+                let Ok(object) = self.files.follow(&group, &target)? else { continue };
                 if is_group(&object.header()?) {
                     groups.push_back((object, path));
                 }
@@ -73,7 +73,7 @@ impl Hdf5TableParts {
             for link in links(&group.file, &group.header()?)? {
                 spend(&mut budget)?;
                 let place = format!("{path}/{}", link.name);
-                let LinkOutcome::Object(object) = self.files.follow(&group, &link.target)? else { continue };
+                let Ok(object) = self.files.follow(&group, &link.target)? else { continue };
                 // What is damaged is said where its group is read.
                 let Ok(header) = object.header() else { continue };
                 if is_group(&header) {

@@ -143,20 +143,22 @@ fn descr_of(descr: &Literal) -> Result<Descr, String> {
 
 /// A name with a type, and a shape where it is an array.
 fn field(field: &Literal) -> Result<(String, Cell), String> {
-    let Literal::Several(parts) = field else { return Err("a field that is no tuple".to_owned()) };
-    let name = match parts.first() {
-        Some(Literal::Text(name)) => name.clone(),
-        // A title before the name.
-        Some(Literal::Several(names)) => match names.get(1) {
-            Some(Literal::Text(name)) => name.clone(),
-            _ => return Err("a field without a name".to_owned()),
-        },
-        _ => return Err("a field without a name".to_owned()),
+    let (names, code, shape) = match field {
+        Literal::Several(parts) if parts.len() == 2 => (&parts[0], &parts[1], None),
+        Literal::Several(parts) if parts.len() == 3 => (&parts[0], &parts[1], Some(&parts[2])),
+        _ => return Err("a field that is no tuple of a name, a type and a shape".to_owned()),
     };
-    let inner = match parts.get(1) {
-        Some(Literal::Text(code)) => cell(code)?,
-        Some(nested @ Literal::Several(_)) => {
-            Cell::Other { bytes: descr_of(nested)?.bytes(), what: "fields within a field".to_owned() }
+    let name = match names {
+        Literal::Text(name) => Some(name),
+        // A title before the name.
+        Literal::Several(names) => names.get(1).and_then(Literal::text),
+        _ => None,
+    };
+    let name = name.ok_or("a field without a name")?.clone();
+    let inner = match code {
+        Literal::Text(code) => cell(code)?,
+        Literal::Several(_) => {
+            Cell::Other { bytes: descr_of(code)?.bytes(), what: "fields within a field".to_owned() }
         }
         _ => return Err(format!("no type for the field `{name}`")),
     };
@@ -164,17 +166,20 @@ fn field(field: &Literal) -> Result<(String, Cell), String> {
         // Where the fields behind it are is not known.
         return Err(format!("`{name}`: {what}"));
     }
-    let Some(shape) = parts.get(2) else { return Ok((name, inner)) };
-    let Literal::Several(shape) = shape else { return Err(format!("a shape of `{name}` that is no tuple")) };
+    let shape = match shape {
+        None => &[][..],
+        Some(Literal::Several(shape)) => shape,
+        Some(_) => return Err(format!("a shape of `{name}` that is no tuple")),
+    };
     let mut count = 1_u64;
     for length in shape {
         let Literal::Integer(length) = length else {
             return Err(format!("a shape of `{name}` that is none"));
         };
-        count = count
-            .checked_mul(*length)
-            .filter(|count| *count <= limits::ROW_BYTES as u64)
-            .ok_or_else(|| format!("a field `{name}` of more than {} elements", limits::ROW_BYTES))?;
+        count = count.saturating_mul(*length);
+        refuse_if(count > limits::ROW_BYTES as u64, || {
+            format!("a field `{name}` of more than {} elements", limits::ROW_BYTES)
+        })?;
     }
     if count == 1 {
         return Ok((name, inner));
@@ -187,19 +192,17 @@ fn field(field: &Literal) -> Result<(String, Cell), String> {
 /// The type of a code such as `<f8`.
 fn cell(code: &str) -> Result<Cell, String> {
     let unknown = || format!("the type `{}`", code.chars().take(24).collect::<String>());
-    let mut letters = code.chars();
-    let order = letters.next().ok_or_else(unknown)?;
-    refuse_if(!matches!(order, '<' | '>' | '|' | '='), unknown)?;
-    let kind = letters.next().ok_or_else(unknown)?;
-    if kind == 'O' {
+    let (order, rest) = code.split_at_checked(1).ok_or_else(unknown)?;
+    refuse_if(!matches!(order, "<" | ">" | "|" | "="), unknown)?;
+    let (kind, rest) = rest.split_at_checked(1).ok_or_else(unknown)?;
+    if kind == "O" {
         return Ok(Cell::Other { bytes: 0, what: "Python objects, which only Python reads".to_owned() });
     }
-    let after: String = letters.collect();
-    let end = after.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(after.len());
-    let (digits, after) = after.split_at(end);
+    let end = rest.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(rest.len());
+    let (digits, after) = rest.split_at(end);
     let size: usize = digits.parse().map_err(|_| unknown())?;
     refuse_if(size > limits::ROW_BYTES, unknown)?;
-    let big_endian = order == '>';
+    let big_endian = order == ">";
     let number = |kind| {
         let element = Element { kind, bytes: size, big_endian };
         if element.exists() {
@@ -209,27 +212,24 @@ fn cell(code: &str) -> Result<Cell, String> {
         }
     };
     Ok(match kind {
-        'f' => number(ElementKind::Float),
-        'i' => number(ElementKind::Signed),
-        'u' => number(ElementKind::Unsigned),
+        "f" => number(ElementKind::Float),
+        "i" => number(ElementKind::Signed),
+        "u" => number(ElementKind::Unsigned),
         // 0 and 1.
-        'b' if size == 1 => number(ElementKind::Unsigned),
-        'S' | 'a' => Cell::Stored(StoredCell::Text { bytes: size, code: TextEncoding::Bytes }),
-        'U' => Cell::Stored(StoredCell::Text { bytes: size * 4, code: TextEncoding::Utf32 { big_endian } }),
-        'c' => Cell::Other { bytes: size, what: "complex numbers".to_owned() },
-        'M' | 'm' if size == 8 => match time_unit(after) {
+        "b" if size == 1 => number(ElementKind::Unsigned),
+        "S" | "a" => Cell::Stored(StoredCell::Text { bytes: size, code: TextEncoding::Bytes }),
+        "U" => Cell::Stored(StoredCell::Text { bytes: size * 4, code: TextEncoding::Utf32 { big_endian } }),
+        "c" => Cell::Other { bytes: size, what: "complex numbers".to_owned() },
+        "M" | "m" if size == 8 => match time_unit(after) {
             Some(unit) => {
                 let element = Element { kind: ElementKind::Signed, bytes: size, big_endian };
-                let kind = if kind == 'M' { TimeKind::Calendar } else { TimeKind::Elapsed };
+                let kind = if kind == "M" { TimeKind::Calendar } else { TimeKind::Elapsed };
                 Cell::Stored(StoredCell::Time(TimeCode { form: TimeForm::Integer(element), unit, kind }))
             }
-            None => Cell::Other {
-                bytes: size,
-                what: format!("dates of type `{}`", code.chars().take(24).collect::<String>()),
-            },
+            None => Cell::Other { bytes: size, what: format!("dates of {}", unknown()) },
         },
-        'M' | 'm' => Cell::Other { bytes: size, what: "dates".to_owned() },
-        'V' => Cell::Other { bytes: size, what: "bytes without a meaning".to_owned() },
+        "M" | "m" => Cell::Other { bytes: size, what: "dates".to_owned() },
+        "V" => Cell::Other { bytes: size, what: "bytes without a meaning".to_owned() },
         _ => return Err(unknown()),
     })
 }

@@ -15,6 +15,12 @@ pub(super) enum Literal {
     Named(Vec<(String, Literal)>),
 }
 
+impl Literal {
+    pub(super) fn text(&self) -> Option<&String> {
+        if let Self::Text(text) = self { Some(text) } else { None }
+    }
+}
+
 /// Literals within one another.
 const DEPTH: usize = 16;
 

@@ -198,86 +198,54 @@ impl ClaimedPageHeader {
         let wrong = |what: &str| damaged(&format!("the page at byte {start}"), what.to_owned());
         let small =
             |number: u64| u32::try_from(number).map_err(|_| wrong("more than 4294967295 of something"));
-        let encoded = |number: i64| encoding(number).ok_or_else(|| wrong("an encoding that there is not"));
-        let num_values = small(self.values)?;
-        #[allow(clippy::cast_possible_truncation)] // 16 MiB at most
-        let unpacked = self.unpacked as usize;
+        let encoded = |number: i64| {
+            let known = Encoding::VARIANTS.iter().find(|known| i64::from(**known as i32) == number);
+            known.copied().ok_or_else(|| wrong("an encoding that there is not"))
+        };
+        let [definition, repetition] = self.level_bytes;
+        // Only those of the second kind are not packed.
+        let levels = definition.saturating_add(repetition);
+        refuse_if(levels > self.unpacked.min(self.packed), || wrong("levels longer than the page"))?;
+        #[allow(clippy::cast_possible_truncation)] // 16 MiB at most, and no longer than the page
+        let (unpacked, levels) = (self.unpacked as usize, levels as usize);
         let whole = || -> Result<Bytes, FormatError> {
             let packed = read()?;
-            if packing == PagePacking::Plain {
+            if packing == PagePacking::Plain || self.is_plain {
                 return Ok(packed.into());
             }
-            let mut out = Vec::new();
+            let mut out = packed[..levels].to_vec();
             // A page without a value may be packed to anything.
-            if unpacked > 0 {
-                packing.unpack(&packed, unpacked, &mut out)?;
+            if unpacked > levels {
+                packing.unpack(&packed[levels..], unpacked - levels, &mut out)?;
             }
             Ok(out.into())
         };
+        let (num_values, encoding) = (small(self.values)?, || encoded(self.encoding));
         Ok(Some(match self.kind {
             0 => Page::DataPage {
                 num_values,
-                encoding: encoded(self.encoding)?,
+                encoding: encoding()?,
                 def_level_encoding: encoded(self.levels[0])?,
                 rep_level_encoding: encoded(self.levels[1])?,
                 statistics: None,
                 buf: whole()?,
             },
             1 => return Ok(None),
-            2 => Page::DictionaryPage {
-                num_values,
-                encoding: encoded(self.encoding)?,
-                is_sorted: false,
+            2 => Page::DictionaryPage { num_values, encoding: encoding()?, is_sorted: false, buf: whole()? },
+            3 => Page::DataPageV2 {
                 buf: whole()?,
+                num_values,
+                encoding: encoding()?,
+                num_nulls: small(self.missing)?,
+                num_rows: small(self.rows)?,
+                def_levels_byte_len: small(definition)?,
+                rep_levels_byte_len: small(repetition)?,
+                is_compressed: false,
+                statistics: None,
             },
-            3 => {
-                let [definition, repetition] = self.level_bytes;
-                let levels = definition.saturating_add(repetition);
-                refuse_if(levels > self.unpacked.min(self.packed), || wrong("levels longer than the page"))?;
-                #[allow(clippy::cast_possible_truncation)] // no longer than the page
-                let levels = levels as usize;
-                let buf = if self.is_plain || packing == PagePacking::Plain {
-                    read()?
-                } else {
-                    let packed = read()?;
-                    let mut out = packed[..levels].to_vec();
-                    if unpacked > levels {
-                        packing.unpack(&packed[levels..], unpacked - levels, &mut out)?;
-                    }
-                    out
-                };
-                Page::DataPageV2 {
-                    buf: buf.into(),
-                    num_values,
-                    encoding: encoded(self.encoding)?,
-                    num_nulls: small(self.missing)?,
-                    num_rows: small(self.rows)?,
-                    def_levels_byte_len: small(definition)?,
-                    rep_levels_byte_len: small(repetition)?,
-                    is_compressed: false,
-                    statistics: None,
-                }
-            }
             _ => return Err(wrong("a page of a kind that there is not")),
         }))
     }
-}
-
-/// An encoding by its number (`parquet.thrift`).
-fn encoding(number: i64) -> Option<Encoding> {
-    Some(match number {
-        0 => Encoding::PLAIN,
-        2 => Encoding::PLAIN_DICTIONARY,
-        3 => Encoding::RLE,
-        #[allow(deprecated)] // of levels, in old files
-        4 => Encoding::BIT_PACKED,
-        5 => Encoding::DELTA_BINARY_PACKED,
-        6 => Encoding::DELTA_LENGTH_BYTE_ARRAY,
-        7 => Encoding::DELTA_BYTE_ARRAY,
-        8 => Encoding::RLE_DICTIONARY,
-        9 => Encoding::BYTE_STREAM_SPLIT,
-        _ => return None,
-    })
 }
 
 #[cfg(test)]
