@@ -1,7 +1,8 @@
 //! Arrays in memory as a table, in the place of a file.
 
 use crate::element::{Element, ElementKind};
-use crate::records::{CellKind, RecordField, RecordLane, RecordTable, StoredCell, TextEncoding};
+use crate::records::{CellKind, RecordLane, RecordTable, StoredCell, TextEncoding};
+use crate::table_parts::TableParts;
 use crate::time::{TimeCode, TimeForm};
 use crate::{Column, Digest, FormatError, Table, TimeKind, TimeUnit, limits};
 use sha2::{Digest as _, Sha256};
@@ -166,18 +167,17 @@ impl Arrays {
 
     /// As a table that is being read.
     pub(crate) fn table(&self) -> Box<dyn Table> {
-        let (mut fields, mut lanes) = (Vec::new(), Vec::<Box<dyn RecordLane>>::new());
+        let mut parts = TableParts::new(FORMAT);
         for (number, array) in self.0.arrays.iter().enumerate() {
             if let Some(cell) = array.of.cell() {
+                let lane = ArrayLane { held: Arc::clone(&self.0), number, rows: 0..0 };
                 let cells = CellKind::Stored { lane: number, offset: 0, cell };
-                fields.push(RecordField::new(Column::new(&array.name), cells, self.0.rows as u64));
-                lanes.push(Box::new(ArrayLane { held: Arc::clone(&self.0), number, rows: 0..0 }));
+                parts.add(Column::new(&array.name), cells, self.0.rows as u64, Box::new(lane));
             }
         }
-        let recognised = format!("{} samples of {} columns in memory", self.0.rows, fields.len());
+        parts.recognised = format!("{} samples of {} columns in memory", self.0.rows, parts.fields.len());
         let bytes = self.0.arrays.iter().map(|array| array.bytes.len() as u64).sum();
-        let table = RecordTable::new(FORMAT, recognised, Vec::new(), fields, lanes, bytes);
-        Box::new(table.of_arrays(self.clone()))
+        Box::new(RecordTable::new(parts, bytes).of_arrays(self.clone()))
     }
 }
 

@@ -254,22 +254,17 @@ pub(crate) fn rows_later(names: &[String], waveforms: &[RegularTimes]) -> Result
 pub(crate) fn rows_between((first, name): (&[f64], &str), own: &[f64]) -> Result<i64, String> {
     let (Some((start, rest)), Some(own_start)) = (first.split_first(), own.first()) else { return Ok(0) };
     let interval_s = rest.last().map_or(f64::NAN, |last| (last - start) / rest.len() as f64);
-    let later_s = own_start - start;
-    let whole = (later_s / interval_s).round();
-    let aligned = |(first, own): (&f64, &f64)| (own - first - later_s).abs() <= WHOLE * interval_s;
+    let aligned =
+        |(first, own): (&f64, &f64)| (own - first - (own_start - start)).abs() <= WHOLE * interval_s;
     refuse_if(first.len() != own.len() || !first.iter().zip(own).all(aligned), || {
         format!("its samples do not come as those of `{name}`")
     })?;
-    if (later_s - whole * interval_s).abs() > WHOLE * interval_s {
-        let (s, samples) = (short(later_s), short(later_s / interval_s));
-        return Err(format!("it starts {s} s after `{name}`: {samples} samples, no whole number"));
-    }
-    refuse_if(whole.abs() > MOST_ROWS_LATER as f64, || {
-        format!("it begins {whole} samples after `{name}`; at most {MOST_ROWS_LATER} are held")
+    let from = |start_s: f64| [RegularTimes { row: 0, start_s, step: SampleStep::Interval(interval_s) }];
+    let rows = samples_later((&from(*start), name), &from(*own_start))?;
+    refuse_if(rows.unsigned_abs() > MOST_ROWS_LATER, || {
+        format!("it begins {rows} samples after `{name}`; at most {MOST_ROWS_LATER} are held")
     })?;
-    #[allow(clippy::cast_possible_truncation)] // within the bound
-    let whole = whole as i64;
-    Ok(whole)
+    Ok(rows)
 }
 
 /// A number of ten digits in a message.

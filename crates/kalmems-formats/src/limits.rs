@@ -32,6 +32,13 @@ pub(crate) fn at_most(
     Err(FormatError::TooLarge { format, what: what.to_owned(), found, limit })
 }
 
+/// Adds one of many things, of which a file has at most as many as columns.
+pub(crate) fn push<T>(format: &'static str, what: &str, all: &mut Vec<T>, one: T) -> Result<(), FormatError> {
+    at_most(format, what, all.len() + 1, COLUMNS)?;
+    all.push(one);
+    Ok(())
+}
+
 /// Refuses more rows than a file of its length can hold.
 pub(crate) fn plausible_rows(format: &'static str, rows: u64, file_bytes: u64) -> Result<(), FormatError> {
     let limit = file_bytes.saturating_mul(ROWS_PER_BYTE);

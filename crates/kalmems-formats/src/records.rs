@@ -8,9 +8,10 @@ use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
 use crate::sentinels;
 use crate::table::{bytes_until, refuse_apart};
+use crate::table_parts::TableParts;
 use crate::time::TimeCode;
 use crate::{
-    Arrays, Block, CellFault, CellFinding, Column, Digest, FormatError, Instant, Labels, OmittedPart, Table,
+    Arrays, Block, CellFault, CellFinding, Column, Digest, FormatError, Instant, Labels, Table,
     TableDescription, TableEvidence, TimeKind, TimeReader, TimeUnit, WantedColumn,
 };
 use std::collections::BTreeMap;
@@ -172,14 +173,8 @@ pub(crate) struct RecordTable {
 
 impl RecordTable {
     /// Puts a table together. Columns may be of different lengths as long as those that are wanted are not.
-    pub(crate) fn new(
-        format: &'static str,
-        mut recognised: String,
-        left_out: Vec<OmittedPart>,
-        fields: Vec<RecordField>,
-        lanes: Vec<Box<dyn RecordLane>>,
-        file_bytes: u64,
-    ) -> Self {
+    pub(crate) fn new(parts: TableParts, file_bytes: u64) -> Self {
+        let TableParts { format, mut recognised, left_out, fields, lanes, .. } = parts;
         let lengths = lengths(&fields);
         let protection = protection(&fields, &lanes);
         let rows = if let [only] = &lengths[..] { Some(only.0) } else { None };

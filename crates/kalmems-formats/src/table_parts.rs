@@ -4,7 +4,7 @@ use crate::clock::ChannelClock;
 use crate::records::{CellKind, RecordField, RecordLane, RecordTable, StoredCell};
 use crate::stated_clock::{StatedNumbers, settle_each};
 use crate::stream::{FileStretch, StreamLane};
-use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use crate::{Column, FormatError, Hints, OmittedPart, Table, limits, refuse_if};
 
 /// Columns of an array of two axes that become columns beside others.
 const BESIDE: u64 = 64;
@@ -155,11 +155,11 @@ impl TableParts {
         what: &str,
         remedy: &str,
     ) -> Result<Box<dyn Table>, FormatError> {
-        let Self { format, recognised, left_out, fields, lanes, .. } = self;
-        if fields.is_empty() {
-            let what = format!("{what} without a column of numbers or labels ({})", limits::list(&left_out));
-            return Err(FormatError::unsupported(format, what, remedy));
-        }
-        Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
+        refuse_if(self.fields.is_empty(), || {
+            let left_out = limits::list(&self.left_out);
+            let what = format!("{what} without a column of numbers or labels ({left_out})");
+            FormatError::unsupported(self.format, what, remedy)
+        })?;
+        Ok(Box::new(RecordTable::new(self, file_bytes)))
     }
 }

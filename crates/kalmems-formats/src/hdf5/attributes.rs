@@ -1,10 +1,10 @@
 //! The attributes of an object (HDF5 File Format Specification, section IV.A.2.m).
 
+use super::FORMAT;
 use super::datatype::{self, DatatypeKind as Type};
 use super::file::{Hdf5File, MetadataCursor};
 use super::header::{self, MessageKind, ObjectHeader};
-use super::heap::{FractalHeap, HeapTexts};
-use super::tree;
+use super::heap::{self, HeapTexts};
 use crate::element::ExactNumber;
 use crate::records::TextEncoding;
 use crate::{FormatError, limits, refuse_if};
@@ -28,29 +28,18 @@ pub(super) struct Attributes(Vec<(String, AttributeValue)>);
 impl Attributes {
     pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Self, FormatError> {
         let mut all = Self::default();
-        header.each(file, MessageKind::Attribute, |cursor| all.push(attribute(file, cursor)?))?;
-        if let Some((heap, names)) = header.dense(file, MessageKind::AttributeInfo, 2)? {
-            let mut heap = FractalHeap::read(file, heap)?;
-            tree::newer(file, names, &mut |kind, record| {
-                refuse_if(kind != 8 && kind != 9, || {
-                    record.damaged(format!("a tree of kind {kind}"), "8 or 9, of attributes")
-                })?;
-                let place = record.place();
-                let id = record.take(heap.id_bytes)?;
-                match heap.object(id)? {
-                    Some(body) => all.push(attribute(file, &mut file.cursor(&body, place))?),
-                    None => Ok(()),
-                }
-            })?;
-        }
+        let mut read = |cursor: &mut MetadataCursor<'_>| {
+            limits::push(
+                FORMAT,
+                "the number of attributes of an object",
+                &mut all.0,
+                attribute(file, cursor)?,
+            )
+        };
+        header.each(file, MessageKind::Attribute, &mut read)?;
+        let skip = |kind| if kind == 8 || kind == 9 { Some(0) } else { None };
+        heap::each_dense(file, header, MessageKind::AttributeInfo, (2, &skip), &mut read)?;
         Ok(all)
-    }
-
-    fn push(&mut self, attribute: (String, AttributeValue)) -> Result<(), FormatError> {
-        let count = self.0.len() as u64 + 1;
-        limits::at_most(super::FORMAT, "the number of attributes of an object", count, limits::COLUMNS)?;
-        self.0.push(attribute);
-        Ok(())
     }
 
     pub(super) fn get(&self, name: &str) -> Option<&AttributeValue> {

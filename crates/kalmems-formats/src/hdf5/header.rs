@@ -6,8 +6,9 @@ use crate::{FormatError, limits, refuse_if};
 
 /// Blocks that a header is continued in.
 const BLOCKS: usize = 4096;
-/// Messages of a header.
-const MESSAGES: usize = 1 << 16;
+
+/// Bytes before the messages of a header: its mark, four times, two numbers of attributes, and its length.
+const LONGEST_PREFIX: u64 = 6 + 16 + 4 + 8;
 
 /// The kinds of messages that are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +45,7 @@ impl ObjectHeader {
     pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self, FormatError> {
         let mut header = Self { messages: Vec::new() };
         let mut blocks: Vec<(u64, u64)> = Vec::new();
-        let start = file.block(address, 16.min(file.source.length().saturating_sub(address)))?;
+        let start = file.block(address, LONGEST_PREFIX.min(file.source.length().saturating_sub(address)))?;
         let mut cursor = file.cursor(&start, address);
         let newer = start.starts_with(b"OHDR");
         let mut ordered = false;
@@ -55,13 +56,10 @@ impl ObjectHeader {
                 cursor.damaged(format!("version {version} of an object's header"), "2")
             })?;
             ordered = flags & 4 != 0;
-            let width = 1_u64 << (flags & 3);
-            let prefix = 6 + if flags & 32 != 0 { 16 } else { 0 } + if flags & 16 != 0 { 4 } else { 0 };
-            let head = file.block(address, prefix + width)?;
-            let mut cursor = file.cursor(&head, address);
-            #[allow(clippy::cast_possible_truncation)] // at most 8
-            let bytes =
-                cursor.skip(usize::from(u8::try_from(prefix).unwrap_or(0)))?.number(width as usize)?;
+            let width = 1 << (flags & 3);
+            let prefix = if flags & 32 != 0 { 16 } else { 0 } + if flags & 16 != 0 { 4 } else { 0 };
+            let bytes = cursor.skip(prefix)?.number(width)?;
+            let (prefix, width) = (6 + prefix as u64, width as u64);
             let all = prefix.checked_add(width).and_then(|all| all.checked_add(bytes)?.checked_add(4));
             let all = all.ok_or_else(|| cursor.damaged(format!("a header of {bytes} bytes"), "fewer"))?;
             let block = file.block(address, all)?;
@@ -139,11 +137,10 @@ impl ObjectHeader {
             blocks.push((body.known_address()?, body.u64()?));
             return Ok(());
         }
-        limits::at_most(FORMAT, "the number of messages of a header", self.messages.len(), MESSAGES)?;
-        let place = body.place();
+        let (place, shared) = (body.place(), flags & 2 != 0);
         let body = body.take(body.left())?.to_vec();
-        self.messages.push(HeaderMessage { kind, shared: flags & 2 != 0, place, body });
-        Ok(())
+        let message = HeaderMessage { kind, shared, place, body };
+        limits::push(FORMAT, "the number of messages of a header", &mut self.messages, message)
     }
 
     pub(super) fn has(&self, kind: MessageKind) -> bool {
@@ -161,24 +158,6 @@ impl ObjectHeader {
             return Ok(None);
         };
         message.read(file, read).map(Some)
-    }
-
-    /// Where the heap is that keeps those which do not fit into the header, and the tree of their names; none where all fit. `order_bytes`
-    /// are those of the largest order of creation, where the message has one.
-    pub(super) fn dense(
-        &self,
-        file: &Hdf5File,
-        kind: MessageKind,
-        order_bytes: usize,
-    ) -> Result<Option<(u64, u64)>, FormatError> {
-        let dense = self.first(file, kind, |cursor| {
-            let flags = cursor.skip(1)?.u8()?;
-            if flags & 1 != 0 {
-                cursor.skip(order_bytes)?;
-            }
-            Ok((cursor.address()?, cursor.address()?))
-        })?;
-        Ok(dense.and_then(|(heap, names)| heap.zip(names)))
     }
 
     /// Reads all messages of a kind.

@@ -2,7 +2,8 @@
 //! heaps (links and attributes of large objects); HDF5 File Format Specification, sections III.D, E and G.
 
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
-use super::{FORMAT, NEW_FILE, unsupported};
+use super::header::{MessageKind, ObjectHeader};
+use super::{FORMAT, NEW_FILE, tree, unsupported};
 use crate::{FormatError, limits, refuse_if};
 
 /// The names of an old group.
@@ -87,9 +88,9 @@ fn find(cursor: &mut MetadataCursor<'_>, number: u32, length: usize) -> Result<V
 }
 
 /// A heap of objects in blocks that double in size.
-pub(super) struct FractalHeap<'a> {
+struct FractalHeap<'a> {
     file: &'a Hdf5File,
-    pub(super) id_bytes: usize,
+    id_bytes: usize,
     /// Width of an offset in the heap, and of a length.
     offset_bytes: usize,
     size_bytes: usize,
@@ -103,7 +104,7 @@ pub(super) struct FractalHeap<'a> {
 }
 
 impl<'a> FractalHeap<'a> {
-    pub(super) fn read(file: &'a Hdf5File, address: u64) -> Result<Self, FormatError> {
+    fn read(file: &'a Hdf5File, address: u64) -> Result<Self, FormatError> {
         let head = file.block(address, (26 + 12 * LENGTH + 3 * ADDRESS) as u64)?;
         let mut cursor = file.cursor(&head, address);
         cursor.mark(b"FRHP")?;
@@ -140,7 +141,7 @@ impl<'a> FractalHeap<'a> {
     }
 
     /// Reads an object; none where it is kept in a way that small objects are not.
-    pub(super) fn object(&mut self, id: &[u8]) -> Result<Option<Vec<u8>>, FormatError> {
+    fn object(&mut self, id: &[u8]) -> Result<Option<Vec<u8>>, FormatError> {
         let mut cursor = self.file.cursor(id, 0);
         let kind = cursor.u8()?;
         match (kind >> 4) & 3 {
@@ -208,4 +209,31 @@ impl<'a> FractalHeap<'a> {
         let before = usize::try_from(prefix + number * ADDRESS as u64).unwrap_or(usize::MAX);
         cursor.skip(before.saturating_sub(4))?.address()
     }
+}
+
+/// Reads the messages of an object that do not fit into its header: those that the tree of their names refers to, in the heap that keeps them. `kind` is
+/// the message that says where both are; `order_bytes` are those of the largest order of creation therein, and `skip` those before the place of a message in
+/// the records of the tree by its kind.
+pub(super) fn each_dense(
+    file: &Hdf5File,
+    header: &ObjectHeader,
+    kind: MessageKind,
+    (order_bytes, skip): (usize, &dyn Fn(u8) -> Option<usize>),
+    each: &mut dyn FnMut(&mut MetadataCursor<'_>) -> Result<(), FormatError>,
+) -> Result<(), FormatError> {
+    let places = header.first(file, kind, |cursor| {
+        let flags = cursor.skip(1)?.u8()?;
+        cursor.skip(if flags & 1 != 0 { order_bytes } else { 0 })?;
+        Ok((cursor.address()?, cursor.address()?))
+    })?;
+    let Some((heap, names)) = places.and_then(|(heap, names)| heap.zip(names)) else { return Ok(()) };
+    let mut heap = FractalHeap::read(file, heap)?;
+    tree::newer(file, names, &mut |kind, record| {
+        let before = skip(kind);
+        let before = before
+            .ok_or_else(|| record.damaged(format!("a tree of kind {kind}"), "one of links or attributes"))?;
+        let place = record.skip(before)?.place();
+        let id = record.take(heap.id_bytes)?;
+        heap.object(id)?.map_or(Ok(()), |body| each(&mut file.cursor(&body, place)))
+    })
 }

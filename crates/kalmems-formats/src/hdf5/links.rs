@@ -3,7 +3,7 @@
 
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
 use super::header::{MessageKind, ObjectHeader};
-use super::heap::{FractalHeap, LocalHeap};
+use super::heap::{self, LocalHeap};
 use super::{FORMAT, tree};
 use crate::{FormatError, limits, refuse_if};
 
@@ -49,30 +49,19 @@ pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupL
             entries(file, leaf, &names, &mut links)
         })?;
     }
-    header.each(file, MessageKind::Link, |cursor| push(&mut links, link(cursor)?))?;
-    if let Some((heap, names)) = header.dense(file, MessageKind::LinkInfo, 8)? {
-        let mut heap = FractalHeap::read(file, heap)?;
-        tree::newer(file, names, &mut |kind, record| {
-            match kind {
-                BY_NAME => record.skip(4)?,
-                BY_ORDER => record.skip(8)?,
-                _ => return Err(record.damaged(format!("a tree of kind {kind}"), "5 or 6, of links")),
-            };
-            let place = record.place();
-            let id = record.take(heap.id_bytes)?;
-            match heap.object(id)? {
-                Some(body) => push(&mut links, link(&mut file.cursor(&body, place))?),
-                None => Ok(()),
-            }
-        })?;
-    }
+    let mut read = |cursor: &mut MetadataCursor<'_>| push(&mut links, link(cursor)?);
+    header.each(file, MessageKind::Link, &mut read)?;
+    let skip = |kind| match kind {
+        BY_NAME => Some(4),
+        BY_ORDER => Some(8),
+        _ => None,
+    };
+    heap::each_dense(file, header, MessageKind::LinkInfo, (8, &skip), &mut read)?;
     Ok(links)
 }
 
 fn push(links: &mut Vec<GroupLink>, link: GroupLink) -> Result<(), FormatError> {
-    limits::at_most(FORMAT, "the number of names in a group", links.len() as u64 + 1, limits::COLUMNS)?;
-    links.push(link);
-    Ok(())
+    limits::push(FORMAT, "the number of names in a group", links, link)
 }
 
 /// The entries of a leaf of an old group.

@@ -111,7 +111,6 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
                 ));
             }
         };
-        limits::at_most(FORMAT, "the number of variables", found.len(), limits::COLUMNS)?;
         let whole = FileStretch::stored(Arc::clone(source), FORMAT, &format!("the variable at byte {at}"));
         let mut stretch = FileStretch { packing, start, end, unpacked: end - start, ..whole };
         if packing == Compression::Zlib {
@@ -124,7 +123,7 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
         if !is_column(&variable.value) || stretch.unpacked <= VERIFIED_AT_ONCE {
             stretch.verify()?;
         }
-        found.push((stretch, variable));
+        limits::push(FORMAT, "the number of variables", &mut found, (stretch, variable))?;
         at = end;
     }
     Ok(found)

@@ -77,7 +77,6 @@ pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, Ma
     let mut at = 0;
     let mut text_bytes = limits::HEADER_BYTES;
     while at < source.length() {
-        limits::at_most(FORMAT, "the number of variables", found.len(), limits::COLUMNS)?;
         let bytes = source.bytes(FORMAT, at, 20)?;
         let header = Mat4Header::read(&bytes).ok_or_else(|| {
             FormatError::damaged(
@@ -106,7 +105,8 @@ pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, Ma
             }
             _ => MatValue::Other("a sparse matrix"),
         };
-        found.push((stretch.clone(), MatVariable { name, value }));
+        let variable = (stretch.clone(), MatVariable { name, value });
+        limits::push(FORMAT, "the number of variables", &mut found, variable)?;
     }
     Ok(found)
 }

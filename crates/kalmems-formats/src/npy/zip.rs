@@ -38,7 +38,6 @@ pub(super) fn members(source: &Arc<SharedFile>) -> Result<Vec<ZipMember>, Format
     let mut own = vec![0; 2 * usize::from(u16::MAX)];
     let (mut entries, mut members, mut mismatch) = (archive.entries(&mut buffer), Vec::new(), None);
     while let Some(entry) = entries.next_entry().map_err(|error| failed(directory, &error))? {
-        limits::at_most(FORMAT, "the number of members", members.len(), limits::COLUMNS)?;
         let (path, header) = (entry.file_path(), entry.local_header_offset());
         let there = archive.get_entry(entry.wayfinder()).map_err(|error| failed(header, &error))?;
         let local = there.local_header(&mut own).map_err(|error| failed(header, &error))?;
@@ -55,7 +54,8 @@ pub(super) fn members(source: &Arc<SharedFile>) -> Result<Vec<ZipMember>, Format
         source.within(FORMAT, start, end - start)?;
         let (unpacked, crc) = (entry.uncompressed_size_hint(), entry.crc32());
         let is_encrypted = entry.flags().bits() & 1 != 0;
-        members.push(ZipMember { name: said, method, is_encrypted, unpacked, crc, header, start, end });
+        let member = ZipMember { name: said, method, is_encrypted, unpacked, crc, header, start, end };
+        limits::push(FORMAT, "the number of members", &mut members, member)?;
     }
     if members.len() as u64 != archive.entries_hint() {
         let found = format!("{} members", members.len());

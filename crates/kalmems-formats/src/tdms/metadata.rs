@@ -48,6 +48,7 @@ pub(super) struct TdmsFile {
 }
 
 /// A channel.
+#[derive(Default)]
 pub(super) struct TdmsChannel {
     pub(super) group: String,
     pub(super) name: String,
@@ -214,13 +215,9 @@ impl TdmsFile {
                     "such as /'group'/'channel'",
                 )
             })?;
-            let mut of_group = None;
-            let channel = match names {
-                (Some(group), Some(name)) => Some(self.channel(path, group, name)?),
-                (group, _) => {
-                    of_group = group;
-                    None
-                }
+            let (channel, of_group) = match names {
+                (Some(group), Some(name)) => (Some(self.channel(path, group, name)?), None),
+                (group, _) => (None, group),
             };
             let header = reader.u32()?;
             let index = match (header, channel) {
@@ -281,18 +278,9 @@ impl TdmsFile {
             return Ok(*number);
         }
         let number = self.channels.len();
-        limits::at_most(FORMAT, "the number of channels", number, limits::COLUMNS)?;
+        let channel = TdmsChannel { group, name, ..TdmsChannel::default() };
+        limits::push(FORMAT, "the number of channels", &mut self.channels, channel)?;
         self.numbers.insert(path, number);
-        self.channels.push(TdmsChannel {
-            group,
-            name,
-            kind: None,
-            rows: 0,
-            properties: Properties::default(),
-            clocks: Vec::new(),
-            index: None,
-            active: false,
-        });
         Ok(number)
     }
 
