@@ -85,6 +85,13 @@ pub struct CellFault {
     pub fault: CellFinding,
 }
 
+impl CellFault {
+    /// Of a row, or before one, in a line.
+    pub(crate) fn of_line(row: usize, line: u64, fault: CellFinding) -> Self {
+        Self { row, line, column: None, fault }
+    }
+}
+
 /// What can be wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CellFinding {

@@ -99,10 +99,8 @@ impl FileStretch {
         }
         stream.expect_end()?;
         if let Some(expected) = self.crc.filter(|expected| *expected != sum.sum()) {
-            return Err(stream.damaged(
-                format!("a checksum of {:08x} over all of it", sum.sum()),
-                format!("{expected:08x}, as it is stored"),
-            ));
+            let found = format!("a checksum of {:08x} over all of it", sum.sum());
+            return Err(stream.damaged(found, format!("{expected:08x}, as it is stored")));
         }
         let copy = copy.map(|copy| SharedFile::new(Box::new(copy))).transpose()?;
         let _ = self.verified.set(copy.map(Arc::new));

@@ -99,19 +99,13 @@ impl SampleFormat {
                 b"data" => {
                     if long && short == ELSEWHERE {
                         length = long_data.ok_or_else(|| {
-                            damaged(
-                                place,
-                                "data whose length is in no ds64 chunk".to_owned(),
-                                "a ds64 chunk before",
-                            )
+                            let found = "data whose length is in no ds64 chunk".to_owned();
+                            damaged(place, found, "a ds64 chunk before")
                         })?;
                     }
                     let Some((channels, rate, element)) = shape else {
-                        return Err(damaged(
-                            place,
-                            "data before a fmt chunk".to_owned(),
-                            "the fmt chunk first",
-                        ));
+                        let found = "data before a fmt chunk".to_owned();
+                        return Err(damaged(place, found, "the fmt chunk first"));
                     };
                     let there = source.length() - start;
                     refuse_if(length > there || (length == 0 && there > 0), || {
@@ -159,11 +153,8 @@ fn refuse_other_length(source: &SharedFile, stated: u64) -> Result<(), FormatErr
     if stated <= there.saturating_add(1) {
         return Ok(());
     }
-    Err(damaged(
-        4,
-        format!("a length of {stated} bytes, and {there} to the end of the file"),
-        "a file that is whole",
-    ))
+    let found = format!("a length of {stated} bytes, and {there} to the end of the file");
+    Err(damaged(4, found, "a file that is whole"))
 }
 
 /// Channels, rate and kind of number, from the fmt chunk.
@@ -183,11 +174,9 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
             chunk.take(14)? != b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
                 || (valid != bits && valid != 0),
             || {
-                FormatError::unsupported(
-                    FORMAT,
-                    format!("a kind of sample of its own, {valid} of {bits} bits,"),
-                    "convert it to PCM or floating-point numbers with all bits in use",
-                )
+                let what = format!("a kind of sample of its own, {valid} of {bits} bits,");
+                let remedy = "convert it to PCM or floating-point numbers with all bits in use";
+                FormatError::unsupported(FORMAT, what, remedy)
             },
         )?;
     }
@@ -196,26 +185,17 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
         (1, 16 | 24 | 32) => Element::little(ElementKind::Pcm, usize::from(bits / 8)),
         (3, 32 | 64) => Element::little(ElementKind::Float, usize::from(bits / 8)),
         _ => {
-            return Err(FormatError::unsupported(
-                FORMAT,
-                format!("code {code} with {bits} bits"),
-                "convert it to PCM of 8, 16, 24 or 32 bits or to floating-point numbers",
-            ));
+            let remedy = "convert it to PCM of 8, 16, 24 or 32 bits or to floating-point numbers";
+            return Err(FormatError::unsupported(FORMAT, format!("code {code} with {bits} bits"), remedy));
         }
     };
     refuse_if(channels == 0 || rate == 0 || frame != channels * element.bytes, || {
-        damaged(
-            place,
-            format!("{channels} channels of {bits} bits at {rate} Hz in {frame} bytes a sample"),
-            "at least one channel, a rate above 0, and bytes that agree",
-        )
+        let found = format!("{channels} channels of {bits} bits at {rate} Hz in {frame} bytes a sample");
+        damaged(place, found, "at least one channel, a rate above 0, and bytes that agree")
     })?;
     refuse_if(u64::from(byte_rate) != u64::from(rate) * frame as u64, || {
-        damaged(
-            place,
-            format!("{byte_rate} bytes a second, and {rate} samples of {frame} bytes"),
-            "a rate that agrees with the bytes a second",
-        )
+        let found = format!("{byte_rate} bytes a second, and {rate} samples of {frame} bytes");
+        damaged(place, found, "a rate that agrees with the bytes a second")
     })?;
     limits::at_most(FORMAT, "the bytes of a sample of all channels", frame, limits::ROW_BYTES)?;
     Ok((channels, rate, element))

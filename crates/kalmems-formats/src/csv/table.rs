@@ -211,10 +211,9 @@ impl CsvTable {
                 let (start, end) = self.stretches.get(of).copied()?;
                 text.get(start..end).map(<[u8]>::trim_ascii)
             };
-            push_row(block, &self.numbers, &self.values, &self.record);
-            push_labels(block, &self.labels, &self.record, |cell| stretch(cell).unwrap_or_default());
-            push_line(block, self.line);
-            block.rows += 1;
+            let sources = (&self.values[..], &self.labels[..]);
+            let cell = |cell: usize| stretch(cell).unwrap_or_default();
+            push_row(block, (&self.numbers, self.line), sources, &self.record, cell);
             self.record.next_row(record_rows);
             self.line += 1;
         }
@@ -315,13 +314,7 @@ impl CsvTable {
         let row = self.line > self.dialect.first_row_line && self.blank.1 == 0;
         if self.input.open_end() && row && !self.end_is_told {
             self.end_is_told = true;
-            let fault = CellFault {
-                row: block.rows,
-                line: self.line - 1,
-                column: None,
-                fault: CellFinding::NoLineEnd,
-            };
-            block.faults.push(fault);
+            block.faults.push(CellFault::of_line(block.rows, self.line - 1, CellFinding::NoLineEnd));
         }
     }
 
@@ -415,10 +408,8 @@ impl CsvTable {
                 f64::NAN
             }));
         }
-        push_row(block, &self.numbers, &self.values, &self.record);
-        push_labels(block, &self.labels, &self.record, |cell| self.split.cell(cell));
-        push_line(block, self.line);
-        block.rows += 1;
+        let sources = (&self.values[..], &self.labels[..]);
+        push_row(block, (&self.numbers, self.line), sources, &self.record, |cell| self.split.cell(cell));
         self.record.next_row(self.dialect.text.record_rows());
     }
 }
@@ -480,10 +471,8 @@ impl Table for CsvTable {
             if block.is_end() {
                 for _ in 0..self.later.rows_behind(block.capacity) {
                     self.numbers.fill(f64::NAN);
-                    push_row(block, &self.numbers, &self.values, &self.record);
-                    push_labels(block, &self.labels, &self.record, |_| b"");
-                    push_line(block, self.line);
-                    block.rows += 1;
+                    let sources = (&self.values[..], &self.labels[..]);
+                    push_row(block, (&self.numbers, self.line), sources, &self.record, |_| b"");
                     self.line += 1;
                     self.record.next_row(None);
                 }
@@ -524,8 +513,8 @@ impl CsvTable {
                 RowOutcome::End => {
                     let (line, count) = std::mem::take(&mut self.empty);
                     if count > 0 {
-                        let (row, fault) = (block.rows, CellFinding::BlankLines { count });
-                        block.faults.push(CellFault { row, line, column: None, fault });
+                        let blank = CellFinding::BlankLines { count };
+                        block.faults.push(CellFault::of_line(block.rows, line, blank));
                     }
                     self.tell_open_end(block);
                     return Ok(());
@@ -544,7 +533,7 @@ fn tell_together(block: &mut Block, line: u64, add: impl Fn(&mut CellFinding) ->
     let row = block.rows;
     let mut same = block.faults.iter_mut().rev().take_while(|fault| fault.row == row);
     if !same.any(|told| add(&mut told.fault)) {
-        block.faults.push(CellFault { row, line, column: None, fault });
+        block.faults.push(CellFault::of_line(row, line, fault));
     }
 }
 
@@ -638,8 +627,15 @@ fn skip_blanks(text: &[u8], mut place: usize) -> usize {
     place
 }
 
+/// Adds a row, whose numbers were read in a line, with what the wanted columns of numbers and of labels come from.
 #[inline]
-fn push_row(block: &mut Block, numbers: &[f64], values: &[ColumnOrigin], record: &RecordPlace) {
+fn push_row<'a>(
+    block: &mut Block,
+    (numbers, line): (&[f64], u64),
+    (values, labels): (&[ColumnOrigin], &[ColumnOrigin]),
+    record: &'a RecordPlace,
+    cell: impl Fn(usize) -> &'a [u8],
+) {
     let number = |cell: usize| numbers.get(cell).copied().unwrap_or(f64::NAN);
     for (column, value) in block.numbers.iter_mut().zip(values) {
         column.push(match *value {
@@ -649,15 +645,6 @@ fn push_row(block: &mut Block, numbers: &[f64], values: &[ColumnOrigin], record:
             ColumnOrigin::Record => record.number as f64,
         });
     }
-}
-
-#[inline]
-fn push_labels<'a>(
-    block: &mut Block,
-    labels: &[ColumnOrigin],
-    record: &'a RecordPlace,
-    cell: impl Fn(usize) -> &'a [u8],
-) {
     for (runs, label) in block.labels.iter_mut().zip(labels) {
         let label = match *label {
             ColumnOrigin::Cell(index) | ColumnOrigin::Affine { cell: index, .. } => cell(index),
@@ -667,11 +654,8 @@ fn push_labels<'a>(
         };
         push_label(runs, block.rows, label);
     }
-}
-
-#[inline]
-fn push_line(block: &mut Block, line: u64) {
     if block.line_of(block.rows) != Some(line) {
         block.lines.push((block.rows, line));
     }
+    block.rows += 1;
 }

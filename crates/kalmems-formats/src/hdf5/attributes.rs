@@ -29,12 +29,8 @@ impl Attributes {
     pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Self, FormatError> {
         let mut all = Self::default();
         let mut read = |cursor: &mut MetadataCursor<'_>| {
-            limits::push(
-                FORMAT,
-                "the number of attributes of an object",
-                &mut all.0,
-                attribute(file, cursor)?,
-            )
+            let what = "the number of attributes of an object";
+            limits::push(FORMAT, what, &mut all.0, attribute(file, cursor)?)
         };
         header.each(file, MessageKind::Attribute, &mut read)?;
         let skip = |kind| if kind == 8 || kind == 9 { Some(0) } else { None };

@@ -67,12 +67,8 @@ impl Hdf5File {
         let root = root.ok_or_else(|| cursor.damaged("no address of the root group", "one"))?;
         let (length, end) = (file.source.length(), end.saturating_sub(stored_base).saturating_add(base));
         refuse_if(length < end, || {
-            FormatError::damaged(
-                FORMAT,
-                "the end of the file",
-                format!("{length} bytes"),
-                format!("{end}, as its beginning says: it was cut, or not closed"),
-            )
+            let expected = format!("{end}, as its beginning says: it was cut, or not closed");
+            FormatError::damaged(FORMAT, "the end of the file", format!("{length} bytes"), expected)
         })?;
         file.root = root;
         Ok(file)
@@ -85,12 +81,8 @@ impl Hdf5File {
 
     /// Reads a block of metadata.
     pub(super) fn block(&self, place: u64, bytes: u64) -> Result<Vec<u8>, FormatError> {
-        limits::at_most(
-            FORMAT,
-            &format!("the bytes of metadata at byte {place}"),
-            bytes,
-            limits::HEADER_BYTES,
-        )?;
+        let what = format!("the bytes of metadata at byte {place}");
+        limits::at_most(FORMAT, &what, bytes, limits::HEADER_BYTES)?;
         let taken =
             self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes));
         refuse_if(taken.is_err(), || FormatError::TooLarge {

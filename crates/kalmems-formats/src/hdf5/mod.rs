@@ -99,12 +99,8 @@ impl FoundDataset {
     fn look(object: Object, header: ObjectHeader, path: &str) -> Result<Self, FormatError> {
         let file = &object.file;
         let lacks = |what: &str| {
-            FormatError::damaged(
-                FORMAT,
-                path,
-                format!("a dataset without {what}"),
-                "its type, its shape and its layout",
-            )
+            let expected = "its type, its shape and its layout";
+            FormatError::damaged(FORMAT, path, format!("a dataset without {what}"), expected)
         };
         let kind = header.first(file, Message::Datatype, datatype::read)?.ok_or_else(|| lacks("a type"))?;
         let space =
@@ -368,10 +364,8 @@ impl Hdf5TableParts {
             ([rows], _) => (*rows, 1),
             ([rows, columns], false) | ([columns, rows], true) => (*rows, *columns),
             (shape, _) => {
-                return Err(unsupported(
-                    format!("`{path}` of {} axes", shape.len()),
-                    "write rows and columns",
-                ));
+                let what = format!("`{path}` of {} axes", shape.len());
+                return Err(unsupported(what, "write rows and columns"));
             }
         };
         let what = format!("the number of columns of `{path}`");

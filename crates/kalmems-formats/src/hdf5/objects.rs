@@ -127,12 +127,8 @@ impl LinkedFiles {
         if let Some((_, file)) = self.others.iter().find(|(known, _)| *known == path) {
             return Ok(Ok(Arc::clone(file)));
         }
-        limits::at_most(
-            super::FORMAT,
-            "the number of files that links lead into",
-            self.others.len() as u64 + 1,
-            FILES,
-        )?;
+        let what = "the number of files that links lead into";
+        limits::at_most(super::FORMAT, what, self.others.len() as u64 + 1, FILES)?;
         let source = SharedFile::open(&path)?;
         match Hdf5File::open(Arc::new(source), Some(path.clone())) {
             Ok(file) => {

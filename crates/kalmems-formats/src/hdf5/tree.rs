@@ -22,10 +22,8 @@ pub(super) fn older(
     refuse_if(
         found != kind || level > LEVELS || above.is_some_and(|above| level.checked_add(1) != Some(above)),
         || {
-            cursor.damaged(
-                format!("a node of kind {found} on level {level}"),
-                &format!("kind {kind}, and each level below the one above it"),
-            )
+            let expected = format!("kind {kind}, and each level below the one above it");
+            cursor.damaged(format!("a node of kind {found} on level {level}"), &expected)
         },
     )?;
     let entries = usize::from(cursor.u16()?);

@@ -196,10 +196,8 @@ impl Elements {
         };
         let element = Element { kind, bytes, big_endian: self.big_endian };
         refuse_if(count.checked_mul(bytes as u64) != Some(tag.bytes), || {
-            self.stream.damaged(
-                format!("{} bytes of numbers", tag.bytes),
-                format!("{bytes} for each of {rows} × {columns}"),
-            )
+            let expected = format!("{bytes} for each of {rows} × {columns}");
+            self.stream.damaged(format!("{} bytes of numbers", tag.bytes), expected)
         })?;
         // A single number may be within the tag.
         let place = if tag.within.is_some() { self.stream.position() - 4 } else { self.stream.position() };

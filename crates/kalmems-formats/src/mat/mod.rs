@@ -79,12 +79,9 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
         [1, 0, b'M', b'I'] => true,
         [0, 1, b'I', b'M'] => false,
         _ => {
-            return Err(FormatError::damaged(
-                FORMAT,
-                "byte 124",
-                format!("`{}`", header[124..128].escape_ascii()),
-                "version 0x0100 and the order of bytes, IM or MI",
-            ));
+            let found = format!("`{}`", header[124..128].escape_ascii());
+            let expected = "version 0x0100 and the order of bytes, IM or MI";
+            return Err(FormatError::damaged(FORMAT, "byte 124", found, expected));
         }
     };
     let mut budget = MemoryBudget { text_bytes: limits::HEADER_BYTES, arrays: 4 * limits::COLUMNS as u64 };
@@ -103,12 +100,9 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
             MATRIX => (Compression::Stored, at),
             COMPRESSED => (Compression::Zlib, start),
             _ => {
-                return Err(FormatError::damaged_at(
-                    FORMAT,
-                    at,
-                    format!("an element of type {kind}"),
-                    "an array (14), or one that is packed (15)",
-                ));
+                let found = format!("an element of type {kind}");
+                let expected = "an array (14), or one that is packed (15)";
+                return Err(FormatError::damaged_at(FORMAT, at, found, expected));
             }
         };
         let whole = FileStretch::stored(Arc::clone(source), FORMAT, &format!("the variable at byte {at}"));
@@ -136,11 +130,8 @@ fn at_path(
     path: &str,
 ) -> Result<(FileStretch, MatValue), FormatError> {
     let missing = |name: &str| {
-        FormatError::unsupported(
-            format,
-            format!("`{name}` of `{path}`, which is not in the file,"),
-            "write the name of a variable that is, or `struct.field`",
-        )
+        let what = format!("`{name}` of `{path}`, which is not in the file,");
+        FormatError::unsupported(format, what, "write the name of a variable that is, or `struct.field`")
     };
     let mut words = path.split('.');
     let first = words.next().unwrap_or_default();

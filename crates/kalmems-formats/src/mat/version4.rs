@@ -79,12 +79,8 @@ pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, Ma
     while at < source.length() {
         let bytes = source.bytes(FORMAT, at, 20)?;
         let header = Mat4Header::read(&bytes).ok_or_else(|| {
-            FormatError::damaged(
-                FORMAT,
-                format!("byte {at}"),
-                format!("`{}`", bytes.escape_ascii()),
-                "the header of a matrix",
-            )
+            let found = format!("`{}`", bytes.escape_ascii());
+            FormatError::damaged(FORMAT, format!("byte {at}"), found, "the header of a matrix")
         })?;
         let name = source.bytes(FORMAT, at + HEADER, header.name_bytes as u64)?;
         let name = String::from_utf8_lossy(name.strip_suffix(&[0]).unwrap_or(&name)).into_owned();

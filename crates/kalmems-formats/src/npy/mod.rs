@@ -45,11 +45,8 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
     }
     if let Some(wanted) = &hints.group {
         let array = arrays.into_iter().next().ok_or_else(|| {
-            FormatError::unsupported(
-                FORMAT,
-                format!("an array `{wanted}`, which is not in the file,"),
-                "write the name of one that is",
-            )
+            let what = format!("an array `{wanted}`, which is not in the file,");
+            FormatError::unsupported(FORMAT, what, "write the name of one that is")
         })?;
         array.add_table(hints, &mut table)?;
         return finish(table, file_bytes);
@@ -105,12 +102,9 @@ impl NpyArray {
         let other = matches!(header.element, Descr::Plain(Cell::Other { .. }));
         if bytes != there && !other {
             let place = stretch.name.clone();
-            return Err(FormatError::damaged(
-                format,
-                place,
-                format!("{there} bytes behind the header"),
-                format!("{bytes}, for the shape {}", shape_text(&header.shape)),
-            ));
+            let found = format!("{there} bytes behind the header");
+            let expected = format!("{bytes}, for the shape {}", shape_text(&header.shape));
+            return Err(FormatError::damaged(format, place, found, expected));
         }
         let array = Self { name, header, stretch };
         // What is left out is left out by its header, which nobody compares later.

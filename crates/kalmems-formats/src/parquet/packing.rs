@@ -30,11 +30,8 @@ impl PagePacking {
             Compression::BROTLI(_) => "Brotli",
             Compression::LZO => "LZO",
         };
-        Err(FormatError::unsupported(
-            FORMAT,
-            format!("a column packed by {name}"),
-            "pack it by Snappy, gzip, LZ4 or Zstandard, or not at all",
-        ))
+        let remedy = "pack it by Snappy, gzip, LZ4 or Zstandard, or not at all";
+        Err(FormatError::unsupported(FORMAT, format!("a column packed by {name}"), remedy))
     }
 
     /// Appends what is packed, `count` bytes, neither more nor less.

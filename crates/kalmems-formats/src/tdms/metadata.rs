@@ -163,11 +163,8 @@ impl TdmsFile {
         let mut lead = lead.with(0, big_endian);
         let version = lead.u32()?;
         refuse_if(contents & !toc::ALL != 0 || !VERSIONS.contains(&version), || {
-            damaged(
-                at,
-                format!("a segment of version {version} with the contents {contents:#x}"),
-                "version 4712 or 4713, and contents of known kinds",
-            )
+            let found = format!("a segment of version {version} with the contents {contents:#x}");
+            damaged(at, found, "version 4712 or 4713, and contents of known kinds")
         })?;
         let (next, raw) = (lead.u64()?, lead.u64()?);
         let start = at + LEAD_IN;
@@ -210,10 +207,8 @@ impl TdmsFile {
         for _ in 0..reader.u32()? {
             let path = text(reader)?;
             let names = names(&path).ok_or_else(|| {
-                reader.damaged(
-                    format!("the path `{}`", path.chars().take(64).collect::<String>()),
-                    "such as /'group'/'channel'",
-                )
+                let found = format!("the path `{}`", path.chars().take(64).collect::<String>());
+                reader.damaged(found, "such as /'group'/'channel'")
             })?;
             let (channel, of_group) = match names {
                 (Some(group), Some(name)) => (Some(self.channel(path, group, name)?), None),
@@ -223,10 +218,8 @@ impl TdmsFile {
             let index = match (header, channel) {
                 (u32::MAX, _) => None,
                 (0, Some(channel)) => Some(self.channels[channel].index.ok_or_else(|| {
-                    reader.damaged(
-                        "the same values as before, where there were none".to_owned(),
-                        "what they are",
-                    )
+                    let found = "the same values as before, where there were none".to_owned();
+                    reader.damaged(found, "what they are")
                 })?),
                 (0x1269 | 0x126a | 0x1369 | 0x6912_0000 | 0x6a12_0000 | 0x6913_0000, _) => {
                     return Err(unsupported(DAQMX, DAQMX_REMEDY));
@@ -240,10 +233,8 @@ impl TdmsFile {
                 let channel = &mut self.channels[number];
                 match channel.kind {
                     Some(kind) if kind != index.value => {
-                        return Err(unsupported(
-                            &format!("the channel `{}`, whose type changes,", channel.name),
-                            "write it with one type",
-                        ));
+                        let what = format!("the channel `{}`, whose type changes,", channel.name);
+                        return Err(unsupported(&what, "write it with one type"));
                     }
                     _ => channel.kind = Some(index.value),
                 }
@@ -344,11 +335,8 @@ impl TdmsFile {
         let mut cut_rows = 0;
         if rest != 0 {
             refuse_if(!unfinished, || {
-                damaged(
-                    at,
-                    format!("{bytes} bytes of values"),
-                    &format!("a multiple of {chunk_bytes}, the bytes of a chunk"),
-                )
+                let expected = format!("a multiple of {chunk_bytes}, the bytes of a chunk");
+                damaged(at, format!("{bytes} bytes of values"), &expected)
             })?;
             let whole = |part: &ChunkPart| match (interleaved, part.stride) {
                 (true, stride) => rest / stride.max(1),

@@ -235,11 +235,8 @@ fn split_texts(place: u64, bytes: &[u8], count: u64, big_endian: bool) -> Result
         let end = [end[0], end[1], end[2], end[3]];
         let end = if big_endian { u32::from_be_bytes(end) } else { u32::from_le_bytes(end) } as usize;
         let text = letters.get(start..end).ok_or_else(|| {
-            damaged(
-                place,
-                format!("a text from {start} to {end} of {} bytes", letters.len()),
-                "one within them",
-            )
+            let found = format!("a text from {start} to {end} of {} bytes", letters.len());
+            damaged(place, found, "one within them")
         })?;
         texts.push(text.to_vec());
         start = end;

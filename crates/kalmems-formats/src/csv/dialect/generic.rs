@@ -176,10 +176,8 @@ fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, 
 
 fn line_index(head: &TextHead, line: u64, key: &str) -> Result<usize, FormatError> {
     (0..head.len()).find(|index| head.number(*index) == line).ok_or_else(|| {
-        FormatError::not_recognised(
-            format!("`{key} = {line}` in the settings"),
-            "a line of the beginning of the file, the first of which is 1",
-        )
+        let expected = "a line of the beginning of the file, the first of which is 1";
+        FormatError::not_recognised(format!("`{key} = {line}` in the settings"), expected)
     })
 }
 

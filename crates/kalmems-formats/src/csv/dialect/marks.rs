@@ -103,10 +103,8 @@ pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Res
             .ok()
             .filter(|byte| SEPARATORS.iter().any(|(known, _)| known == byte))
             .ok_or_else(|| {
-                FormatError::not_recognised(
-                    format!("`separator = {hint:?}` in the settings"),
-                    "\",\", \";\", \"|\", \"\\t\" or \" \"",
-                )
+                let found = format!("`separator = {hint:?}` in the settings");
+                FormatError::not_recognised(found, "\",\", \";\", \"|\", \"\\t\" or \" \"")
             });
     }
     let count = |index: usize, separator: u8| head.cells(index, separator).len();
@@ -172,18 +170,14 @@ pub(super) fn point(
 ) -> Result<u8, FormatError> {
     match (hints.decimal, separator) {
         (Some(','), b',') => {
-            return Err(FormatError::not_recognised(
-                "`decimal = \",\"` in the settings, and commas between the cells",
-                "another separator, or `decimal = \".\"`",
-            ));
+            let found = "`decimal = \",\"` in the settings, and commas between the cells";
+            return Err(FormatError::not_recognised(found, "another separator, or `decimal = \".\"`"));
         }
         (Some(','), _) => return Ok(b','),
         (Some('.'), _) | (None, b',') => return Ok(b'.'),
         (Some(other), _) => {
-            return Err(FormatError::not_recognised(
-                format!("`decimal = {other:?}` in the settings"),
-                "\".\" or \",\"",
-            ));
+            let found = format!("`decimal = {other:?}` in the settings");
+            return Err(FormatError::not_recognised(found, "\".\" or \",\""));
         }
         (None, _) => {}
     }

@@ -190,10 +190,8 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
         }
     }
     if let Some(place) = memchr::memchr(0, input.lines()) {
-        return Err(FormatError::not_recognised(
-            format!("a byte that is no text, {place} bytes from line {line} on"),
-            "text",
-        ));
+        let found = format!("a byte that is no text, {place} bytes from line {line} on");
+        return Err(FormatError::not_recognised(found, "text"));
     }
     let head = TextHead::new(input.lines(), line, wanted);
     if head.len() == 0 {
@@ -208,10 +206,9 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
         Some(header) => {
             let index = usize::try_from(header.saturating_sub(1)).ok().filter(|index| *index < head.len());
             let index = index.ok_or_else(|| {
-                FormatError::not_recognised(
-                    format!("`header_line = {header}` in the settings and {} lines", head.len()),
-                    "a line of the beginning of the file, the first of which is 1",
-                )
+                let found = format!("`header_line = {header}` in the settings and {} lines", head.len());
+                let expected = "a line of the beginning of the file, the first of which is 1";
+                FormatError::not_recognised(found, expected)
             })?;
             generic::find(&head, index, &comments, hints)?
         }
@@ -243,10 +240,8 @@ fn finish(
                     found.columns.iter().take(20).map(|(name, _)| format!("`{name}`")).collect();
                 present += &format!(": {}", names.join(", "));
             }
-            return Err(FormatError::not_recognised(
-                present,
-                format!("as many as `columns` in the settings names, which are {}", names.len()),
-            ));
+            let expected = format!("as many as `columns` in the settings names, which are {}", names.len());
+            return Err(FormatError::not_recognised(present, expected));
         }
         for ((name, _), given) in found.columns.iter_mut().zip(names) {
             name.clone_from(given);

@@ -205,11 +205,8 @@ impl LabviewChannels {
         self.refuse_later()?;
         // The last column is the number of the record.
         refuse_if(!same || self.columns.len() + 1 != before.len(), || {
-            FormatError::unsupported(
-                "LabVIEW measurement",
-                "a file of records with different channels",
-                "write each in a file of its own",
-            )
+            let what = "a file of records with different channels";
+            FormatError::unsupported("LabVIEW measurement", what, "write each in a file of its own")
         })?;
         let bytes = memchr::memchr_iter(b'\n', text).nth(self.names).map_or(text.len(), |end| end + 1);
         Ok((self.columns.into_iter().map(|(_, origin)| origin).collect(), bytes, self.names as u64 + 1))
