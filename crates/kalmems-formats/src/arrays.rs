@@ -4,7 +4,7 @@ use crate::element::{Element, ElementKind};
 use crate::records::{CellKind, RecordLane, RecordTable, StoredCell, TextEncoding};
 use crate::table_parts::TableParts;
 use crate::time::{TimeCode, TimeForm};
-use crate::{Column, Digest, FormatError, Table, TimeKind, TimeUnit, limits};
+use crate::{Column, Digest, FormatError, Result, Table, TimeKind, TimeUnit, limits};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
 use std::fmt;
@@ -116,7 +116,7 @@ impl Arrays {
     ///
     /// # Errors
     /// Where they differ in length, where two have one name, and where there are no numbers of such a length.
-    pub fn new(arrays: Vec<Array>) -> Result<Self, FormatError> {
+    pub fn new(arrays: Vec<Array>) -> Result<Self> {
         let refuse = |what: String, remedy: &str| Err(FormatError::unsupported(FORMAT, what, remedy));
         limits::at_most(FORMAT, "the number of columns", arrays.len(), limits::COLUMNS)?;
         let rows = arrays.first().map_or(0, Array::rows);
@@ -124,10 +124,8 @@ impl Arrays {
         for array in &arrays {
             let Array { name, of, bytes, missing } = array;
             if of.cell().is_none() || bytes.len() % of.bytes() != 0 {
-                return refuse(
-                    format!("`{name}` with elements of {} bytes", of.bytes()),
-                    "give numbers of 1, 2, 4 or 8 bytes, or texts",
-                );
+                let what = format!("`{name}` with elements of {} bytes", of.bytes());
+                return refuse(what, "give numbers of 1, 2, 4 or 8 bytes, or texts");
             }
             if array.rows() != rows || (!missing.is_empty() && missing.len() != rows) {
                 let first = arrays.first().map_or("", |first| first.name.as_str());
@@ -212,7 +210,7 @@ impl RecordLane for ArrayLane {
         self.held.arrays.get(self.number).map_or(0, |array| array.of.bytes())
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         out.clear();
         let record = self.record();
         if let Some(array) = self.held.arrays.get(self.number) {

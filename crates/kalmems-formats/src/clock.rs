@@ -121,11 +121,9 @@ impl ClockedChannels<'_> {
             return String::new();
         };
         if let Some(other) = channels.iter().find(|field| !is_stated(field)) {
-            return format!(
-                "; no time is made, because `{}` states its interval and `{}` does not ({stated_by})",
-                name(*stated),
-                name(*other)
-            );
+            let (states, lacks) = (name(*stated), name(*other));
+            let why = format!("`{states}` states its interval and `{lacks}` does not");
+            return format!("; no time is made, because {why} ({stated_by})");
         }
         let begin = clocks.iter().flatten().filter_map(|run| run.clock.start).min();
         let runs: Vec<Vec<RegularTimes>> = clocks.iter().map(|runs| regular(runs, begin)).collect();
@@ -133,12 +131,9 @@ impl ClockedChannels<'_> {
             let wrong = runs[*field].iter().find(|run| !run.step.is_sound() || !run.start_s.is_finite())?;
             Some((*field, wrong))
         }) {
-            return format!(
-                "; no time is made, because `{}` states samples every {} s from {} s on ({stated_by})",
-                name(field),
-                run.step.interval_s(),
-                run.start_s
-            );
+            let (field, interval_s, start_s) = (name(field), run.step.interval_s(), run.start_s);
+            let why = format!("`{field}` states samples every {interval_s} s from {start_s} s on");
+            return format!("; no time is made, because {why} ({stated_by})");
         }
         // Of each class a channel, and the channels that agree with it, with the samples by which each begins later.
         let mut classes: Vec<(usize, Vec<(usize, i64)>)> = Vec::new();
@@ -241,13 +236,11 @@ pub(crate) fn rows_later(names: &[String], waveforms: &[RegularTimes]) -> Result
     let earliest = later.iter().copied().min().unwrap_or(0);
     let start_s = waveforms.iter().map(|waveform| waveform.start_s).fold(f64::INFINITY, f64::min);
     let rows: Vec<u64> = later.into_iter().map(|samples| samples.abs_diff(earliest)).collect();
-    match rows.iter().position(|rows| *rows > MOST_ROWS_LATER) {
-        Some(place) => Err(format!(
-            "`{}` begins {} samples later; at most {MOST_ROWS_LATER} are held",
-            names[place], rows[place]
-        )),
-        None => Ok((start_s, rows)),
+    if let Some(place) = rows.iter().position(|rows| *rows > MOST_ROWS_LATER) {
+        let (name, rows) = (&names[place], rows[place]);
+        return Err(format!("`{name}` begins {rows} samples later; at most {MOST_ROWS_LATER} are held"));
     }
+    Ok((start_s, rows))
 }
 
 /// By how many rows a waveform begins after another that has a name, by the first times of both; in words why they do not stand beside each other.

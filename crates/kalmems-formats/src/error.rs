@@ -52,6 +52,9 @@ pub enum FormatError {
     },
 }
 
+/// What may go wrong with a file.
+pub(crate) type Result<T, E = FormatError> = std::result::Result<T, E>;
+
 impl FormatError {
     /// Nothing that is known.
     pub(crate) fn not_recognised(found: impl Into<String>, expected: impl Into<String>) -> Self {

@@ -1,6 +1,6 @@
 //! Lanes of records that are not read from a file as they stand there.
 
-use crate::FormatError;
+use crate::Result;
 use crate::records::RecordLane;
 use std::ops::Range;
 
@@ -15,12 +15,12 @@ impl RecordLane for TextLane {
         0
     }
 
-    fn read(&mut self, _rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, _rows: usize, out: &mut Vec<u8>) -> Result<()> {
         out.clear();
         Ok(())
     }
 
-    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
+    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<()> {
         out.clear();
         out.extend(self.texts.iter().skip(self.next).take(rows).cloned());
         self.next += rows;
@@ -57,7 +57,7 @@ impl RecordLane for PaddedLane {
         &self.missing
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         let end = self.row + rows as u64;
         let from = self.present.start.clamp(self.row, end);
         let to = self.present.end.clamp(from, end);

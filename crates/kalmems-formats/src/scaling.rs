@@ -2,6 +2,7 @@
 
 use crate::CellFinding;
 use crate::element::{Element, ExactNumber};
+use crate::records::AbsentRows;
 
 /// Applied to the numbers of a column before they are handed over. The missing values are compared with the numbers as
 /// they are in the file.
@@ -35,7 +36,7 @@ impl Scaling {
         element: Element,
         cells: impl Iterator<Item = &'a [u8]>,
         numbers: &mut [f64],
-        absent: &mut Vec<(usize, CellFinding)>,
+        absent: &mut AbsentRows,
     ) {
         if self.missing.is_empty() {
             return;

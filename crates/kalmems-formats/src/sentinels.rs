@@ -3,6 +3,7 @@
 use crate::CellFinding;
 use crate::decimal::Shift;
 use crate::element::{Element, ElementKind, shortest};
+use crate::records::AbsentRows;
 
 /// What a number or a word of the list stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,12 +91,7 @@ pub(crate) fn limit(power: i32) -> f64 {
 /// Takes the numbers of an element, times a power of ten, out that say that no value was measured: those of the list, rounded to 32 bits
 /// where the element is, and the ends of 16 bits, at which a converter stays. Other lengths are those of no converter, or their ends are too
 /// common.
-pub(crate) fn take_out(
-    element: Element,
-    power: i32,
-    numbers: &mut [f64],
-    absent: &mut Vec<(usize, CellFinding)>,
-) {
+pub(crate) fn take_out(element: Element, power: i32, numbers: &mut [f64], absent: &mut AbsentRows) {
     let listed = |as_kept: fn(f64) -> f64| {
         let both = |(number, meaning): (f64, SentinelMeaning)| {
             [-1.0, 1.0].map(|sign| (sign * as_kept(number), meaning))

@@ -1,6 +1,6 @@
 //! The bytes of a file, wherever they are.
 
-use crate::FormatError;
+use crate::{FormatError, Result};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ pub(crate) struct SharedFile {
 
 impl SharedFile {
     /// Takes a file from its first byte, wherever it stands.
-    pub(crate) fn new(mut file: Box<dyn ReadSeek>) -> Result<Self, FormatError> {
+    pub(crate) fn new(mut file: Box<dyn ReadSeek>) -> Result<Self> {
         let length = file.seek(SeekFrom::End(0))?;
         Ok(Self { file: Mutex::new(file), length, folder: None, copied: AtomicU64::new(0) })
     }
@@ -40,7 +40,7 @@ impl SharedFile {
     }
 
     /// A file on a disk.
-    pub(crate) fn open(path: &Path) -> Result<Self, FormatError> {
+    pub(crate) fn open(path: &Path) -> Result<Self> {
         let source = Self::new(Box::new(File::open(path)?))?;
         Ok(Self { folder: path.parent().map(Path::to_owned), ..source })
     }
@@ -56,7 +56,7 @@ impl SharedFile {
     }
 
     /// Gives the file back.
-    pub(crate) fn into_file(self) -> Result<Box<dyn ReadSeek>, FormatError> {
+    pub(crate) fn into_file(self) -> Result<Box<dyn ReadSeek>> {
         let mut file = self.file.into_inner().unwrap_or_else(PoisonError::into_inner);
         file.seek(SeekFrom::Start(0))?;
         Ok(file)
@@ -79,12 +79,7 @@ impl SharedFile {
     }
 
     /// Reads all of `buffer`; fewer bytes are a damaged file.
-    pub(crate) fn read_exact(
-        &self,
-        format: &'static str,
-        offset: u64,
-        buffer: &mut [u8],
-    ) -> Result<(), FormatError> {
+    pub(crate) fn read_exact(&self, format: &'static str, offset: u64, buffer: &mut [u8]) -> Result<()> {
         let filled = self.read_some(offset, buffer)?;
         if filled == buffer.len() {
             return Ok(());
@@ -94,12 +89,7 @@ impl SharedFile {
     }
 
     /// Reads a few bytes, such as a header. The caller bounds their number.
-    pub(crate) fn bytes(
-        &self,
-        format: &'static str,
-        offset: u64,
-        count: u64,
-    ) -> Result<Vec<u8>, FormatError> {
+    pub(crate) fn bytes(&self, format: &'static str, offset: u64, count: u64) -> Result<Vec<u8>> {
         self.within(format, offset, count)?;
         // No more than the file has.
         let mut buffer = vec![0; usize::try_from(count).unwrap_or(usize::MAX)];
@@ -108,7 +98,7 @@ impl SharedFile {
     }
 
     /// Refuses a stretch that is not in the file; gives its end.
-    pub(crate) fn within(&self, format: &'static str, offset: u64, count: u64) -> Result<u64, FormatError> {
+    pub(crate) fn within(&self, format: &'static str, offset: u64, count: u64) -> Result<u64> {
         offset.checked_add(count).filter(|end| *end <= self.length).ok_or_else(|| {
             let found = format!("the end of the file after {} bytes", self.length);
             FormatError::damaged_at(format, offset, found, format!("{count} bytes from there on"))

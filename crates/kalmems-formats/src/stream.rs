@@ -3,7 +3,7 @@
 use crate::element::Element;
 use crate::records::RecordLane;
 use crate::source::SharedFile;
-use crate::{FormatError, refuse_if};
+use crate::{FormatError, Result, refuse_if};
 use flate2::{Crc, Decompress, FlushDecompress, Status};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -78,7 +78,7 @@ impl FileStretch {
 
     /// Reads it to its end, once for all columns in it, and compares lengths and checksum with what is stated. A damaged bit changes
     /// what is unpacked long before the checksum, so that no number may be used before. What it unpacks to is kept, unless it is short.
-    pub(crate) fn verify(&self) -> Result<(), FormatError> {
+    pub(crate) fn verify(&self) -> Result<()> {
         if self.verified.get().is_some() || self.protection().is_none() {
             return Ok(());
         }
@@ -108,7 +108,7 @@ impl FileStretch {
     }
 
     /// A single number at a place of it.
-    pub(crate) fn number(&self, place: u64, element: Element) -> Result<f64, FormatError> {
+    pub(crate) fn number(&self, place: u64, element: Element) -> Result<f64> {
         self.verify()?;
         let mut stream = self.stream();
         stream.skip(place)?;
@@ -184,13 +184,13 @@ impl StretchReader {
     }
 
     /// Reads all of `buffer`.
-    pub(crate) fn read_all(&mut self, buffer: &mut [u8]) -> Result<(), FormatError> {
+    pub(crate) fn read_all(&mut self, buffer: &mut [u8]) -> Result<()> {
         let read = self.read_exact(buffer);
         self.passed(read, buffer.len() as u64)
     }
 
     /// Goes on behind so many bytes, if they could be read.
-    fn passed(&mut self, read: io::Result<()>, count: u64) -> Result<(), FormatError> {
+    fn passed(&mut self, read: io::Result<()>, count: u64) -> Result<()> {
         let found = match read {
             Ok(()) => {
                 self.position += count;
@@ -206,14 +206,14 @@ impl StretchReader {
     }
 
     /// Reads a few bytes, whose number the caller bounds.
-    pub(crate) fn next_bytes(&mut self, count: usize) -> Result<Vec<u8>, FormatError> {
+    pub(crate) fn next_bytes(&mut self, count: usize) -> Result<Vec<u8>> {
         let mut buffer = vec![0; count];
         self.read_all(&mut buffer)?;
         Ok(buffer)
     }
 
     /// Passes over bytes.
-    pub(crate) fn skip(&mut self, count: u64) -> Result<(), FormatError> {
+    pub(crate) fn skip(&mut self, count: u64) -> Result<()> {
         let skipped = if self.engine.is_some() {
             io::copy(&mut self.by_ref().take(count), &mut io::sink()).map(|skipped| skipped == count)
         } else {
@@ -227,7 +227,7 @@ impl StretchReader {
     }
 
     /// Refuses what goes on: more packed bytes, or packed bytes whose checksum is another one, which is the last of them.
-    fn expect_end(&mut self) -> Result<(), FormatError> {
+    fn expect_end(&mut self) -> Result<()> {
         let more = self.read(&mut [0]);
         let packed = self.engine.as_ref().map_or(self.packed(), Decompress::total_in);
         let (found, expected) = match more {
@@ -267,7 +267,7 @@ impl RecordLane for StreamLane {
         self.stretch.protection()
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         let stream = match &mut self.stream {
             Some(stream) => stream,
             // Unpacking takes memory, which a column that is not read does not need.

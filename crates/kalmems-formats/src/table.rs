@@ -1,6 +1,6 @@
 //! What every format gives.
 
-use crate::{Block, FormatError, Instant, TimeKind, TimeUnit, limits, refuse_if};
+use crate::{Block, FormatError, Instant, Result, TimeKind, TimeUnit, limits, refuse_if};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
 use std::fmt;
@@ -141,10 +141,7 @@ impl WantedColumn {
 
     /// The column of the times among what is wanted, what it counts and from where on. A second one is refused: a block has
     /// one origin.
-    pub fn time(
-        wanted: &[Self],
-        format: &'static str,
-    ) -> Result<Option<(usize, TimeUnit, Option<Instant>)>, FormatError> {
+    pub fn time(wanted: &[Self], format: &'static str) -> Result<Option<(usize, TimeUnit, Option<Instant>)>> {
         let mut times = wanted.iter().filter_map(|want| match *want {
             Self::Time { column, unit, origin } => Some((column, unit, origin)),
             _ => None,
@@ -163,7 +160,7 @@ pub trait Table: Send {
     fn description(&self) -> &TableDescription;
 
     /// States what to read; before the first block.
-    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError>;
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<()>;
 
     /// What the format says of a column of times by itself; `None` where its name or somebody has to say what it counts.
     fn time_kind(&self, _column: usize) -> Option<TimeKind> {
@@ -177,7 +174,7 @@ pub trait Table: Send {
 
     /// Reads the next rows into `block`, whose former contents are dropped and whose memory is used again; at most
     /// as many as its capacity. Neither row nor fault is the end of the table.
-    fn read(&mut self, block: &mut Block) -> Result<(), FormatError>;
+    fn read(&mut self, block: &mut Block) -> Result<()>;
 
     /// How far it has come and how far there is to go, in bytes of the file; 0 where the whole is not known.
     fn progress(&self) -> (u64, u64);
@@ -189,10 +186,7 @@ pub trait Table: Send {
 }
 
 /// Refuses columns that do not stand beside each other.
-pub(crate) fn refuse_apart<'a>(
-    format: &'static str,
-    wanted: impl Iterator<Item = &'a Column>,
-) -> Result<(), FormatError> {
+pub(crate) fn refuse_apart<'a>(format: &'static str, wanted: impl Iterator<Item = &'a Column>) -> Result<()> {
     let mut first: Option<&Column> = None;
     for column in wanted {
         let of = *first.get_or_insert(column);

@@ -4,7 +4,7 @@ use crate::clock::ChannelClock;
 use crate::records::{CellKind, RecordField, RecordLane, RecordTable, StoredCell};
 use crate::stated_clock::{StatedNumbers, settle_each};
 use crate::stream::{FileStretch, StreamLane};
-use crate::{Column, FormatError, Hints, OmittedPart, Table, limits, refuse_if};
+use crate::{Column, FormatError, Hints, OmittedPart, Result, Table, limits, refuse_if};
 
 /// Columns of an array of two axes that become columns beside others.
 const BESIDE: u64 = 64;
@@ -26,10 +26,7 @@ pub(crate) fn becomes_columns(rows: u64, columns: u64) -> bool {
 }
 
 /// The only one of some tables, which have names; several are refused with these.
-pub(crate) fn only<T>(
-    format: &'static str,
-    mut places: Vec<(String, T)>,
-) -> Result<Option<(String, T)>, FormatError> {
+pub(crate) fn only<T>(format: &'static str, mut places: Vec<(String, T)>) -> Result<Option<(String, T)>> {
     if places.len() < 2 {
         return Ok(places.pop());
     }
@@ -77,20 +74,17 @@ impl TableParts {
         stored: Option<Vec<String>>,
         columns: u64,
         what: &str,
-    ) -> Result<Vec<String>, FormatError> {
+    ) -> Result<Vec<String>> {
         match hints.columns.clone().or(stored) {
             Some(names) if names.len() as u64 == columns => Ok(names),
             names => {
                 let with = names.map_or("out names".to_owned(), |names| format!(" {} names", names.len()));
                 let kind = self.format.split(' ').next().unwrap_or_default().to_lowercase();
-                Err(FormatError::unsupported(
-                    self.format,
-                    format!("{what} with{with}"),
-                    format!(
-                        "write their names, such as `format = {{ kind = \"{kind}\", columns = [\"time_s\", \"cap_V\"] }}`, as \
-                         many as there are columns; rows are along the first axis"
-                    ),
-                ))
+                let remedy = format!(
+                    "write their names, such as `format = {{ kind = \"{kind}\", columns = [\"time_s\", \"cap_V\"] }}`, as \
+                     many as there are columns; rows are along the first axis"
+                );
+                Err(FormatError::unsupported(self.format, format!("{what} with{with}"), remedy))
             }
         }
     }
@@ -112,7 +106,7 @@ impl TableParts {
     }
 
     /// Adds the columns of an array, which stand one after the other or beside each other.
-    pub(crate) fn add_array(&mut self, array: &StoredArray, names: &[String]) -> Result<(), FormatError> {
+    pub(crate) fn add_array(&mut self, array: &StoredArray, names: &[String]) -> Result<()> {
         let &StoredArray { stretch, place, rows, cell, by_column } = array;
         let (count, size) = (names.len(), cell.bytes());
         limits::at_most(self.format, "the number of columns", count, limits::COLUMNS)?;
@@ -136,7 +130,7 @@ impl TableParts {
         file_bytes: u64,
         stated_by: &'static str,
         remedy: &str,
-    ) -> Result<Box<dyn Table>, FormatError> {
+    ) -> Result<Box<dyn Table>> {
         let mut clocks = vec![self.stated.clock(); self.fields.len()];
         for (field, own) in &self.own_clocks {
             if let Some(clock) = clocks.get_mut(*field).filter(|_| own.step.is_some()) {
@@ -149,12 +143,7 @@ impl TableParts {
     }
 
     /// The same with the times that it has already. `what` is the place, for messages.
-    pub(crate) fn table(
-        self,
-        file_bytes: u64,
-        what: &str,
-        remedy: &str,
-    ) -> Result<Box<dyn Table>, FormatError> {
+    pub(crate) fn table(self, file_bytes: u64, what: &str, remedy: &str) -> Result<Box<dyn Table>> {
         refuse_if(self.fields.is_empty(), || {
             let left_out = limits::list(&self.left_out);
             let what = format!("{what} without a column of numbers or labels ({left_out})");

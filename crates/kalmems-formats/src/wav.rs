@@ -7,7 +7,7 @@ use crate::records::{CellKind, RecordField, StoredCell};
 use crate::source::SharedFile;
 use crate::stream::{FileStretch, StreamLane};
 use crate::table_parts::TableParts;
-use crate::{Column, FormatError, Hints, Table, limits, refuse_if};
+use crate::{Column, FormatError, Hints, Result, Table, limits, refuse_if};
 use std::sync::Arc;
 
 const FORMAT: &str = "WAV";
@@ -16,7 +16,7 @@ const CHUNKS: usize = 4096;
 /// A length of 32 bits that says that it is elsewhere.
 const ELSEWHERE: u32 = u32::MAX;
 
-pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     let source = Arc::new(source);
     let sound = SampleFormat::read(&source)?;
     let channels = sound.channels;
@@ -62,7 +62,7 @@ struct SampleFormat {
 }
 
 impl SampleFormat {
-    fn read(source: &SharedFile) -> Result<Self, FormatError> {
+    fn read(source: &SharedFile) -> Result<Self> {
         let head = source.bytes(FORMAT, 0, 12)?;
         let long = head.starts_with(b"RF64") || head.starts_with(b"BW64");
         let whole = ByteCursor::new(FORMAT, &head, 0).skip(4)?.u32()?;
@@ -82,9 +82,7 @@ impl SampleFormat {
             let mut length = u64::from(short);
             match kind {
                 b"ds64" if long => {
-                    refuse_if(length < 24, || {
-                        damaged(place, format!("a ds64 chunk of {length} bytes"), "at least 24")
-                    })?;
+                    refuse_if(length < 24, || damaged(place, "a ds64 chunk that is short", "24 bytes"))?;
                     let sizes = source.bytes(FORMAT, start, 24)?;
                     let mut sizes = ByteCursor::new(FORMAT, &sizes, start);
                     refuse_other_length(source, sizes.u64()?)?;
@@ -98,41 +96,25 @@ impl SampleFormat {
                 b"fmt " => shape = Some(shape_of(source, place, length)?),
                 b"data" => {
                     if long && short == ELSEWHERE {
-                        length = long_data.ok_or_else(|| {
-                            let found = "data whose length is in no ds64 chunk".to_owned();
-                            damaged(place, found, "a ds64 chunk before")
-                        })?;
+                        let found = "data whose length is in no ds64 chunk";
+                        length = long_data.ok_or_else(|| damaged(place, found, "a ds64 chunk before"))?;
                     }
-                    let Some((channels, rate, element)) = shape else {
-                        let found = "data before a fmt chunk".to_owned();
-                        return Err(damaged(place, found, "the fmt chunk first"));
-                    };
+                    let early = || damaged(place, "data before a fmt chunk", "the fmt chunk first");
+                    let (channels, rate, element) = shape.ok_or_else(early)?;
                     let there = source.length() - start;
                     refuse_if(length > there || (length == 0 && there > 0), || {
-                        damaged(
-                            place,
-                            format!(
-                                "a claim of {length} bytes of samples, and {there} to the end of the file"
-                            ),
-                            "a recording that was ended properly",
-                        )
+                        let claim = format!("a claim of {length} bytes of samples");
+                        let found = format!("{claim}, and {there} to the end of the file");
+                        damaged(place, found, "a recording that was ended properly")
                     })?;
                     let record = (channels * element.bytes) as u64;
                     refuse_if(length % record != 0, || {
-                        damaged(
-                            place,
-                            format!("{length} bytes of samples"),
-                            &format!("a multiple of {record}, the bytes of a sample of all channels"),
-                        )
+                        let expected =
+                            format!("a multiple of {record}, the bytes of a sample of all channels");
+                        damaged(place, format!("{length} bytes of samples"), &expected)
                     })?;
-                    return Ok(Self {
-                        channels,
-                        rate,
-                        element,
-                        offset: start,
-                        bytes: length,
-                        since_midnight,
-                    });
+                    let (offset, bytes) = (start, length);
+                    return Ok(Self { channels, rate, element, offset, bytes, since_midnight });
                 }
                 _ => {}
             }
@@ -142,12 +124,12 @@ impl SampleFormat {
                 _ => break,
             };
         }
-        Err(damaged(place, "no data chunk".to_owned(), "one with samples"))
+        Err(damaged(place, "no data chunk", "one with samples"))
     }
 }
 
 /// Refuses a file that is shorter than the length that it states, which is that of all behind the first eight bytes.
-fn refuse_other_length(source: &SharedFile, stated: u64) -> Result<(), FormatError> {
+fn refuse_other_length(source: &SharedFile, stated: u64) -> Result<()> {
     let there = source.length().saturating_sub(8);
     // A byte may be left out that would make the length even.
     if stated <= there.saturating_add(1) {
@@ -158,7 +140,7 @@ fn refuse_other_length(source: &SharedFile, stated: u64) -> Result<(), FormatErr
 }
 
 /// Channels, rate and kind of number, from the fmt chunk.
-fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32, Element), FormatError> {
+fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32, Element)> {
     refuse_if(!(16..=1024).contains(&length), || {
         damaged(place, format!("a fmt chunk of {length} bytes"), "16, 18 or 40")
     })?;
@@ -201,6 +183,6 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
     Ok((channels, rate, element))
 }
 
-fn damaged(place: u64, found: String, expected: &str) -> FormatError {
+fn damaged(place: u64, found: impl Into<String>, expected: &str) -> FormatError {
     FormatError::damaged_at(FORMAT, place, found, expected)
 }

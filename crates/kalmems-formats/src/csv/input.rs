@@ -1,7 +1,7 @@
 //! The bytes of a text file in large pieces, hashed as they are read.
 
 use super::utf16::Utf16;
-use crate::{Digest, FormatError, limits};
+use crate::{Digest, Result, limits};
 use sha2::{Digest as _, Sha256};
 use std::io::{ErrorKind, Read};
 
@@ -73,7 +73,7 @@ impl CsvInput {
     }
 
     /// Reads on until there is another whole line; whether there was anything more. What is not taken stays.
-    pub(super) fn more(&mut self) -> Result<bool, FormatError> {
+    pub(super) fn more(&mut self) -> Result<bool> {
         if self.ended {
             return Ok(false);
         }
@@ -110,7 +110,7 @@ impl CsvInput {
     }
 
     /// Reads some bytes behind those that are read; how many came from the reader, none at the end.
-    fn fill(&mut self) -> Result<usize, FormatError> {
+    fn fill(&mut self) -> Result<usize> {
         if let Some((decoder, raw)) = &mut self.wide {
             let (count, mut text) = (read(&mut self.reader, raw, &mut self.hash)?, Vec::new());
             decoder.decode(raw.get(..count).unwrap_or_default(), &mut text);
@@ -167,11 +167,7 @@ impl CsvInput {
 }
 
 /// Reads some bytes and hashes them; none at the end.
-fn read(
-    reader: &mut Box<dyn Read + Send>,
-    buffer: &mut [u8],
-    hash: &mut Sha256,
-) -> Result<usize, FormatError> {
+fn read(reader: &mut Box<dyn Read + Send>, buffer: &mut [u8], hash: &mut Sha256) -> Result<usize> {
     loop {
         match reader.read(buffer) {
             Ok(count) => {
@@ -187,6 +183,7 @@ fn read(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FormatError;
 
     /// Gives a few bytes at a time, as pipes do.
     struct Drops(Vec<u8>, usize, usize);

@@ -3,7 +3,7 @@
 
 use super::dialect::{ColumnOrigin, Dialect};
 use crate::clock::WHOLE;
-use crate::{Block, CellFault, CellFinding, FormatError, WantedColumn};
+use crate::{Block, CellFault, CellFinding, FormatError, Result, WantedColumn};
 use std::collections::VecDeque;
 
 /// The columns of numbers that are read, if any begins later or has times of its own.
@@ -33,10 +33,7 @@ struct LaterColumn {
 
 impl LaterWaveforms {
     /// Those of a text, and all columns that are read for them: those that are wanted, and behind them the times of waveforms among these.
-    pub(super) fn of(
-        wanted: &[WantedColumn],
-        dialect: &Dialect,
-    ) -> Result<(Self, Vec<WantedColumn>), FormatError> {
+    pub(super) fn of(wanted: &[WantedColumn], dialect: &Dialect) -> Result<(Self, Vec<WantedColumn>)> {
         let origin = |column: usize| dialect.columns.get(column).map(|column| column.origin);
         let mut all = wanted.to_vec();
         let times = dialect.text.own_times.iter();
@@ -103,7 +100,7 @@ impl LaterWaveforms {
     }
 
     /// Puts values and faults to the rows that they belong to, and compares the times of the waveforms with those of the rows.
-    pub(super) fn shift(&mut self, block: &mut Block) -> Result<(), FormatError> {
+    pub(super) fn shift(&mut self, block: &mut Block) -> Result<()> {
         let (first, end) = (self.row, self.row + block.rows as u64);
         for (column, numbers) in self.columns.iter_mut().zip(&mut block.numbers) {
             let Some(later) = column.later.filter(|later| *later > 0) else { continue };
@@ -130,7 +127,7 @@ impl LaterWaveforms {
     }
 
     /// Refuses waveforms whose times are not those of the rows. Behind the last row of the text they are the only ones.
-    fn compare_times(&mut self, block: &mut Block) -> Result<(), FormatError> {
+    fn compare_times(&mut self, block: &mut Block) -> Result<()> {
         for (row, line) in (0..block.rows).map(|row| (row, self.row + row as u64)) {
             let own = |place: &usize| Some((*place, *block.numbers.get(*place)?.get(row)?));
             let own: Vec<(usize, f64)> = self.own_times.iter().filter_map(own).collect();
@@ -142,15 +139,13 @@ impl LaterWaveforms {
             }
             let apart = WHOLE * (*time - self.time).abs();
             if let Some((place, other)) = own.iter().find(|(_, own)| (own - *time).abs() > apart) {
-                let column = self.columns.get(*place).map_or(0, |column| column.column);
+                let column = self.columns.get(*place).map_or(0, |column| column.column + 1);
+                let where_it_is = format!("column {column} with the time {other} in row {}", line + 1);
+                let what =
+                    format!("{where_it_is}, whose time is {time} by the column of the first waveform,");
                 return Err(FormatError::unsupported(
                     "CSV",
-                    format!(
-                        "column {} with the time {other} in row {}, whose time is {time}, so that its samples do not come as those of the \
-                         first waveform,",
-                        column + 1,
-                        line + 1
-                    ),
+                    what,
                     "write each waveform to a file of its own",
                 ));
             }

@@ -9,8 +9,8 @@ use super::split::{BLANKS, Split};
 use crate::block::push_label;
 use crate::table::refuse_apart;
 use crate::{
-    Block, CellFault, CellFinding, Digest, FormatError, Table, TableDescription, TimeKind, TimeReader,
-    TimeUnit, WantedColumn, sentinels,
+    Block, CellFault, CellFinding, Digest, Result, Table, TableDescription, TimeKind, TimeReader, TimeUnit,
+    WantedColumn, sentinels,
 };
 
 /// As much text is gone through for one block, so that a block does not take long where rows are left out.
@@ -236,7 +236,7 @@ impl CsvTable {
     }
 
     /// Reads one row of any kind.
-    fn slow_row(&mut self, block: &mut Block) -> Result<RowOutcome, FormatError> {
+    fn slow_row(&mut self, block: &mut Block) -> Result<RowOutcome> {
         let extent = loop {
             let text = self.input.lines();
             if !text.is_empty()
@@ -285,7 +285,7 @@ impl CsvTable {
     }
 
     /// Passes over a header between records, if the row that is split is the first line of one.
-    fn pass_header(&mut self) -> Result<bool, FormatError> {
+    fn pass_header(&mut self) -> Result<bool> {
         let RecordShape::Headed(heading) = self.dialect.text.records else { return Ok(false) };
         if !Heading::begins(self.split.cell(0)) {
             return Ok(false);
@@ -423,7 +423,7 @@ impl Table for CsvTable {
         self.dialect.text.header_line
     }
 
-    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<()> {
         let columns = wanted.iter().filter_map(|want| self.description.columns.get(want.column()));
         refuse_apart(self.description.format, columns)?;
         let (later, all) = LaterWaveforms::of(wanted, &self.dialect)?;
@@ -463,7 +463,7 @@ impl Table for CsvTable {
         Ok(())
     }
 
-    fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
+    fn read(&mut self, block: &mut Block) -> Result<()> {
         block.clear(self.values.len(), self.labels.len());
         let read = self.rows_into(block);
         if read.is_ok() && !self.later.is_none() {
@@ -499,7 +499,7 @@ impl Table for CsvTable {
 
 impl CsvTable {
     /// Reads rows until the block is full.
-    fn rows_into(&mut self, block: &mut Block) -> Result<(), FormatError> {
+    fn rows_into(&mut self, block: &mut Block) -> Result<()> {
         let (begin, _) = self.input.progress();
         let blanks = self.dialect.text.separator == BLANKS;
         loop {

@@ -7,7 +7,7 @@ use super::header::{self, MessageKind, ObjectHeader};
 use super::heap::{self, HeapTexts};
 use crate::element::ExactNumber;
 use crate::records::TextEncoding;
-use crate::{FormatError, limits, refuse_if};
+use crate::{FormatError, Result, limits, refuse_if};
 
 /// Elements of an attribute; one with more is no unit, name or factor.
 const ELEMENTS: u64 = 4096;
@@ -26,7 +26,7 @@ pub(super) enum AttributeValue {
 pub(super) struct Attributes(Vec<(String, AttributeValue)>);
 
 impl Attributes {
-    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Self, FormatError> {
+    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Self> {
         let mut all = Self::default();
         let mut read = |cursor: &mut MetadataCursor<'_>| {
             let what = "the number of attributes of an object";
@@ -104,7 +104,7 @@ pub(super) struct Dataspace {
 }
 
 impl Dataspace {
-    pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Self, FormatError> {
+    pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Self> {
         let (version, axes, flags) = (cursor.u8()?, usize::from(cursor.u8()?), cursor.u8()?);
         let none = match version {
             1 => {
@@ -134,10 +134,7 @@ impl Dataspace {
     }
 }
 
-fn attribute(
-    file: &Hdf5File,
-    cursor: &mut MetadataCursor<'_>,
-) -> Result<(String, AttributeValue), FormatError> {
+fn attribute(file: &Hdf5File, cursor: &mut MetadataCursor<'_>) -> Result<(String, AttributeValue)> {
     let (version, flags) = (cursor.u8()?, cursor.u8()?);
     refuse_if(!(1..=3).contains(&version), || {
         cursor.damaged(format!("version {version} of an attribute"), "1 to 3")
@@ -177,20 +174,20 @@ fn value(
     cursor: &mut MetadataCursor<'_>,
     element: &Type,
     count: u64,
-) -> Result<AttributeValue, FormatError> {
+) -> Result<AttributeValue> {
     Ok(match element {
         Type::Number(element) => {
             let numbers = (0..count).map(|_| Ok(element.exact(cursor.take(element.bytes)?)));
-            AttributeValue::Numbers(numbers.collect::<Result<_, FormatError>>()?)
+            AttributeValue::Numbers(numbers.collect::<Result<_>>()?)
         }
         Type::Text { bytes } => {
             let texts = (0..count).map(|_| Ok(text(cursor.take(*bytes)?)));
-            AttributeValue::Texts(texts.collect::<Result<_, FormatError>>()?)
+            AttributeValue::Texts(texts.collect::<Result<_>>()?)
         }
         Type::Texts => {
             let mut heap = HeapTexts::new(file);
             let texts = (0..count).map(|_| Ok(text(&heap.text(cursor)?)));
-            AttributeValue::Texts(texts.collect::<Result<_, FormatError>>()?)
+            AttributeValue::Texts(texts.collect::<Result<_>>()?)
         }
         _ => AttributeValue::Other,
     })

@@ -5,7 +5,7 @@ use super::checksum::checksum;
 use super::{FORMAT, NEW_FILE, unsupported};
 pub(super) use crate::cursor::ByteCursor as MetadataCursor;
 use crate::source::SharedFile;
-use crate::{FormatError, limits, refuse_if};
+use crate::{FormatError, Result, limits, refuse_if};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -33,7 +33,7 @@ pub(super) struct Hdf5File {
 }
 
 impl Hdf5File {
-    pub(super) fn open(source: Arc<SharedFile>, name: Option<PathBuf>) -> Result<Self, FormatError> {
+    pub(super) fn open(source: Arc<SharedFile>, name: Option<PathBuf>) -> Result<Self> {
         let base = crate::open::hdf5_begin(&source)?.ok_or_else(|| {
             FormatError::damaged(FORMAT, "the file", "no beginning", "\\x89HDF at byte 0, 512, 1024, …")
         })?;
@@ -80,7 +80,7 @@ impl Hdf5File {
     }
 
     /// Reads a block of metadata.
-    pub(super) fn block(&self, place: u64, bytes: u64) -> Result<Vec<u8>, FormatError> {
+    pub(super) fn block(&self, place: u64, bytes: u64) -> Result<Vec<u8>> {
         let what = format!("the bytes of metadata at byte {place}");
         limits::at_most(FORMAT, &what, bytes, limits::HEADER_BYTES)?;
         let taken =
@@ -96,7 +96,7 @@ impl Hdf5File {
 }
 
 /// Compares the checksum that stands behind what was read of a block with that of it.
-pub(super) fn check_sum(cursor: &mut MetadataCursor<'_>) -> Result<(), FormatError> {
+pub(super) fn check_sum(cursor: &mut MetadataCursor<'_>) -> Result<()> {
     let found = checksum(cursor.behind());
     let stored = cursor.u32()?;
     // The fuzzer alters what is behind the checksum too.

@@ -1,7 +1,7 @@
 //! What packs the chunks of an HDF5 dataset (HDF5 File Format Specification, version 3), undone.
 
 use super::file::MetadataCursor;
-use crate::{FormatError, refuse_if};
+use crate::{Result, refuse_if};
 use flate2::{Decompress, FlushDecompress, Status};
 
 /// Filters of a dataset.
@@ -58,7 +58,7 @@ pub(super) fn name(id: u16) -> String {
 }
 
 /// The identifiers of the filters of a dataset, in the order in which they were applied.
-pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Vec<u16>, FormatError> {
+pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Vec<u16>> {
     let (version, count) = (cursor.u8()?, cursor.u8()?);
     refuse_if(!(1..=2).contains(&version) || count > FILTERS, || {
         cursor.damaged(format!("version {version} of {count} filters"), "version 1 or 2 of at most 32")

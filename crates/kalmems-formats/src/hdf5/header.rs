@@ -2,7 +2,7 @@
 
 use super::file::{Hdf5File, LENGTH, MetadataCursor, check_sum};
 use super::{FORMAT, unsupported};
-use crate::{FormatError, limits, refuse_if};
+use crate::{Result, limits, refuse_if};
 
 /// Blocks that a header is continued in.
 const BLOCKS: usize = 4096;
@@ -42,7 +42,7 @@ pub(super) struct ObjectHeader {
 }
 
 impl ObjectHeader {
-    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self, FormatError> {
+    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self> {
         let mut header = Self { messages: Vec::new() };
         let mut blocks: Vec<(u64, u64)> = Vec::new();
         let start = file.block(address, LONGEST_PREFIX.min(file.source.length().saturating_sub(address)))?;
@@ -93,11 +93,7 @@ impl ObjectHeader {
     }
 
     /// The messages of a block as it has been since the beginning.
-    fn older(
-        &mut self,
-        cursor: &mut MetadataCursor<'_>,
-        blocks: &mut Vec<(u64, u64)>,
-    ) -> Result<(), FormatError> {
+    fn older(&mut self, cursor: &mut MetadataCursor<'_>, blocks: &mut Vec<(u64, u64)>) -> Result<()> {
         while cursor.left() >= 8 {
             let (kind, bytes) = (cursor.u16()?, usize::from(cursor.u16()?));
             let flags = cursor.u8()?;
@@ -113,7 +109,7 @@ impl ObjectHeader {
         cursor: &mut MetadataCursor<'_>,
         ordered: bool,
         blocks: &mut Vec<(u64, u64)>,
-    ) -> Result<(), FormatError> {
+    ) -> Result<()> {
         let prefix = if ordered { 6 } else { 4 };
         while cursor.left() >= prefix + 4 {
             let (kind, bytes) = (u16::from(cursor.u8()?), usize::from(cursor.u16()?));
@@ -132,7 +128,7 @@ impl ObjectHeader {
         flags: u8,
         body: &mut MetadataCursor<'_>,
         blocks: &mut Vec<(u64, u64)>,
-    ) -> Result<(), FormatError> {
+    ) -> Result<()> {
         if kind == MessageKind::Continuation as u16 {
             blocks.push((body.known_address()?, body.u64()?));
             return Ok(());
@@ -152,8 +148,8 @@ impl ObjectHeader {
         &self,
         file: &Hdf5File,
         kind: MessageKind,
-        read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T, FormatError>,
-    ) -> Result<Option<T>, FormatError> {
+        read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T>,
+    ) -> Result<Option<T>> {
         let Some(message) = self.messages.iter().find(|message| message.kind == kind as u16) else {
             return Ok(None);
         };
@@ -165,8 +161,8 @@ impl ObjectHeader {
         &self,
         file: &Hdf5File,
         kind: MessageKind,
-        mut read: impl FnMut(&mut MetadataCursor<'_>) -> Result<(), FormatError>,
-    ) -> Result<(), FormatError> {
+        mut read: impl FnMut(&mut MetadataCursor<'_>) -> Result<()>,
+    ) -> Result<()> {
         for message in self.messages.iter().filter(|message| message.kind == kind as u16) {
             message.read(file, &mut read)?;
         }
@@ -175,11 +171,7 @@ impl ObjectHeader {
 }
 
 impl HeaderMessage {
-    fn read<T>(
-        &self,
-        file: &Hdf5File,
-        read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T, FormatError>,
-    ) -> Result<T, FormatError> {
+    fn read<T>(&self, file: &Hdf5File, read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T>) -> Result<T> {
         let mut cursor = file.cursor(&self.body, self.place);
         if !self.shared {
             return read(&mut cursor);
@@ -194,15 +186,15 @@ impl HeaderMessage {
 }
 
 /// The address of the object that holds a message.
-pub(super) fn shared(cursor: &mut MetadataCursor<'_>) -> Result<u64, FormatError> {
+pub(super) fn shared(cursor: &mut MetadataCursor<'_>) -> Result<u64> {
     let (version, kind) = (cursor.u8()?, cursor.u8()?);
     match (version, kind) {
         (1, _) => cursor.skip(6 + LENGTH)?.known_address(),
         (2, _) | (3, 2 | 3) => cursor.known_address(),
-        (3, 1) => Err(unsupported(
-            "an object whose description is in a table that objects share",
-            "copy the file with h5repack",
-        )),
+        (3, 1) => {
+            let what = "an object whose description is in a table that objects share";
+            Err(unsupported(what, "copy the file with h5repack"))
+        }
         _ => Err(cursor.damaged(format!("version {version} of a message elsewhere"), "1 to 3")),
     }
 }

@@ -4,7 +4,7 @@
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
 use super::header::{MessageKind, ObjectHeader};
 use super::{FORMAT, NEW_FILE, tree, unsupported};
-use crate::{FormatError, limits, refuse_if};
+use crate::{FormatError, Result, limits, refuse_if};
 
 /// The names of an old group.
 pub(super) struct LocalHeap {
@@ -13,7 +13,7 @@ pub(super) struct LocalHeap {
 }
 
 impl LocalHeap {
-    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self, FormatError> {
+    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self> {
         let head = file.block(address, 8 + 2 * LENGTH as u64 + ADDRESS as u64)?;
         let mut cursor = file.cursor(&head, address);
         cursor.mark(b"HEAP")?;
@@ -23,7 +23,7 @@ impl LocalHeap {
         Ok(Self { bytes: file.block(place, bytes)?, place })
     }
 
-    pub(super) fn text(&self, file: &Hdf5File, offset: u64) -> Result<String, FormatError> {
+    pub(super) fn text(&self, file: &Hdf5File, offset: u64) -> Result<String> {
         let mut cursor = file.cursor(&self.bytes, self.place);
         cursor.skip(usize::try_from(offset).unwrap_or(usize::MAX))?.name()
     }
@@ -41,7 +41,7 @@ impl<'a> HeapTexts<'a> {
     }
 
     /// Reads the text that a cell of 4 bytes, an address and 4 bytes refers to.
-    pub(super) fn text(&mut self, cell: &mut MetadataCursor<'_>) -> Result<Vec<u8>, FormatError> {
+    pub(super) fn text(&mut self, cell: &mut MetadataCursor<'_>) -> Result<Vec<u8>> {
         let length = cell.u32()? as usize;
         let (address, number) = (cell.address()?, cell.u32()?);
         let Some(address) = address.filter(|_| length > 0 && number > 0) else { return Ok(Vec::new()) };
@@ -63,7 +63,7 @@ impl<'a> HeapTexts<'a> {
 }
 
 /// An object of a collection.
-fn find(cursor: &mut MetadataCursor<'_>, number: u32, length: usize) -> Result<Vec<u8>, FormatError> {
+fn find(cursor: &mut MetadataCursor<'_>, number: u32, length: usize) -> Result<Vec<u8>> {
     cursor.skip(8 + LENGTH)?;
     while cursor.left() >= 8 + LENGTH {
         let found = cursor.u16()?;
@@ -104,7 +104,7 @@ struct FractalHeap<'a> {
 }
 
 impl<'a> FractalHeap<'a> {
-    fn read(file: &'a Hdf5File, address: u64) -> Result<Self, FormatError> {
+    fn read(file: &'a Hdf5File, address: u64) -> Result<Self> {
         let head = file.block(address, (26 + 12 * LENGTH + 3 * ADDRESS) as u64)?;
         let mut cursor = file.cursor(&head, address);
         cursor.mark(b"FRHP")?;
@@ -141,7 +141,7 @@ impl<'a> FractalHeap<'a> {
     }
 
     /// Reads an object; none where it is kept in a way that small objects are not.
-    fn object(&mut self, id: &[u8]) -> Result<Option<Vec<u8>>, FormatError> {
+    fn object(&mut self, id: &[u8]) -> Result<Option<Vec<u8>>> {
         let mut cursor = self.file.cursor(id, 0);
         let kind = cursor.u8()?;
         match (kind >> 4) & 3 {
@@ -167,7 +167,7 @@ impl<'a> FractalHeap<'a> {
     }
 
     /// The block that an offset is in: where it begins in the heap, its bytes and its place.
-    fn find(&self, offset: u64) -> Result<(u64, Vec<u8>, u64), FormatError> {
+    fn find(&self, offset: u64) -> Result<(u64, Vec<u8>, u64)> {
         let lost = || {
             FormatError::damaged(FORMAT, "a heap", format!("an object at its byte {offset}"), "a block there")
         };
@@ -200,7 +200,7 @@ impl<'a> FractalHeap<'a> {
     }
 
     /// The address of a block within an indirect one.
-    fn child(&self, place: u64, number: u64, rows: u32) -> Result<Option<u64>, FormatError> {
+    fn child(&self, place: u64, number: u64, rows: u32) -> Result<Option<u64>> {
         let prefix = 5 + ADDRESS as u64 + self.offset_bytes as u64;
         let all = u64::from(rows).saturating_mul(self.width).saturating_mul(ADDRESS as u64);
         let block = self.file.block(place, prefix.saturating_add(all).saturating_add(4))?;
@@ -219,8 +219,8 @@ pub(super) fn each_dense(
     header: &ObjectHeader,
     kind: MessageKind,
     (order_bytes, skip): (usize, &dyn Fn(u8) -> Option<usize>),
-    each: &mut dyn FnMut(&mut MetadataCursor<'_>) -> Result<(), FormatError>,
-) -> Result<(), FormatError> {
+    each: &mut dyn FnMut(&mut MetadataCursor<'_>) -> Result<()>,
+) -> Result<()> {
     let places = header.first(file, kind, |cursor| {
         let flags = cursor.skip(1)?.u8()?;
         cursor.skip(if flags & 1 != 0 { order_bytes } else { 0 })?;

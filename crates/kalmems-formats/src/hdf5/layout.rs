@@ -5,9 +5,9 @@
 use super::attributes::Dataspace;
 use super::file::{Hdf5File, MetadataCursor};
 use super::header::{MessageKind, ObjectHeader};
-use super::index::{ArrayGrowth, ChunkArray};
+use super::index::{self, ArrayGrowth};
 use super::{NEW_FILE, tree, unsupported};
-use crate::{FormatError, refuse_if};
+use crate::{FormatError, Result, refuse_if};
 
 /// The kinds of trees of chunks: of the first version, and of the second without and with filters.
 const CHUNKS_OLDER: u8 = 1;
@@ -60,7 +60,7 @@ pub(super) struct Chunk {
 }
 
 impl DataLayout {
-    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Option<Self>, FormatError> {
+    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Option<Self>> {
         if header.has(MessageKind::ExternalFiles) {
             return Ok(Some(Self::External));
         }
@@ -68,7 +68,7 @@ impl DataLayout {
     }
 }
 
-fn layout(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
+fn layout(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout> {
     let version = cursor.u8()?;
     match version {
         1 | 2 => return Err(unsupported("a layout of HDF5 before 1.6.3", NEW_FILE)),
@@ -94,7 +94,7 @@ fn layout(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
 }
 
 /// The lengths of a chunk along each axis; behind them is the length of an element.
-fn lengths(cursor: &mut MetadataCursor<'_>, axes: usize, width: usize) -> Result<Vec<u64>, FormatError> {
+fn lengths(cursor: &mut MetadataCursor<'_>, axes: usize, width: usize) -> Result<Vec<u64>> {
     refuse_if(!(2..=33).contains(&axes) || !(1..=8).contains(&width), || {
         cursor.damaged(format!("chunks of {axes} axes with lengths of {width} bytes"), "1 to 32, and 1 to 8")
     })?;
@@ -103,7 +103,7 @@ fn lengths(cursor: &mut MetadataCursor<'_>, axes: usize, width: usize) -> Result
     Ok(shape)
 }
 
-fn newest(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
+fn newest(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout> {
     let flags = cursor.u8()?;
     let (axes, width) = (usize::from(cursor.u8()?), usize::from(cursor.u8()?));
     let shape = lengths(cursor, axes, width)?;
@@ -134,8 +134,8 @@ impl Chunked {
         file: &Hdf5File,
         space: &Dataspace,
         bytes: u64,
-        each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
-    ) -> Result<(), FormatError> {
+        each: &mut dyn FnMut(Chunk) -> Result<()>,
+    ) -> Result<()> {
         let axes = self.shape.len();
         let first = |cursor: &mut MetadataCursor<'_>, scale: &dyn Fn(usize, u64) -> u64| {
             let mut first = [0; 2];
@@ -160,13 +160,11 @@ impl Chunked {
                 let (bytes, mask) = packed.unwrap_or((bytes, 0));
                 each(Chunk { first: [0; 2], address, bytes, mask })
             }
-            ChunkIndex::Array(address, growth) => ChunkArray { file, unpacked: bytes }.visit(
-                address,
-                growth,
-                &mut |number, address, bytes, mask| {
+            ChunkIndex::Array(address, growth) => {
+                index::visit(file, (address, growth), bytes, &mut |number, address, bytes, mask| {
                     each(Chunk { first: self.place(space, number), address, bytes, mask })
-                },
-            ),
+                })
+            }
             ChunkIndex::Tree(address) => tree::newer(file, address, &mut |kind, record| {
                 let packed = match kind {
                     CHUNKS => false,

@@ -5,7 +5,7 @@ use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
 use super::header::{MessageKind, ObjectHeader};
 use super::heap::{self, LocalHeap};
 use super::{FORMAT, tree};
-use crate::{FormatError, limits, refuse_if};
+use crate::{Result, limits, refuse_if};
 
 /// The kinds of trees of links, by name and by the order in which they were made.
 const BY_NAME: u8 = 5;
@@ -39,7 +39,7 @@ pub(super) fn is_group(header: &ObjectHeader) -> bool {
 }
 
 /// The links of a group.
-pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupLink>, FormatError> {
+pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupLink>> {
     let mut links = Vec::new();
     if let Some((nodes, names)) = header.first(file, MessageKind::SymbolTable, |cursor| {
         Ok((cursor.known_address()?, cursor.known_address()?))
@@ -60,17 +60,12 @@ pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupL
     Ok(links)
 }
 
-fn push(links: &mut Vec<GroupLink>, link: GroupLink) -> Result<(), FormatError> {
+fn push(links: &mut Vec<GroupLink>, link: GroupLink) -> Result<()> {
     limits::push(FORMAT, "the number of names in a group", links, link)
 }
 
 /// The entries of a leaf of an old group.
-fn entries(
-    file: &Hdf5File,
-    place: u64,
-    names: &LocalHeap,
-    links: &mut Vec<GroupLink>,
-) -> Result<(), FormatError> {
+fn entries(file: &Hdf5File, place: u64, names: &LocalHeap, links: &mut Vec<GroupLink>) -> Result<()> {
     let head = file.block(place, 8)?;
     let mut cursor = file.cursor(&head, place);
     cursor.mark(b"SNOD")?;
@@ -94,7 +89,7 @@ fn entries(
 }
 
 /// A message that is a link.
-fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink, FormatError> {
+fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink> {
     let (version, flags) = (cursor.u8()?, cursor.u8()?);
     refuse_if(version != 1, || cursor.damaged(format!("version {version} of a link"), "1"))?;
     let kind = if flags & 8 != 0 { cursor.u8()? } else { 0 };

@@ -4,7 +4,7 @@ use super::file::Hdf5File;
 use super::header::ObjectHeader;
 use super::links::{GroupLink, LinkTarget, links};
 use crate::source::SharedFile;
-use crate::{FormatError, limits};
+use crate::{FormatError, Result, limits};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ pub(super) struct Object {
 }
 
 impl Object {
-    pub(super) fn header(&self) -> Result<ObjectHeader, FormatError> {
+    pub(super) fn header(&self) -> Result<ObjectHeader> {
         ObjectHeader::read(&self.file, self.address)
     }
 
@@ -43,7 +43,7 @@ pub(super) struct LinkedFiles {
 }
 
 impl LinkedFiles {
-    pub(super) fn new(source: Arc<SharedFile>) -> Result<Self, FormatError> {
+    pub(super) fn new(source: Arc<SharedFile>) -> Result<Self> {
         let folder = source.folder().map(Path::to_owned);
         Ok(Self { own: Arc::new(Hdf5File::open(source, None)?), folder, others: Vec::new() })
     }
@@ -53,23 +53,18 @@ impl LinkedFiles {
     }
 
     /// The object at a path of the opened file.
-    pub(super) fn at_path(&mut self, path: &str) -> Result<LinkOutcome, FormatError> {
+    pub(super) fn at_path(&mut self, path: &str) -> Result<LinkOutcome> {
         let mut hops = HOPS;
         self.walk(self.root(), path, &mut hops)
     }
 
     /// What a link of a group leads to.
-    pub(super) fn follow(&mut self, group: &Object, target: &LinkTarget) -> Result<LinkOutcome, FormatError> {
+    pub(super) fn follow(&mut self, group: &Object, target: &LinkTarget) -> Result<LinkOutcome> {
         let mut hops = HOPS;
         self.hop(group, target, &mut hops)
     }
 
-    fn hop(
-        &mut self,
-        group: &Object,
-        target: &LinkTarget,
-        hops: &mut usize,
-    ) -> Result<LinkOutcome, FormatError> {
+    fn hop(&mut self, group: &Object, target: &LinkTarget, hops: &mut usize) -> Result<LinkOutcome> {
         if let LinkTarget::Object(address) = target {
             return Ok(Ok(Object { file: Arc::clone(&group.file), address: *address }));
         }
@@ -99,7 +94,7 @@ impl LinkedFiles {
         Ok(reached.map_err(|why| if is_last(&why) { format!("{what}, {why}") } else { why }))
     }
 
-    fn walk(&mut self, start: Object, path: &str, hops: &mut usize) -> Result<LinkOutcome, FormatError> {
+    fn walk(&mut self, start: Object, path: &str, hops: &mut usize) -> Result<LinkOutcome> {
         let mut object = start;
         for name in path.split('/').filter(|name| !name.is_empty() && *name != ".") {
             let found = links(&object.file, &object.header()?)?;
@@ -115,7 +110,7 @@ impl LinkedFiles {
     }
 
     /// Opens a file that a link names, beside the file that was opened or by its whole path; or says why it cannot.
-    fn other(&mut self, name: &str) -> Result<Result<Arc<Hdf5File>, String>, FormatError> {
+    fn other(&mut self, name: &str) -> Result<Result<Arc<Hdf5File>, String>> {
         let Some(folder) = &self.folder else {
             return Ok(Err("and this file is not on a disk".to_owned()));
         };

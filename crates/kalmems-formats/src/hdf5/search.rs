@@ -6,7 +6,7 @@ use super::links::{LinkTarget, is_group, links};
 use super::objects::Object;
 use super::{FORMAT, FoundDataset, Hdf5TableParts, OBJECTS, unsupported};
 use crate::table_parts::only;
-use crate::{FormatError, Hints, OmittedPart, limits};
+use crate::{Hints, OmittedPart, Result, limits};
 use std::collections::VecDeque;
 
 /// Where tables are: the path, the object, and whether it is a group of columns and not a dataset that is a table by itself.
@@ -14,7 +14,7 @@ type TablePlaces = Vec<(String, (Object, bool))>;
 
 impl Hdf5TableParts {
     /// Takes the only table that there is.
-    pub(super) fn find(&mut self, hints: &Hints) -> Result<(), FormatError> {
+    pub(super) fn find(&mut self, hints: &Hints) -> Result<()> {
         let mut places = self.places()?;
         let mut others = Vec::new();
         if let Some(root) = places.iter().position(|(path, _)| path == "/") {
@@ -29,13 +29,9 @@ impl Hdf5TableParts {
         }
         let Some((path, (object, is_group))) = only(FORMAT, places)? else {
             let remedy = "write one dataset of one axis for each column";
-            return Err(match &self.table.left_out[..] {
-                [] => unsupported("a file without a column of numbers", remedy),
-                left_out => unsupported(
-                    format!("a file without a column of numbers ({})", limits::list(left_out)),
-                    remedy,
-                ),
-            });
+            let left_out = limits::list(&self.table.left_out);
+            let which = if left_out.is_empty() { left_out } else { format!(" ({left_out})") };
+            return Err(unsupported(format!("a file without a column of numbers{which}"), remedy));
         };
         // What was looked at on the way does not belong to it.
         self.table.left_out = others;
@@ -48,7 +44,7 @@ impl Hdf5TableParts {
 
     /// The groups with columns, and the datasets that are tables by themselves. Each group is looked into once, by
     /// whatever ways it is reached: links to what is above are no deeper.
-    fn places(&mut self) -> Result<TablePlaces, FormatError> {
+    fn places(&mut self) -> Result<TablePlaces> {
         let mut places = Vec::new();
         let mut seen: Vec<Object> = Vec::new();
         let mut groups = VecDeque::from([(self.files.root(), String::new())]);
@@ -115,15 +111,10 @@ impl Hdf5TableParts {
     }
 }
 
-fn spend(budget: &mut usize) -> Result<(), FormatError> {
-    match budget.checked_sub(1) {
-        Some(rest) => {
-            *budget = rest;
-            Ok(())
-        }
-        None => Err(unsupported(
-            format!("a file of more than {OBJECTS} objects"),
-            "write the path of the table in `group`",
-        )),
-    }
+fn spend(budget: &mut usize) -> Result<()> {
+    *budget = budget.checked_sub(1).ok_or_else(|| {
+        let what = format!("a file of more than {OBJECTS} objects");
+        unsupported(what, "write the path of the table in `group`")
+    })?;
+    Ok(())
 }

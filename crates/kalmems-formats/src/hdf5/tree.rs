@@ -1,7 +1,7 @@
 //! HDF5's B-trees, whose records are visited in their order (HDF5 File Format Specification, section III.A).
 
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
-use crate::{FormatError, limits, refuse_if};
+use crate::{Result, limits, refuse_if};
 
 /// Levels of a tree.
 const LEVELS: u8 = 32;
@@ -12,8 +12,8 @@ pub(super) fn older(
     file: &Hdf5File,
     address: u64,
     (kind, key, above): (u8, usize, Option<u8>),
-    visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<(), FormatError>,
-) -> Result<(), FormatError> {
+    visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<()>,
+) -> Result<()> {
     let prefix = 8 + 2 * ADDRESS;
     let head = file.block(address, prefix as u64)?;
     let mut cursor = file.cursor(&head, address);
@@ -43,12 +43,11 @@ pub(super) fn older(
     Ok(())
 }
 
+/// Hears of a record of a tree of the second version, with the kind of tree.
+type VisitRecord<'a> = &'a mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<()>;
+
 /// Visits the records of a tree of the second version; the first argument is the kind of tree.
-pub(super) fn newer(
-    file: &Hdf5File,
-    address: u64,
-    visit: &mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<(), FormatError>,
-) -> Result<(), FormatError> {
+pub(super) fn newer(file: &Hdf5File, address: u64, visit: VisitRecord<'_>) -> Result<()> {
     let head = file.block(address, (22 + ADDRESS + LENGTH) as u64)?;
     let mut cursor = file.cursor(&head, address);
     cursor.mark(b"BTHD")?;
@@ -61,10 +60,9 @@ pub(super) fn newer(
     check_sum(&mut cursor)?;
     let small = (node_bytes as usize) < 10 + record || record == 0 || depth > u16::from(LEVELS);
     refuse_if(small || u64::from(node_bytes) > limits::HEADER_BYTES, || {
-        cursor.damaged(
-            format!("a tree of {depth} levels with nodes of {node_bytes} bytes and records of {record}"),
-            "nodes that hold a record, and at most 32 levels",
-        )
+        let nodes = format!("nodes of {node_bytes} bytes and records of {record}");
+        let expected = "nodes that hold a record, and at most 32 levels";
+        cursor.damaged(format!("a tree of {depth} levels with {nodes}"), expected)
     })?;
     // How many records a node of each level holds at most, which gives the width of what counts them.
     let width = |count: u64| (count.max(1).ilog2() / 8 + 1) as usize;
@@ -78,9 +76,9 @@ pub(super) fn newer(
         let all = (count as u64 + 1).saturating_mul(below).saturating_add(count as u64);
         levels.push((all, width(all)));
     }
-    let tree = BTree { file, kind, record, node_bytes, own, levels };
+    let mut tree = BTree { file, kind, record, node_bytes, own, levels, visit };
     let Some(root) = root.filter(|_| records > 0) else { return Ok(()) };
-    tree.node(root, usize::from(depth), records, visit)
+    tree.node(root, usize::from(depth), records)
 }
 
 struct BTree<'a> {
@@ -92,16 +90,11 @@ struct BTree<'a> {
     own: usize,
     /// Records in and below a node of each level at most, and the width of their number.
     levels: Vec<(u64, usize)>,
+    visit: VisitRecord<'a>,
 }
 
 impl BTree<'_> {
-    fn node(
-        &self,
-        address: u64,
-        level: usize,
-        records: usize,
-        visit: &mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<(), FormatError>,
-    ) -> Result<(), FormatError> {
+    fn node(&mut self, address: u64, level: usize, records: usize) -> Result<()> {
         // A leaf's pointers are none; the width of what counts all below is that of the level below.
         let below = level.checked_sub(1).and_then(|below| self.levels.get(below));
         let pointer = below.map_or(0, |(_, width)| ADDRESS + self.own + width);
@@ -123,10 +116,10 @@ impl BTree<'_> {
                 let count = usize::try_from(pointers.number(self.own)?).unwrap_or(usize::MAX);
                 pointers.skip(pointer - ADDRESS - self.own)?;
                 limits::at_most(super::FORMAT, "the records of a node", count, u64::from(self.node_bytes))?;
-                self.node(child, level - 1, count, visit)?;
+                self.node(child, level - 1, count)?;
             }
             if number < records {
-                visit(self.kind, &mut own.part(self.record)?)?;
+                (self.visit)(self.kind, &mut own.part(self.record)?)?;
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 use crate::element::{Element, ElementKind};
 use crate::records::utf16;
 use crate::stream::StretchReader;
-use crate::{FormatError, limits, refuse_if};
+use crate::{Result, limits, refuse_if};
 
 pub(super) const FORMAT: &str = "MAT 5";
 /// An array.
@@ -54,7 +54,7 @@ pub(super) struct MemoryBudget {
 }
 
 impl MemoryBudget {
-    fn take(&mut self, bytes: u64) -> Result<(), FormatError> {
+    fn take(&mut self, bytes: u64) -> Result<()> {
         limits::at_most(FORMAT, "the length of texts", bytes, self.text_bytes)?;
         self.text_bytes -= bytes;
         Ok(())
@@ -69,7 +69,7 @@ impl Elements {
         bytes.as_chunks().0.iter().map(word).collect()
     }
 
-    fn tag(&mut self) -> Result<Tag, FormatError> {
+    fn tag(&mut self) -> Result<Tag> {
         let raw = self.stream.next_bytes(8)?;
         let words = self.words(&raw);
         let (word, second) = (words[0], words[1]);
@@ -84,7 +84,7 @@ impl Elements {
     }
 
     /// A short element's kind and bytes.
-    fn short(&mut self, what: &str, limit: usize) -> Result<(u32, Vec<u8>), FormatError> {
+    fn short(&mut self, what: &str, limit: usize) -> Result<(u32, Vec<u8>)> {
         let tag = self.tag()?;
         limits::at_most(FORMAT, &format!("the length of {what}"), tag.bytes, limit)?;
         #[allow(clippy::cast_possible_truncation)] // bounded by the line above
@@ -98,11 +98,11 @@ impl Elements {
     }
 
     /// Reads the headers of an array, and passes over what it holds.
-    pub(super) fn array(&mut self, budget: &mut MemoryBudget) -> Result<MatVariable, FormatError> {
+    pub(super) fn array(&mut self, budget: &mut MemoryBudget) -> Result<MatVariable> {
         self.nested(budget, DEPTH)
     }
 
-    fn nested(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable, FormatError> {
+    fn nested(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable> {
         let tag = self.tag()?;
         refuse_if(tag.kind != MATRIX || tag.within.is_some(), || {
             self.stream.damaged(format!("an element of type {}", tag.kind), "an array (14)")
@@ -130,7 +130,7 @@ impl Elements {
         Ok(variable)
     }
 
-    fn body(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable, FormatError> {
+    fn body(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable> {
         let (_, flags) = self.short("an array's flags", 16)?;
         let [word, _, ..] = self.words(&flags)[..] else {
             return Err(self.stream.damaged(format!("flags of {} bytes", flags.len()), "8"));
@@ -171,13 +171,7 @@ impl Elements {
         Ok(MatVariable { name, value })
     }
 
-    fn numbers(
-        &mut self,
-        rows: u64,
-        columns: u64,
-        count: u64,
-        depth: usize,
-    ) -> Result<MatValue, FormatError> {
+    fn numbers(&mut self, rows: u64, columns: u64, count: u64, depth: usize) -> Result<MatValue> {
         let tag = self.tag()?;
         let (kind, bytes) = match tag.kind {
             1 => (ElementKind::Signed, 1),
@@ -207,7 +201,7 @@ impl Elements {
         Ok(MatValue::Numbers { place, element, rows, columns })
     }
 
-    fn fields(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<Vec<MatVariable>, FormatError> {
+    fn fields(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<Vec<MatVariable>> {
         let (_, length) = self.short("a length", 4)?;
         let length = self.words(&length).first().map_or(0, |length| *length as usize);
         let (_, names) = self.short("the names of fields", limits::TEXT_BYTES * 256)?;
@@ -227,12 +221,7 @@ impl Elements {
     }
 
     /// Cells that are texts.
-    fn cells(
-        &mut self,
-        budget: &mut MemoryBudget,
-        count: u64,
-        depth: usize,
-    ) -> Result<MatValue, FormatError> {
+    fn cells(&mut self, budget: &mut MemoryBudget, count: u64, depth: usize) -> Result<MatValue> {
         if depth == 0 || count > budget.arrays {
             return Ok(MatValue::Other("many cells"));
         }
@@ -248,12 +237,7 @@ impl Elements {
     }
 
     /// A matrix of characters, column after column: a text a row.
-    fn characters(
-        &mut self,
-        budget: &mut MemoryBudget,
-        rows: u64,
-        columns: u64,
-    ) -> Result<MatValue, FormatError> {
+    fn characters(&mut self, budget: &mut MemoryBudget, rows: u64, columns: u64) -> Result<MatValue> {
         let (kind, bytes) = self.short("texts", usize::try_from(budget.text_bytes).unwrap_or(usize::MAX))?;
         // What a text takes beside its bytes.
         budget.take(bytes.len() as u64 + rows.saturating_mul(64))?;

@@ -10,7 +10,7 @@ use crate::records::{CellKind, StoredCell};
 use crate::source::SharedFile;
 use crate::stream::{Compression, FileStretch, VERIFIED_AT_ONCE};
 use crate::table_parts::{StoredArray, TableParts, becomes_columns, only};
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, Result, Table, limits};
 use array::{COMPRESSED, Elements, FORMAT, MATRIX, MatValue, MatVariable, MemoryBudget};
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ const TABLE_REMEDY: &str = "save `S = table2struct(T, ToScalar=true)` with `save
 
 pub(crate) use version4::begins as begins_as_four;
 
-pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     let source = Arc::new(source);
     let mut head = [0; 128];
     let count = source.read_some(0, &mut head)?;
@@ -57,6 +57,9 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     table.0.finish(source.length(), "variables of one number", remedy)
 }
 
+/// Variables with the stretches that they are in.
+type MatVariables = Vec<(FileStretch, MatVariable)>;
+
 /// A value that may be a table, with its path and the stretch that it is in.
 type MatPlace = (String, (FileStretch, MatValue));
 
@@ -73,7 +76,7 @@ fn within(stretch: &FileStretch, path: String, value: MatValue, places: &mut Vec
 }
 
 /// All variables, and the stretches that they are in.
-fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>, FormatError> {
+fn variables(source: &Arc<SharedFile>) -> Result<MatVariables> {
     let header = source.bytes(FORMAT, 0, 128)?;
     let big_endian = match &header[124..128] {
         [1, 0, b'M', b'I'] => true,
@@ -124,11 +127,7 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
 }
 
 /// The value of a variable, or of a struct's field: `rig`, `rig.run_1`.
-fn at_path(
-    format: &'static str,
-    found: Vec<(FileStretch, MatVariable)>,
-    path: &str,
-) -> Result<(FileStretch, MatValue), FormatError> {
+fn at_path(format: &'static str, found: MatVariables, path: &str) -> Result<(FileStretch, MatValue)> {
     let missing = |name: &str| {
         let what = format!("`{name}` of `{path}`, which is not in the file,");
         FormatError::unsupported(format, what, "write the name of a variable that is, or `struct.field`")
@@ -162,9 +161,9 @@ impl MatTable {
     fn add_variables(
         &mut self,
         found: impl Iterator<Item = (FileStretch, MatVariable)>,
-    ) -> Result<Option<MatPlace>, FormatError> {
+    ) -> Result<Option<MatPlace>> {
         self.0.recognised.push_str("the variables, a column each");
-        let found: Vec<(FileStretch, MatVariable)> = found.collect();
+        let found: MatVariables = found.collect();
         let mut places = Vec::new();
         if !found.iter().any(|(_, variable)| is_column(&variable.value)) {
             for (stretch, MatVariable { name, value }) in found {
@@ -183,7 +182,7 @@ impl MatTable {
     }
 
     /// A matrix beside vectors: its columns as MATLAB names them.
-    fn add_beside(&mut self, stretch: &FileStretch, matrix: MatVariable) -> Result<(), FormatError> {
+    fn add_beside(&mut self, stretch: &FileStretch, matrix: MatVariable) -> Result<()> {
         let MatVariable { name, value } = matrix;
         let MatValue::Numbers { place, element, rows, columns } = value else { return Ok(()) };
         if !becomes_columns(rows, columns) {
@@ -201,12 +200,12 @@ impl MatTable {
         stretch: &FileStretch,
         (place, element, rows): (u64, Element, u64),
         names: &[String],
-    ) -> Result<(), FormatError> {
+    ) -> Result<()> {
         let cell = StoredCell::Number(element);
         self.0.add_array(&StoredArray { stretch, place, rows, cell, by_column: true }, names)
     }
 
-    fn add(&mut self, stretch: &FileStretch, variable: MatVariable) -> Result<(), FormatError> {
+    fn add(&mut self, stretch: &FileStretch, variable: MatVariable) -> Result<()> {
         if let MatValue::Numbers { rows: 2.., columns: 2.., .. } = variable.value {
             return self.add_beside(stretch, variable);
         }
@@ -218,13 +217,8 @@ impl MatTable {
                 self.add_columns(stretch, (place, element, rows * columns), &[name])?;
             }
             MatValue::Texts(texts) if !single => {
-                let rows = texts.len() as u64;
-                self.0.add(
-                    Column::new(&name),
-                    CellKind::Texts { lane },
-                    rows,
-                    Box::new(TextLane { texts, next: 0 }),
-                );
+                let (rows, texts) = (texts.len() as u64, TextLane { texts, next: 0 });
+                self.0.add(Column::new(&name), CellKind::Texts { lane }, rows, Box::new(texts));
             }
             MatValue::Numbers { place, element, rows: 1, columns: 1 }
                 if stretch.number(place, element).is_ok_and(|number| self.0.stated.learn(&name, number)) => {}
@@ -246,12 +240,7 @@ impl MatTable {
     }
 
     /// A matrix whose columns the experiment names.
-    fn add_matrix(
-        &mut self,
-        stretch: &FileStretch,
-        matrix: &MatVariable,
-        hints: &Hints,
-    ) -> Result<(), FormatError> {
+    fn add_matrix(&mut self, stretch: &FileStretch, matrix: &MatVariable, hints: &Hints) -> Result<()> {
         let format = self.0.format;
         let unsupported = |what: String, remedy: &str| FormatError::unsupported(format, what, remedy);
         let MatValue::Numbers { place, element, rows, columns } = matrix.value else {

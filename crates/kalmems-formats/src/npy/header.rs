@@ -5,7 +5,7 @@ use crate::element::{Element, ElementKind};
 use crate::limits;
 use crate::records::{StoredCell, TextEncoding};
 use crate::time::{TimeCode, TimeForm, TimeKind, TimeUnit};
-use crate::{FormatError, refuse_if};
+use crate::{FormatError, Result, refuse_if};
 
 /// An array.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,8 +60,8 @@ impl NpyHeader {
     pub(super) fn read(
         format: &'static str,
         place: &str,
-        mut next: impl FnMut(usize) -> Result<Vec<u8>, FormatError>,
-    ) -> Result<Self, FormatError> {
+        mut next: impl FnMut(usize) -> Result<Vec<u8>>,
+    ) -> Result<Self> {
         let damaged = |found: String, expected: &str| FormatError::damaged(format, place, found, expected);
         let magic = next(8)?;
         refuse_if(!magic.starts_with(b"\x93NUMPY"), || {
@@ -106,7 +106,7 @@ impl NpyHeader {
     }
 
     /// All elements, and their bytes.
-    pub(super) fn size(&self, format: &'static str) -> Result<(u64, u64), FormatError> {
+    pub(super) fn size(&self, format: &'static str) -> Result<(u64, u64)> {
         let count = self.shape.iter().try_fold(1_u64, |count, length| count.checked_mul(*length));
         let bytes = count.and_then(|count| count.checked_mul(self.element.bytes() as u64));
         match (count, bytes) {

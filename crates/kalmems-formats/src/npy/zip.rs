@@ -1,9 +1,9 @@
 //! The members of a zip file, whose directory the library `rawzip` reads: what is compared with the file before a byte of them is used.
 
-use crate::FormatError;
 use crate::limits;
 use crate::source::SharedFile;
 use crate::stream::{Compression, FileStretch};
+use crate::{FormatError, Result};
 use rawzip::{CompressionMethod, MAX_CENTRAL_DIRECTORY_RECORD_SIZE, ReaderAt, ZipLocator};
 use std::io;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub(super) struct ZipMember {
 }
 
 /// Reads the directory, and compares it with the members' own headers.
-pub(super) fn members(source: &Arc<SharedFile>) -> Result<Vec<ZipMember>, FormatError> {
+pub(super) fn members(source: &Arc<SharedFile>) -> Result<Vec<ZipMember>> {
     let mut buffer = vec![0; MAX_CENTRAL_DIRECTORY_RECORD_SIZE];
     let archive = ZipLocator::new().locate_in_reader(source, &mut buffer, source.length());
     let archive = archive.map_err(|(_, error)| failed(source.length(), &error))?;
@@ -67,7 +67,7 @@ pub(super) fn members(source: &Arc<SharedFile>) -> Result<Vec<ZipMember>, Format
 
 impl ZipMember {
     /// Where its bytes are.
-    pub(super) fn stretch(&self, source: Arc<SharedFile>) -> Result<FileStretch, FormatError> {
+    pub(super) fn stretch(&self, source: Arc<SharedFile>) -> Result<FileStretch> {
         let packing = match self.method {
             _ if self.is_encrypted => Err("encrypted".to_owned()),
             CompressionMethod::STORE => Ok(Compression::Stored),
@@ -91,7 +91,7 @@ impl ZipMember {
 }
 
 /// Members that share bytes unpack to more than the file could hold.
-fn refuse_overlaps(members: &[ZipMember], directory: u64) -> Result<(), FormatError> {
+fn refuse_overlaps(members: &[ZipMember], directory: u64) -> Result<()> {
     let mut places: Vec<(u64, u64)> = members.iter().map(|member| (member.header, member.end)).collect();
     places.sort_unstable();
     let starts = places.iter().skip(1).map(|(start, _)| *start).chain([directory]);

@@ -1,7 +1,7 @@
 //! How the bytes of a page are packed.
 
 use super::{FORMAT, PAGE_BYTES, damaged};
-use crate::FormatError;
+use crate::{FormatError, Result};
 use flate2::read::MultiGzDecoder;
 use parquet::basic::Compression;
 use ruzstd::decoding::FrameDecoder;
@@ -20,7 +20,7 @@ pub(super) enum PagePacking {
 
 impl PagePacking {
     /// What a column says.
-    pub fn of(said: Compression) -> Result<Self, FormatError> {
+    pub fn of(said: Compression) -> Result<Self> {
         let name = match said {
             Compression::UNCOMPRESSED => return Ok(Self::Plain),
             Compression::SNAPPY => return Ok(Self::Snappy),
@@ -35,7 +35,7 @@ impl PagePacking {
     }
 
     /// Appends what is packed, `count` bytes, neither more nor less.
-    pub fn unpack(self, packed: &[u8], count: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    pub fn unpack(self, packed: &[u8], count: usize, out: &mut Vec<u8>) -> Result<()> {
         let start = out.len();
         out.resize(start + count, 0);
         let room = &mut out[start..];

@@ -4,7 +4,7 @@ use super::packing::PagePacking;
 use super::{FORMAT, damaged, layout, thrift};
 use crate::limits;
 use crate::source::SharedFile;
-use crate::{FormatError, refuse_if};
+use crate::{Result, refuse_if};
 use bytes::Bytes;
 use flate2::Crc;
 use parquet::basic::Encoding;
@@ -47,13 +47,13 @@ pub(super) struct ColumnPages {
 }
 
 impl ColumnPages {
-    pub fn of(source: &Arc<SharedFile>, chunk: &ColumnChunkMetaData) -> Result<Self, FormatError> {
+    pub fn of(source: &Arc<SharedFile>, chunk: &ColumnChunkMetaData) -> Result<Self> {
         let left = place(chunk).unwrap_or_default();
         Ok(Self { source: Arc::clone(source), packing: PagePacking::of(chunk.compression())?, left })
     }
 
     /// The next page that is read, and no index.
-    fn following(&mut self) -> Result<Option<Page>, FormatError> {
+    fn following(&mut self) -> Result<Option<Page>> {
         while !self.left.is_empty() {
             let start = self.left.start;
             let header = self.header()?;
@@ -71,7 +71,7 @@ impl ColumnPages {
         Ok(None)
     }
 
-    fn header(&self) -> Result<ClaimedPageHeader, FormatError> {
+    fn header(&self) -> Result<ClaimedPageHeader> {
         let start = self.left.start;
         let left = usize::try_from(self.left.end - start).unwrap_or(usize::MAX);
         for most in [HEADER, LONG_HEADER] {
@@ -166,7 +166,7 @@ impl ClaimedPageHeader {
         sound.then_some(header)
     }
 
-    fn refuse_too_large(&self, start: u64) -> Result<(), FormatError> {
+    fn refuse_too_large(&self, start: u64) -> Result<()> {
         let bytes = self.unpacked.max(self.packed);
         limits::at_most(FORMAT, &format!("the bytes of the page at byte {start}"), bytes, PAGE_BYTES)?;
         if self.kind == 2 {
@@ -177,7 +177,7 @@ impl ClaimedPageHeader {
     }
 
     /// The bytes of the page, compared with their checksum.
-    fn checked(&self, bytes: Vec<u8>, start: u64) -> Result<Vec<u8>, FormatError> {
+    fn checked(&self, bytes: Vec<u8>, start: u64) -> Result<Vec<u8>> {
         let Some(expected) = self.sum else { return Ok(bytes) };
         let mut crc = Crc::new();
         crc.update(&bytes);
@@ -191,10 +191,10 @@ impl ClaimedPageHeader {
     /// The page with what `read` gives; `None` of an index, which is not read.
     fn page(
         &self,
-        read: impl Fn() -> Result<Vec<u8>, FormatError>,
+        read: impl Fn() -> Result<Vec<u8>>,
         packing: PagePacking,
         start: u64,
-    ) -> Result<Option<Page>, FormatError> {
+    ) -> Result<Option<Page>> {
         let wrong = |what: &str| damaged(&format!("the page at byte {start}"), what.to_owned());
         let small =
             |number: u64| u32::try_from(number).map_err(|_| wrong("more than 4294967295 of something"));
@@ -208,7 +208,7 @@ impl ClaimedPageHeader {
         refuse_if(levels > self.unpacked.min(self.packed), || wrong("levels longer than the page"))?;
         #[allow(clippy::cast_possible_truncation)] // 16 MiB at most, and no longer than the page
         let (unpacked, levels) = (self.unpacked as usize, levels as usize);
-        let whole = || -> Result<Bytes, FormatError> {
+        let whole = || -> Result<Bytes> {
             let packed = read()?;
             if packing == PagePacking::Plain || self.is_plain {
                 return Ok(packed.into());

@@ -9,7 +9,7 @@ use crate::limits;
 use crate::records::StoredCell;
 use crate::source::SharedFile;
 use crate::time::{TimeCode, TimeForm};
-use crate::{TimeKind, TimeUnit, refuse_if};
+use crate::{Result, TimeKind, TimeUnit, refuse_if};
 use std::collections::HashMap;
 
 pub(super) const FORMAT: &str = "TDMS";
@@ -136,7 +136,7 @@ mod toc {
 }
 
 impl TdmsFile {
-    pub(super) fn read(source: &SharedFile) -> Result<Self, FormatError> {
+    pub(super) fn read(source: &SharedFile) -> Result<Self> {
         let mut file = Self::default();
         let mut active: Vec<usize> = Vec::new();
         let mut budget = METADATA_BYTES;
@@ -155,7 +155,7 @@ impl TdmsFile {
         at: u64,
         active: &mut Vec<usize>,
         budget: &mut u64,
-    ) -> Result<u64, FormatError> {
+    ) -> Result<u64> {
         let lead = source.bytes(FORMAT, at, 28)?;
         let mut lead = ByteCursor::new(FORMAT, &lead, at);
         let contents = lead.mark(b"TDSm")?.u32()?;
@@ -194,12 +194,7 @@ impl TdmsFile {
     }
 
     /// Reads the list of objects.
-    fn objects(
-        &mut self,
-        reader: &mut ByteCursor<'_>,
-        active: &mut Vec<usize>,
-        all_new: bool,
-    ) -> Result<(), FormatError> {
+    fn objects(&mut self, reader: &mut ByteCursor<'_>, active: &mut Vec<usize>, all_new: bool) -> Result<()> {
         if all_new {
             active.drain(..).for_each(|number| self.channels[number].active = false);
         }
@@ -264,7 +259,7 @@ impl TdmsFile {
         Ok(())
     }
 
-    fn channel(&mut self, path: String, group: String, name: String) -> Result<usize, FormatError> {
+    fn channel(&mut self, path: String, group: String, name: String) -> Result<usize> {
         if let Some(number) = self.numbers.get(&path) {
             return Ok(*number);
         }
@@ -276,7 +271,7 @@ impl TdmsFile {
     }
 
     /// What a chunk holds; the last one again where nothing changed.
-    fn layout(&mut self, at: u64, active: &[usize], interleaved: bool) -> Result<usize, FormatError> {
+    fn layout(&mut self, at: u64, active: &[usize], interleaved: bool) -> Result<usize> {
         let last = self.layouts.last().filter(|last| !self.changed && last.interleaved == interleaved);
         if last.is_some() {
             return Ok(self.layouts.len() - 1);
@@ -318,14 +313,7 @@ impl TdmsFile {
     }
 
     /// Adds a segment's raw data.
-    fn add(
-        &mut self,
-        at: u64,
-        start: u64,
-        end: u64,
-        layout: usize,
-        unfinished: bool,
-    ) -> Result<(), FormatError> {
+    fn add(&mut self, at: u64, start: u64, end: u64, layout: usize, unfinished: bool) -> Result<()> {
         let ChunkLayout { chunk_bytes, interleaved, ref parts } = self.layouts[layout];
         let bytes = end - start;
         refuse_if(chunk_bytes == 0, || {
@@ -366,13 +354,13 @@ impl TdmsFile {
 }
 
 /// A text behind its length.
-fn text(reader: &mut ByteCursor<'_>) -> Result<String, FormatError> {
+fn text(reader: &mut ByteCursor<'_>) -> Result<String> {
     let length = reader.u32()? as usize;
     reader.text(length)
 }
 
 /// What values are, by their code.
-fn value(reader: &mut ByteCursor<'_>) -> Result<TdmsValue, FormatError> {
+fn value(reader: &mut ByteCursor<'_>) -> Result<TdmsValue> {
     let code = reader.u32()?;
     let number = |kind, bytes| {
         TdmsValue::Stored(StoredCell::Number(Element { kind, bytes, big_endian: reader.big_endian }))
@@ -404,7 +392,7 @@ fn value(reader: &mut ByteCursor<'_>) -> Result<TdmsValue, FormatError> {
 }
 
 /// What a segment says of the values of a channel.
-fn index(reader: &mut ByteCursor<'_>) -> Result<RawDataIndex, FormatError> {
+fn index(reader: &mut ByteCursor<'_>) -> Result<RawDataIndex> {
     let value = value(reader)?;
     let axes = reader.u32()?;
     refuse_if(axes != 1, || reader.damaged(format!("values along {axes} axes"), "1"))?;
@@ -423,7 +411,7 @@ fn index(reader: &mut ByteCursor<'_>) -> Result<RawDataIndex, FormatError> {
 }
 
 /// A property's value behind its code.
-fn property(reader: &mut ByteCursor<'_>) -> Result<Property, FormatError> {
+fn property(reader: &mut ByteCursor<'_>) -> Result<Property> {
     let value = value(reader)?;
     Ok(match value {
         TdmsValue::Text { .. } => Property::Text(text(reader)?),

@@ -9,11 +9,11 @@ use crate::records::{CellKind, RecordLane};
 use crate::scaling::{self, Scaling};
 use crate::source::SharedFile;
 use crate::table_parts::{TableParts, only};
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, Result, Table, limits};
 use metadata::{ChunkPart, FORMAT, TdmsFile, TdmsValue, damaged, unsupported};
 use std::sync::Arc;
 
-pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     let file = TdmsFile::read(&source)?;
     let group = group(&file, hints)?;
     let file_bytes = source.length();
@@ -77,7 +77,7 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
 }
 
 /// The group that is meant.
-fn group(file: &TdmsFile, hints: &Hints) -> Result<String, FormatError> {
+fn group(file: &TdmsFile, hints: &Hints) -> Result<String> {
     let mut groups: Vec<&str> = Vec::new();
     for channel in file.channels.iter().filter(|channel| channel.kind.is_some()) {
         if groups.last() != Some(&channel.group.as_str()) && groups.len() < limits::COLUMNS {
@@ -175,7 +175,7 @@ impl RecordLane for ChannelLane {
         self.record
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         let file = Arc::clone(&self.file);
         out.clear();
         let mut missing = rows;
@@ -204,7 +204,7 @@ impl RecordLane for ChannelLane {
         Ok(())
     }
 
-    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
+    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<()> {
         let file = Arc::clone(&self.file);
         out.clear();
         while out.len() < rows {
@@ -226,7 +226,7 @@ impl RecordLane for ChannelLane {
 }
 
 /// The texts of a chunk: where each ends, and then all of them.
-fn split_texts(place: u64, bytes: &[u8], count: u64, big_endian: bool) -> Result<Vec<Vec<u8>>, FormatError> {
+fn split_texts(place: u64, bytes: &[u8], count: u64, big_endian: bool) -> Result<Vec<Vec<u8>>> {
     // `RawDataIndex` has compared them.
     let (ends, letters) = bytes.split_at(usize::try_from(count * 4).unwrap_or(bytes.len()).min(bytes.len()));
     let mut texts = Vec::new();

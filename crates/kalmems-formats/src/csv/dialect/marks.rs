@@ -3,7 +3,7 @@
 use super::head::{TextHead, cells, text};
 use crate::csv::grouped::grouped;
 use crate::csv::split::{BLANKS, Split};
-use crate::{CsvHints, FormatError};
+use crate::{CsvHints, FormatError, Result};
 use std::collections::BTreeSet;
 
 /// What can separate cells, and what it is called.
@@ -97,7 +97,7 @@ pub(super) fn names(line: &[u8], separator: u8, count: usize) -> Option<Vec<Stri
 /// What separates the cells below the names in a line: what the experiment file says, else the only one of the known ones
 /// that occurs in the names, or the only one by which the rows have as many cells. Blanks separate what is numbers by
 /// them and by nothing else.
-pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Result<u8, FormatError> {
+pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Result<u8> {
     if let Some(hint) = hints.separator {
         return u8::try_from(hint)
             .ok()
@@ -127,16 +127,13 @@ pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Res
     if let [only] = fitting.as_slice() {
         return Ok(*only);
     }
-    let others: Vec<&str> = others.iter().map(|byte| name(*byte)).collect();
+    let ways: Vec<&str> = std::iter::once(&first).chain(others).map(|byte| name(*byte)).collect();
+    let (line, ways) = (head.number(header), ways.join(" or "));
+    let expected = "the settings to say which: `format = { kind = \"csv\", separator = \",\" }` in the table that \
+                    names the file";
     Err(FormatError::not_recognised(
-        format!(
-            "the names in line {} could be separated by {} or {}",
-            head.number(header),
-            name(first),
-            others.join(" or ")
-        ),
-        "the settings to say which: `format = { kind = \"csv\", separator = \",\" }` in the table that \
-                   names the file",
+        format!("the names in line {line} could be separated by {ways}"),
+        expected,
     ))
 }
 
@@ -162,12 +159,7 @@ pub(super) fn separator_of_rows(head: &TextHead, hints: &CsvHints) -> Option<(u8
 }
 
 /// The decimal mark of the rows from a line on.
-pub(super) fn point(
-    head: &TextHead,
-    first_row: usize,
-    separator: u8,
-    hints: &CsvHints,
-) -> Result<u8, FormatError> {
+pub(super) fn point(head: &TextHead, first_row: usize, separator: u8, hints: &CsvHints) -> Result<u8> {
     match (hints.decimal, separator) {
         (Some(','), b',') => {
             let found = "`decimal = \",\"` in the settings, and commas between the cells";
@@ -203,11 +195,12 @@ pub(super) fn point(
         }
     }
     match found {
-        [Some((point, line)), Some((comma, other))] => Err(FormatError::not_recognised(
-            format!("`{point}` in line {line} and `{comma}` in line {other}"),
-            "one decimal mark, which the settings can say: `format = { kind = \"csv\", decimal = \
-                       \",\" }` in the table that names the file",
-        )),
+        [Some((point, line)), Some((comma, other))] => {
+            let found = format!("`{point}` in line {line} and `{comma}` in line {other}");
+            let expected = "one decimal mark, which the settings can say: `format = { kind = \"csv\", decimal = \
+                            \",\" }` in the table that names the file";
+            Err(FormatError::not_recognised(found, expected))
+        }
         [None, Some(_)] => Ok(b','),
         _ => Ok(b'.'),
     }

@@ -14,7 +14,7 @@ use super::split::Split;
 use crate::clock::{RegularTimes, rows_between};
 use crate::stated_clock::{StatedNumbers, names_a_time};
 use crate::time::{IsoTime, TimeKind, parse_iso};
-use crate::{Column, FormatError, Hints, TableEvidence, limits};
+use crate::{Column, FormatError, Hints, Result, TableEvidence, limits};
 use comments::Comments;
 use head::TextHead;
 pub(super) use instruments::Heading;
@@ -70,6 +70,9 @@ pub(super) enum ColumnOrigin {
     Record,
 }
 
+/// Columns with their units in their names, and where their values come from.
+pub(super) type NamedColumns = Vec<(String, ColumnOrigin)>;
+
 /// How rows make records, where a file tells.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum RecordShape {
@@ -115,7 +118,7 @@ pub(super) struct RecognizedText {
     /// Whether each cell begins with the name of its column: `ax:1.5`.
     pub(super) named_cells: bool,
     /// Names, units in them, and where their values come from.
-    columns: Vec<(String, ColumnOrigin)>,
+    columns: NamedColumns,
     /// Columns of times of their own, each with its waveform's, behind those of the first waveform, which are the first two; once they are
     /// compared all waveforms that stand beside each other, with the first column as the times of the rows.
     pub(super) own_times: Vec<(usize, usize)>,
@@ -145,7 +148,7 @@ impl RecognizedText {
 }
 
 /// Tells the dialect and takes all that comes before the first row.
-pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, FormatError> {
+pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect> {
     if !input.more()? {
         return Ok(nothing());
     }
@@ -222,11 +225,7 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
 }
 
 /// The dialect in words and numbers, and the bytes before its first row.
-fn finish(
-    mut found: RecognizedText,
-    head: &TextHead,
-    hints: &Hints,
-) -> Result<(Dialect, usize), FormatError> {
+fn finish(mut found: RecognizedText, head: &TextHead, hints: &Hints) -> Result<(Dialect, usize)> {
     let columns = found.columns.len().max(found.cells);
     limits::at_most("CSV", "the number of columns", columns, MOST_COLUMNS)?;
     if let Some(names) = &hints.columns {
